@@ -1,0 +1,209 @@
+"""What stands or walks in a room, and the Scene that gathers it: values, frozen, at a file's precision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from .exact import Array
+from .geometry import Barriers, Disc, Point, Pose, Shape
+
+Behaviour = Literal["standing", "wandering"]
+Kinematics = Literal["holonomic", "unicycle"]
+EndsOn = Literal["goal", "time", "contact"]
+
+# Relations: the original toolkit's four, and one for any other thing a person attends to.
+TALKING = "two_static_person_talking"
+AT_LAPTOP = "human_laptop_interaction"
+AT_PLANT = "human_plant_interaction"
+WALKING_TOGETHER = "wandering_human_interacting"
+AT_OBJECT = "human_object_interaction"
+RELATIONS = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER, AT_OBJECT)
+
+ROBOT_ID = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """A straight rigid wall; its outline is the line itself."""
+
+    start: Point
+    end: Point
+
+
+@dataclass(frozen=True, slots=True)
+class Furniture:
+    """A rigid thing that stands still. `on` is the id of what carries it: such a thing has no body of its own."""
+
+    id: int
+    type: str
+    pose: Pose
+    shape: Shape
+    on: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Human:
+    """A person: where they start and how they are.
+
+    Attributes:
+        radius: the solid outline, m, which contact, clearance, drawing and metrics all read.
+        desired_speed: m/s.
+        model: name of the walking model.
+        reacts_to_robot: 0 ignores the robot .. 1 treats it as a person.
+        group: id of the group they belong to.
+    """
+
+    id: int
+    pose: Pose
+    radius: float = 0.20
+    desired_speed: float = 1.3
+    behaviour: Behaviour = "standing"
+    model: str = "moussaid2009"
+    reacts_to_robot: float = 1.0
+    group: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """People who belong together; `members` are human ids, the first one leads."""
+
+    id: int
+    kind: Literal["talking", "walking"]
+    members: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Interaction:
+    """Who (a human's id) attends to whom or what (an id), and how."""
+
+    src: int
+    relation: str
+    dst: int
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the robot's drive can do: m/s, rad/s, m/s2, rad/s2; all positive."""
+
+    ahead: float = 1.0
+    back: float = 0.5
+    sideways: float = 0.5
+    turn: float = 1.5
+    acceleration: float = 1.5
+    turn_acceleration: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """The robot's start, outline (a disc, m) and drive."""
+
+    pose: Pose
+    radius: float = 0.30
+    kinematics: Kinematics = "holonomic"
+    limits: Limits = field(default_factory=Limits)
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Where the robot shall go. Reached within `distance` (m) of the centre and `angle` (rad) of theta."""
+
+    x: float
+    y: float
+    theta: float = 0.0
+    distance: float = 0.40
+    angle: float = 3.1416
+
+    @property
+    def position(self) -> Point:
+        return self.x, self.y
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How an episode is run.
+
+    Attributes:
+        dt: the control tick, s.
+        substeps: physics steps within a tick.
+        iterations: of the contact solver.
+        time_limit: s.
+        ends_on: besides the time limit, what ends the episode.
+        guard: whether the robot's bumper limits its velocity by the gap.
+        contact_distance: outlines nearer than this touch, m.
+        side: +1 people evade to their right when they meet head-on, -1 to their left.
+    """
+
+    dt: float = 0.1
+    substeps: int = 10
+    iterations: int = 5
+    time_limit: float = 60.0
+    ends_on: tuple[EndsOn, ...] = ("goal", "time")
+    guard: bool = True
+    contact_distance: float = 0.01
+    side: Literal[-1, 1] = 1
+
+    @property
+    def last_tick(self) -> int:
+        """The tick at which time is up."""
+        return int(self.time_limit / self.dt + 0.5)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The layout an episode starts from. Everything that decides what happens in it is here.
+
+    Attributes:
+        name: of the scenario.
+        family: scenario and kind of room; splits of a data set go by it.
+        polygon: the room's outline, counter-clockwise; people and robot stay within.
+        walls: all of them, the outline's edges first.
+        seed, episode: what it was generated from; they also drive what people choose on their way.
+        settings: the resolved settings it was generated from, as JSON would hold them; None if made by hand.
+        dropped: what could not be placed although asked for.
+    """
+
+    name: str
+    family: str
+    polygon: tuple[Point, ...]
+    walls: tuple[Wall, ...]
+    furniture: tuple[Furniture, ...]
+    humans: tuple[Human, ...]
+    robot: Robot
+    goal: Goal
+    groups: tuple[Group, ...] = ()
+    interactions: tuple[Interaction, ...] = ()
+    rules: Rules = field(default_factory=Rules)
+    seed: int = 0
+    episode: int = 0
+    settings: dict[str, Any] | None = None
+    dropped: tuple[str, ...] = ()
+
+    @cached_property
+    def barriers(self) -> Barriers:
+        """Walls first, then furniture that has a body, as thick segments; see `barrier_owner`."""
+        return Barriers.of([edge for _, edges in self._solids for edge in edges])
+
+    @cached_property
+    def barrier_owner(self) -> tuple[tuple[str, int], ...]:
+        """What each barrier belongs to: ("wall", index) or ("object", id)."""
+        return tuple(owner for owner, edges in self._solids for _ in edges)
+
+    @cached_property
+    def _solids(self) -> list[tuple[tuple[str, int], list[tuple[Point, Point, float]]]]:
+        walls = [(("wall", k), [(wall.start, wall.end, 0.0)]) for k, wall in enumerate(self.walls)]
+        things = [(("object", f.id), f.shape.edges(f.pose)) for f in self.furniture if f.on is None]
+        return walls + things
+
+    @cached_property
+    def outline(self) -> Array:
+        """The room's polygon as (K, 2)."""
+        return np.array(self.polygon, dtype=float)
+
+    @cached_property
+    def standing(self) -> Barriers:
+        """People who stand, as discs."""
+        return Barriers.of([Disc(h.radius).edges(h.pose)[0] for h in self.humans if h.behaviour == "standing"])

@@ -1,0 +1,25 @@
+"""What goes wrong in use. A bad argument is a plain ValueError or TypeError."""
+
+
+class Sonata2dError(Exception):
+    """Base of every error that a user of sonata2d can run into."""
+
+
+class ConfigError(Sonata2dError):
+    """A scenario or settings file says something that cannot be used."""
+
+
+class SceneError(Sonata2dError):
+    """A scene cannot be laid out as asked."""
+
+
+class ControllerError(Sonata2dError):
+    """A controller cannot be loaded, or answered something that is no command."""
+
+
+class RecordError(Sonata2dError):
+    """An episode file or a data set cannot be read, written or trusted."""
+
+
+class RenderError(Sonata2dError):
+    """A picture or a film cannot be made."""

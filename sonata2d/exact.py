@@ -1,0 +1,104 @@
+"""Elementary functions that give the same bits on every processor.
+
+The C library's and NumPy's own exp, atan2, sin and cos differ in the last bit between processors (fused multiply-add,
+AVX-512), and a simulation makes such a bit large. Here they are built from ``+ - * /`` and ``sqrt`` alone, which
+IEEE 754 fixes to the bit. All accept floats or arrays and work element by element.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+PI = math.pi
+_TAN_PI_8 = 0.41421356237309503
+_ATAN = (
+    1.0, -1 / 3, 1 / 5, -1 / 7, 1 / 9, -1 / 11, 1 / 13, -1 / 15, 1 / 17, -1 / 19, 1 / 21, -1 / 23, 1 / 25,
+)  # fmt: skip
+_SIN = (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800, 1 / 6227020800)
+_COS = (1.0, -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800, 1 / 479001600, -1 / 87178291200)
+
+
+def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
+    """Horner's rule, lowest power first."""
+    total = coefficients[-1] * x + coefficients[-2]
+    for coefficient in coefficients[-3::-1]:
+        total = total * x + coefficient
+    return total
+
+
+def exp(x: Array) -> Array:
+    """e to the power of x for x <= 0; below -60 it is 0. Relative error under 2e-7 from -20 up.
+
+    Args:
+        x: any shape, not above 0 (a decay).
+    """
+    y = np.maximum(x, -60.0) * (1 / 64)
+    y = _polynomial((1.0, 1.0, 1 / 2, 1 / 6, 1 / 24, 1 / 120, 1 / 720, 1 / 5040), y)
+    for _ in range(6):
+        y = y * y
+    return np.where(x < -60.0, 0.0, y)
+
+
+def arctan2(y: Array, x: Array) -> Array:
+    """Angle of the vectors (x, y), radians in (-pi, pi]; 0 for the null vector. Absolute error under 1e-10.
+
+    Args:
+        y: any shape.
+        x: the same shape.
+    """
+    ax, ay = np.abs(x), np.abs(y)
+    low, high = np.minimum(ax, ay), np.maximum(ax, ay)
+    t = low / np.where(high > 0.0, high, 1.0)
+    folded = t > _TAN_PI_8  # atan t = pi/4 + atan((t - 1) / (t + 1))
+    t = np.where(folded, (t - 1.0) / (t + 1.0), t)
+    angle = t * _polynomial(_ATAN, t * t) + np.where(folded, PI / 4, 0.0)
+    angle = np.where(ay > ax, PI / 2 - angle, angle)
+    angle = np.where(x < 0.0, PI - angle, angle)
+    signed: Array = np.where(y < 0.0, -angle, angle)
+    return signed
+
+
+def heading(theta: float) -> tuple[float, float]:
+    """(cos theta, sin theta), the unit vector that points along theta."""
+    quarters = math.floor(theta / (PI / 2) + 0.5)
+    x = theta - quarters * (PI / 2)
+    square = x * x
+    s, c = x * _polynomial(_SIN, square), _polynomial(_COS, square)
+    return ((c, s), (-s, c), (-c, -s), (s, -c))[quarters % 4]
+
+
+def headings(theta: Array) -> Array:
+    """Unit vectors that point along the angles; (N,) to (N, 2)."""
+    return np.array([heading(float(angle)) for angle in theta], dtype=float).reshape(-1, 2)
+
+
+def angle_of(y: float, x: float) -> float:
+    """`arctan2` of two floats, without arrays."""
+    ax, ay = abs(x), abs(y)
+    low, high = (ay, ax) if ax > ay else (ax, ay)
+    if high == 0.0:
+        return 0.0
+    t = low / high
+    if t > _TAN_PI_8:
+        t = (t - 1.0) / (t + 1.0)
+        angle = t * _polynomial(_ATAN, t * t) + PI / 4
+    else:
+        angle = t * _polynomial(_ATAN, t * t) + 0.0
+    angle = PI / 2 - angle if ay > ax else angle
+    angle = PI - angle if x < 0.0 else angle
+    return float(-angle if y < 0.0 else angle)
+
+
+def rotation(angle: Any) -> tuple[Any, Any]:
+    """(cos, sin) of a small turn, of unit length to rounding; error under 2e-7 for |angle| < 0.5. Floats or arrays."""
+    t = angle * 0.5
+    square = t * t
+    t = t * (1.0 + square * (1 / 3 + square * (2 / 15 + square * (17 / 315))))  # tan
+    n = 1.0 + t * t
+    return (1.0 - t * t) / n, 2.0 * t / n

@@ -1,0 +1,67 @@
+"""Scenes made by hand, for tests that want to know every number."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+
+from sonata2d.entities import Furniture, Goal, Human, Limits, Robot, Rules, Scene, Wall
+from sonata2d.geometry import Point, Pose
+
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+
+SQUARE: tuple[Point, ...] = ((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0))
+L_SHAPE: tuple[Point, ...] = ((-4.0, -4.0), (4.0, -4.0), (4.0, 0.0), (0.0, 0.0), (0.0, 4.0), (-4.0, 4.0))
+
+
+LEFT = Pose(-3.0, 0.0)
+
+
+def room(
+    humans: Sequence[Human] = (),
+    furniture: Sequence[Furniture] = (),
+    *,
+    robot: Pose = LEFT,
+    goal: Point = (3.0, 0.0),
+    polygon: tuple[Point, ...] = SQUARE,
+    inner: Sequence[Wall] = (),
+    rules: Rules | None = None,
+    limits: Limits | None = None,
+    **more: object,
+) -> Scene:
+    """A scene in an 8 m room, the robot to the left and the goal to the right."""
+    edges = [Wall(a, b) for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True)]
+    return Scene(
+        name="by-hand",
+        family="by-hand/given",
+        polygon=polygon,
+        walls=(*edges, *inner),
+        furniture=tuple(furniture),
+        humans=tuple(humans),
+        robot=Robot(robot, limits=limits or Limits()),
+        goal=Goal(*goal),
+        rules=rules or Rules(),
+        **more,  # type: ignore[arg-type]
+    )
+
+
+def walker(number: int, x: float, y: float, theta: float = 0.0, **more: object) -> Human:
+    """A person who wanders."""
+    return replace(Human(number, Pose(x, y, theta), behaviour="wandering"), **more)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def busy() -> Scene:
+    """Ten walkers and some furniture in an L-shaped room."""
+    from sonata2d.geometry import Disc, Rectangle
+
+    places = [(x, y) for y in (-3.2, -1.0) for x in (-3.2, -1.7, 0.6, 2.2, 3.4)]
+    humans = [walker(k + 1, x, y, desired_speed=1.0 + 0.05 * k) for k, (x, y) in enumerate(places)]
+    furniture = [
+        Furniture(20, "table", Pose(-2.0, -2.1, 0.5), Rectangle(0.8, 0.8)),
+        Furniture(21, "plant", Pose(1.5, -2.2), Disc(0.2)),
+    ]
+    return room(humans, furniture, polygon=L_SHAPE, robot=Pose(-2.0, 3.0, -1.5), goal=(3.0, -2.0), seed=5)
