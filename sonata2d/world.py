@@ -1,0 +1,216 @@
+"""Bodies: a Scene in pymunk. The only thing that changes, and the only place that knows the engine.
+
+Why it is driven as it is: bodies are read and written in bulk through `pymunk.batch`; people and robot are moved by
+force, never by setting velocity; Chipmunk moves bodies first and finds contacts after, with no swept test, so a tick
+has several substeps and the robot a guard. A Space is built afresh for every episode, in a fixed order, before its
+first step: only so does the same input give the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pymunk
+from pymunk import batch
+from pymunk._chipmunk_cffi import ffi
+
+from .bumper import Bumper
+from .entities import Furniture, Scene
+from .exact import Array, arctan2, headings, rotation
+from .frame import (
+    HX,
+    HY,
+    LX,
+    LY,
+    OMEGA,
+    VY,
+    CrowdCommands,
+    DeviceEvent,
+    Humans,
+    RobotState,
+    Snapshot,
+    X,
+    activities_of,
+    frozen,
+    human_ids,
+)
+from .geometry import Disc, Twist
+
+MASS = 75.0  # kg, of a person and of the robot; only ratios matter
+BODY_TURN = 4.0  # rad/s, how fast a person's body turns
+HEAD_TURN = 6.0  # rad/s, relative to the body
+HEAD_LIMIT = 1.2  # rad, to either side of the body's direction
+
+_READ = batch.BodyFields.POSITION | batch.BodyFields.VELOCITY
+
+
+class _Rows(batch.Buffer):
+    """A batch buffer over NumPy memory: one row a body, in the order of insertion.
+
+    `batch.Buffer` allocates memory that it never frees; here NumPy owns it. It is longer than its rows because the
+    engine would move a buffer with fewer than two free places.
+    """
+
+    def __init__(self, bodies: int, width: int) -> None:
+        self._float_arr, self._int_arr = ffi.new("pmFloatArray *"), ffi.new("pmIntArray *")
+        memory = np.zeros(bodies * width + 8)
+        self.set_float_buf(memory)
+        self.rows: Array = memory[: bodies * width].reshape(bodies, width)
+
+
+class World:
+    """A scene come to life.
+
+    Args:
+        scene: what to build.
+
+    `snapshot()` looks, `step(...)` moves.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.tick = scene, 0
+        self._space = _furnished_space(scene)
+        self._people = len(scene.humans)
+        for human in scene.humans:
+            _add_disc(self._space, human.pose.position, human.radius)
+        _add_disc(self._space, scene.robot.pose.position, scene.robot.radius)
+        self._body = _Rows(self._people + 1, 4)  # x, y, vx, vy; the robot comes last
+        self._force = _Rows(self._people + 1, 2)
+        self._read()
+        self._faces = headings(np.array([h.pose.theta for h in scene.humans]))
+        self._looks, self._omega = self._faces.copy(), np.zeros(self._people)
+        self._heading = scene.robot.pose.heading
+        self._bumper = Bumper(scene)
+        self._twist = self._executed = Twist()
+        self._activity = activities_of(scene)
+        self._interactions = scene.interactions
+        self._ids, self._radius = human_ids(scene), frozen(np.array([h.radius for h in scene.humans], dtype=float))
+        self._check_order()
+
+    def snapshot(self, events: tuple[DeviceEvent, ...] = ()) -> Snapshot:
+        """One frozen look at everything, now."""
+        state = np.empty((self._people, 9))
+        state[:, X : VY + 1] = self._body.rows[:-1]
+        state[:, HX : HY + 1] = self._faces
+        state[:, LX : LY + 1] = self._looks
+        state[:, OMEGA] = self._omega
+        x, y, vx, vy = self._body.rows[-1].tolist()
+        bumper = self._bumper
+        robot = RobotState(
+            (x, y), self._heading, (vx, vy), self._twist.omega, self._executed, bumper.stepped_in, self.scene.robot
+        )
+        return Snapshot(
+            tick=self.tick,
+            time=round(self.tick * self.scene.rules.dt, 4),
+            scene=self.scene,
+            robot=robot,
+            humans=Humans(frozen(state), self._ids, self._radius, self._activity),
+            interactions=self._interactions,
+            contacts=bumper.contacts(),
+            events=events,
+        )
+
+    def step(self, twist: Twist, crowd: CrowdCommands) -> None:
+        """Move everything by one tick.
+
+        Args:
+            twist: what the robot's drive shall do, body frame, within its limits.
+            crowd: what the people want.
+        """
+        rules = self.scene.rules
+        h = rules.dt / rules.substeps
+        self._force.rows[:-1] = crowd.acceleration * MASS
+        self._bumper.begin_tick(self._body.rows)
+        done_x = done_y = 0.0
+        turn = rotation(twist.omega * h)
+        for _ in range(rules.substeps):
+            vx, vy = self._drive(twist, h)
+            c, s = self._heading
+            done_x, done_y = done_x + vx * c + vy * s, done_y + vy * c - vx * s
+            batch.set_space_bodies(self._space, batch.BodyFields.FORCE, self._force)
+            self._space.step(h)
+            self._heading = _unit(c * turn[0] - s * turn[1], s * turn[0] + c * turn[1])
+            self._read()
+        self._twist = twist
+        self._executed = Twist(done_x / rules.substeps, done_y / rules.substeps, twist.omega)
+        self._turn_people(crowd)
+        self._activity, self._interactions = crowd.activity, crowd.interactions
+        self.tick += 1
+
+    def _drive(self, twist: Twist, h: float) -> tuple[float, float]:
+        """Push the robot towards the wanted velocity, less what the guard takes away; that velocity, world frame."""
+        c, s = self._heading
+        wanted = (twist.vx * c - twist.vy * s, twist.vx * s + twist.vy * c)
+        vx, vy = self._bumper.limit(wanted, self._body.rows, h)
+        _, _, now_x, now_y = self._body.rows[-1].tolist()
+        self._force.rows[-1] = ((vx - now_x) * (MASS / h), (vy - now_y) * (MASS / h))
+        return vx, vy
+
+    def _turn_people(self, crowd: CrowdCommands) -> None:
+        """Turn bodies and heads towards what they want, as fast as necks and feet allow."""
+        dt, before = self.scene.rules.dt, self._faces
+        self._faces = _turned(before, crowd.facing, BODY_TURN * dt)
+        moved = _rotated(self._faces, before, -1.0)
+        self._omega = arctan2(moved[:, 1], moved[:, 0]) / dt
+        relative = _rotated(np.concatenate((crowd.look, self._looks)), np.tile(self._faces, (2, 1)), -1.0)
+        ahead = np.zeros_like(relative)
+        ahead[:, 0] = 1.0
+        target, now = np.split(_turned(ahead, relative, HEAD_LIMIT), 2)
+        self._looks = _rotated(_turned(now, target, HEAD_TURN * dt), self._faces, 1.0)
+
+    def _read(self) -> None:
+        """Fill the rows with where the bodies are and how they move."""
+        self._body.clear()
+        batch.get_space_bodies(self._space, _READ, self._body)
+
+    def _check_order(self) -> None:
+        """The engine must list bodies as they were added: all else here rests on it."""
+        placed = [*(h.pose.position for h in self.scene.humans), self.scene.robot.pose.position]
+        assert self._body.rows[:, :2].tolist() == [list(p) for p in placed], "pymunk.batch has another order of bodies"
+
+
+def _furnished_space(scene: Scene) -> pymunk.Space:
+    """A Space with the walls and the furniture of a scene."""
+    space = pymunk.Space()
+    space.iterations, space.collision_slop = scene.rules.iterations, 0.001  # pymunk's default slop is 0.1 m
+    shapes: list[pymunk.Shape] = [pymunk.Segment(space.static_body, w.start, w.end, 0.0) for w in scene.walls]
+    shapes += [_static_shape(space.static_body, f) for f in scene.furniture if f.on is None]
+    space.add(*shapes)
+    return space
+
+
+def _static_shape(ground: pymunk.Body, thing: Furniture) -> pymunk.Shape:
+    if isinstance(thing.shape, Disc):
+        return pymunk.Circle(ground, thing.shape.radius, thing.pose.position)
+    return pymunk.Poly(ground, thing.shape.corners(thing.pose))
+
+
+def _add_disc(space: pymunk.Space, position: tuple[float, float], radius: float) -> None:
+    """A body that slides but does not roll: directions of people and robot are kept beside the engine."""
+    body = pymunk.Body(MASS, math.inf)
+    body.position = position
+    space.add(body, pymunk.Circle(body, radius))
+
+
+def _unit(x: float, y: float) -> tuple[float, float]:
+    norm = math.sqrt(x * x + y * y)
+    return x / norm, y / norm
+
+
+def _rotated(vectors: Array, by: Array, sign: float) -> Array:
+    """Vectors turned by (sign 1) or back by (sign -1) the angle of unit vectors; all (N, 2)."""
+    c, s = by[:, 0], sign * by[:, 1]
+    return np.stack((vectors[:, 0] * c - vectors[:, 1] * s, vectors[:, 0] * s + vectors[:, 1] * c), axis=1)
+
+
+def _turned(now: Array, target: Array, most: float) -> Array:
+    """Unit vectors turned the short way towards others, by `most` radians at most (below pi/2); all (N, 2)."""
+    c = now[:, 0] * target[:, 0] + now[:, 1] * target[:, 1]
+    s = now[:, 0] * target[:, 1] - now[:, 1] * target[:, 0]
+    cos, sin = rotation(most)
+    part = np.stack((np.full_like(s, cos), np.where(s < 0.0, -sin, sin)), axis=1)
+    turned = np.where((c < cos)[:, None], _rotated(now, part, 1.0), target)
+    norm = np.sqrt(turned[:, 0] * turned[:, 0] + turned[:, 1] * turned[:, 1])
+    unit: Array = turned / norm[:, None]
+    return unit
