@@ -1,0 +1,60 @@
+"""The plug-in: a Controller sees a snapshot and answers a twist and a label."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from ..entities import Scene
+from ..frame import Snapshot
+from ..geometry import Twist
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Answered instead of a twist: end this episode here."""
+
+    reason: str = "the controller stopped"
+
+
+@dataclass(frozen=True, slots=True)
+class Regenerate:
+    """Answered instead of a twist: this scene is of no use, take another."""
+
+    reason: str = "the controller asked for another scene"
+
+
+Answer = Twist | Stop | Regenerate
+
+
+class Controller(ABC):
+    """Drives the robot. Only `act` must be written.
+
+    Attributes:
+        version: noted in every file; raise it when the controller changes.
+        labels: what the keys of `label`'s answer mean, noted in every file.
+        deterministic: claims that the same snapshots bring the same answers, so that `check --rerun` may hold it to it.
+    """
+
+    version: ClassVar[str | None] = None
+    labels: ClassVar[Mapping[str, str]] = {}
+    deterministic: ClassVar[bool] = True
+
+    def reset(self, scene: Scene) -> None:
+        """A new episode begins: forget the last one."""
+        return None
+
+    @abstractmethod
+    def act(self, snapshot: Snapshot) -> Answer:
+        """The twist asked for until the next look, body frame; or a request (`Stop`, `Regenerate`)."""
+
+    def label(self, snapshot: Snapshot, twist: Twist) -> Any:
+        """What to note beside this frame: anything JSON can hold. None: the command itself is the label."""
+        return None
+
+    def settings(self) -> Mapping[str, Any]:
+        """What the file notes of how this controller was set; by default its public plain attributes."""
+        plain = (bool, int, float, str)
+        return {k: v for k, v in vars(self).items() if not k.startswith("_") and isinstance(v, plain)}

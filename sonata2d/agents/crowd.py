@@ -1,0 +1,156 @@
+"""The people's minds: one array function a tick, from the snapshot to what each person wants."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..chance import Chance
+from ..entities import Scene
+from ..exact import Array, headings
+from ..frame import CrowdCommands, Snapshot, activities_of
+from .forces.drive import desired_acceleration, standing_acceleration
+from .forces.groups import Moussaid2010, group_acceleration
+from .forces.moussaid2009 import Moussaid2009, interaction_acceleration
+from .forces.walls import sight, sight_blockers, wall_acceleration
+from .wandering import Wanderers
+
+HURRY = 1.3  # times the desired speed is the fastest anyone walks (Helbing & Molnár 1995)
+STROLLING = 0.2  # m/s, above which the body follows the way it goes
+MODELS = {"moussaid2009": (Moussaid2009(), Moussaid2010())}
+
+
+class Crowd:
+    """All people of a scene.
+
+    Args:
+        scene: who they are and where they start; its seed decides where they wander.
+
+    Raises:
+        ValueError: a human's model is unknown, or models are mixed.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        people = scene.humans
+        names = sorted({human.model for human in people} or {"moussaid2009"})
+        if len(names) > 1 or names[0] not in MODELS:
+            raise ValueError(f"people must share one walking model of {', '.join(MODELS)}; got {', '.join(names)}")
+        self._law, self._group_law = MODELS[names[0]]
+        self._scene = scene
+        self._wanderers = Wanderers(scene, Chance(scene.seed, scene.episode, "people"))
+        self._walks = np.array([human.behaviour == "wandering" for human in people], dtype=bool)
+        self._home = np.array([human.pose.position for human in people], dtype=float).reshape(-1, 2)
+        self._faces = headings(np.array([human.pose.theta for human in people]))
+        self._speed = self._group_speeds()
+        radius = [*(human.radius for human in people), scene.robot.radius]
+        self._radius = np.array(radius, dtype=float)
+        self._weight = self._who_minds_whom()
+        self._blockers = sight_blockers(scene)
+        self._member = self._who_walks_with_whom()
+        self._partner = self._whom_they_face()
+        self._activity = activities_of(scene)
+
+    def act(self, snapshot: Snapshot) -> CrowdCommands:
+        """What each person wants in this tick."""
+        humans, robot = snapshot.humans, snapshot.robot
+        position = np.concatenate((humans.position, np.array([robot.position])))
+        velocity = np.concatenate((humans.velocity, np.array([robot.velocity])))
+        towards = self._wanderers.update(snapshot.tick, humans) - humans.position
+        direction = np.where(self._walks[:, None], _unit(towards, humans.heading), 0.0)
+        wanted = self._acceleration(position, velocity, direction)
+        return CrowdCommands(
+            acceleration=self._within_reason(humans.velocity, wanted, snapshot.dt),
+            facing=self._facing(position, humans.velocity, direction),
+            look=self._look(position, direction),
+            activity=self._activity,
+            interactions=snapshot.interactions,
+        )
+
+    def _acceleration(self, position: Array, velocity: Array, direction: Array) -> Array:
+        """Sum of the forces on each person. The robot rides along as the last row, so that no array is one wide."""
+        law, people = self._law, len(direction)
+        weight = self._weight if self._blockers is None else self._weight * sight(position, self._blockers)
+        walking = interaction_acceleration(position, velocity, weight, self._scene.rules.side, law)
+        walking += wall_acceleration(
+            position, self._radius, self._scene.barriers, strength=law.wall_strength, reach=law.wall_reach
+        )
+        walking = walking[:people] + desired_acceleration(
+            velocity[:people], direction, self._speed, relaxation_time=law.relaxation_time
+        )
+        if self._member is not None:
+            looking = np.concatenate((direction, np.zeros((1, 2))))
+            walking += group_acceleration(position, velocity, looking, self._member, self._group_law)[:people]
+        standing = standing_acceleration(position[:people], velocity[:people], self._home)
+        return np.where(self._walks[:, None], walking, standing)
+
+    def _within_reason(self, velocity: Array, acceleration: Array, dt: float) -> Array:
+        """Cut what would make anyone faster than their hurry within the tick."""
+        x, y = (velocity[:, k] + acceleration[:, k] * dt for k in (0, 1))
+        speed, most = np.sqrt(x * x + y * y), HURRY * self._speed
+        part = np.where(speed > most, most / np.maximum(speed, 1e-6), 1.0)
+        return np.stack(((x * part - velocity[:, 0]) / dt, (y * part - velocity[:, 1]) / dt), axis=1)
+
+    def _facing(self, position: Array, velocity: Array, direction: Array) -> Array:
+        """Walkers face the way they go, or want to go when slow; others their partner, or stay as they are."""
+        speed = np.sqrt(velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1])
+        moving = self._walks & (speed > STROLLING)
+        ahead = np.where(moving[:, None], velocity / np.maximum(speed, 1e-6)[:, None], direction)
+        still = _unit(self._whom(position) - position[:-1], self._faces)
+        return np.where(self._walks[:, None], ahead, still)
+
+    def _look(self, position: Array, direction: Array) -> Array:
+        """Heads lead the way: towards the next waypoint, or the partner."""
+        still = _unit(self._whom(position) - position[:-1], self._faces)
+        return np.where(self._walks[:, None], direction, still)
+
+    def _whom(self, position: Array) -> Array:
+        """(N, 2): the place each person attends to; a point ahead of where they stand if there is none."""
+        person, place = self._partner
+        return np.where((person >= 0)[:, None], position[person], place)
+
+    def _group_speeds(self) -> Array:
+        """(N,), m/s: groups go at the pace of their slowest."""
+        speed = {human.id: human.desired_speed for human in self._scene.humans}
+        for group in self._scene.groups:
+            slowest = min(speed[member] for member in group.members)
+            speed.update(dict.fromkeys(group.members, slowest))
+        return np.array([speed[human.id] for human in self._scene.humans], dtype=float)
+
+    def _who_minds_whom(self) -> Array:
+        """(M, M), how much column i minds row j; the robot is the last."""
+        people = self._scene.humans
+        weight = 1.0 - np.eye(len(people) + 1)
+        weight[-1, :-1] = [human.reacts_to_robot for human in people]
+        return weight
+
+    def _who_walks_with_whom(self) -> Array | None:
+        """(M, M), 1 where two walk in one group; None where nobody does."""
+        member = np.zeros_like(self._weight)
+        index = {human.id: k for k, human in enumerate(self._scene.humans)}
+        for group in self._scene.groups:
+            rows = [index[m] for m in group.members] if group.kind == "walking" else []
+            member[np.ix_(rows, rows)] = 1.0
+        np.fill_diagonal(member, 0.0)
+        return member if member.any() else None
+
+    def _whom_they_face(self) -> tuple[Any, Array]:
+        """Of each person the index of the person they face (or -1), and the place of the thing they face."""
+        scene = self._scene
+        index = {human.id: k for k, human in enumerate(scene.humans)}
+        things = {thing.id: thing.pose.position for thing in scene.furniture}
+        person, place = np.full(len(index), -1), self._home + 3.0 * self._faces
+        for tie in scene.interactions:
+            src, dst = index[tie.src], index.get(tie.dst)
+            if dst is not None:
+                person[src], person[dst] = dst, src
+            else:
+                place[src] = things[tie.dst]
+        return person, place
+
+
+def _unit(vectors: Array, otherwise: Array) -> Array:
+    """Unit vectors along (N, 2) vectors, or the others where there is no length to speak of."""
+    x, y = vectors[:, 0], vectors[:, 1]
+    size = np.sqrt(x * x + y * y)
+    return np.where((size > 1e-3)[:, None], vectors / np.maximum(size, 1e-3)[:, None], otherwise)

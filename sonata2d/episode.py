@@ -1,0 +1,217 @@
+"""One scene, one controller, from the first look to the outcome."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from .agents.controller import Controller, Regenerate, Stop
+from .agents.crowd import Crowd
+from .agents.kinematics import executable
+from .entities import Scene
+from .errors import ControllerError
+from .frame import Author, Contact, DeviceEvent, Frame, Observer, Outcome, Snapshot, Status
+from .geometry import Twist, wrapped
+from .world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What came from outside at one tick: with the scene, all it takes to have the tick again."""
+
+    command: Twist
+    label: Any = None
+    events: tuple[DeviceEvent, ...] = ()
+
+
+class Episode:
+    """Runs a scene tick by tick: look, think, note, move.
+
+    Args:
+        scene: where it starts.
+        controller: drives the robot.
+        observers: are told of every frame: recorders, windows.
+        past: moments that were decided before; they are replayed before the controller is asked.
+        author: what files say of the controller, if not what it says of itself.
+
+    Attributes:
+        past: every moment so far.
+        outcome: None while it runs.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        controller: Controller,
+        *,
+        observers: Iterable[Observer] = (),
+        past: Sequence[Moment] = (),
+        author: Author | None = None,
+    ) -> None:
+        self.scene, self.controller, self.observers = scene, controller, tuple(observers)
+        self.past: list[Moment] = []
+        self.outcome: Outcome | None = None
+        self._script, self._author = tuple(past), author or author_of(controller)
+        self._world, self._crowd = World(scene), Crowd(scene)
+        controller.reset(scene)
+        for observer in self.observers:
+            observer.open(scene, self._author)
+
+    def run(self) -> Outcome:
+        """Run to the end.
+
+        Raises:
+            ControllerError: the controller answered what is no finite twist. What it raises itself passes through,
+                with the tick added as a note.
+        """
+        while self.step() is not None:
+            pass
+        assert self.outcome is not None
+        return self.outcome
+
+    def step(self, events: Sequence[DeviceEvent] = ()) -> Frame | None:
+        """One tick; None once the episode is over and its `outcome` known.
+
+        Args:
+            events: what a person did to a device since the last tick.
+
+        Raises:
+            ControllerError: as `run`.
+        """
+        if self.outcome is not None:
+            return None
+        tick = self._world.tick
+        scripted = self._script[tick] if tick < len(self._script) else None
+        snapshot = self._world.snapshot(scripted.events if scripted else tuple(events))
+        outcome = ending(snapshot)
+        if outcome is None:
+            answer = scripted or self._ask(snapshot)
+            if isinstance(answer, Moment):
+                return self._note_and_move(snapshot, answer)
+            outcome = answer
+        self._close(snapshot, outcome)
+        return None
+
+    def branch(self, tick: int, controller: Controller, *, observers: Iterable[Observer] = ()) -> Episode:
+        """The same episode up to `tick`, to the bit, then driven by another controller.
+
+        Args:
+            tick: how many ticks stay as they were, 0..len(past).
+            controller: drives from there on.
+            observers: see the branch from its tick 0 on.
+
+        Raises:
+            ValueError: the episode did not get that far.
+        """
+        if not 0 <= tick <= len(self.past):
+            raise ValueError(f"tick must be 0..{len(self.past)}, the ticks run so far, got {tick}")
+        branch = Episode(self.scene, controller, observers=observers, past=self.past[:tick])
+        for _ in range(tick):
+            branch.step()
+        return branch
+
+    def end(self, status: Status, reason: str) -> Outcome:
+        """End the episode here, from outside: what is noted so far stays."""
+        snapshot = self._world.snapshot()
+        if self.outcome is None:
+            self._close(snapshot, Outcome(status, reason, snapshot.tick, snapshot.time))
+        assert self.outcome is not None
+        return self.outcome
+
+    def _ask(self, snapshot: Snapshot) -> Moment | Outcome:
+        """The controller's answer to a snapshot."""
+        with self._telling_tick(snapshot):
+            answer = self.controller.act(snapshot)
+            if isinstance(answer, Stop | Regenerate):
+                status: Status = "stopped" if isinstance(answer, Stop) else "regenerate"
+                return Outcome(status, answer.reason, snapshot.tick, snapshot.time)
+            command = checked_twist(answer, self.controller)
+            return Moment(command, self.controller.label(snapshot, command), snapshot.events)
+
+    def _note_and_move(self, snapshot: Snapshot, moment: Moment) -> Frame:
+        """Tell the observers of the frame, then let the world move."""
+        frame = Frame(snapshot, moment.command, moment.label)
+        with self._telling_tick(snapshot):
+            for observer in self.observers:
+                observer.note(frame)
+        self.past.append(moment)
+        robot = snapshot.robot
+        twist = executable(moment.command, robot.executed, robot.body, snapshot.dt)
+        self._world.step(twist, self._crowd.act(snapshot))
+        return frame
+
+    @contextmanager
+    def _telling_tick(self, snapshot: Snapshot) -> Iterator[None]:
+        """Close the episode on an error, which goes on with the tick as a note."""
+        try:
+            yield
+        except Exception as error:
+            error.add_note(f"at tick {snapshot.tick} of the episode")
+            reason = f"{type(error).__name__}: {error}"
+            self._close(snapshot, Outcome("error", reason, snapshot.tick, snapshot.time))
+            raise
+
+    def _close(self, snapshot: Snapshot, outcome: Outcome) -> None:
+        self.outcome = outcome
+        for observer in self.observers:
+            observer.close(snapshot, outcome)
+
+
+def ending(snapshot: Snapshot) -> Outcome | None:
+    """Whether the episode ends at this look: goal reached, contact where that ends it, or out of time."""
+    scene, robot = snapshot.scene, snapshot.robot
+    goal, rules = scene.goal, scene.rules
+    dx, dy = goal.x - robot.position[0], goal.y - robot.position[1]
+    turned = abs(wrapped(robot.pose.theta - goal.theta)) if goal.angle < 3.14 else 0.0
+    if "goal" in rules.ends_on and math.sqrt(dx * dx + dy * dy) <= goal.distance and turned <= goal.angle:
+        return Outcome("goal", f"within {goal.distance} m of the goal", snapshot.tick, snapshot.time)
+    if "contact" in rules.ends_on and snapshot.contacts:
+        return Outcome("contact", _told(snapshot.contacts[0]), snapshot.tick, snapshot.time)
+    if snapshot.tick >= rules.last_tick:
+        return Outcome("timeout", f"{rules.time_limit} s are over", snapshot.tick, snapshot.time)
+    return None
+
+
+def _told(contact: Contact) -> str:
+    faults = {(True, False): "the robot", (False, True): "the other", (True, True): "both", (False, False): "nobody"}
+    return (
+        f"contact with {contact.kind} {contact.id}, at fault: {faults[contact.robot_at_fault, contact.other_at_fault]}"
+    )
+
+
+def checked_twist(answer: object, controller: Controller) -> Twist:
+    """The answer as a twist that a file can hold.
+
+    Raises:
+        ControllerError: it is no `Twist`, or not finite.
+    """
+    name = type(controller).__name__
+    if not isinstance(answer, Twist):
+        raise ControllerError(f"{name}.act must return a Twist, got {answer!r}; return Twist(vx, vy, omega)")
+    values = (answer.vx, answer.vy, answer.omega)
+    if not all(isinstance(v, int | float) and math.isfinite(v) for v in map(_plain, values)):
+        raise ControllerError(f"{name}.act must return finite numbers, got {answer!r}")
+    return Twist(*(float(v) for v in values)).rounded()
+
+
+def _plain(value: object) -> object:
+    """A NumPy scalar as the Python number it holds."""
+    return value.item() if hasattr(value, "item") else value
+
+
+def author_of(controller: Controller, path: str | None = None) -> Author:
+    """What a file says of a controller.
+
+    Args:
+        path: how it was named, e.g. on the command line; by default its module and class.
+    """
+    kind = type(controller)
+    return Author(
+        path=path or f"{kind.__module__}:{kind.__qualname__}",
+        version=controller.version,
+        settings=dict(controller.settings()),
+        labels=dict(controller.labels) or None,
+    )
