@@ -1,0 +1,61 @@
+"""One episode as one picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pygame
+
+from ..errors import RenderError
+from ..frame import Snapshot
+from .draw import Layers, picture
+from .sheet import moments
+from .trails import Trails
+
+
+def save_picture(
+    path: str | Path,
+    snapshots: Sequence[Snapshot],
+    *,
+    size: tuple[int, int] | None = None,
+    scale: float | None = None,
+    layers: Layers | None = None,
+    strip: int | None = None,
+    caption: str | None = None,
+    outcome: str | None = None,
+) -> None:
+    """Write a PNG of an episode: its last moment with the ways that led there, or `strip` moments side by side.
+
+    Args:
+        size, scale, layers, caption, outcome: as for `picture`; a strip heeds no size.
+
+    Raises:
+        RenderError: the picture cannot be drawn or written.
+    """
+    if strip is not None:
+        drawn = moments(snapshots, strip, scale=scale, layers=layers, caption=caption, outcome=outcome)
+    else:
+        drawn = picture(
+            snapshots[-1],
+            size=size,
+            scale=scale,
+            layers=layers,
+            trails=Trails.of(snapshots),
+            caption=caption,
+            outcome=outcome,
+        )
+    save_surface(drawn, path)
+
+
+def save_surface(surface: pygame.Surface, path: str | Path) -> None:
+    """Write a surface as PNG.
+
+    Raises:
+        RenderError: the file cannot be written.
+    """
+    try:
+        with open(path, "wb") as file:
+            pygame.image.save(surface, file, "picture.png")
+    except (OSError, pygame.error) as error:
+        raise RenderError(f"cannot write {path}: {error}") from error

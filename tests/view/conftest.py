@@ -1,0 +1,67 @@
+"""An episode made by hand: an L-room, furniture, people of every activity, a robot on its way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from sonata2d.entities import (
+    AT_LAPTOP,
+    TALKING,
+    Furniture,
+    Goal,
+    Human,
+    Interaction,
+    Robot,
+    Scene,
+    Wall,
+)
+from sonata2d.exact import heading, headings
+from sonata2d.frame import ACTIVITIES, Humans, RobotState, Snapshot, human_ids
+from sonata2d.geometry import Disc, Pose, Rectangle, Twist
+
+CORNERS = ((0.0, 0.0), (6.0, 0.0), (6.0, 2.5), (3.0, 2.5), (3.0, 5.0), (0.0, 5.0))
+
+
+def _scene() -> Scene:
+    walls = tuple(Wall(a, b) for a, b in zip(CORNERS, (*CORNERS[1:], CORNERS[0]), strict=True))
+    kinds = ("plant", "chair", "shelf", "tv", "crate")
+    furniture = (
+        Furniture(1, "table", Pose(1.5, 4.2), Rectangle(1.2, 0.7)),
+        Furniture(2, "laptop", Pose(1.5, 4.2, -math.pi / 2), Rectangle(0.3, 0.35), on=1),
+        *(Furniture(3 + k, kind, Pose(0.4, 0.5 + 0.6 * k, 0.3), Rectangle(0.3, 0.4)) for k, kind in enumerate(kinds)),
+        Furniture(9, "table", Pose(5.5, 2.0), Disc(0.3)),
+    )
+    humans = tuple(
+        Human(20 + k, Pose(1.2 + 0.7 * k, 1.6, 0.4 * k), behaviour="standing" if k % 2 else "wandering",
+              reacts_to_robot=0.0 if k == 1 else 1.0)
+        for k in range(6)
+    )  # fmt: skip
+    links = (Interaction(20, TALKING, 21), Interaction(24, AT_LAPTOP, 2))
+    return Scene("by-hand", "L", CORNERS, walls, furniture, humans, Robot(Pose(1.0, 0.5)), Goal(5.0, 0.6),
+                 interactions=links, seed=7, episode=3)  # fmt: skip
+
+
+def look(scene: Scene, tick: int = 0, robot: Pose | None = None) -> Snapshot:
+    """The scene at a tick, everyone where they started but the robot, which goes to its goal."""
+    pose = robot or Pose(1.0 + 0.1 * tick, 0.5, 0.0)
+    state = np.zeros((len(scene.humans), 9))
+    state[:, :2] = [human.pose.position for human in scene.humans]
+    angles = np.array([human.pose.theta for human in scene.humans])
+    state[:, 4:6], state[:, 6:8] = headings(angles), headings(angles + 0.3)
+    radius = np.array([human.radius for human in scene.humans])
+    humans = Humans(state, human_ids(scene), radius, np.arange(len(state)) % len(ACTIVITIES))
+    body = RobotState(pose.position, heading(pose.theta), (1.0, 0.0), 0.0, Twist(1.0), False, scene.robot)
+    return Snapshot(tick, tick * scene.rules.dt, scene, body, humans, scene.interactions)
+
+
+@pytest.fixture(scope="session")
+def scene() -> Scene:
+    return _scene()
+
+
+@pytest.fixture(scope="session")
+def episode(scene: Scene) -> list[Snapshot]:
+    return [look(scene, tick) for tick in range(12)]
