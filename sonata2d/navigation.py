@@ -225,7 +225,7 @@ class GoalField:
         straight = self.space._is_clear(starts, end)
         lengths[straight] = _lengths(end - starts)[straight]
         still = np.flatnonzero(~straight & ~np.isnan(starts[:, 0]))
-        if len(still):
+        if len(still) and len(self.space._graph.nodes):
             self._enter(starts, still, lengths, entries)
         return lengths, entries
 

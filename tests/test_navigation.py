@@ -1,6 +1,7 @@
 """The free space of a scene and the ways through it."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def free_points(room, count, seed):
 
 
 def length(way):
-    return float(sum(math.dist(a, b) for a, b in zip(way, way[1:], strict=False)))
+    return float(sum(math.dist(a, b) for a, b in pairwise(way)))
 
 
 def test_free_space_ends_at_its_clearance_from_walls_and_furniture():
@@ -83,7 +84,7 @@ def test_every_way_keeps_its_clearance(seed):
     starts, goals = free_points(room, 15, seed), free_points(room, 15, seed + 100)
     ways = [room.path(tuple(a), tuple(b)) for a, b in zip(starts.tolist(), goals.tolist(), strict=True)]
     for way in [way for way in ways if way is not None]:
-        samples = np.concatenate([np.linspace(a, b, 40) for a, b in zip(way, way[1:], strict=False)])
+        samples = np.concatenate([np.linspace(a, b, 40) for a, b in pairwise(way)])
         assert room.barriers.gaps(samples).min() >= room.clearance - 1e-5
 
 
@@ -172,6 +173,12 @@ def test_people_who_stand_close_a_gap():
 def test_a_clearance_of_nothing_is_refused():
     with pytest.raises(ValueError, match="clearance must be positive, got 0"):
         space(clearance=0.0)
+
+
+def test_there_is_no_way_past_a_wall_without_an_end():
+    room = space(walls=[((4.0, 0.0), (4.0, 8.0))])
+    assert room.path((1.0, 1.0), (7.0, 1.0)) is None
+    assert room.distance((1.0, 1.0), (7.0, 1.0)) == math.inf
 
 
 def test_an_empty_room_without_barriers_is_free():

@@ -1,0 +1,204 @@
+"""Who and what is in a scene, and who belongs with whom: drawn before anything has a place."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+from ..chance import Chance
+from ..entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Behaviour, Furniture, Human
+from ..exact import PI
+from ..geometry import Disc, Pose, Shape, quantised, shape_gap
+from .config import ScenarioConfig
+from .sections import outline_of
+from .settings import Range
+
+Entity = Human | Furniture
+
+_ORIGIN = Pose(0.0, 0.0)
+_ANY_YAW = Range(-PI, PI)
+_CYCLE = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER)  # the order in which the original tries them
+_COUNTED = {"table": "tables", "plant": "plants", "chair": "chairs", "shelf": "shelves", "tv": "tvs"}
+_USES = {"laptop": AT_LAPTOP, "plant": AT_PLANT, "table": "", "chair": ""}  # of a fixed piece; of others: AT_OBJECT
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """What a relation needs: its name in messages, its own setting, its people, and the things that will do."""
+
+    name: str
+    setting: str
+    behaviour: Behaviour
+    people: int
+    things: tuple[str, ...] = ()
+    distance: str = ""
+
+
+_KINDS = {
+    TALKING: _Kind("talking pair", "talking_pairs", "standing", 2),
+    WALKING_TOGETHER: _Kind("walking pair", "walking_pairs", "wandering", 2),
+    AT_LAPTOP: _Kind("person at a laptop", "at_laptop", "standing", 1, ("table",), "laptop_distance"),
+    AT_PLANT: _Kind("person at a plant", "at_plant", "standing", 1, ("plant",), "plant_distance"),
+    AT_OBJECT: _Kind("person at an object", "at_object", "standing", 1, ("shelf", "tv"), "object_distance"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Cluster:
+    """Things that are placed as one, since their places depend on each other.
+
+    Attributes:
+        name: for messages.
+        members: poses are in the cluster's frame; `Furniture.on` is an index into the members.
+        yaw: how the whole may be turned.
+        relation: of the first member with the last, or with the fixed piece.
+        fixed: index of the fixed piece that the only member attends to, from a `distance` drawn with each attempt.
+    """
+
+    name: str
+    members: tuple[Entity, ...]
+    yaw: Range
+    relation: str | None = None
+    fixed: int | None = None
+    distance: Range | None = None
+
+
+def shape_of(entity: Entity) -> Shape:
+    """The outline of a person or a thing."""
+    return Disc(entity.radius) if isinstance(entity, Human) else entity.shape
+
+
+def fixed_furniture(config: ScenarioConfig) -> tuple[Furniture, ...]:
+    """The pieces at fixed places, numbered from 0; a laptop over a table lies on it."""
+    pieces = [
+        Furniture(k, p.type, Pose(p.x, p.y, p.theta).rounded(), outline_of(p.size or config.sizes[p.type]))
+        for k, p in enumerate(config.furniture)
+    ]
+    return tuple(Furniture(p.id, p.type, p.pose, p.shape, _carrier(p, pieces)) for p in pieces)
+
+
+def _carrier(piece: Furniture, pieces: list[Furniture]) -> int | None:
+    """The table that a laptop lies on."""
+    tables = (other for other in pieces if other.type == "table" and piece.type == "laptop")
+    return next((table.id for table in tables if _is_over(piece, table)), None)
+
+
+def _is_over(piece: Furniture, table: Furniture) -> bool:
+    dx, dy = piece.pose.x - table.pose.x, piece.pose.y - table.pose.y
+    is_near = dx * dx + dy * dy < table.shape.reach * table.shape.reach
+    return is_near and shape_gap(piece.shape, piece.pose, table.shape, table.pose) == 0.0
+
+
+def draw_cast(config: ScenarioConfig, chance: Chance) -> list[Cluster]:
+    """People and things in their clusters: those in relations first, then the others."""
+    casting = _Casting(config, chance)
+    counts = {relation: getattr(config, kind.setting).draw(chance) for relation, kind in _KINDS.items()}
+    for relation, count in counts.items():
+        for _ in range(count):
+            casting.add(relation)
+    for _ in range(config.relations.draw(chance)):
+        first = chance.integer(0, len(_CYCLE) - 1)
+        casting.add_first_possible(_CYCLE[first:] + _CYCLE[:first])
+    casting.add_the_others()
+    return casting.clusters
+
+
+class _Casting:
+    """The clusters so far, and who and what is still free for a relation."""
+
+    def __init__(self, config: ScenarioConfig, chance: Chance) -> None:
+        self.config, self.chance = config, chance
+        self.clusters: list[Cluster] = []
+        standing, wandering = _draw_people(config, chance)
+        things = {type_: getattr(config, setting).draw(chance) for type_, setting in _COUNTED.items()}
+        self.free = Counter({"standing": standing, "wandering": wandering, **things})
+        self.spots: dict[str, list[int]] = {relation: [] for relation in ("", *_KINDS)}
+        for k in chance.shuffled(range(len(config.furniture))):
+            if config.furniture[k].attracts:
+                self.spots[_USES.get(config.furniture[k].type, AT_OBJECT)].append(k)
+
+    def add(self, relation: str) -> None:
+        """A relation of people who come along with it."""
+        if relation == TALKING:
+            facing = PI + self.config.talking_angle.draw(self.chance)
+            self._add_pair(relation, Pose(self.config.talking_distance.draw(self.chance), 0.0, facing))
+        elif relation == WALKING_TOGETHER:
+            self._add_pair(relation, Pose(0.0, self.config.pair_spacing.draw(self.chance)))
+        elif self.spots[relation]:
+            self._add_at_fixed(relation, self.spots[relation].pop())
+        else:
+            self._add_at_thing(relation)
+
+    def add_first_possible(self, relations: tuple[str, ...]) -> None:
+        """The first relation that there are free people and things for, of these people."""
+        for relation in relations:
+            kind = _KINDS[relation]
+            if self.free[kind.behaviour] >= kind.people and self._is_thing_free(relation):
+                self.free[kind.behaviour] -= kind.people
+                self.add(relation)
+                return
+
+    def add_the_others(self) -> None:
+        """Everybody and everything that is still free, alone."""
+        for behaviour in ("standing", "wandering"):
+            for _ in range(self.free[behaviour]):
+                self.clusters.append(Cluster("human", (self._human(behaviour, _ORIGIN),), _ANY_YAW))
+        for type_ in _COUNTED:
+            for _ in range(self.free[type_]):
+                self.clusters.append(Cluster(type_, self._things(type_, 0), self.config.furniture_yaw))
+
+    def _is_thing_free(self, relation: str) -> bool:
+        things = _KINDS[relation].things
+        if not things or self.spots[relation]:
+            return True
+        return any(self.free[type_] for type_ in things) and (relation != AT_LAPTOP or self.config.laptops_on_tables)
+
+    def _add_pair(self, relation: str, other: Pose) -> None:
+        kind = _KINDS[relation]
+        members = (self._human(kind.behaviour, _ORIGIN), self._human(kind.behaviour, other))
+        self.clusters.append(Cluster(kind.name, members, _ANY_YAW, relation))
+
+    def _add_at_fixed(self, relation: str, fixed: int) -> None:
+        kind = _KINDS[relation]
+        members = (self._human(kind.behaviour, _ORIGIN),)
+        distance = getattr(self.config, kind.distance)
+        self.clusters.append(Cluster(kind.name, members, _ANY_YAW, relation, fixed, distance))
+
+    def _add_at_thing(self, relation: str) -> None:
+        kind = _KINDS[relation]
+        type_ = next((type_ for type_ in kind.things if self.free[type_]), kind.things[0])
+        self.free[type_] -= min(self.free[type_], 1)
+        distance = getattr(self.config, kind.distance).draw(self.chance)
+        human = self._human(kind.behaviour, Pose(0.0, -distance, PI / 2))
+        things = self._things(type_, 1, with_laptop=relation == AT_LAPTOP)
+        self.clusters.append(Cluster(kind.name, (human, *things), self.config.furniture_yaw, relation))
+
+    def _things(self, type_: str, index: int, with_laptop: bool = False) -> tuple[Furniture, ...]:
+        """A piece of furniture, the member of that index, and the laptop on it."""
+        piece = Furniture(0, type_, _ORIGIN, outline_of(self.config.sizes[type_]))
+        if type_ != "table" or not (with_laptop or self.config.laptops_on_tables):
+            return (piece,)
+        return piece, Furniture(0, "laptop", _ORIGIN, outline_of(self.config.sizes["laptop"]), on=index)
+
+    def _human(self, behaviour: Behaviour, pose: Pose) -> Human:
+        person, speed = self.config.person, self.config.person.desired_speed
+        return Human(
+            id=0,
+            pose=pose,
+            radius=quantised(person.radius.draw(self.chance)),
+            desired_speed=quantised(self.chance.normal(speed.mean, speed.sd, speed.min, speed.max)),
+            behaviour=behaviour,
+            model=person.model,
+            reacts_to_robot=0.0 if self.chance.uniform() < person.ignores_robot else 1.0,
+        )
+
+
+def _draw_people(config: ScenarioConfig, chance: Chance) -> tuple[int, int]:
+    """How many stand alone, and how many wander; a fraction of a person by chance."""
+    if config.humans is None:
+        assert config.standing is not None
+        assert config.wandering is not None
+        return config.standing.draw(chance), config.wandering.draw(chance)
+    everybody = config.humans.draw(chance)
+    wandering = int(everybody * config.wandering_share + chance.uniform())
+    return everybody - wandering, wandering

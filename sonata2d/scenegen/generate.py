@@ -1,0 +1,102 @@
+"""From settings and a seed to a Scene: a value, the same for ever."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+
+from ..chance import Chance
+from ..entities import Furniture, Human, Rules, Scene
+from ..errors import SceneError
+from ..geometry import Barriers
+from .cast import Cluster, Entity, draw_cast, fixed_furniture, shape_of
+from .config import ScenarioConfig
+from .journey import draw_journey, reserved
+from .numbering import Company, numbered
+from .placement import Layout, extent
+from .rooms import FloorPlan, draw_plan
+
+
+def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
+    """Lay out a scene.
+
+    Room, people, things, relations and their distances are drawn once. Only places are drawn again where they do not
+    fit, so that a small room does not favour small numbers and short distances.
+
+    Args:
+        config: what the scene may look like.
+        seed: of the data set, 0 or more.
+        episode: number of the episode within the data set.
+
+    Raises:
+        SceneError: something found no place in any of `config.max_layouts` layouts.
+
+    >>> generate(ScenarioConfig(), seed=7) == generate(ScenarioConfig(), seed=7)
+    True
+    """
+    chance = Chance(seed, episode, "scene")
+    plan = draw_plan(config.room, chance)
+    fixed = _checked(fixed_furniture(config), plan)
+    cast = draw_cast(config, chance)
+    for _ in range(config.max_layouts - 1):
+        with suppress(SceneError):
+            return replace(_lay_out(config, plan, fixed, cast, chance), seed=seed, episode=episode)
+    return replace(_lay_out(config, plan, fixed, cast, chance), seed=seed, episode=episode)
+
+
+def _checked(fixed: tuple[Furniture, ...], plan: FloorPlan) -> tuple[Furniture, ...]:
+    for piece in fixed:
+        if not plan.contains(piece.shape, piece.pose):
+            raise SceneError(f"the {piece.type} at ({piece.pose.x:g}, {piece.pose.y:g}) does not fit between the walls")
+    return fixed
+
+
+def _lay_out(
+    config: ScenarioConfig, plan: FloorPlan, fixed: tuple[Furniture, ...], cast: list[Cluster], chance: Chance
+) -> Scene:
+    """One try to find a place for all: clusters first, the most demanding before the others, then robot and goal."""
+    layout = Layout(plan, config, reserved(config) + [(piece.shape, piece.pose) for piece in fixed if piece.on is None])
+    found: dict[int, tuple[Entity, ...]] = {}
+    for k in sorted(range(len(cast)), key=lambda k: (cast[k].fixed is None, -extent(cast[k]))):
+        members = layout.place(cast[k], fixed, chance)
+        if members is not None:
+            found[k] = members
+        elif not config.drop:
+            raise SceneError(_no_spot(cast, k, plan, config.max_attempts))
+    company = numbered([(cast[k], found[k]) for k in sorted(found)], fixed)
+    robot, goal = draw_journey(config, layout, _obstacles(plan, company), chance)
+    return Scene(
+        name=config.name,
+        family=f"{config.name}/{plan.kind}",
+        polygon=plan.polygon,
+        walls=plan.walls,
+        furniture=company.furniture,
+        humans=company.humans,
+        robot=robot,
+        goal=goal,
+        groups=company.groups,
+        interactions=company.interactions,
+        rules=Rules(**config.rules.model_dump()),
+        settings=config.settings(),
+        dropped=tuple(_label(cast, k) for k in range(len(cast)) if k not in found),
+    )
+
+
+def _obstacles(plan: FloorPlan, company: Company) -> Barriers:
+    """Walls, furniture and people who stand: what the robot must go round."""
+    solid: list[Entity] = [piece for piece in company.furniture if piece.on is None]
+    solid += [human for human in company.humans if human.behaviour == "standing"]
+    edges = (edge for entity in solid for edge in shape_of(entity).edges(entity.pose))
+    return plan.barriers.joined(Barriers.of(edges))
+
+
+def _label(cast: list[Cluster], k: int) -> str:
+    """Which one of its kind: `human 5 of 6`."""
+    alike = [i for i, cluster in enumerate(cast) if cluster.name == cast[k].name]
+    return f"{cast[k].name} {alike.index(k) + 1} of {len(alike)}"
+
+
+def _no_spot(cast: list[Cluster], k: int, plan: FloorPlan, attempts: int) -> str:
+    fewer = "fewer humans" if isinstance(cast[k].members[0], Human) else "less furniture"
+    spot = f"no free spot for {_label(cast, k)} in a {plan.size} room after {attempts} attempts"
+    return f"{spot}; widen the room or ask for {fewer}"

@@ -1,0 +1,202 @@
+"""The sections of a scenario: room, furniture, people, robot, goal, rules."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator, model_validator
+from pydantic_core import PydanticCustomError
+
+from ..entities import EndsOn, Kinematics, Limits, Rules
+from ..geometry import Barriers, Disc, Point, Rectangle, Shape, quantised, segments_cross
+from .settings import Range, Settings
+
+RoomKind = Literal["square", "rectangle", "l"]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Size = PositiveFloat | tuple[PositiveFloat, PositiveFloat]  # radius of a disc, or length (x) and width (y), m
+WallEnds = tuple[float, float, float, float]  # x1, y1, x2, y2, m
+
+SIZES: dict[str, Size] = {
+    "table": (0.8, 0.8),
+    "laptop": (0.35, 0.25),
+    "plant": 0.2,
+    "chair": (0.45, 0.45),
+    "shelf": (1.0, 0.35),
+    "tv": (1.0, 0.1),
+}  # m; the table as SocNav3 draws it, the rest as one finds them in shops
+
+
+def outline_of(size: Size) -> Shape:
+    """The outline that a size stands for."""
+    return Rectangle(quantised(size[0]), quantised(size[1])) if isinstance(size, tuple) else Disc(quantised(size))
+
+
+class RoomConfig(Settings):
+    """The floor plan: one of three kinds, drawn by weight and centred at the origin, or a given polygon.
+
+    Attributes:
+        kinds: weight of each kind; a list of names, or one name, weighs them alike.
+        side: of the square.
+        breadth, length: of the rectangle, along y and x; the length is at least the breadth.
+        unit: of the L: a rectangle of 3 x 2 units with a square of 1 x 1 below one end, in any of four orientations.
+        polygon: corners of a given room, in order, without edges that cross; takes the place of the kinds.
+        walls: inner walls, as x1, y1, x2, y2.
+    """
+
+    kinds: dict[RoomKind, NonNegativeFloat] = Field(default={"square": 1.0, "rectangle": 1.0, "l": 1.0})
+    side: Range = Range(6, 10, 1)
+    breadth: Range = Range(5, 10, 1)
+    length: Range = Range(5, 10, 1)
+    unit: Range = Range(3, 4, 1)
+    polygon: Annotated[tuple[Point, ...], Field(min_length=3)] | None = None
+    walls: tuple[WallEnds, ...] = ()
+
+    @field_validator("kinds", mode="before")
+    @classmethod
+    def _weigh_alike(cls, given: Any) -> Any:
+        names = [given] if isinstance(given, str) else given
+        return dict.fromkeys(names, 1.0) if isinstance(names, list | tuple) else names
+
+    @field_validator("kinds", mode="after")
+    @classmethod
+    def _leave_some(cls, kinds: dict[RoomKind, float]) -> dict[RoomKind, float]:
+        if not sum(kinds.values()) > 0.0:
+            raise PydanticCustomError("kinds", "at least one kind of room needs a weight above 0")
+        return kinds
+
+    @field_validator("side", "breadth", "length", "unit", mode="after")
+    @classmethod
+    def _be_positive(cls, size: Range) -> Range:
+        if not size.min > 0.0:
+            raise PydanticCustomError("size", "a room's size must be above 0")
+        return size
+
+    @field_validator("polygon", mode="after")
+    @classmethod
+    def _be_simple(cls, corners: tuple[Point, ...] | None) -> tuple[Point, ...] | None:
+        if corners is not None and not _is_simple(corners):
+            raise PydanticCustomError("polygon", "the room's edges cross or touch each other")
+        return corners
+
+    @field_validator("walls", mode="after")
+    @classmethod
+    def _have_length(cls, walls: tuple[WallEnds, ...]) -> tuple[WallEnds, ...]:
+        for wall in walls:
+            if wall[:2] == wall[2:]:
+                raise PydanticCustomError("wall", "wall {wall} has no length", {"wall": list(wall)})
+        return walls
+
+
+def _is_simple(corners: tuple[Point, ...]) -> bool:
+    """Whether edges meet at their common corners only."""
+    following = [*corners[1:], corners[0]]
+    edges = Barriers.of((a, b, 0.0) for a, b in zip(corners, following, strict=True))
+    gaps = edges.gaps(edges.start)  # of each edge from each corner
+    own = np.eye(len(corners), dtype=bool)
+    gaps[own | np.roll(own, 1, axis=1)] = np.inf
+    return not (segments_cross(edges.start, edges.end, edges).any() or (gaps < 1e-3).any())
+
+
+class FurnitureConfig(Settings):
+    """A piece of furniture at a fixed place. A laptop over a table lies on it.
+
+    Attributes:
+        size: m, if not that of its type.
+        attracts: whether `at_laptop`, `at_plant` or `at_object` may put somebody on its right side (-y), facing it.
+    """
+
+    type: str
+    x: float
+    y: float
+    theta: float = 0.0
+    size: Size | None = None
+    attracts: bool = True
+
+
+class SpeedConfig(Settings):
+    """A normal distribution cut off at both ends, m/s."""
+
+    mean: PositiveFloat = 1.3
+    sd: PositiveFloat = 0.2
+    min: PositiveFloat = 0.8
+    max: PositiveFloat = 1.8
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if not self.min < self.max:
+            raise PydanticCustomError("range", "min {low} is not below max {high}", {"low": self.min, "high": self.max})
+        return self
+
+
+class PersonConfig(Settings):
+    """What people are like.
+
+    Attributes:
+        radius: of the solid outline, m.
+        wall_distance: of a person's centre from walls at the start, m.
+        model: name of the walking model.
+        ignores_robot: the chance, drawn for each person, that they take no notice of the robot.
+    """
+
+    radius: Range = Range(0.20, 0.20)
+    wall_distance: NonNegativeFloat = 0.4
+    desired_speed: SpeedConfig = SpeedConfig()
+    model: str = "moussaid2009"
+    ignores_robot: Share = 0.0
+
+
+class LimitsConfig(Settings):
+    """What the robot's drive can do: m/s, rad/s, m/s², rad/s²."""
+
+    ahead: PositiveFloat = Limits().ahead
+    back: PositiveFloat = Limits().back
+    sideways: PositiveFloat = Limits().sideways
+    turn: PositiveFloat = Limits().turn
+    acceleration: PositiveFloat = Limits().acceleration
+    turn_acceleration: PositiveFloat = Limits().turn_acceleration
+
+
+class RobotConfig(Settings):
+    """The robot's drive and outline.
+
+    Attributes:
+        clearance: of a drawn start from everything, m.
+        pose: x, y, theta of the start, if it is not to be drawn.
+    """
+
+    kinematics: Kinematics = "holonomic"
+    radius: PositiveFloat = 0.30
+    limits: LimitsConfig = LimitsConfig()
+    clearance: PositiveFloat = 0.2
+    pose: tuple[float, float, float] | None = None
+
+
+class GoalConfig(Settings):
+    """Where the robot shall go, and when it is there.
+
+    Attributes:
+        distance, angle: of the robot from the goal's centre (m) and heading (rad) that count as reached.
+        min_distance: from the robot's start, m, of a drawn goal.
+        position: x, y, m, if the goal is not to be drawn.
+        theta: rad, if the heading is not to be drawn.
+    """
+
+    distance: PositiveFloat = 0.40
+    angle: PositiveFloat = 3.1416
+    min_distance: PositiveFloat = 2.0
+    position: Point | None = None
+    theta: float | None = None
+
+
+class RulesConfig(Settings):
+    """How an episode is run; see `entities.Rules`."""
+
+    dt: PositiveFloat = Rules().dt
+    substeps: PositiveInt = Rules().substeps
+    iterations: PositiveInt = Rules().iterations
+    time_limit: PositiveFloat = Rules().time_limit
+    ends_on: tuple[EndsOn, ...] = Rules().ends_on
+    guard: bool = Rules().guard
+    contact_distance: NonNegativeFloat = Rules().contact_distance
+    side: Literal[-1, 1] = Rules().side

@@ -1,0 +1,122 @@
+"""Scenarios from presets and files, and errors that name file, line, key and value."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from sonata2d.errors import ConfigError
+from sonata2d.scenegen import ScenarioConfig, generate, load_scenario, scenario_names
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a scenario file, get its path."""
+
+    def write(text: str, name: str = "office.yaml") -> str:
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return str(path)
+
+    return write
+
+
+def test_the_preset_sonata_2020_is_the_defaults():
+    assert load_scenario("sonata-2020").model_copy(update={"description": ""}) == ScenarioConfig()
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_preset_is_described_and_makes_scenes(name):
+    assert scenario_names()[name]
+    assert load_scenario(name).name == name
+    assert [generate(load_scenario(name), seed).name for seed in range(5)] == [name] * 5
+
+
+def test_the_crowded_preset_has_the_counts_of_the_original_dialog():
+    settings = load_scenario("sonata-2020-crowded").settings()
+    counts = {key: settings[key] for key in ("standing", "wandering", "plants", "tables", "relations", "drop")}
+    assert counts == {
+        "standing": [0, 10], "wandering": [0, 8], "plants": [0, 6], "tables": [0, 5], "relations": [0, 8], "drop": True
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("den.yaml", "tables: [1, 2]\nroom: {kinds: square}\n"),
+        ("den.yml", "tables: {min: 1, max: 2}\nroom:\n  kinds: {square: 2}\n"),
+        ("den.json", '{"tables": [1, 2],\n\t"room": {"kinds": ["square"]}}'),
+        ("den.toml", 'tables = [1, 2]\n[room]\nkinds = "square"\n'),
+    ],
+)
+def test_a_scenario_may_be_yaml_json_or_toml(written, name, text):
+    config = load_scenario(written(text, name))
+    assert config.name == "den"
+    assert config.settings()["tables"] == [1, 2]
+    assert list(config.room.kinds) == ["square"]
+
+
+def test_a_file_changes_only_some_settings_of_what_it_extends(written):
+    written("extends: sonata-2020-crowded\nrobot: {radius: 0.4}\nplants: 1\n", "base.yaml")
+    config = load_scenario(written("extends: base.yaml\nrobot: {kinematics: unicycle}\nhumans: 3\n"))
+    assert (config.name, config.description) == ("office", "")
+    assert (config.robot.radius, config.robot.kinematics, config.drop) == (0.4, "unicycle", True)
+    assert (config.settings()["plants"], config.settings()["humans"], config.standing) == (1, 3, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("drop: true\n\ntabels: 3\n", "office.yaml, line 3: tabels: unknown key 'tabels'; did you mean 'tables'?"),
+        ("room:\n  sidee: 5\n", "office.yaml, line 2: room.sidee: unknown key 'sidee'; did you mean 'side'?"),
+        ("room:\n  side: [9, 5]\n", "office.yaml, line 2: room.side: min 9 is above max 5 (got [9, 5])"),
+        ("drop: perhaps\n", "office.yaml, line 1: drop: Input should be a valid boolean, unable to interpret input"
+         " (got 'perhaps')"),
+        ("furniture:\n- {type: tv, x: 1, y: 2}\n- type: tabel\n  x: 1\n  y: 2\n",
+         "office.yaml, line 3: furniture.1.type: furniture of unknown type needs a size; did you mean 'table'?"
+         " (got 'tabel')"),
+        ("furniture:\n- type: table\n  x: 1\n", "office.yaml, line 2: furniture.0.y: Field required"),
+        ("standing: 1\nhumans: 3\n", "office.yaml, line 2: humans: give humans, or standing and wandering, not both"
+         " (got 3)"),
+        ("sizes:\n  sofa: [1, -2]\n", "office.yaml, line 2: sizes.sofa: Input should be a valid number (got [1, -2])"
+         " (and 1 more)"),
+        ("room: {side: 5\n", "office.yaml, line 2: expected ',' or '}', but got '<stream end>'"),
+        ("- 1\n", "office.yaml: a scenario is a mapping of settings, not list"),
+        ("", "office.yaml: a scenario is a mapping of settings, not NoneType"),
+        ("tables: 1\nextends: sonata-2021\n", "office.yaml, line 2: extends: no scenario file or preset 'sonata-2021'; "
+         "did you mean 'sonata-2020'?"),
+        ("extends: office.yaml\n", "office.yaml, line 1: extends: office.yaml extends itself"),
+    ],
+)  # fmt: skip
+def test_an_error_is_one_line_that_names_file_line_key_and_value(written, text, message):
+    with pytest.raises(ConfigError) as error:
+        load_scenario(written(text))
+    assert str(error.value) == message
+
+
+def test_errors_in_json_and_toml_name_what_they_can(written):
+    with pytest.raises(ConfigError, match=r"^a\.json, line 2: room\.kinds\.sqare: "):
+        load_scenario(written('{"room": {"kinds":\n {"sqare": 1}}}', "a.json"))
+    with pytest.raises(ConfigError, match=r"^a\.json, line 2: Expecting ',' delimiter"):
+        load_scenario(written('{"room": {"kinds":\n {"square": 1}', "a.json"))
+    with pytest.raises(ConfigError, match=r"^b\.toml: room\.side: "):
+        load_scenario(written('[room]\nside = "x"', "b.toml"))
+    with pytest.raises(ConfigError, match=r"^b\.toml: Invalid value"):
+        load_scenario(written("[room]\nside = ", "b.toml"))
+
+
+def test_an_unknown_preset_or_file_brings_a_suggestion(written):
+    with pytest.raises(ConfigError, match="no scenario file or preset 'sonata2020'; did you mean 'sonata-2020'"):
+        load_scenario("sonata2020")
+    with pytest.raises(ConfigError, match="presets are empty, sonata-2020, sonata-2020-crowded"):
+        load_scenario("xyz")
+    path = written("tables: 1\n")
+    with pytest.raises(ConfigError, match=r"did you mean '.*office\.yaml'"):
+        load_scenario(path[:-5] + ".yml")
+
+
+def test_yaml_is_loaded_only_when_a_scenario_is_read():
+    code = "import sys, sonata2d.scenegen; sys.exit('yaml' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
