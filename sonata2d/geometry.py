@@ -168,21 +168,21 @@ class Barriers:
         square = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1]
         return d, np.where(square > 0.0, 1.0 / np.where(square > 0.0, square, 1.0), 0.0)
 
-    def towards(self, points: Array) -> Array:
+    def towards(self, points: Array) -> tuple[Array, Array]:
         """Vectors from points to the nearest point of each segment's core line.
 
         Args:
             points: (N, 2), m.
 
         Returns:
-            (2, M, N), m: x and y components, one row a segment.
+            x and y components, (M, N) each, m; one row a segment.
         """
         d, inverse = self._along
         px = points[:, 0] - self.start[:, 0, None]
         py = points[:, 1] - self.start[:, 1, None]
         dx, dy = d[:, 0, None], d[:, 1, None]
         t = np.minimum(np.maximum((px * dx + py * dy) * inverse[:, None], 0.0), 1.0)
-        return np.stack((t * dx - px, t * dy - py))
+        return t * dx - px, t * dy - py
 
     def gaps(self, points: Array) -> Array:
         """Distance from points to the surface of each thick segment; (N, 2) to (M, N), m, negative inside."""

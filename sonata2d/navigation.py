@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -10,17 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .exact import PI, Array, headings
+from .corners import lengths as _lengths
+from .corners import surroundings
+from .exact import Array
 from .geometry import Barriers, Point, inside_edges, segment_distances, segments_cross
 
 TOLERANCE = 1e-6  # m, by which a clearance may be missed
 MARGIN = 1e-3  # m, by which ways keep off the inflated corners they turn round
-_HEXAGON = headings(np.arange(6) * PI / 3) * 1.1547005383792517  # its edges touch the unit circle
-_DODECAGON = headings(np.arange(12) * PI / 6) * 1.0352761804100832
-_SQUARE = ((1.0, 1.0), (1.0, -1.0))
-_CUT = 0.41421356237309503  # tan 22.5°
-_OCTAGON = ((1.0, _CUT), (1.0, -_CUT), (_CUT, 1.0), (_CUT, -1.0))
-_SHARP = 0.5  # a corner of less than 60° is treated as two loose ends: its mitre would stick out far
 
 
 class _Graph(NamedTuple):
@@ -142,7 +137,7 @@ class FreeSpace:
         """Free places (n, 2) just off the inflated barriers; closer ones where the space is narrow."""
         offset = self.clearance + MARGIN
         found = []
-        for wide, close in (_discs(self.barriers, offset), *_corners(self.barriers, offset)):
+        for wide, close in surroundings(self.barriers, offset):
             has_room = self.is_free(wide.reshape(-1, 2)).reshape(wide.shape[:2]).all(axis=1)
             narrow = close[~has_room].reshape(-1, 2)
             found += [wide[has_room].reshape(-1, 2), narrow[self.is_free(narrow)]]
@@ -150,7 +145,7 @@ class FreeSpace:
 
     def _push(self, at: Array) -> Array:
         """The step (1, 2) that takes a place just off the barrier it is deepest in."""
-        x, y = self.barriers.towards(at)[:, :, 0]
+        x, y = (component[:, 0] for component in self.barriers.towards(at))
         apart = np.sqrt(x * x + y * y)
         deepest = int(np.argmin(apart - self.barriers.radius))
         if apart[deepest] == 0.0:
@@ -259,13 +254,6 @@ class GoalField:
         return [graph.nodes[k : k + 1] for k in way]
 
 
-def _lengths(vectors: Array) -> Array:
-    """Lengths of vectors; (..., 2) to (...)."""
-    x, y = vectors[..., 0], vectors[..., 1]
-    lengths: Array = np.sqrt(x * x + y * y)
-    return lengths
-
-
 def _solid(barriers: Barriers, outline: set[Point]) -> Any:
     """(M,) of bool: which barriers are edges of a solid thing, a closed line without a corner of the room's outline."""
     start = [(float(x), float(y)) for x, y in barriers.start]
@@ -279,42 +267,3 @@ def _solid(barriers: Barriers, outline: set[Point]) -> Any:
         if closes or k + 1 == len(barriers) or end[k] != start[k + 1]:
             first = k + 1
     return solid
-
-
-def _discs(barriers: Barriers, offset: float) -> tuple[Array, Array]:
-    """Hexagons (D, 6, 2) round the discs among barriers inflated by `offset`, and closer polygons (D, 12, 2)."""
-    is_disc = (barriers.start == barriers.end).all(axis=1)
-    centre, reach = barriers.start[is_disc][:, None, :], (barriers.radius[is_disc] + offset)[:, None, None]
-    return centre + reach * _HEXAGON, centre + reach * _DODECAGON
-
-
-def _corners(barriers: Barriers, offset: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Mitres (C, 1, 2) where two barriers meet, squares (E, 2, 2) round other ends; each also with its corners cut."""
-    along = barriers.end - barriers.start
-    length = _lengths(along)
-    long = length > 0.0
-    unit = along[long] / length[long, None]
-    ends = np.concatenate((barriers.start[long], barriers.end[long]))
-    outward = np.concatenate((-unit, unit))
-    reach = (np.tile(barriers.radius[long], 2) + offset)[:, None]
-
-    meets = (ends[:, None, :] == ends[None, :, :]).all(axis=2) & ~np.eye(len(ends), dtype=bool)
-    partner = meets.argmax(axis=1) if len(ends) else np.zeros(0, dtype=int)
-    both = outward + outward[partner]
-    cosine = _lengths(both) / 2  # of half the angle between the two barriers
-    sine = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
-    joined = (meets.sum(axis=1) == 1) & (sine >= _SHARP)
-    first = joined & (np.arange(len(ends)) < partner) & (cosine > TOLERANCE)  # 0: a wall that goes straight on
-    bisector = both[first] / (2 * cosine[first, None])
-    mitre = _offsets(ends[first], bisector, reach[first], [(1 / sine[first], 0.0)])
-    cut = (1.0 - sine[first]) / cosine[first]
-    bevel = _offsets(ends[first], bisector, reach[first], [(1.0, cut), (1.0, -cut)])
-    loose = (ends[~joined], outward[~joined], reach[~joined])
-    return (mitre, bevel), (_offsets(*loose, _SQUARE), _offsets(*loose, _OCTAGON))
-
-
-def _offsets(origin: Array, ahead: Array, reach: Array, steps: Sequence[tuple[Any, Any]]) -> Array:
-    """Places (E, len(steps), 2) at (ahead, left) steps, in units of the reach (E, 1), from origins (E, 2)."""
-    left = np.stack((-ahead[:, 1], ahead[:, 0]), axis=1)
-    columns = [origin + reach * (ahead * np.reshape(a, (-1, 1)) + left * np.reshape(b, (-1, 1))) for a, b in steps]
-    return np.stack(columns, axis=1)

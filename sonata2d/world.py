@@ -201,7 +201,10 @@ def _unit(x: float, y: float) -> tuple[float, float]:
 def _rotated(vectors: Array, by: Array, sign: float) -> Array:
     """Vectors turned by (sign 1) or back by (sign -1) the angle of unit vectors; all (N, 2)."""
     c, s = by[:, 0], sign * by[:, 1]
-    return np.stack((vectors[:, 0] * c - vectors[:, 1] * s, vectors[:, 0] * s + vectors[:, 1] * c), axis=1)
+    rotated = np.empty_like(vectors)
+    rotated[:, 0] = vectors[:, 0] * c - vectors[:, 1] * s
+    rotated[:, 1] = vectors[:, 0] * s + vectors[:, 1] * c
+    return rotated
 
 
 def _turned(now: Array, target: Array, most: float) -> Array:
@@ -209,7 +212,8 @@ def _turned(now: Array, target: Array, most: float) -> Array:
     c = now[:, 0] * target[:, 0] + now[:, 1] * target[:, 1]
     s = now[:, 0] * target[:, 1] - now[:, 1] * target[:, 0]
     cos, sin = rotation(most)
-    part = np.stack((np.full_like(s, cos), np.where(s < 0.0, -sin, sin)), axis=1)
+    part = np.empty_like(now)
+    part[:, 0], part[:, 1] = cos, np.where(s < 0.0, -sin, sin)
     turned = np.where((c < cos)[:, None], _rotated(now, part, 1.0), target)
     norm = np.sqrt(turned[:, 0] * turned[:, 0] + turned[:, 1] * turned[:, 1])
     unit: Array = turned / norm[:, None]

@@ -44,7 +44,6 @@ class Controller(ABC):
 
     def reset(self, scene: Scene) -> None:
         """A new episode begins: forget the last one."""
-        return None
 
     @abstractmethod
     def act(self, snapshot: Snapshot) -> Answer:
@@ -52,7 +51,6 @@ class Controller(ABC):
 
     def label(self, snapshot: Snapshot, twist: Twist) -> Any:
         """What to note beside this frame: anything JSON can hold. None: the command itself is the label."""
-        return None
 
     def settings(self) -> Mapping[str, Any]:
         """What the file notes of how this controller was set; by default its public plain attributes."""

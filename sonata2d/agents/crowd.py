@@ -12,8 +12,8 @@ from ..exact import Array, headings
 from ..frame import CrowdCommands, Snapshot, activities_of
 from .forces.drive import desired_acceleration, standing_acceleration
 from .forces.groups import Moussaid2010, group_acceleration
-from .forces.moussaid2009 import Moussaid2009, interaction_acceleration
-from .forces.walls import sight, sight_blockers, wall_acceleration
+from .forces.moussaid2009 import Moussaid2009, bulk_of, interaction_acceleration
+from .forces.walls import Sight, wall_acceleration
 from .wandering import Wanderers
 
 HURRY = 1.3  # times the desired speed is the fastest anyone walks (Helbing & Molnár 1995)
@@ -45,8 +45,8 @@ class Crowd:
         self._speed = self._group_speeds()
         radius = [*(human.radius for human in people), scene.robot.radius]
         self._radius = np.array(radius, dtype=float)
-        self._weight = self._who_minds_whom()
-        self._blockers = sight_blockers(scene)
+        self._weight, self._bulk = self._who_minds_whom(), bulk_of(self._radius)
+        self._sight = Sight(scene, len(people) + 1)
         self._member = self._who_walks_with_whom()
         self._partner = self._whom_they_face()
         self._activity = activities_of(scene)
@@ -70,8 +70,8 @@ class Crowd:
     def _acceleration(self, position: Array, velocity: Array, direction: Array) -> Array:
         """Sum of the forces on each person. The robot rides along as the last row, so that no array is one wide."""
         law, people = self._law, len(direction)
-        weight = self._weight if self._blockers is None else self._weight * sight(position, self._blockers)
-        walking = interaction_acceleration(position, velocity, weight, self._scene.rules.side, law)
+        weight = self._weight * self._sight.seen(position)
+        walking = interaction_acceleration(position, velocity, weight, self._bulk, self._scene.rules.side, law)
         walking += wall_acceleration(
             position, self._radius, self._scene.barriers, strength=law.wall_strength, reach=law.wall_reach
         )

@@ -12,7 +12,7 @@ from ..geometry import Twist, direction_angle
 from ..navigation import FreeSpace
 from .controller import Controller
 from .forces.drive import desired_acceleration
-from .forces.moussaid2009 import Moussaid2009, interaction_acceleration
+from .forces.moussaid2009 import Moussaid2009, bulk_of, interaction_acceleration
 from .forces.walls import wall_acceleration
 
 LOOK_EVERY = 5  # ticks between looks for the way
@@ -57,7 +57,8 @@ class SocialForce(Controller):
         apart = max(math.sqrt(dx * dx + dy * dy), 1e-6)
         weight = np.zeros((len(position), len(position)))
         weight[:-1, -1] = 1.0
-        force = interaction_acceleration(position, velocity, weight, snapshot.scene.rules.side, law)[-1]
+        bulk = bulk_of(np.concatenate((humans.radius, np.array([robot.radius]))))
+        force = interaction_acceleration(position, velocity, weight, bulk, snapshot.scene.rules.side, law)[-1]
         force = (
             force
             + desired_acceleration(

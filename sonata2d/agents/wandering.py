@@ -11,6 +11,7 @@ from ..frame import Humans
 from ..navigation import FreeSpace
 
 CLEARANCE = 0.10  # m, that ways keep from walls, furniture and standing people
+SQUEEZE = 0.05  # m, by which a body may seem to be in a wall before its way counts as shut
 ARRIVED = 0.5  # m from the goal
 TURNED = 0.35  # m from a waypoint, when the next one is aimed at
 NEAREST_GOAL = 2.0  # m, closer places are not worth a walk
@@ -39,7 +40,9 @@ class Wanderers:
         self._anchor: dict[int, tuple[float, float]] = {}
         self.target = np.array([human.pose.position for human in scene.humans], dtype=float).reshape(-1, 2)
         reach = max((scene.humans[k].radius for k in walking), default=0.2) + CLEARANCE
-        self._space = FreeSpace(scene.outline, scene.barriers.joined(scene.standing), reach)
+        solids = scene.barriers.joined(scene.standing)
+        self._space = FreeSpace(scene.outline, solids, reach)
+        self._passable = FreeSpace(scene.outline, solids, reach - CLEARANCE - SQUEEZE)
         low, high = scene.outline.min(axis=0), scene.outline.max(axis=0)
         self._box = (*low.tolist(), *high.tolist())
 
@@ -93,15 +96,15 @@ class Wanderers:
                 self._next[k] = n + 1
         if not looking:
             return
-        last = [len(self._ways[k]) - 1 for k in looking]
-        starts = np.concatenate([position[looking], position[looking]])
-        ends = [self._ways[k][self._next[k]] for k in looking]
-        ends += [self._ways[k][min(self._next[k] + 1, end)] for k, end in zip(looking, last, strict=True)]
-        clear = self._space.is_clear(starts, np.array(ends)).tolist()
-        for row, (k, end) in enumerate(zip(looking, last, strict=True)):
-            if clear[row + len(looking)]:
-                self._next[k] = min(self._next[k] + 1, end)
-            elif not clear[row]:
+        after = [min(self._next[k] + 1, len(self._ways[k]) - 1) for k in looking]
+        ahead = np.array([self._ways[k][n] for k, n in zip(looking, after, strict=True)])
+        aim = np.array([self._ways[k][self._next[k]] for k in looking])
+        in_view = self._space.is_clear(position[looking], ahead).tolist()
+        passable = self._passable.is_clear(position[looking], aim).tolist()
+        for k, n, may_cut, may_go_on in zip(looking, after, in_view, passable, strict=True):
+            if may_cut:
+                self._next[k] = n
+            elif not may_go_on:
                 self._find_back(k, position[k].tolist())
 
     def _find_back(self, k: int, place: list[float]) -> None:

@@ -93,6 +93,8 @@ def _obstacles(plan: FloorPlan, company: Company) -> Barriers:
 def _label(cast: list[Cluster], k: int) -> str:
     """Which one of its kind: `human 5 of 6`."""
     alike = [i for i, cluster in enumerate(cast) if cluster.name == cast[k].name]
+    if cast[k].name == "human":  # those in pairs are humans too
+        alike = [i for i, cluster in enumerate(cast) for member in cluster.members if isinstance(member, Human)]
     return f"{cast[k].name} {alike.index(k) + 1} of {len(alike)}"
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from sonata2d.agents.forces.drive import desired_acceleration, standing_acceleration
 from sonata2d.agents.forces.groups import Moussaid2010, group_acceleration
-from sonata2d.agents.forces.moussaid2009 import Moussaid2009, interaction_acceleration
-from sonata2d.agents.forces.walls import sight, sight_blockers, wall_acceleration
+from sonata2d.agents.forces.moussaid2009 import Moussaid2009, bulk_of, interaction_acceleration
+from sonata2d.agents.forces.walls import Sight, wall_acceleration
 from sonata2d.entities import Wall
 from sonata2d.exact import Array
 from sonata2d.geometry import Barriers
@@ -38,30 +38,41 @@ def test_interaction_as_worked_out_by_hand() -> None:
     decay = math.exp(-1.0 / reach)
     left = np.array([-t[1], t[0]])
     by_hand = -4.5 * decay * (math.exp(-((3 * reach * theta) ** 2)) * t + math.exp(-((2 * reach * theta) ** 2)) * left)
-    felt = interaction_acceleration(place, velocity, everybody(2), 1, LAW)
+    felt = interaction_acceleration(place, velocity, everybody(2), np.zeros((2, 2)), 1, LAW)
     assert felt[0] == pytest.approx(by_hand, abs=1e-6)
+
+
+def test_a_bulky_robot_is_felt_from_further_off() -> None:
+    place, velocity = np.array([[0.0, 0.0], [1.5, 0.0]]), np.array([[1.3, 0.0], [0.0, 0.0]])
+    felt = {
+        r: interaction_acceleration(place, velocity, everybody(2), bulk_of(np.array([0.2, r])), 1, LAW)
+        for r in (0.2, 0.4)
+    }
+    nearer = interaction_acceleration(place * (1.3 / 1.5), velocity, everybody(2), np.zeros((2, 2)), 1, LAW)
+    assert felt[0.4][0] == pytest.approx(nearer[0])
+    assert np.linalg.norm(felt[0.4][0]) > np.linalg.norm(felt[0.2][0])
 
 
 def test_interaction_turns_with_the_scene() -> None:
     place, velocity = some_people()
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
-    felt = interaction_acceleration(place, velocity, everybody(6), 1, LAW)
-    turned = interaction_acceleration(place @ turn.T, velocity @ turn.T, everybody(6), 1, LAW)
+    felt = interaction_acceleration(place, velocity, everybody(6), np.zeros((6, 6)), 1, LAW)
+    turned = interaction_acceleration(place @ turn.T, velocity @ turn.T, everybody(6), np.zeros((6, 6)), 1, LAW)
     assert turned == pytest.approx(felt @ turn.T, abs=1e-6)
 
 
 def test_interaction_mirrors_with_the_scene_and_its_side() -> None:
     place, velocity = some_people()
     mirror = np.array([-1.0, 1.0])
-    felt = interaction_acceleration(place, velocity, everybody(6), 1, LAW)
-    mirrored = interaction_acceleration(place * mirror, velocity * mirror, everybody(6), -1, LAW)
+    felt = interaction_acceleration(place, velocity, everybody(6), np.zeros((6, 6)), 1, LAW)
+    mirrored = interaction_acceleration(place * mirror, velocity * mirror, everybody(6), np.zeros((6, 6)), -1, LAW)
     assert mirrored == pytest.approx(felt * mirror, abs=1e-9)
 
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_who_meets_head_on_evades_to_the_biased_side(side: int) -> None:
     place, velocity = np.array([[0.0, 0.0], [3.0, 0.0]]), np.array([[1.3, 0.0], [-1.3, 0.0]])
-    felt = interaction_acceleration(place, velocity, everybody(2), side, LAW)
+    felt = interaction_acceleration(place, velocity, everybody(2), np.zeros((2, 2)), side, LAW)
     assert felt[0, 1] * side < 0.0  # to the right of one who walks along +x is -y
     assert felt[1, 1] * side > 0.0
 
@@ -70,10 +81,10 @@ def test_nobody_minds_whom_they_do_not_weigh() -> None:
     place, velocity = some_people()
     weight = everybody(6)
     weight[2, :] = 0.0  # nobody minds person 2
-    felt = interaction_acceleration(place, velocity, weight, 1, LAW)
+    felt = interaction_acceleration(place, velocity, weight, np.zeros((6, 6)), 1, LAW)
     moved = place.copy()
     moved[2] += 0.5
-    again = interaction_acceleration(moved, velocity, weight, 1, LAW)
+    again = interaction_acceleration(moved, velocity, weight, np.zeros((6, 6)), 1, LAW)
     others = [0, 1, 3, 4, 5]
     assert np.array_equal(felt[others], again[others])
 
@@ -104,10 +115,8 @@ def test_walls_push_straight_away_and_by_the_gap() -> None:
 
 def test_walls_hide_people_from_one_another() -> None:
     scene = room(polygon=L_SHAPE, inner=[Wall((-4.0, -2.0), (-1.0, -2.0))])
-    blockers = sight_blockers(scene)
-    assert blockers is not None
     place = np.array([[-3.0, 3.0], [3.0, -0.5], [-3.0, -1.0], [-3.0, -3.0]])
-    seen = sight(place, blockers)
+    seen = Sight(scene, 4).seen(place)
     assert not seen[0, 1]  # round the corner of the L
     assert seen[0, 2]
     assert not seen[2, 3]  # through the inner wall
@@ -115,7 +124,7 @@ def test_walls_hide_people_from_one_another() -> None:
 
 
 def test_a_square_room_hides_nobody() -> None:
-    assert sight_blockers(room()) is None
+    assert Sight(room(), 2).seen(np.array([[-3.0, -3.0], [3.0, 3.0]])).all()
 
 
 def test_a_pair_far_apart_closes_up_and_waits() -> None:

@@ -8,6 +8,8 @@ import numpy as np
 
 from ...exact import Array, arctan2, exp
 
+PERSON_RADIUS = 0.20  # m, of those for whom the law holds as it stands
+
 
 @dataclass(frozen=True, slots=True)
 class Moussaid2009:
@@ -29,20 +31,23 @@ class Moussaid2009:
     wall_reach: float = 0.1  # b, m
 
 
-def interaction_acceleration(position: Array, velocity: Array, weight: Array, side: int, law: Moussaid2009) -> Array:
+def interaction_acceleration(
+    position: Array, velocity: Array, weight: Array, bulk: Array, side: int, law: Moussaid2009
+) -> Array:
     """Give way to one another.
 
     Args:
         position: (M, 2), m.
         velocity: (M, 2), m/s.
         weight: (M, M), how much column i minds row j, 0..1; zero on the diagonal.
+        bulk: (M, M), m, from `bulk_of`: how much nearer than their centres tell two are, for their size.
         side: +1 evades to the right when head-on, -1 to the left.
         law: the parameters.
 
     Returns:
         (M, 2), m/s2, on column i from all rows j, summed in the order of j.
 
-    Source: Moussaïd et al. (2009), eqs 3-7, d from centre to centre.
+    Source: Moussaïd et al. (2009), eqs 3-7, d from centre to centre; the bulk is ours, zero among people.
     """
     ex, ey = (position[:, None, k] - position[None, :, k] for k in (0, 1))  # from i (column) to j (row)
     d = np.sqrt(ex * ex + ey * ey)
@@ -55,7 +60,7 @@ def interaction_acceleration(position: Array, velocity: Array, weight: Array, si
     reach = law.reach * size  # B
     theta = arctan2(tx * ey - ty * ex, tx * ex + ty * ey) + (side * law.side_bias) * reach  # θ + Bε
     spread = reach * theta
-    decay = d / reach
+    decay = np.maximum(d - bulk, 0.0) / reach
     braking = exp(-decay - (law.angular_braking * spread) * (law.angular_braking * spread))
     sideways = exp(-decay - (law.angular_sideways * spread) * (law.angular_sideways * spread))
     braking = weight * (-law.strength) * braking
@@ -67,3 +72,9 @@ def interaction_acceleration(position: Array, velocity: Array, weight: Array, si
         ),
         axis=1,
     )
+
+
+def bulk_of(radius: Array) -> Array:
+    """(M, M), m, by how much the radii (M,) of two together exceed those of two people."""
+    bulk: Array = np.maximum(radius[:, None] + radius[None, :] - 2.0 * PERSON_RADIUS, 0.0)
+    return bulk

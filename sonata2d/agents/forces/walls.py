@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from ...entities import Scene
 from ...exact import Array, exp
-from ...geometry import Barriers, segments_cross
+from ...geometry import Barriers, Point, segments_cross
 
 
 def wall_acceleration(position: Array, radius: Array, barriers: Barriers, *, strength: float, reach: float) -> Array:
@@ -33,23 +34,34 @@ def wall_acceleration(position: Array, radius: Array, barriers: Barriers, *, str
     return np.stack((np.add.reduce(push * x, axis=0), np.add.reduce(push * y, axis=0)), axis=1)
 
 
-def sight_blockers(scene: Scene) -> Barriers | None:
-    """The walls that can stand between two people in the room: inner ones, and edges off the outline's convex hull."""
-    blocking = []
+class Sight:
+    """Who has whom in the line of sight; forces do not go through walls.
+
+    Args:
+        scene: its inner walls, and the edges off its outline's convex hull, can stand between two people in the room.
+        count: M, how many look.
+    """
+
+    def __init__(self, scene: Scene, count: int) -> None:
+        self._walls = Barriers.of(_blocking(scene))
+        self._pairs = np.triu_indices(count, 1)
+        self._all = np.ones((count, count), dtype=bool)
+
+    def seen(self, position: Array) -> Any:
+        """(M, M) of bool, from (M, 2), m."""
+        if not len(self._walls):
+            return self._all
+        first, second = self._pairs
+        hidden = segments_cross(position[first], position[second], self._walls).any(axis=0)
+        first, second = first[hidden], second[hidden]
+        seen = self._all.copy()
+        seen[first, second] = seen[second, first] = False
+        return seen
+
+
+def _blocking(scene: Scene) -> Iterator[tuple[Point, Point, float]]:
     for k, wall in enumerate(scene.walls):
         (ax, ay), (bx, by) = wall.start, wall.end
         sides = [(bx - ax) * (y - ay) - (by - ay) * (x - ax) for x, y in scene.polygon]
         if k >= len(scene.polygon) or min(sides) < -1e-9:
-            blocking.append((wall.start, wall.end, 0.0))
-    return Barriers.of(blocking) if blocking else None
-
-
-def sight(position: Array, blockers: Barriers) -> Any:
-    """Who has whom in the line of sight, (M, M) of bool; forces do not go through walls."""
-    count = len(position)
-    first, second = np.triu_indices(count, 1)
-    hidden = segments_cross(position[first], position[second], blockers).any(axis=0)
-    seen = np.ones((count, count), dtype=bool)
-    seen[first[hidden], second[hidden]] = False
-    seen[second[hidden], first[hidden]] = False
-    return seen
+            yield wall.start, wall.end, 0.0
