@@ -1,0 +1,123 @@
+"""Writes docs/format.md and docs/schema/*.json from the pydantic models: `python docs/generate_format.py [--check]`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from sonata2d.frame import ACTIVITIES
+from sonata2d.record import manifest_models, models
+from sonata2d.record.sense import DEEPEST
+from sonata2d.version import FORMAT, FORMAT_VERSION
+
+DOCS = Path(__file__).parent
+BASE = "https://json-schema.org/draft/2020-12/schema"
+
+INTRO = f"""\
+<!-- written by docs/generate_format.py from sonata2d/record/models.py -->
+# The episode file, version {FORMAT_VERSION}
+
+One JSON document per episode, `.json`, `.json.gz` or `.json.zst`; [JSON Schema](schema/episode-v1.schema.json). Every
+top-level key and every frame stands on a line of its own. `json` alone reads it:
+
+```python
+import json
+import numpy as np
+
+episode = json.load(open("polite.json"))
+humans = np.array([frame["humans"] for frame in episode["frames"]])  # (T, N, 7), where all are present throughout
+```
+
+`sonata2d.record.read_episode` reads it too, with a mask of who is present, the scene, snapshots and frames.
+
+- SI: m, s, rad. World frame: x right, y up, theta counter-clockwise. Body frame: x ahead, y left.
+- Numbers in frames, in labels and in the outcome are rounded to `precision`; they are finite, never -0.0, and angles
+  lie in (-3.1416, 3.1416]. Scene and settings keep every digit that was used; generated scenes are rounded before.
+- Ids are unique in an episode; 0 is the robot.
+- `robot`, `humans`, `activity`, `interactions` and `contacts` of a frame are what was seen at its tick; `command` is
+  the answer, `executed` and `guarded` what came of it until the next frame. `final` is the look after the last frame.
+- `contacts` and `events` are always there, mostly empty. `label` is left out where the command itself is the label.
+- A reader refuses a newer version and passes over keys it does not know. `format` is `{FORMAT}`.
+- Activities: {", ".join(f"{number} {name}" for number, name in enumerate(ACTIVITIES))}; -1 not present.
+- `sonata2d check` also wants people and robot within the room, and outlines that overlap by {1000 * DEEPEST:.0f} mm
+  at most; its other tolerances stand in `sonata2d/record/sense.py`.
+
+A data set is a folder of these, named `{{episode:06d}}.json`, with a `manifest.json` (see [Manifest](#manifest);
+[JSON Schema](schema/manifest-v1.schema.json)), a data card `README.md`, and `run.jsonl`, the log of its runs.
+"""
+
+
+def schema_of(model: type[models.Part], name: str) -> dict[str, Any]:
+    """The JSON Schema of a model."""
+    return {"$schema": BASE, "$id": f"{name}.schema.json", **model.model_json_schema()}
+
+
+def format_page() -> str:
+    """docs/format.md."""
+    parts = [models.Episode, *_parts(models.Episode), manifest_models.Manifest, *_parts(manifest_models.Manifest)]
+    unique = dict.fromkeys(parts)
+    return "\n".join([INTRO, *(_section(part) for part in unique)])
+
+
+def _parts(model: type[models.Part]) -> list[type[models.Part]]:
+    """The models that a model is made of, in the order of the code."""
+    names = model.model_json_schema()["$defs"]
+    return [kind for name, kind in {**vars(models), **vars(manifest_models)}.items() if name in names]
+
+
+def _section(model: type[models.Part]) -> str:
+    schema = model.model_json_schema()
+    rows = [
+        f"| `{key}` | {_kind(told)} | {told.get('description', '')} |" for key, told in schema["properties"].items()
+    ]
+    return "\n".join(
+        [f"## {model.__name__}", model.__doc__ or "", "", "| key | is | |", "| --- | --- | --- |", *rows, ""]
+    )
+
+
+def _kind(told: dict[str, Any]) -> str:
+    """A word or two for the type of a key."""
+    if "$ref" in told:
+        name = told["$ref"].rpartition("/")[2]
+        return f"[{name}](#{name.lower()})"
+    if "const" in told:
+        return f"`{json.dumps(told['const'])}`"
+    if "enum" in told:
+        return " or ".join(f"`{json.dumps(value)}`" for value in told["enum"])
+    for key in ("anyOf", "oneOf"):
+        if key in told:
+            return " or ".join(_kind(one) for one in told[key])
+    if told.get("type") == "array" and "prefixItems" in told:
+        return f"{len(told['prefixItems'])} values"
+    if told.get("type") == "array":
+        return f"list of {_kind(told['items'])}"
+    return str(told.get("type", "anything"))
+
+
+def pages() -> dict[Path, str]:
+    """What is to stand in which file."""
+    schemas = {"episode-v1": models.Episode, "manifest-v1": manifest_models.Manifest}
+    texts = {
+        DOCS / "schema" / f"{name}.schema.json": json.dumps(schema_of(model, name), indent=2, ensure_ascii=False) + "\n"
+        for name, model in schemas.items()
+    }
+    return {DOCS / "format.md": format_page(), **texts}
+
+
+def main() -> int:
+    """Write the pages, or with --check say which are old."""
+    old = [path for path, text in pages().items() if not path.exists() or path.read_text("utf-8") != text]
+    if "--check" in sys.argv[1:]:
+        for path in old:
+            sys.stderr.write(f"{path} is old; run python docs/generate_format.py\n")
+        return 1 if old else 0
+    for path in old:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(pages()[path], "utf-8", newline="\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

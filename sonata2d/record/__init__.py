@@ -1,0 +1,23 @@
+"""Frames to JSON and back; the only place that knows the key names of the file."""
+
+from .check import Problem, check_dataset, check_episode
+from .dataset import MANIFEST, read_manifest
+from .files import read_bytes, safe_name, write_atomically
+from .reader import read_episode
+from .record import EpisodeRecord
+from .recorder import EpisodeRecorder, JsonRecorder
+
+__all__ = [
+    "MANIFEST",
+    "EpisodeRecord",
+    "EpisodeRecorder",
+    "JsonRecorder",
+    "Problem",
+    "check_dataset",
+    "check_episode",
+    "read_bytes",
+    "read_episode",
+    "read_manifest",
+    "safe_name",
+    "write_atomically",
+]

@@ -1,0 +1,80 @@
+"""The data card: the README.md of a data set, with the front matter that Hugging Face reads."""
+
+from __future__ import annotations
+
+from .layout import Tree
+
+_SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
+
+_CARD = """\
+---
+pretty_name: "{title}"
+license: cc-by-4.0
+task_categories:
+- robotics
+tags:
+- social-navigation
+- pedestrians
+- simulation
+- synthetic
+- sonata2d
+size_categories:
+- {size}
+---
+# {title}
+
+{count} of {asked} episodes of a robot among people in the scenario `{name}`, simulated by
+sonata2d {sonata2d} and driven by `{controller}`.
+
+## Made by
+```
+sonata2d generate OUT --scenario {name} --seed {seed} --episodes {asked} --controller {controller}
+```
+The settings in full stand in `manifest.json` and in every episode. The same settings, seed and physics version
+({physics}) give the same bytes: `sonata2d check OUT --replay` proves it.
+
+## Contents
+| outcome | episodes |
+| --- | ---: |
+{outcomes}
+
+| family | episodes |
+| --- | ---: |
+{families}
+
+{frames} frames in all. `manifest.json` lists each file with its SHA-256. `run.jsonl` tells of the runs that made the
+set and is no part of it.
+
+## Units and frames
+SI: metres, seconds, radians. World frame: x right, y up, theta counter-clockwise in (-3.1416, 3.1416]. Commands are
+body-frame twists: ahead, left, counter-clockwise. Each file names the columns of its rows; numbers in frames are
+rounded to {precision}.
+
+## Known limits
+The people are simulated: social forces, discs for bodies, no gestures, faces or intentions beyond what the file says.
+Use it to train and to compare; do not take it as evidence of how people feel about a robot.
+"""
+
+
+def card(manifest: Tree) -> str:
+    """The card of a data set, from its manifest alone."""
+    counts, files = manifest["counts"], manifest["files"]
+    return _CARD.format(
+        title=f"sonata2d {manifest['name']}, seed {manifest['seed']}",
+        size=next((name for most, name in _SIZES if len(files) < most), "n>1M"),
+        count=len(files),
+        asked=manifest["episodes"],
+        name=manifest["name"],
+        seed=manifest["seed"],
+        sonata2d=manifest["software"]["sonata2d"],
+        controller=manifest["controller"]["path"],
+        physics=manifest["physics"],
+        precision=manifest["precision"],
+        outcomes=_lines(counts["outcome"]),
+        families=_lines(counts["family"]),
+        frames=sum(file["ticks"] for file in files),
+    )
+
+
+def _lines(counts: dict[str, int]) -> str:
+    return "\n".join(f"| {key} | {count} |" for key, count in counts.items())

@@ -1,0 +1,129 @@
+"""Is a file, or a data set, what it says it is? Schema, hashes, and agreement of the numbers with one another."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import orjson
+
+from ..errors import RecordError
+from .dataset import CARD, LOG, MANIFEST, entry_of, read_manifest
+from .layout import Tree
+from .reader import read_episode
+from .record import EpisodeRecord
+from .sense import Doubt, doubts
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+_MOST_TOLD = 20  # problems of the schema told of one file
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What is wrong, in which file, and where in it."""
+
+    file: str
+    place: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.place}: {self.message}"
+
+
+def check_episode(path: str | Path) -> list[Problem]:
+    """What is wrong with an episode file; an empty list if nothing is.
+
+    The schema, then whether the numbers agree with one another and with what bodies can do: see `sense`.
+    """
+    path = Path(path)
+    try:
+        record = read_episode(path)
+    except RecordError as error:
+        return [Problem(path.name, "file", str(error))]
+    return _check_record(record)
+
+
+def check_dataset(folder: str | Path) -> list[Problem]:
+    """What is wrong with a data set: its manifest, the files that it lists, and each episode."""
+    folder = Path(folder)
+    try:
+        manifest = read_manifest(folder)
+    except RecordError as error:
+        return [Problem(MANIFEST, "file", str(error))]
+    from .manifest_models import Manifest
+
+    problems = _check_schema(MANIFEST, Manifest, manifest)
+    if problems:
+        return problems
+    problems = [Problem(MANIFEST, *doubt) for doubt in _manifest_doubts(folder, manifest)]
+    for told in manifest["files"]:
+        problems += _check_listed(folder / told["name"], told, manifest)
+    return problems
+
+
+def _check_record(record: EpisodeRecord) -> list[Problem]:
+    from .models import Episode
+
+    name = record.path.name
+    problems = _check_schema(name, Episode, record.document)
+    return problems or [Problem(name, *doubt) for doubt in doubts(record)]
+
+
+def _check_schema(name: str, model: type[BaseModel], document: Tree) -> list[Problem]:
+    from pydantic import ValidationError
+
+    try:
+        model.model_validate_json(orjson.dumps(document))
+    except ValidationError as error:
+        found = error.errors(include_url=False, include_context=False)
+        problems = [Problem(name, ".".join(map(str, e["loc"])), f"{e['msg']}, got {e['input']!r:.60}") for e in found]
+        rest = len(problems) - _MOST_TOLD
+        return problems[:_MOST_TOLD] + ([Problem(name, "schema", f"{rest} more problems")] if rest > 0 else [])
+    return []
+
+
+def _manifest_doubts(folder: Path, manifest: Tree) -> Iterator[Doubt]:
+    """Does the manifest agree with itself and with the folder?"""
+    files = manifest["files"]
+    names, episodes = [file["name"] for file in files], [file["episode"] for file in files]
+    if not manifest["complete"]:
+        yield "complete", f"{len(files)} of {manifest['episodes']} episodes are there; go on with --resume"
+    elif episodes != list(range(manifest["episodes"])):
+        yield "files", f"should list the episodes 0 to {manifest['episodes'] - 1} in order"
+    for key, told in manifest["counts"].items():
+        if told != (counted := dict(Counter(file[key] for file in files))):
+            yield f"counts.{key}", f"says {told}, the list gives {counted}"
+    for name in _repeated(names):
+        yield "files", f"lists {name} more than once"
+    strangers = {path.name for path in folder.iterdir() if path.is_file()} - {*names, MANIFEST, CARD, LOG}
+    for name in sorted(name for name in strangers if ".json" in name or name.endswith(".tmp")):
+        yield "files", f"{name} is in the folder but not in the list"
+
+
+def _repeated(names: Iterable[str]) -> list[str]:
+    return [name for name, count in Counter(names).items() if count > 1]
+
+
+def _check_listed(path: Path, told: Tree, manifest: Tree) -> list[Problem]:
+    """A file against what the manifest says of it, then for itself."""
+    if path.name != told["name"] or not path.is_file():
+        return [Problem(MANIFEST, "files", f"{told['name']} is in the list but not in the folder")]
+    try:
+        record = read_episode(path)
+    except RecordError as error:
+        return [Problem(path.name, "file", str(error))]
+    found = asdict(entry_of(record))
+    problems = [
+        Problem(path.name, key, f"is {found[key]}, the manifest says {told[key]}")
+        for key in found
+        if found[key] != told[key]
+    ]
+    for key in ("name", "settings", "seed", "controller", "physics", "precision"):
+        if record.document[key] != manifest[key]:
+            problems.append(Problem(path.name, key, "differs from the manifest's"))
+    return problems + _check_record(record)

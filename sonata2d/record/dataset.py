@@ -1,0 +1,240 @@
+"""A data set: a folder of episode files with a manifest, a data card and the log of its runs.
+
+The manifest and the card are as deterministic as the episodes. What is true of one run only goes to `run.jsonl`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from ..errors import RecordError
+from ..frame import Author
+from ..geometry import PRECISION
+from ..version import PHYSICS_VERSION
+from .canonical import head_of, plain
+from .card import card
+from .files import TEMPORARY, packed, read_bytes, stem_of, write_atomically
+from .layout import Tree
+from .reader import read_episode
+from .record import EpisodeRecord
+from .software import software
+
+DATASET_FORMAT, DATASET_VERSION = "sonata2d-dataset", 1
+MANIFEST, CARD, LOG = "manifest.json", "README.md", "run.jsonl"
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a data set is asked to be: all that decides its bytes.
+
+    Attributes:
+        name: of the scenario.
+        settings: resolved settings of the scenario.
+        seed: of the data set.
+        episodes: how many.
+        author: who drives.
+        suffix: of the files.
+    """
+
+    name: str
+    settings: dict[str, Any] | None
+    seed: int
+    episodes: int
+    author: Author
+    suffix: str = ".json"
+
+    def file_name(self, episode: int) -> str:
+        """`{episode:06d}.json`"""
+        return f"{episode:06d}{self.suffix}"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What the manifest says of a file."""
+
+    name: str
+    sha256: str
+    bytes: int
+    episode: int
+    family: str
+    outcome: str
+    ticks: int
+
+
+def start(folder: Path, plan: Plan, *, resume: bool = False) -> None:
+    """Begin a data set in a new or empty folder, or go on with one that was interrupted.
+
+    Raises:
+        RecordError: the folder holds something else, or another data set, or one and `resume` is False.
+    """
+    if (folder / MANIFEST).exists():
+        if not resume:
+            raise RecordError(f"{folder} holds a data set already; resume it, or choose another folder")
+        _refuse_another(folder, plan)
+    elif folder.exists() and (not folder.is_dir() or any(True for _ in folder.iterdir())):
+        raise RecordError(f"{folder} is not empty and holds no {MANIFEST}; choose another folder")
+    for left in folder.glob(f"{TEMPORARY}*"):
+        left.unlink(missing_ok=True)
+    _write(folder / MANIFEST, manifest_of(plan, (), complete=False))
+
+
+def store(folder: Path, plan: Plan, episode: int, document: bytes) -> Entry:
+    """Write an episode's document to its place; what the manifest will say of it."""
+    path, head = folder / plan.file_name(episode), head_of(document)
+    data, outcome = packed(document, path), head["outcome"]
+    write_atomically(path, data)
+    return Entry(
+        path.name, _sha256(data), len(data), head["episode"], head["family"], outcome["status"], outcome["tick"]
+    )
+
+
+def entry_of(record: EpisodeRecord) -> Entry:
+    """What the manifest says of an episode that was read."""
+    data, status = record.path.read_bytes(), record.outcome.status
+    return Entry(record.path.name, _sha256(data), len(data), record.episode, record.family, status, len(record))
+
+
+def existing(folder: Path, plan: Plan) -> tuple[dict[int, Entry], list[str]]:
+    """The whole episodes of this plan that a folder holds, and why others must be made again.
+
+    Returns:
+        Entries by number of episode, and a line for each file of the plan that is there but of no use.
+    """
+    entries, faults = {}, []
+    for episode in range(plan.episodes):
+        path = folder / plan.file_name(episode)
+        if not path.exists():
+            continue
+        try:
+            record = read_episode(path)
+            _refuse_stranger(record, plan, episode)
+            entries[episode] = entry_of(record)
+        except RecordError as error:
+            faults.append(str(error))
+    return entries, faults
+
+
+def finish(folder: Path, plan: Plan, entries: Iterable[Entry], *, split: Mapping[str, list[str]] | None = None) -> Tree:
+    """Write manifest and card; complete if every episode is there.
+
+    Returns:
+        The manifest.
+    """
+    files = sorted(entries, key=lambda entry: entry.episode)
+    complete = [entry.episode for entry in files] == list(range(plan.episodes))
+    manifest = manifest_of(plan, files, complete=complete, split=split)
+    write_atomically(folder / CARD, card(manifest).encode())
+    _write(folder / MANIFEST, manifest)
+    return manifest
+
+
+def read_manifest(folder: Path) -> Tree:
+    """The manifest of a data set.
+
+    Raises:
+        RecordError: there is none, it is damaged, or was written by a newer version.
+    """
+    path = folder / MANIFEST
+    if not path.exists():
+        raise RecordError(f"{folder} holds no {MANIFEST}, so it is no data set")
+    try:
+        manifest = orjson.loads(read_bytes(path))
+    except orjson.JSONDecodeError as error:
+        raise RecordError(f"{path} is not whole JSON: {error}") from error
+    if not isinstance(manifest, dict) or manifest.get("format") != DATASET_FORMAT:
+        raise RecordError(f"{path} is no {DATASET_FORMAT} manifest")
+    version = manifest.get("version")
+    if not isinstance(version, int) or not 1 <= version <= DATASET_VERSION:
+        raise RecordError(
+            f"{path} was written by version {version!r}, this sonata2d reads up to {DATASET_VERSION}; upgrade sonata2d"
+        )
+    return manifest
+
+
+def manifest_of(
+    plan: Plan, files: Iterable[Entry], *, complete: bool, split: Mapping[str, list[str]] | None = None
+) -> Tree:
+    """The manifest of these files."""
+    rows = [asdict(entry) for entry in files]
+    return {
+        "format": DATASET_FORMAT,
+        "version": DATASET_VERSION,
+        **_identity(plan),
+        "precision": PRECISION,
+        "physics": PHYSICS_VERSION,
+        "complete": complete,
+        "counts": {key: dict(sorted(Counter(row[key] for row in rows).items())) for key in ("outcome", "family")},
+        "split": None if split is None else dict(split),
+        "files": rows,
+        "software": software(),
+    }
+
+
+def log(folder: Path, **facts: Any) -> None:
+    """Add a line to the log of what is true of a run only: wall time, host, workers, command line.
+
+    Raises:
+        RecordError: it cannot be written.
+    """
+    try:
+        with (folder / LOG).open("ab") as file:
+            file.write(orjson.dumps(plain(facts, LOG, exact=True), option=orjson.OPT_APPEND_NEWLINE))
+    except OSError as error:
+        raise RecordError(f"{folder / LOG} cannot be written: {error.strerror or error}") from error
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _identity(plan: Plan) -> Tree:
+    author = plan.author
+    controller = {"path": author.path, "version": author.version, "settings": author.settings}
+    told = {
+        "name": plan.name,
+        "settings": plan.settings,
+        "seed": plan.seed,
+        "episodes": plan.episodes,
+        "controller": controller,
+    }
+    return {key: plain(value, f"{key} of the data set", exact=True) for key, value in told.items()}
+
+
+def _refuse_another(folder: Path, plan: Plan) -> None:
+    """Only the same data set can be resumed, or the same with more episodes."""
+    there, asked = read_manifest(folder), {**_identity(plan), "physics": PHYSICS_VERSION}
+    for key, value in asked.items():
+        if key == "episodes" and there.get(key, 0) <= value:
+            continue
+        if there.get(key) != value:
+            told = f"{there.get(key)!r} there, {value!r} asked" if key != "settings" else _difference(there[key], value)
+            raise RecordError(f"{folder} holds another data set: {key} {told}; choose another folder")
+
+
+def _difference(there: Tree | None, asked: Tree | None) -> str:
+    """The first setting that differs."""
+    there, asked = there or {}, asked or {}
+    key = next(key for key in {**there, **asked} if there.get(key) != asked.get(key))
+    return f"{key} {there.get(key)!r} there, {asked.get(key)!r} asked"
+
+
+def _refuse_stranger(record: EpisodeRecord, plan: Plan, episode: int) -> None:
+    """An episode counts only if this plan would make it, and if it came to its end."""
+    asked = {**_identity(plan), "episode": episode, "physics": PHYSICS_VERSION, "id": stem_of(record.path)}
+    for key, value in asked.items():
+        if key != "episodes" and record.document[key] != value:
+            raise RecordError(f"{record.path} is of another data set: its {key} differs")
+    if record.outcome.status == "error":
+        raise RecordError(f"{record.path} ended in an error: {record.outcome.reason}")
+
+
+def _write(path: Path, manifest: Tree) -> None:
+    """Indented, to be read and compared by people too."""
+    write_atomically(path, orjson.dumps(manifest, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))

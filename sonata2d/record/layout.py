@@ -1,0 +1,100 @@
+"""A scene as the file tells it, and back: what stands once in every file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, fields
+from typing import Any, TypeVar
+
+from ..entities import Furniture, Goal, Group, Human, Interaction, Limits, Robot, Rules, Scene, Wall
+from ..geometry import Disc, Pose, Rectangle, Shape
+from .canonical import plain
+
+T = TypeVar("T")
+Tree = dict[str, Any]
+
+
+def layout_of(scene: Scene) -> Tree:
+    """The scene's keys in the file's order, `settings` to `dropped`, with every digit that the world uses.
+
+    Raises:
+        RecordError: a number is not finite, or the settings are nothing JSON can hold.
+    """
+    layout = {
+        "settings": scene.settings,
+        "rules": asdict(scene.rules),
+        "room": {"polygon": scene.polygon},
+        "walls": [(*wall.start, *wall.end) for wall in scene.walls],
+        "objects": [_flat(thing) | {"shape": _shape(thing.shape), "on": thing.on} for thing in scene.furniture],
+        "humans": [_flat(human) for human in scene.humans],
+        "groups": [asdict(group) for group in scene.groups],
+        "interactions": interaction_rows(scene.interactions),
+        "robot": _flat(scene.robot),
+        "goal": asdict(scene.goal),
+        "dropped": scene.dropped,
+    }
+    return {key: plain(value, f"{key} of the scene", exact=True) for key, value in layout.items()}
+
+
+def scene_of(document: Tree) -> Scene:
+    """The scene of a file, equal to the one that was recorded. Keys it does not know are passed over."""
+    robot, rules = document["robot"], document["rules"]
+    return Scene(
+        name=document["name"],
+        family=document["family"],
+        polygon=tuple((x, y) for x, y in document["room"]["polygon"]),
+        walls=tuple(Wall((x1, y1), (x2, y2)) for x1, y1, x2, y2 in document["walls"]),
+        furniture=tuple(
+            Furniture(o["id"], o["type"], _pose(o), _shape_of(o["shape"]), o["on"]) for o in document["objects"]
+        ),
+        humans=tuple(_made(Human, h, pose=_pose(h)) for h in document["humans"]),
+        robot=_made(Robot, robot, pose=_pose(robot), limits=_made(Limits, robot["limits"])),
+        goal=_made(Goal, document["goal"]),
+        groups=tuple(_made(Group, g, members=tuple(g["members"])) for g in document["groups"]),
+        interactions=interactions_of(document["interactions"]),
+        rules=_made(Rules, rules, ends_on=tuple(rules["ends_on"])),
+        seed=document["seed"],
+        episode=document["episode"],
+        settings=document["settings"],
+        dropped=tuple(document["dropped"]),
+    )
+
+
+def interaction_rows(interactions: Iterable[Interaction]) -> list[list[Any]]:
+    """[[src, relation, dst], …]"""
+    return [[i.src, i.relation, i.dst] for i in interactions]
+
+
+def interactions_of(rows: list[list[Any]]) -> tuple[Interaction, ...]:
+    """The inverse of `interaction_rows`."""
+    return tuple(Interaction(src, relation, dst) for src, relation, dst in rows)
+
+
+def _flat(entity: Furniture | Human | Robot) -> Tree:
+    """Its fields, with x, y and theta in place of the pose."""
+    flat: Tree = {}
+    for key, value in asdict(entity).items():
+        flat |= value if key == "pose" else {key: value}
+    return flat
+
+
+def _shape(shape: Shape) -> Tree:
+    return {"type": "disc" if isinstance(shape, Disc) else "rectangle"} | asdict(shape)
+
+
+def _shape_of(told: Tree) -> Shape:
+    if told["type"] == "disc":
+        return _made(Disc, told)
+    if told["type"] == "rectangle":
+        return _made(Rectangle, told)
+    raise ValueError(f"shape type must be disc or rectangle, got {told['type']!r}")
+
+
+def _pose(told: Tree) -> Pose:
+    return _made(Pose, told)
+
+
+def _made(kind: type[T], told: Tree, **given: Any) -> T:
+    """A dataclass of this kind from the keys it knows; `given` ones are ready already."""
+    known = {field.name: told[field.name] for field in fields(kind) if field.name not in given}  # type: ignore[arg-type]
+    return kind(**known, **given)

@@ -1,0 +1,20 @@
+"""What several tests of record start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sonata2d.record import JsonRecorder
+
+from .by_hand import run
+
+
+@pytest.fixture
+def episode(tmp_path: Path) -> Path:
+    """A whole recorded file."""
+    path = tmp_path / "by-hand.json"
+    with JsonRecorder(path) as recorder:
+        run(recorder)
+    return path
