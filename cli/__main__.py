@@ -1,0 +1,5 @@
+"""`python -m sonata2d_cli`."""
+
+from . import main
+
+main(prog_name="sonata2d")

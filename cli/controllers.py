@@ -1,0 +1,36 @@
+"""`sonata2d controllers list`."""
+
+from __future__ import annotations
+
+import click
+
+from .output import json_option, show_json, show_table
+
+
+@click.group()
+def command() -> None:
+    """Controllers: stock ones, and those that installed packages publish.
+
+    Your own is named package.module:Class, or ./mine.py:Class.
+    """
+
+
+@command.command("list", epilog="Example:  sonata2d controllers list --json")
+@json_option
+def list_controllers(as_json: bool) -> None:
+    """List every controller that has a name."""
+    from sonata2d.agents import STOCK
+    from sonata2d.plugins import published
+
+    rows = [
+        {"name": name, "class": f"{kind.__module__}:{kind.__qualname__}", "about": (kind.__doc__ or "").splitlines()[0]}
+        for name, kind in STOCK.items()
+    ]
+    rows += [
+        {"name": name, "class": point.value, "about": "published by a package"} for name, point in published().items()
+    ]
+    if as_json:
+        show_json(rows)
+    else:
+        show_table((row["name"], row["about"]) for row in rows)
+        click.echo("\nYour own: package.module:Class or ./mine.py:Class")

@@ -1,0 +1,112 @@
+"""Controllers by name: stock ones, a module's, a file's, or those that other packages publish."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import importlib.util
+import inspect
+import sys
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from types import ModuleType
+
+from .agents import STOCK, Controller
+from .errors import ControllerError
+
+ENTRY_POINTS = "sonata2d.controllers"
+
+
+def load_controller(name: str) -> Controller:
+    """Make the controller that a name stands for.
+
+    Args:
+        name: a stock or published name (`social-planner`), `package.module:Class`, or a file `./mine.py:Class`.
+
+    Raises:
+        ControllerError: there is no such thing, it is no `Controller`, or it cannot be made without arguments.
+    """
+    kind = find_controller(name)
+    try:
+        return kind()
+    except Exception as error:
+        raise ControllerError(f"{name} cannot be made without arguments: {type(error).__name__}: {error}") from error
+
+
+def find_controller(name: str) -> type[Controller]:
+    """The class that a name stands for; see `load_controller`."""
+    if name in STOCK:
+        return STOCK[name]
+    place, colon, attribute = name.rpartition(":")
+    if not colon or (len(place) == 1 and place.isalpha()):  # a Windows drive is no module
+        return _published(name)
+    return _class_in(_module(place), attribute, name)
+
+
+def published() -> dict[str, EntryPoint]:
+    """What installed packages publish under the entry-point group `sonata2d.controllers`."""
+    return {point.name: point for point in sorted(entry_points(group=ENTRY_POINTS), key=lambda p: p.name)}
+
+
+def _published(name: str) -> type[Controller]:
+    points = published()
+    if name in points:
+        try:
+            found = points[name].load()
+        except Exception as error:
+            raise ControllerError(f"{name} ({points[name].value}) does not load: {error}") from error
+        return _checked(found, name)
+    known = [*STOCK, *points]
+    near = difflib.get_close_matches(name, known, 1)
+    hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+    raise ControllerError(f"no controller is named {name!r}; {hint} A class is named module:Class or ./file.py:Class")
+
+
+def _module(place: str) -> ModuleType:
+    """Import a module by its name or from its file."""
+    try:
+        if not place.endswith(".py"):
+            return importlib.import_module(place)
+        path = Path(place)
+        if not path.is_file():
+            raise ControllerError(f"controller file {place} does not exist")
+        return _module_from(path)
+    except ControllerError:
+        raise
+    except Exception as error:
+        raise ControllerError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
+
+
+def _module_from(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules.setdefault(path.stem, module)  # dataclasses and pickles look it up there
+    sys.path.insert(0, str(path.parent.resolve()))  # so that it may import its neighbours
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.pop(0)
+    return module
+
+
+def _class_in(module: ModuleType, attribute: str, name: str) -> type[Controller]:
+    found = getattr(module, attribute, None)
+    if found is None:
+        there = [k for k, v in vars(module).items() if _is_controller(v)]
+        hint = f"it has {', '.join(there)}" if there else "it has no Controller at all"
+        raise ControllerError(f"{name}: no {attribute!r} in {module.__name__}; {hint}")
+    return _checked(found, name)
+
+
+def _checked(found: object, name: str) -> type[Controller]:
+    if not _is_controller(found):
+        raise ControllerError(f"{name} is no Controller; write class X(sonata2d.Controller) with a method act")
+    assert isinstance(found, type)
+    return found
+
+
+def _is_controller(thing: object) -> bool:
+    """Whether a thing is a controller class that can be made."""
+    return isinstance(thing, type) and issubclass(thing, Controller) and not inspect.isabstract(thing)

@@ -1,0 +1,142 @@
+"""A recorded file run again, to prove it, or branched, to see what another controller would have done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from .agents.controller import Controller
+from .episode import Episode, Moment, author_of
+from .errors import ControllerError, SceneError
+from .frame import Observer, Snapshot
+from .geometry import Twist
+from .plugins import load_controller
+from .record import EpisodeRecord, EpisodeRecorder, Problem, read_bytes, read_episode
+from .scenegen import ScenarioConfig, generate
+from .version import PHYSICS_VERSION
+
+
+class _Nobody(Controller):
+    """Drives when the recording is over and the episode is not: never."""
+
+    def act(self, snapshot: Snapshot) -> Twist:
+        raise ControllerError("the recorded commands end before the episode does")
+
+
+def branch(path: str | Path, tick: int, controller: Controller, *, observers: Iterable[Observer] = ()) -> Episode:
+    """A recorded episode up to `tick`, to the bit, then driven by another controller.
+
+    Args:
+        path: an episode file.
+        tick: how many ticks stay as they were.
+        controller: drives from there on.
+        observers: see the branch from its tick 0 on.
+
+    Raises:
+        RecordError: the file cannot be read.
+        ValueError: the recording has no such tick.
+    """
+    record = read_episode(path)
+    past = moments(record)
+    if not 0 <= tick <= len(past):
+        raise ValueError(f"tick must be 0..{len(past)}, the ticks in {path}, got {tick}")
+    episode = Episode(record.scene(), controller, observers=observers, past=past[:tick])
+    for _ in range(tick):
+        episode.step()
+    return episode
+
+
+def moments(record: EpisodeRecord) -> list[Moment]:
+    """Command, label and device events of each recorded tick."""
+    return [Moment(frame.command, frame.label, frame.snapshot.events) for frame in record.frames()]
+
+
+def replayed(record: EpisodeRecord) -> bytes:
+    """The document that the recorded commands give when they are run again."""
+    recorder, past, outcome = _recorder_like(record), moments(record), record.outcome
+    episode = Episode(record.scene(), _Nobody(), observers=[recorder], past=past, author=record.author)
+    for _ in past:
+        episode.step()
+    if outcome.status in ("stopped", "regenerate", "error"):
+        episode.end(outcome.status, outcome.reason)
+    else:
+        episode.step()
+    return recorder.document()
+
+
+def rerun(record: EpisodeRecord, controller: Controller) -> bytes:
+    """The document that the controller gives when it is asked again."""
+    recorder, author = _recorder_like(record), author_of(controller, record.author.path)
+    Episode(record.scene(), controller, observers=[recorder], author=author).run()
+    return recorder.document()
+
+
+def check_replay(path: Path) -> list[Problem]:
+    """Whether a file is what its scene and its commands give, and its scene what its seed and settings give."""
+    record = read_episode(path)
+    physics = record.document["physics"]
+    if physics != PHYSICS_VERSION:
+        message = f"made by physics version {physics}, this sonata2d has {PHYSICS_VERSION}; it cannot be replayed"
+        return [Problem(path.name, "physics", message)]
+    problems = _check_scene(path, record)
+    try:
+        again = replayed(record)
+    except (ControllerError, ValueError) as error:
+        return [*problems, Problem(path.name, "replay", str(error))]
+    return problems + _difference(path, "replay", again)
+
+
+def check_rerun(path: Path, name: str | None = None) -> list[Problem]:
+    """Whether the controller drives the same again.
+
+    Args:
+        path: an episode file.
+        name: of the controller, if it is no longer found by what the file says.
+    """
+    record = read_episode(path)
+    controller = load_controller(name or record.author.path)
+    if not controller.deterministic:
+        return []
+    return _difference(path, "rerun", rerun(record, controller))
+
+
+def _check_scene(path: Path, record: EpisodeRecord) -> list[Problem]:
+    """Whether settings and seed give the recorded scene; scenes made by hand have none."""
+    settings = record.scene().settings
+    if settings is None:
+        return []
+    try:
+        again = generate(ScenarioConfig(**settings), record.seed, record.episode)
+    except (ValueError, SceneError) as error:
+        return [Problem(path.name, "settings", f"they give no scene: {error}")]
+    same = again == record.scene()
+    return [] if same else [Problem(path.name, "scene", "settings and seed give another one")]
+
+
+def _difference(path: Path, place: str, again: bytes) -> list[Problem]:
+    """Where two documents part, all but their software blocks; nothing if they are the same bytes."""
+    old, new = read_bytes(path).splitlines(), again.splitlines()
+    for number, (was, now) in enumerate(zip(old, new, strict=False), 1):
+        if was != now and not was.startswith(b'"software"'):
+            return [Problem(path.name, place, f"line {number} differs: {_around(was, now)}")]
+    return [] if len(old) == len(new) else [Problem(path.name, place, f"has {len(old)} lines, should have {len(new)}")]
+
+
+def _around(was: bytes, now: bytes) -> str:
+    """What stands where two lines part."""
+    part = next(
+        (k for k, pair in enumerate(zip(was, now, strict=False)) if pair[0] != pair[1]), min(len(was), len(now))
+    )
+    shown = slice(max(part - 20, 0), part + 20)
+    return f"recorded …{was[shown].decode(errors='replace')}…, again …{now[shown].decode(errors='replace')}…"
+
+
+def _recorder_like(record: EpisodeRecord) -> EpisodeRecorder:
+    """A recorder that writes the same header."""
+    branched = record.document["branched_from"]
+    return EpisodeRecorder(
+        id=record.id,
+        contributor=record.contributor,
+        context=record.context,
+        branched_from=branched and (branched["id"], branched["tick"]),
+    )

@@ -1,0 +1,62 @@
+"""Checks for authors of controllers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from .agents.controller import Controller
+from .entities import Scene
+from .episode import Episode
+from .frame import Outcome
+from .record import EpisodeRecorder
+from .scenegen import generate, load_scenario
+
+SCENARIOS = ("empty", "sonata-2020", "sonata-2020-crowded")
+
+
+def check_controller(
+    controller: Controller, *, scenes: Iterable[Scene] | None = None, time_limit: float = 20.0
+) -> list[Outcome]:
+    """Try a controller as a batch would: on several scenes, twice each.
+
+    Args:
+        controller: yours.
+        scenes: where to try it; by default one of each of `SCENARIOS`.
+        time_limit: s, of each default episode.
+
+    Returns:
+        How each scene ended.
+
+    Raises:
+        ControllerError: an answer is no finite `Twist`.
+        RecordError: a label is nothing a file can hold.
+        AssertionError: it claims to be deterministic, and a second run of the same scene differs: something is
+            kept from one episode to the next (clear it in `reset`), or drawn from an unseeded generator.
+    """
+    outcomes = []
+    for scene in scenes if scenes is not None else default_scenes(time_limit):
+        first, outcome = _recorded(scene, controller)
+        if controller.deterministic:
+            again, _ = _recorded(scene, controller)
+            assert first == again, (
+                f"{type(controller).__name__} drives {scene.name} differently the second time; clear what it keeps in"
+                " reset(scene), draw chance from a seeded generator, or set deterministic = False"
+            )
+        outcomes.append(outcome)
+    return outcomes
+
+
+def default_scenes(time_limit: float) -> list[Scene]:
+    """A small scene of each of `SCENARIOS`."""
+    scenes = []
+    for name in SCENARIOS:
+        config = load_scenario(name)
+        rules = config.rules.model_copy(update={"time_limit": time_limit})
+        scenes.append(generate(config.model_copy(update={"rules": rules}), seed=1))
+    return scenes
+
+
+def _recorded(scene: Scene, controller: Controller) -> tuple[bytes, Outcome]:
+    recorder = EpisodeRecorder()
+    outcome = Episode(scene, controller, observers=[recorder]).run()
+    return recorder.document(), outcome

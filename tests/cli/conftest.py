@@ -1,0 +1,42 @@
+"""The command line, called as a person would, in a folder of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from sonata2d_cli import main
+
+Run = Callable[..., Result]
+
+QUICK = """\
+extends: sonata-2020
+name: quick
+standing: 2
+wandering: 2
+tables: 1
+plants: 1
+rules: {time_limit: 4}
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder with a quick scenario in it, and we in it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "quick.yaml").write_text(QUICK)
+    return tmp_path
+
+
+@pytest.fixture
+def sonata2d(here: Path) -> Run:
+    """Runs `sonata2d WORD …` and gives exit code and output."""
+
+    def run(line: str, code: int = 0) -> Result:
+        result = CliRunner().invoke(main, line.split(), prog_name="sonata2d")
+        assert result.exit_code == code, result.output
+        return result
+
+    return run

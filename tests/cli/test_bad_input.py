@@ -1,0 +1,201 @@
+"""Bad input gets one clear line and an honest exit code, and nothing made so far is lost."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from .conftest import Run
+
+CONTROLLER = """
+import sonata2d as s2
+class {name}(s2.Controller):
+    def act(self, snapshot):
+        {act}
+"""
+
+
+def one_line(output: str) -> str:
+    lines = output.strip().splitlines()
+    assert len(lines) == 1, output
+    return lines[0]
+
+
+def controller(here: Path, act: str) -> None:
+    (here / "mine.py").write_text(CONTROLLER.format(name="Mine", act=act))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("standin: 3\n", "line 1: standin: unknown key 'standin'; did you mean 'standing'?"),
+        ("name: x\nroom: {sde: 4}\n", "line 2: room.sde: unknown key 'sde'; did you mean 'side'?"),
+        ("tables: [4, 2]\n", "line 1: tables"),
+        ("standing: many\n", "standing"),
+        ("extends: sonata-2021\n", "did you mean 'sonata-2020'?"),
+        ("[1, 2]\n", "a scenario is a mapping"),
+        ("a: [\n", "line"),
+    ],
+)
+def test_a_bad_scenario_file(sonata2d: Run, here: Path, text: str, said: str) -> None:
+    (here / "bad.yaml").write_text(text)
+    told = one_line(sonata2d("generate out --scenario bad.yaml", code=1).output)
+    assert "bad.yaml" in told
+    assert said in told
+    assert not (here / "out").exists()
+
+
+def test_more_people_than_fit(sonata2d: Run, here: Path) -> None:
+    (here / "full.yaml").write_text("room: {kinds: square, side: 4}\nhumans: 40\n")
+    told = one_line(sonata2d("generate out --scenario full.yaml --workers 1", code=1).output)
+    assert "SceneError" in told
+    assert "of 40" in told
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("./missing.py:Mine", "does not exist"),
+        ("./mine.py:Yours", "no 'Yours' in mine; it has Mine"),
+        ("./empty.py:Mine", "it has no Controller at all"),
+        ("./broken.py:Mine", "SyntaxError"),
+        ("no.such.module:Mine", "ModuleNotFoundError"),
+        ("social-plannr", "did you mean 'social-planner'?"),
+        ("json:dumps", "is no Controller"),
+    ],
+)
+def test_a_controller_that_cannot_be_loaded(sonata2d: Run, here: Path, name: str, said: str) -> None:
+    controller(here, "return s2.Twist()")
+    (here / "empty.py").write_text("x = 1\n")
+    (here / "broken.py").write_text("def f(:\n")
+    told = one_line(sonata2d(f"generate out --controller {name}", code=1).output)
+    assert told.startswith("Error: ControllerError: ")
+    assert said in told
+    assert not (here / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("act", "said"),
+    [
+        ("return s2.Twist(1 / (57 - snapshot.tick))", "ZeroDivisionError"),
+        ("return s2.Twist(float('nan') if snapshot.tick == 57 else 0.1)", "finite"),
+        ("return [1.0, 0.0, 0.0] if snapshot.tick == 57 else s2.Twist()", "must return a Twist, got [1.0, 0.0, 0.0]"),
+    ],
+)
+def test_a_controller_that_fails_at_tick_57(sonata2d: Run, here: Path, act: str, said: str) -> None:
+    (here / "long.yaml").write_text("extends: quick.yaml\nrules: {time_limit: 8, ends_on: [time]}\n")
+    controller(here, act)
+    told = one_line(
+        sonata2d("generate out --scenario long.yaml --controller ./mine.py:Mine --workers 1", code=1).output
+    )
+    assert said in told
+    assert "tick 57" in told
+    assert "episode 0" in told
+    kept = json.loads((here / "out/failed/000000.json").read_text())
+    assert len(kept["frames"]) == 57
+    assert kept["outcome"]["status"] == "error"
+    sonata2d("render out/failed/000000.json -o failed.png")
+
+
+def test_whole_episodes_survive_a_later_failure_and_resume_gives_the_same_bytes(sonata2d: Run, here: Path) -> None:
+    line = "generate out --scenario quick.yaml --controller ./mine.py:Mine --episodes 4 --workers 1 --no-picture"
+    controller(here, "assert snapshot.scene.episode < 2; return s2.Twist(vx=0.4)")
+    told = one_line(sonata2d(line, code=1).output)
+    assert "2 of 4 episodes are whole in out" in told
+    assert "AssertionError" in told
+    controller(here, "return s2.Twist(vx=0.4)")
+    sonata2d(f"{line} --resume")
+    sonata2d(line.replace("out", "again"))
+    for path in sorted((here / "again").glob("*.json")):
+        assert path.read_bytes() == (here / "out" / path.name).read_bytes()
+    assert not (here / "out/failed").exists()
+
+
+def test_a_folder_that_is_not_empty_is_left_alone(sonata2d: Run, here: Path) -> None:
+    (here / "out").mkdir()
+    (here / "out/thesis.tex").write_text("years of work")
+    told = one_line(sonata2d("generate out", code=1).output)
+    assert "not empty" in told
+    assert [path.name for path in (here / "out").iterdir()] == ["thesis.tex"]
+
+
+def test_an_existing_data_set_is_resumed_only_when_asked_and_only_with_the_same_settings(sonata2d: Run) -> None:
+    line = "generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture"
+    sonata2d(line)
+    assert "resume" in one_line(sonata2d(line, code=1).output)
+    sonata2d(f"{line} --resume")
+    assert "seed" in one_line(sonata2d(f"{line} --resume --seed 3", code=1).output)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="/dev/full and /proc are Linux's")
+def test_a_folder_that_cannot_be_written(sonata2d: Run) -> None:
+    told = one_line(sonata2d("generate /proc/out", code=1).output)
+    assert "/proc/out" in told
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of file size are Unix's")
+def test_a_full_disk_loses_no_whole_episode(here: Path) -> None:
+    """A limit of file size stands in for the disk: the second, longer episode does not fit."""
+    (here / "long.yaml").write_text("extends: quick.yaml\nrules: {time_limit: 8, ends_on: [time]}\n")
+    line = "generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture"
+    subprocess.run([sys.executable, "-m", "sonata2d_cli", *line.split()], check=True, capture_output=True)
+    size = (here / "out/000000.json").stat().st_size
+    line = "generate big --scenario long.yaml --episodes 1 --workers 1 --no-picture"
+    done = subprocess.run(
+        [sys.executable, "-m", "sonata2d_cli", *line.split()],
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)),
+    )
+    assert done.returncode == 1
+    assert "cannot be written" in one_line(done.stderr)
+    assert not list((here / "big").glob("*.tmp"))
+    assert not (here / "big/000000.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda text: text[: len(text) // 2], "cut short"),
+        (lambda text: text.replace('"version":1', '"version":9', 1), "upgrade sonata2d"),
+        (lambda text: text.replace('"format":"sonata2d-episode"', '"format":"x"'), "format"),
+    ],
+)
+def test_a_damaged_or_newer_file(sonata2d: Run, here: Path, damage: object, said: str) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
+    path = here / "out/000000.json"
+    path.write_text(damage(path.read_text()))  # type: ignore[operator]
+    assert said in one_line(sonata2d("describe out/000000.json", code=1).output)
+    assert said in one_line(sonata2d("render out/000000.json -o x.png", code=1).output)
+    assert said in sonata2d("check out --replay --workers 1", code=1).output
+
+
+def test_an_edited_number_is_found_by_hash_and_by_replay(sonata2d: Run, here: Path) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
+    path = here / "out/000000.json"
+    lines = path.read_text().splitlines(keepends=True)
+    row = next(k for k, line in enumerate(lines) if line.startswith('{"tick":7,'))
+    command = json.loads(lines[row].rstrip(",\n"))["command"]
+    lines[row] = lines[row].replace(json.dumps(command, separators=(",", ":")), f"[{command[0] - 0.01:.4f},0.0,0.0]", 1)
+    path.write_text("".join(lines))
+    told = sonata2d("check out --replay --workers 1", code=1).output
+    assert "sha256" in told
+    assert "000000.json: replay: line" in told
+
+
+def test_render_to_an_unknown_kind(sonata2d: Run) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
+    told = one_line(sonata2d("render out/000000.json -o film.avi", code=1).output)
+    assert ".mp4" in told
+
+
+def test_a_missing_path_and_a_wrong_option(sonata2d: Run) -> None:
+    assert "does not exist" in one_line(sonata2d("check nowhere", code=1).output)
+    assert "nowhere" in one_line(sonata2d("describe nowhere.json", code=1).output)
+    assert "No such option" in sonata2d("generate out --episods 3", code=2).output

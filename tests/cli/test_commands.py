@@ -1,0 +1,113 @@
+"""What every command does when all is well."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from sonata2d_cli import main
+from sonata2d_cli.main import COMMANDS
+
+from .conftest import Run
+
+
+def test_generate_leaves_episodes_manifest_card_picture_and_the_next_command(sonata2d: Run, here: Path) -> None:
+    told = sonata2d("generate out --scenario quick.yaml --episodes 3 --seed 4 --workers 1").output
+    names = {path.name for path in (here / "out").iterdir()}
+    assert names == {
+        "000000.json",
+        "000001.json",
+        "000002.json",
+        "manifest.json",
+        "README.md",
+        "preview.png",
+        "run.jsonl",
+    }
+    assert "next:  " in told
+    assert "render out/000000.json" in told
+    manifest = json.loads((here / "out/manifest.json").read_text())
+    assert manifest["complete"]
+    assert [file["episode"] for file in manifest["files"]] == [0, 1, 2]
+    assert sum(manifest["counts"]["outcome"].values()) == 3
+
+
+def test_a_made_data_set_passes_every_check(sonata2d: Run) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --compress zst --no-picture")
+    assert "no problems" in sonata2d("check out --replay --rerun --workers 1").output
+    assert "no problems" in sonata2d("check out/000001.json.zst --replay").output
+
+
+def test_a_controller_from_the_users_own_file_drives_and_labels(sonata2d: Run, here: Path) -> None:
+    (here / "polite.py").write_text(
+        "import sonata2d as s2\n"
+        "class Polite(s2.Controller):\n"
+        "    labels = {'near': 'a person is nearer than 1.2 m'}\n"
+        "    def act(self, snapshot):\n"
+        "        return s2.Twist(vx=0.5)\n"
+        "    def label(self, snapshot, twist):\n"
+        "        return {'near': s2.clearance(snapshot) < s2.PERSONAL_DISTANCE}\n"
+    )
+    sonata2d("generate out --controller ./polite.py:Polite --scenario quick.yaml --episodes 4 --workers 2 --no-picture")
+    episode = json.loads((here / "out/000003.json").read_text())
+    assert episode["controller"]["path"] == "./polite.py:Polite"
+    assert episode["labels"] == {"near": "a person is nearer than 1.2 m"}
+    assert all(isinstance(frame["label"]["near"], bool) for frame in episode["frames"])
+    sonata2d("check out --rerun --workers 1")
+
+
+def test_describe_tells_of_data_sets_and_episodes(sonata2d: Run) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --no-picture")
+    assert "episodes         2 of 2" in sonata2d("describe out").output
+    told = json.loads(sonata2d("describe out/000000.json --json").output)
+    assert told["people"] == "4, 2 of them walking"
+    assert told["labels"] == "the command itself"
+
+
+def test_render_makes_pictures_and_pages(sonata2d: Run, here: Path) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
+    for name, start in (("a.png", b"\x89PNG"), ("b.html", b"<!"), ("c.gif", b"GIF8")):
+        sonata2d(f"render out/000000.json -o {name} --zones --ids")
+        assert (here / name).read_bytes().startswith(start)
+
+
+def test_scenarios_can_be_listed_shown_drawn_and_used_again(sonata2d: Run, here: Path) -> None:
+    assert "sonata-2020-crowded" in sonata2d("scenarios list").output
+    shown = sonata2d("scenarios show sonata-2020").output
+    (here / "again.yaml").write_text(shown)
+    again = json.loads(sonata2d("scenarios show again.yaml --json").output)
+    assert again == json.loads(sonata2d("scenarios show sonata-2020 --json").output)
+    sonata2d("scenarios draw quick.yaml --scenes 2 -o quick.png")
+    assert (here / "quick.png").stat().st_size > 2000
+
+
+def test_controllers_are_listed(sonata2d: Run) -> None:
+    names = [row["name"] for row in json.loads(sonata2d("controllers list --json").output)]
+    assert names[:3] == ["straight-to-goal", "social-force", "social-planner"]
+
+
+def test_doctor_finds_this_installation_well(sonata2d: Run) -> None:
+    rows = {row["check"]: row for row in json.loads(sonata2d("doctor --json").output)}
+    assert rows["trial episode"]["ok"] is True, rows["trial episode"]["found"]
+    assert rows["writing"]["ok"] is True
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_an_example_in_its_help(command: str) -> None:
+    words = {"scenarios": [command, "draw"], "controllers": [command, "list"]}.get(command, [command])
+    told = CliRunner().invoke(main, [*words, "--help"]).output
+    assert "Example" in told
+    assert "--json" in told
+
+
+def test_help_is_quick_because_it_loads_no_simulation() -> None:
+    code = (
+        "import sys; from sonata2d_cli import main\n"
+        "try: main(['--help'])\n"
+        "except SystemExit: print({'pymunk', 'pydantic', 'pygame', 'yaml'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("set()\n")

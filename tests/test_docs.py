@@ -1,0 +1,70 @@
+"""Everything in the documentation runs: Python blocks, `sonata2d` commands, and the files they speak of."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from sonata2d_cli import main
+
+ROOT = Path(__file__).parent.parent
+PAGES = ["docs/first-steps.md", "docs/how-to.md"]
+BLOCK = re.compile(r"^```(\w+)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_example_runs_in_the_order_of_the_page(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "polite", raising=False)
+    for example in (ROOT / "examples/scenarios").glob("*.yaml"):
+        shutil.copy(example, tmp_path)
+    names: dict[str, object] = {"__name__": "example"}
+    for language, file, text in BLOCK.findall((ROOT / page).read_text()):
+        if file:
+            (tmp_path / file).write_text(text)
+        elif language == "python":
+            exec(compile(text, page, "exec"), names)
+        elif language == "sh":
+            for line in text.splitlines():
+                run(line)
+
+
+def run(line: str) -> None:
+    program, *words = shlex.split(line)
+    assert program == "sonata2d", line
+    result = CliRunner().invoke(main, words, prog_name="sonata2d")
+    assert result.exit_code == 0, f"{line}\n{result.output}"
+
+
+@pytest.mark.parametrize("page", ["README.md", *(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))])
+def test_every_link_leads_somewhere(page: str) -> None:
+    for target in LINK.findall((ROOT / page).read_text()):
+        assert ((ROOT / page).parent / target).exists(), f"{page}: {target}"
+
+
+def test_readme_gives_two_commands_and_the_gate_runs_the_second() -> None:
+    commands = [text.strip() for _, _, text in BLOCK.findall((ROOT / "README.md").read_text())]
+    assert len(commands) == 2
+    gate = (ROOT / ".ci/run").read_text()
+    assert "'.[test]'" in commands[1]
+    assert "'.[test]'" in gate
+    assert commands[1].endswith(".venv/bin/python -m pytest")
+    assert gate.strip().splitlines()[-1].startswith(".venv/bin/python -m pytest")
+
+
+@pytest.mark.parametrize("name", ["home", "office", "clinic_corridor"])
+def test_example_scenarios_are_used_as_they_stand(name: str, tmp_path: Path) -> None:
+    import sonata2d as s2
+
+    config = s2.load_scenario(ROOT / f"examples/scenarios/{name}.yaml")
+    outcomes = [s2.Episode(s2.generate(config, seed), s2.SocialPlanner()).run().status for seed in range(3)]
+    assert outcomes.count("goal") >= 2

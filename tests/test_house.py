@@ -1,0 +1,109 @@
+"""The house is as drawn in docs/architecture.md: imports go down only, rooms do not know each other."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parent.parent / "sonata2d"
+
+# Each storey may import what is in it and below; a room only itself and the ground floor.
+GROUND = ["version", "errors", "exact", "geometry", "chance", "entities", "frame", "corners", "navigation", "proxemics"]
+ROOMS = ["world", "agents", "scenegen", "record", "view"]
+STAIRS = {"episode": ["world", "agents"]}
+LANDING = ["plugins", "replay", "proof", "batch", "testing"]
+OUTSIDE = {"pymunk": {"world"}, "pygame": {"view"}, "pydantic": {"scenegen", "record"}, "yaml": {"scenegen"}}
+
+
+def storey_modules() -> dict[str, list[tuple[str, ...]]]:
+    """Every module's own path and what it imports, relative names resolved: {"agents.crowd": [("frame",), …]}."""
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
+        name = ".".join(parts)
+        found[name] = [target for node in ast.walk(ast.parse(path.read_text())) for target in imports(node, parts)]
+    return found
+
+
+def imports(node: ast.AST, parts: tuple[str, ...]) -> list[tuple[str, ...]]:
+    if isinstance(node, ast.Import):
+        return [("outside", alias.name.split(".")[0]) for alias in node.names]
+    if not isinstance(node, ast.ImportFrom):
+        return []
+    if node.level == 0:
+        return [("outside", (node.module or "").split(".")[0])]
+    base = parts[: len(parts) - node.level]
+    if node.module:
+        return [(*base, *node.module.split("."))]
+    return [(*base, alias.name) for alias in node.names]
+
+
+MODULES = storey_modules()
+
+
+def room_of(name: str) -> str:
+    first = name.split(".")[0]
+    return "world" if first == "bumper" else first
+
+
+def may_import(room: str) -> set[str]:
+    if room in GROUND:
+        return set(GROUND[: GROUND.index(room)]) | {room}
+    if room in ROOMS:
+        return {room, *GROUND}
+    if room in STAIRS:
+        return {room, *STAIRS[room], *GROUND}
+    if room in LANDING:
+        return {*LANDING, *STAIRS, *ROOMS, *GROUND}
+    assert room == "__init__", f"{room} has no place in the house: give it one here and in docs/architecture.md"
+    return {*LANDING, *STAIRS, *ROOMS, *GROUND}
+
+
+@pytest.mark.parametrize("module", sorted(MODULES))
+def test_imports_go_down_only(module: str) -> None:
+    allowed = may_import(room_of(module))
+    inside = {room_of(target[0]) for target in MODULES[module] if target and target[0] != "outside"}
+    assert inside <= allowed, f"{module} imports {sorted(inside - allowed)}"
+
+
+@pytest.mark.parametrize("module", sorted(MODULES))
+def test_each_outside_package_has_its_room(module: str) -> None:
+    outside = {target[1] for target in MODULES[module] if target and target[0] == "outside"}
+    for package, rooms in OUTSIDE.items():
+        assert package not in outside or room_of(module) in rooms, f"{module} imports {package}"
+
+
+def test_no_global_generator_and_no_wall_clock_inside_the_loop() -> None:
+    loop = [path for room in ("agents", "scenegen") for path in (PACKAGE / room).rglob("*.py")]
+    loop += [PACKAGE / f"{name}.py" for name in ("world", "bumper", "episode", *GROUND)]
+    for path in loop:
+        text = path.read_text()
+        for banned in ("import random", "np.random.default_rng", "np.random.seed", "import time", "datetime"):
+            assert banned not in text, f"{path} uses {banned}"
+
+
+def test_the_loop_uses_no_function_that_differs_between_processors() -> None:
+    """Only + - * / sqrt: no libm, no SIMD transcendentals, no BLAS, no pairwise sums."""
+    banned_numpy = {"exp", "sin", "cos", "tan", "arctan2", "arctan", "hypot", "dot", "einsum", "matmul", "power", "log"}
+    banned_math = {"exp", "sin", "cos", "tan", "atan2", "atan", "hypot", "pow", "log", "dist", "fsum"}
+    loop = [path for room in ("agents", "scenegen") for path in (PACKAGE / room).rglob("*.py")]
+    loop += [PACKAGE / f"{name}.py" for name in ("world", "bumper", "episode", *GROUND)]
+    for path in loop:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+                banned = {"np": banned_numpy, "math": banned_math}.get(node.value.id, set())
+                assert node.attr not in banned, f"{path.name}:{node.lineno} uses {node.value.id}.{node.attr}"
+            assert not (isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult | ast.Pow)), (
+                f"{path.name}:{node.lineno} uses @ or **"
+            )
+
+
+def test_import_is_silent_and_opens_no_window() -> None:
+    code = "import sys, sonata2d; print(sorted({'pygame', 'yaml', 'jinja2', 'imageio', 'tqdm'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+    assert done.stderr == ""
