@@ -9,9 +9,7 @@ import click
 from .output import json_option, show_json
 
 
-@click.command(
-    epilog="Examples:  sonata2d render demo/000000.json -o one.html   ·   ... -o strip.png --strip 4"
-)
+@click.command(epilog="Examples:  sonata2d render demo/000000.json -o one.html   ·   ... -o strip.png --strip 4")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help=".png, .gif, .mp4 or .html")
 @click.option("--strip", type=click.IntRange(2, 20), help="A .png of this many moments side by side.")

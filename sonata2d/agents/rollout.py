@@ -21,6 +21,7 @@ class Ways:
         ahead: (2, S, K), unit vectors of the robot's heading.
         vx, vy: (S, K), m/s, world frame.
         speed: (S, K), m/s.
+        onset: (K,) and (K,), m/s, world frame: the first step's velocity while the robot still has its present heading.
     """
 
     x: Array
@@ -29,6 +30,7 @@ class Ways:
     vx: Array
     vy: Array
     speed: Array
+    onset: tuple[Array, Array]
 
 
 def rolled_out(twists: Array, snapshot: Snapshot, *, horizon: float, step: float) -> Ways:
@@ -54,13 +56,15 @@ def rolled_out(twists: Array, snapshot: Snapshot, *, horizon: float, step: float
         t = (k + 0.5) * step
         part, turned = np.minimum(t / ramp, 1.0), np.minimum(t / turn_ramp, 1.0)
         vx, vy = now.vx + dvx * part, sideways + dvy * part
+        if k == 0:
+            onset = vx * c - vy * s, vx * s + vy * c
         tc, ts = rotation((now.omega + domega * turned) * (step / 2))
         c, s = c * tc - s * ts, s * tc + c * ts
         wx, wy = vx * c - vy * s, vx * s + vy * c
         x, y = x + wx * step, y + wy * step
         c, s = c * tc - s * ts, s * tc + c * ts
         rows[:, k] = x, y, c, s, wx, wy, np.sqrt(vx * vx + vy * vy)
-    return Ways(rows[0], rows[1], rows[2:4], rows[4], rows[5], rows[6])
+    return Ways(rows[0], rows[1], rows[2:4], rows[4], rows[5], rows[6], onset)
 
 
 def candidates(robot: Robot) -> Array:

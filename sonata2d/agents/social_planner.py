@@ -25,6 +25,7 @@ HORIZON, STEP = 2.4, 0.2  # s, how far and how fine the prediction is
 SKIN = 0.02  # m to walls and furniture, below which a way counts as blocked
 SLOW, SLOWER_BY_THE_METRE = 0.2, 0.6  # m/s and 1/s: proper speed near people, at the skin and by the gap
 MARGIN = 0.06  # m below which a predicted gap counts as a contact
+TOUCH, TOUCHING = 0.04, 10.0  # m, gap below which any m/s towards someone counts as so many metres too far
 REACTION = 0.15  # s before a brake takes hold
 IMPATIENCE = 5.0  # s without getting nearer after which manners begin to yield
 
@@ -40,7 +41,7 @@ class Weights:
     crash: float = 20.0  # a predicted contact with a person, the more the sooner
     bump: float = 20.0  # the same with a wall or a thing
     closing: float = 100.0  # a metre by which the robot could not stop before a person
-    change: float = 0.05  # a m/s or half a rad/s of change of the command
+    change: float = 0.2  # a m/s or half a rad/s of change of the command
 
 
 class SocialPlanner(Controller):
@@ -130,18 +131,23 @@ class SocialPlanner(Controller):
         return gaps
 
     def _unstoppable(self, ways: Ways, snapshot: Snapshot) -> Array:
-        """(K,), m by which the robot would fail to stop before someone if it had to brake after this tick."""
+        """(K,), m by which the robot would fail to stop before someone if it had to brake after this tick.
+
+        Whoever is all but touched must not be neared at all.
+        """
         humans, robot = snapshot.humans, snapshot.robot
         dx, dy = humans.state[:, 0] - robot.position[0], humans.state[:, 1] - robot.position[1]
         apart = np.maximum(np.sqrt(dx * dx + dy * dy), 1e-6)
         nx, ny = dx / apart, dy / apart
-        gap = apart - humans.radius - robot.radius - MARGIN
+        gap = apart - humans.radius - robot.radius
         theirs = np.maximum(-(humans.state[:, 2] * nx + humans.state[:, 3] * ny), 0.0)
-        first, second = (nx[:, None] * ways.vx[k] + ny[:, None] * ways.vy[k] for k in (0, 1))
-        own = np.maximum(np.maximum(first, second), 0.0)  # (N, K)
+        soon = (ways.onset, (ways.vx[0], ways.vy[0]), (ways.vx[1], ways.vy[1]))
+        own = np.maximum.reduce([nx[:, None] * vx + ny[:, None] * vy for vx, vy in soon])  # (N, K)
+        own = np.maximum(own, 0.0)
         brake = own / robot.body.limits.acceleration + REACTION
         needed = own * (brake + REACTION) * 0.5 + theirs[:, None] * brake
-        over = np.where(own > 0.01, np.maximum(needed - gap[:, None], 0.0), 0.0)
+        over = np.where(own > 0.01, np.maximum(needed - gap[:, None] + MARGIN, 0.0), 0.0)
+        over += np.where((gap < TOUCH)[:, None], TOUCHING * own, 0.0)
         short: Array = np.add.reduce(over, axis=0)
         return short
 

@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 
 from ..chance import Chance
-from ..entities import Furniture, Human
+from ..entities import TALKING, Furniture, Human
 from ..exact import PI
-from ..geometry import Pose, Shape, shape_gap
+from ..geometry import Pose, Rectangle, Shape, direction_angle, shape_gap
 from .cast import Cluster, Entity, shape_of
 from .config import ScenarioConfig
 from .rooms import FloorPlan
@@ -40,6 +40,8 @@ class Layout:
             spots = self._spots(cluster, members, target)
             if spots is not None:
                 self.taken += spots
+                if cluster.relation == TALKING:
+                    self.taken.append(_between(members[0].pose, members[-1].pose))
                 return members
         return None
 
@@ -70,6 +72,13 @@ class Layout:
         if isinstance(member, Human):
             return max(self.config.person.wall_distance - member.radius, self.config.clearance)
         return self.config.clearance
+
+
+def _between(one: Pose, other: Pose) -> Spot:
+    """The line on which two who talk see each other, as an outline, so that nobody stands there."""
+    dx, dy = other.x - one.x, other.y - one.y
+    middle = Pose((one.x + other.x) / 2, (one.y + other.y) / 2, direction_angle(dx, dy))
+    return Rectangle(math.sqrt(dx * dx + dy * dy), 0.1), middle
 
 
 def extent(cluster: Cluster) -> float:

@@ -1,0 +1,113 @@
+"""How good the expert is: goals reached and contacts by its own fault, on unseen scenes.
+
+    python benchmarks/expert.py [--episodes 200] [--controller social-planner] [--seed 100000] [--workers 2] [--json]
+
+Half the people ignore the robot. A run counts as a contact if at any tick the robot touched a person and its own
+velocity closed the gap.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+
+import numpy as np
+
+import sonata2d as s2
+from sonata2d.entities import Scene
+from sonata2d.frame import Author, Frame, Outcome, Snapshot
+from sonata2d.plugins import load_controller
+
+PRESETS = ("sonata-2020", "sonata-2020-crowded")
+
+
+class Referee:
+    """An observer that counts who touched whom, and how near the robot came."""
+
+    def __init__(self) -> None:
+        self.at_fault = self.touched = self.bumped = False
+        self.nearest, self.near = float("inf"), []
+
+    def open(self, scene: Scene, author: Author) -> None: ...
+
+    def note(self, frame: Frame) -> None:
+        self._judge(frame.snapshot)
+
+    def close(self, last: Snapshot, outcome: Outcome) -> None:
+        self._judge(last)
+
+    def _judge(self, snapshot: Snapshot) -> None:
+        for contact in snapshot.contacts:
+            if contact.kind == "human":
+                self.touched, self.at_fault = True, self.at_fault or contact.robot_at_fault
+            elif contact.robot_at_fault:
+                self.bumped = True
+        gap = s2.clearance(snapshot)
+        self.nearest = min(self.nearest, gap)
+        self.near.append(gap < s2.INTIMATE_DISTANCE)
+
+
+def run_one(seed: int, preset: str, controller: str) -> dict[str, float]:
+    """One unseen scene."""
+    config = s2.load_scenario(preset)
+    config = config.model_copy(update={"person": config.person.model_copy(update={"ignores_robot": 0.5})})
+    referee = Referee()
+    scene = s2.generate(config, seed=seed)
+    start = time.process_time()
+    outcome = s2.Episode(scene, load_controller(controller), observers=[referee]).run()
+    return {
+        "seed": seed,
+        "goal": outcome.status == "goal",
+        "contact by its fault": referee.at_fault,
+        "contact": referee.touched,
+        "bumped into a thing": referee.bumped,
+        "time": outcome.time,
+        "intimate": float(np.mean(referee.near)) if referee.near else 0.0,
+        "us per tick": (time.process_time() - start) / max(outcome.tick, 1) * 1e6,
+    }
+
+
+def table(rows: Iterable[dict[str, float]]) -> dict[str, object]:
+    """Shares and medians of many runs."""
+    runs = list(rows)
+    shares = ("goal", "contact by its fault", "contact", "bumped into a thing")
+    return {
+        "runs": len(runs),
+        **{f"{name} (%)": round(100 * float(np.mean([r[name] for r in runs])), 1) for name in shares},
+        "frames within 0.45 m of a person (%)": round(100 * float(np.mean([r["intimate"] for r in runs])), 1),
+        "time, median (s)": round(float(np.median([r["time"] for r in runs])), 1),
+        "CPU per tick, median (us)": round(float(np.median([r["us per tick"] for r in runs]))),
+        "seeds not at the goal": [r["seed"] for r in runs if not r["goal"]],
+        "seeds of its faults": [r["seed"] for r in runs if r["contact by its fault"]],
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--episodes", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=100_000, help="the first of them")
+    parser.add_argument("--controller", default="social-planner")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    seeds = range(arguments.seed, arguments.seed + arguments.episodes)
+    with ProcessPoolExecutor(arguments.workers) as pool:
+        result = {
+            preset: table(
+                pool.map(partial(run_one, preset=preset, controller=arguments.controller), seeds, chunksize=5)
+            )
+            for preset in PRESETS
+        }
+    if arguments.json:
+        print(json.dumps(result, indent=2))
+        return
+    for row in result[PRESETS[0]]:
+        print(f"{row:40}" + "".join(f"{result[preset][row]!s:>24}" for preset in PRESETS))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,144 @@
+"""How deep bodies ever overlap, how often the guard steps in, and how many walkers get stuck.
+
+    python benchmarks/overlap.py [--frames 100000] [--json]
+
+Two settings: default scenes with a robot that drives straight at its goal whatever stands there, and a crush of 60
+people in 6 x 6 m with a robot that dashes about at 3.5 m/s. Overlaps are taken at every frame, in mm.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+
+import numpy as np
+
+import sonata2d as s2
+from sonata2d.chance import Chance
+from sonata2d.entities import Scene
+from sonata2d.frame import Author, Frame, Outcome, Snapshot
+from sonata2d.geometry import inside_polygon
+
+WINDOW = 200  # ticks, 20 s, in which a walker should get on
+STUCK = 0.5  # m
+
+
+class Dash(s2.Controller):
+    """Full speed in a random direction, another one every second."""
+
+    def reset(self, scene: Scene) -> None:
+        self._chance = Chance(scene.seed, scene.episode, "controller")
+
+    def act(self, snapshot: Snapshot) -> s2.Twist:
+        if snapshot.tick % 10 == 0:
+            self._turn = self._chance.uniform(-3.0, 3.0)
+        return s2.Twist(vx=3.5, omega=self._turn)
+
+
+class Meter:
+    """An observer that keeps the worst of everything."""
+
+    def __init__(self) -> None:
+        self.frames = self.guarded = self.not_finite = self.outside = self.windows = self.stuck = 0
+        self.deepest = {"person-person": 0.0, "person-solid": 0.0, "robot-person": 0.0, "robot-solid": 0.0}
+        self._places: list[s2.Array] = []
+
+    def open(self, scene: Scene, author: Author) -> None:
+        self._places, self._walks = [], [h.behaviour == "wandering" for h in scene.humans]
+        self._apart = np.triu_indices(len(scene.humans), 1)
+
+    def note(self, frame: Frame) -> None:
+        snapshot = frame.snapshot
+        people, robot = snapshot.humans, snapshot.robot
+        place = np.concatenate((people.position, [robot.position]))
+        radius = np.concatenate((people.radius, [robot.radius]))
+        self.frames += 1
+        self.guarded += robot.guarded
+        self.not_finite += int((~np.isfinite(people.state)).sum()) + int((~np.isfinite(place[-1])).sum())
+        self.outside += int((~inside_polygon(place, snapshot.scene.outline)).sum())
+        solid = (radius - snapshot.scene.barriers.gaps(place)).max(axis=0)
+        i, j = self._apart
+        self._keep("person-person", radius[i] + radius[j] - np.linalg.norm(place[i] - place[j], axis=1))
+        self._keep("robot-person", people.radius + robot.radius - np.linalg.norm(place[:-1] - place[-1], axis=1))
+        self._keep("person-solid", solid[:-1])
+        self._keep("robot-solid", solid[-1:])
+        self._places.append(people.position[self._walks])
+
+    def close(self, last: Snapshot, outcome: Outcome) -> None:
+        places = np.array(self._places)
+        for start in range(0, len(places) - WINDOW + 1, WINDOW):
+            window = places[start : start + WINDOW]
+            far = np.linalg.norm(window - window[0], axis=2).max(axis=0)
+            self.windows += len(far)
+            self.stuck += int((far < STUCK).sum())
+
+    def _keep(self, kind: str, depth: s2.Array) -> None:
+        if len(depth):
+            self.deepest[kind] = max(self.deepest[kind], float(depth.max()))
+
+    def result(self) -> dict[str, float]:
+        return {
+            "frames": self.frames,
+            **{f"deepest {kind} (mm)": round(depth * 1000, 1) for kind, depth in self.deepest.items()},
+            "not finite": self.not_finite,
+            "outside the room": self.outside,
+            "guard stepped in (%)": round(100 * self.guarded / self.frames, 2),
+            "stuck walkers (%)": round(100 * self.stuck / max(self.windows, 1), 2),
+        }
+
+
+def default_scenes() -> Iterator[Scene]:
+    """Scene after scene of the default preset, each a full minute."""
+    config = s2.ScenarioConfig(rules={"ends_on": ["time"]})
+    for seed in range(10**9):
+        yield s2.generate(config, seed=seed)
+
+
+def crush_scenes() -> Iterator[Scene]:
+    """60 people in 6 x 6 m and a robot that nothing slows but its guard."""
+    limits = {
+        "ahead": 3.5,
+        "back": 3.5,
+        "sideways": 3.5,
+        "turn": 3.0,
+        "acceleration": 100.0,
+        "turn_acceleration": 100.0,
+    }
+    config = s2.ScenarioConfig(
+        name="crush",
+        room={"polygon": [[-3, -3], [3, -3], [3, 3], [-3, 3]]},
+        standing=0, wandering=60, tables=0, plants=0, relations=0, person={"wall_distance": 0.25},
+        robot={"limits": limits, "pose": [0, 0, 0]}, goal={"position": [2.4, 2.4]},
+        rules={"ends_on": ["time"]},
+    )  # fmt: skip
+    for seed in range(10**9):
+        yield s2.generate(config, seed=seed)
+
+
+def measure(scenes: Iterator[Scene], controller: s2.Controller, frames: int) -> dict[str, float]:
+    """Run scene after scene until enough frames were seen."""
+    meter = Meter()
+    while meter.frames < frames:
+        s2.Episode(next(scenes), controller, observers=[meter]).run()
+    return meter.result()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--frames", type=int, default=100_000)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    table = {
+        "default": measure(default_scenes(), s2.StraightToGoal(speed=1.0), arguments.frames),
+        "crush": measure(crush_scenes(), Dash(), arguments.frames),
+    }
+    if arguments.json:
+        print(json.dumps(table, indent=2))
+        return
+    for row in table["default"]:
+        print(f"{row:32}" + "".join(f"{table[name][row]:>12}" for name in table))
+
+
+if __name__ == "__main__":
+    main()
