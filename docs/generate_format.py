@@ -45,7 +45,8 @@ humans = np.array([frame["humans"] for frame in episode["frames"]])  # (T, N, 7)
   at most; its other tolerances stand in `sonata2d/record/sense.py`.
 
 A data set is a folder of these, named `{{episode:06d}}.json`, with a `manifest.json` (see [Manifest](#manifest);
-[JSON Schema](schema/manifest-v1.schema.json)), a data card `README.md`, and `run.jsonl`, the log of its runs.
+[JSON Schema](schema/manifest-v1.schema.json)), `scenario.json` with its settings, a data card
+`README.md`, and `run.jsonl`, the log of its runs.
 """
 
 

@@ -28,10 +28,10 @@ sonata2d {sonata2d} and driven by `{controller}`.
 
 ## Made by
 ```
-sonata2d generate OUT --scenario {name} --seed {seed} --episodes {asked} --controller {controller}
+sonata2d generate AGAIN --scenario scenario.json --seed {seed} --episodes {asked} --controller {controller}
 ```
-The settings in full stand in `manifest.json` and in every episode. The same settings, seed and physics version
-({physics}) give the same bytes: `sonata2d check OUT --replay` proves it.
+`scenario.json` beside this card holds the settings in full, as does every episode. The same settings, seed and physics
+version ({physics}) give the same bytes: `sonata2d check` with `--replay` proves it.
 
 ## Contents
 | outcome | episodes |

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import orjson
 
 from ..errors import RecordError
-from .dataset import CARD, LOG, MANIFEST, entry_of, read_manifest
+from .dataset import CARD, LOG, MANIFEST, SCENARIO, entry_of, read_manifest
 from .layout import Tree
 from .reader import read_episode
 from .record import EpisodeRecord
@@ -100,7 +100,7 @@ def _manifest_doubts(folder: Path, manifest: Tree) -> Iterator[Doubt]:
             yield f"counts.{key}", f"says {told}, the list gives {counted}"
     for name in _repeated(names):
         yield "files", f"lists {name} more than once"
-    strangers = {path.name for path in folder.iterdir() if path.is_file()} - {*names, MANIFEST, CARD, LOG}
+    strangers = {path.name for path in folder.iterdir() if path.is_file()} - {*names, MANIFEST, SCENARIO, CARD, LOG}
     for name in sorted(name for name in strangers if ".json" in name or name.endswith(".tmp")):
         yield "files", f"{name} is in the folder but not in the list"
 

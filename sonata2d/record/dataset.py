@@ -27,7 +27,7 @@ from .record import EpisodeRecord
 from .software import software
 
 DATASET_FORMAT, DATASET_VERSION = "sonata2d-dataset", 1
-MANIFEST, CARD, LOG = "manifest.json", "README.md", "run.jsonl"
+MANIFEST, SCENARIO, CARD, LOG = "manifest.json", "scenario.json", "README.md", "run.jsonl"
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +82,8 @@ def start(folder: Path, plan: Plan, *, resume: bool = False) -> None:
         raise RecordError(f"{folder} is not empty and holds no {MANIFEST}; choose another folder")
     for left in folder.glob(f"{TEMPORARY}*"):
         left.unlink(missing_ok=True)
+    if plan.settings is not None:
+        _write(folder / SCENARIO, plan.settings)
     _write(folder / MANIFEST, manifest_of(plan, (), complete=False))
 
 
@@ -235,6 +237,6 @@ def _refuse_stranger(record: EpisodeRecord, plan: Plan, episode: int) -> None:
         raise RecordError(f"{record.path} ended in an error: {record.outcome.reason}")
 
 
-def _write(path: Path, manifest: Tree) -> None:
+def _write(path: Path, tree: Tree) -> None:
     """Indented, to be read and compared by people too."""
-    write_atomically(path, orjson.dumps(manifest, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))
+    write_atomically(path, orjson.dumps(tree, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))

@@ -23,6 +23,7 @@ def test_generate_leaves_episodes_manifest_card_picture_and_the_next_command(son
         "000001.json",
         "000002.json",
         "manifest.json",
+        "scenario.json",
         "README.md",
         "preview.png",
         "run.jsonl",
@@ -33,6 +34,15 @@ def test_generate_leaves_episodes_manifest_card_picture_and_the_next_command(son
     assert manifest["complete"]
     assert [file["episode"] for file in manifest["files"]] == [0, 1, 2]
     assert sum(manifest["counts"]["outcome"].values()) == 3
+
+
+def test_a_data_set_is_made_again_by_the_command_on_its_card(sonata2d: Run, here: Path) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 2 --seed 9 --workers 1 --no-picture")
+    card = (here / "out/README.md").read_text()
+    command = next(line for line in card.splitlines() if line.startswith("sonata2d generate"))
+    sonata2d(command.removeprefix("sonata2d ").replace("scenario.json", "out/scenario.json") + " --no-picture")
+    for path in (here / "AGAIN").iterdir():
+        assert path.name == "run.jsonl" or path.read_bytes() == (here / "out" / path.name).read_bytes()
 
 
 def test_a_made_data_set_passes_every_check(sonata2d: Run) -> None:
