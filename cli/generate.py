@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +64,7 @@ def command(
 
     suffix = ".json" if compress == "none" else f".json.{compress}"
     config = load_scenario(scenario)
-    with progress(episodes, "episodes") as advance:
+    with progress(episodes, "episodes") as advance, _hint_at_resume(out):
         manifest = generate_dataset(
             out,
             config,
@@ -81,6 +83,16 @@ def command(
         show_json(manifest)
     else:
         _tell(out, first, manifest, picture)
+
+
+@contextmanager
+def _hint_at_resume(out: Path) -> Iterator[None]:
+    """Say what stays when a person breaks off, and how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        click.echo(f"\ninterrupted; whole episodes stay in {out}, the same command with --resume goes on", err=True)
+        sys.exit(130)
 
 
 def _draw(episode: Path, picture: Path) -> None:

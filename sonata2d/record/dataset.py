@@ -78,13 +78,15 @@ def start(folder: Path, plan: Plan, *, resume: bool = False) -> None:
         if not resume:
             raise RecordError(f"{folder} holds a data set already; resume it, or choose another folder")
         _refuse_another(folder, plan)
-    elif folder.exists() and (not folder.is_dir() or any(True for _ in folder.iterdir())):
+    elif folder.exists() and not folder.is_dir():
+        raise RecordError(f"{folder} is a file; choose another name for the folder")
+    elif folder.exists() and any(not path.name.startswith(TEMPORARY) for path in folder.iterdir()):
         raise RecordError(f"{folder} is not empty and holds no {MANIFEST}; choose another folder")
     for left in folder.glob(f"{TEMPORARY}*"):
         left.unlink(missing_ok=True)
+    _write(folder / MANIFEST, manifest_of(plan, (), complete=False))  # first: it is what a resumption looks for
     if plan.settings is not None:
         _write(folder / SCENARIO, plan.settings)
-    _write(folder / MANIFEST, manifest_of(plan, (), complete=False))
 
 
 def store(folder: Path, plan: Plan, episode: int, document: bytes) -> Entry:

@@ -52,8 +52,10 @@ def save_surface(surface: pygame.Surface, path: str | Path) -> None:
     """Write a surface as PNG.
 
     Raises:
-        RenderError: the file cannot be written.
+        RenderError: the name does not end in .png, or the file cannot be written.
     """
+    if Path(path).suffix.lower() != ".png":
+        raise RenderError(f"{path}: a picture is written as PNG; end the name in .png")
     try:
         with open(path, "wb") as file:
             pygame.image.save(surface, file, "picture.png")

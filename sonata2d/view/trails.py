@@ -39,8 +39,8 @@ class Trails:
         people = len(rows[0][2]) if rows else 0
         return cls(
             np.array([time for time, _, _ in rows], dtype=float),
-            np.array([robot for _, robot, _ in rows], dtype=float).reshape(-1, 2),
-            np.array([humans for _, _, humans in rows], dtype=float).reshape(-1, people, 2),
+            np.array([robot for _, robot, _ in rows], dtype=float).reshape(len(rows), 2),
+            np.array([humans for _, _, humans in rows], dtype=float).reshape(len(rows), people, 2),
             is_tail,
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -123,6 +124,30 @@ def test_a_folder_that_is_not_empty_is_left_alone(sonata2d: Run, here: Path) -> 
     told = one_line(sonata2d("generate out", code=1).output)
     assert "not empty" in told
     assert [path.name for path in (here / "out").iterdir()] == ["thesis.tex"]
+
+
+def test_a_file_in_place_of_the_folder_and_a_picture_of_another_kind(sonata2d: Run) -> None:
+    assert "quick.yaml is a file" in one_line(sonata2d("generate quick.yaml", code=1).output)
+    assert "end the name in .png" in one_line(sonata2d("scenarios draw quick.yaml -o x.jpg", code=1).output)
+
+
+def test_nobody_at_all_and_one_tick(sonata2d: Run, here: Path) -> None:
+    (here / "tiny.toml").write_text("humans = 0\nrelations = 0\n[rules]\ntime_limit = 0.1\nsubsteps = 1\n")
+    sonata2d("generate out --scenario tiny.toml --episodes 1 --workers 1")
+    sonata2d("check out --replay")
+    for kind in ("png", "html", "gif"):
+        sonata2d(f"render out/000000.json -o x.{kind}")
+
+
+def test_breaking_off_says_what_stays_and_how_to_go_on(here: Path) -> None:
+    line = "generate out --scenario quick.yaml --episodes 2000 --workers 1"
+    process = subprocess.Popen([sys.executable, "-m", "sonata2d_cli", *line.split()], stderr=subprocess.PIPE, text=True)
+    while not (here / "out/000001.json").exists():
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "--resume" in one_line(told)
 
 
 def test_an_existing_data_set_is_resumed_only_when_asked_and_only_with_the_same_settings(sonata2d: Run) -> None:
