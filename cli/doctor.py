@@ -19,7 +19,7 @@ from .output import json_option, show_json
 
 PACKAGES = ("pymunk", "numpy", "pydantic", "pygame-ce", "orjson", "click", "tqdm", "PyYAML", "jinja2", "zstandard")
 DIGEST = (
-    "ba585658b83ad37879b89afddbb778fe"  # of the trial episode's numbers: the same wherever sonata2d works as it should
+    "e2eebcebaa54329478c23460a7f5d61b"  # of the trial episode's numbers: the same wherever sonata2d works as it should
 )
 
 Finding = tuple[bool | None, str]  # whether it holds (None: optional and absent), and what was found
@@ -74,14 +74,17 @@ def _tried(check: Callable[[], Finding]) -> Finding:
 
 def _trial() -> Finding:
     """Run an episode twice, and compare its numbers with each other and with those of other machines."""
-    start = time.process_time()
     digest, ticks = trial_digest()
-    pace = ticks / (time.process_time() - start)
-    if trial_digest()[0] != digest:
+    start = time.process_time()
+    again, _ = trial_digest()
+    pace = f"{ticks / (time.process_time() - start):.0f} frames a CPU second with social-planner"
+    if again != digest:
         return False, "two runs of one episode differ; please report this"
+    if platform.machine() not in ("x86_64", "AMD64"):
+        return True, f"two runs agree; {pace}"
     if digest != DIGEST:
         return False, f"numbers differ from those of other machines ({digest}); please report this with your processor"
-    return True, f"the same numbers as everywhere; {pace:.0f} frames a CPU second with social-planner"
+    return True, f"the same numbers as on other machines; {pace}"
 
 
 def trial_digest() -> tuple[str, int]:

@@ -90,8 +90,8 @@ def generate_dataset(
     out = Path(out)
     author = author_of(load_controller(controller), controller)
     plan = Plan(scenario.name, scenario.settings(), seed, episodes, author, suffix)
-    dataset.start(out, plan, resume=resume)
-    done, faults = dataset.existing(out, plan) if resume else ({}, [])
+    listed = dataset.start(out, plan, resume=resume)
+    done, faults = dataset.existing(out, plan, listed) if resume else ({}, [])
     for fault in faults:
         logger.warning("%s; it is made again", fault)
     advance(len(done))

@@ -11,7 +11,7 @@ from .entities import Scene
 from .exact import Array
 from .frame import Contact
 
-FASTEST_PERSON = 2.5  # m/s, closing speed counted on when looking for what may come near within a tick
+FASTEST_PERSON = 2.5  # m/s, counted on at least when looking for who may come near within a tick
 CLOSING = 0.01  # m/s, from which a velocity towards the other counts as closing the gap
 _PASSES = 4
 
@@ -36,7 +36,8 @@ class Bumper:
         self._ids = [human.id for human in scene.humans]
         self._radii = [human.radius for human in scene.humans]
         self._radius = np.array(self._radii, dtype=float)
-        self._reach_of_people = FASTEST_PERSON * scene.rules.dt + scene.rules.contact_distance
+        fastest = max([FASTEST_PERSON, *(2.0 * human.desired_speed for human in scene.humans)])
+        self._reach_of_people = fastest * scene.rules.dt + scene.rules.contact_distance
         self._near_people: list[int] = []
         self._near_barriers: list[tuple[int, Vector, Vector, float]] = []
         self._touched: dict[Key, tuple[bool, bool]] = {}

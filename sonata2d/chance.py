@@ -47,7 +47,10 @@ class Chance:
         """One of the items, in proportion to the weights (alike if none)."""
         if weights is None:
             return items[self.integer(0, len(items) - 1)]
-        left = self.uniform(0.0, sum(weights))
+        total = 0.0
+        for weight in weights:  # in order: the built-in sum differs from Python to Python
+            total += weight
+        left = self.uniform(0.0, total)
         for item, weight in zip(items, weights, strict=True):
             left -= weight
             if left < 0.0:
@@ -66,9 +69,10 @@ class Chance:
         """
         if not low < high:
             raise ValueError(f"normal needs low < high, got {low}..{high}")
-        while True:
+        for _ in range(10_000):
             u = 1.0 - self.uniform()
             x = 1.7155277699214135 * (self.uniform() - 0.5) / u  # sqrt(8 / e)
             value = mean + sd * x
             if low <= value <= high and u <= float(exp(np.array(-x * x / 4))):
                 return value
+        raise ValueError(f"normal({mean}, {sd}) hardly ever falls in {low}..{high}")

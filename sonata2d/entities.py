@@ -201,7 +201,9 @@ class Scene:
     @cached_property
     def outline(self) -> Array:
         """The room's polygon as (K, 2)."""
-        return np.array(self.polygon, dtype=float)
+        outline = np.array(self.polygon, dtype=float)
+        outline.flags.writeable = False
+        return outline
 
     @cached_property
     def standing(self) -> Barriers:

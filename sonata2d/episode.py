@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,7 @@ from .agents.controller import Controller, Regenerate, Stop
 from .agents.crowd import Crowd
 from .agents.kinematics import executable
 from .entities import Scene
-from .errors import ControllerError
+from .errors import ControllerError, Sonata2dError
 from .frame import Author, Contact, DeviceEvent, Frame, Observer, Outcome, Snapshot, Status
 from .geometry import Twist, wrapped
 from .world import World
@@ -129,7 +130,8 @@ class Episode:
                 status: Status = "stopped" if isinstance(answer, Stop) else "regenerate"
                 return Outcome(status, answer.reason, snapshot.tick, snapshot.time)
             command = checked_twist(answer, self.controller)
-            return Moment(command, self.controller.label(snapshot, command), snapshot.events)
+            label = deepcopy(self.controller.label(snapshot, command))  # the controller may use it again
+            return Moment(command, label, snapshot.events)
 
     def _note_and_move(self, snapshot: Snapshot, moment: Moment) -> Frame:
         """Tell the observers of the frame, then let the world move."""
@@ -151,7 +153,10 @@ class Episode:
         except Exception as error:
             error.add_note(f"at tick {snapshot.tick} of the episode")
             reason = f"{type(error).__name__}: {error}"
-            self._close(snapshot, Outcome("error", reason, snapshot.tick, snapshot.time))
+            try:
+                self._close(snapshot, Outcome("error", reason, snapshot.tick, snapshot.time))
+            except Sonata2dError as failure:
+                error.add_note(f"nor could what was noted be kept: {failure}")
             raise
 
     def _close(self, snapshot: Snapshot, outcome: Outcome) -> None:
@@ -194,7 +199,10 @@ def checked_twist(answer: object, controller: Controller) -> Twist:
     values = (answer.vx, answer.vy, answer.omega)
     if not all(isinstance(v, int | float) and math.isfinite(v) for v in map(_plain, values)):
         raise ControllerError(f"{name}.act must return finite numbers, got {answer!r}")
-    return Twist(*(float(v) for v in values)).rounded()
+    try:
+        return Twist(*(float(v) for v in values)).rounded()
+    except ValueError as error:
+        raise ControllerError(f"{name}.act answered {answer!r}: {error}") from None
 
 
 def _plain(value: object) -> object:

@@ -10,9 +10,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .exact import PI, Array, angle_of, heading
+from .exact import PI, Array, heading
 
 PRECISION = 1e-4  # m, rad, m/s …: what files hold and what worlds are built from
+LARGEST = 1e11  # beyond it the precision is lost in a double
 Point = tuple[float, float]
 
 
@@ -26,7 +27,13 @@ class HasXY(Protocol):
 
 
 def quantised(value: float) -> float:
-    """The nearest multiple of `PRECISION`, without -0.0; what a file can hold."""
+    """The nearest multiple of `PRECISION`, without -0.0; what a file can hold.
+
+    Raises:
+        ValueError: the size is beyond `LARGEST`.
+    """
+    if abs(value) > LARGEST:
+        raise ValueError(f"{value:g} is beyond what a file holds, {LARGEST:g}")
     return float(round(value * 10_000.0)) / 10_000.0 + 0.0
 
 
@@ -147,7 +154,10 @@ class Barriers:
     def of(cls, edges: Iterable[tuple[Point, Point, float]]) -> Barriers:
         rows = list(edges)
         flat = np.array([[*a, *b, r] for a, b, r in rows], dtype=float).reshape(-1, 5)
-        return cls(flat[:, 0:2].copy(), flat[:, 2:4].copy(), flat[:, 4].copy())
+        parts = flat[:, 0:2].copy(), flat[:, 2:4].copy(), flat[:, 4].copy()
+        for part in parts:
+            part.flags.writeable = False
+        return cls(*parts)
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -256,8 +266,3 @@ def _holds(shape: Shape, pose: Pose, point: Point) -> bool:
     if isinstance(shape, Disc):
         return ahead * ahead + left * left <= shape.radius * shape.radius
     return abs(ahead) <= shape.length / 2 and abs(left) <= shape.width / 2
-
-
-def direction_angle(dx: float, dy: float) -> float:
-    """Angle of a vector, radians in (-pi, pi]."""
-    return angle_of(dy, dx)

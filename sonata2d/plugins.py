@@ -59,7 +59,7 @@ def _published(name: str) -> type[Controller]:
     known = [*STOCK, *points]
     near = difflib.get_close_matches(name, known, 1)
     hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-    raise ControllerError(f"no controller is named {name!r}; {hint} A class is named module:Class or ./file.py:Class")
+    raise ControllerError(f"no controller is named {name!r}; {hint}; a class is named module:Class or ./file.py:Class")
 
 
 def _module(place: str) -> ModuleType:
@@ -81,13 +81,17 @@ def _module_from(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
     assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules.setdefault(path.stem, module)  # dataclasses and pickles look it up there
-    sys.path.insert(0, str(path.parent.resolve()))  # so that it may import its neighbours
+    module, folder = importlib.util.module_from_spec(spec), str(path.parent.resolve())
+    is_new = sys.modules.setdefault(path.stem, module) is module  # dataclasses and pickles look it up there
+    sys.path.insert(0, folder)  # so that it may import its neighbours
     try:
         spec.loader.exec_module(module)
+    except BaseException:
+        if is_new:
+            del sys.modules[path.stem]
+        raise
     finally:
-        sys.path.pop(0)
+        sys.path.remove(folder)
     return module
 
 

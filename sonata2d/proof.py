@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from .errors import RecordError, Sonata2dError
-from .record import MANIFEST, Problem, check_dataset, check_episode, read_manifest
+from .errors import RecordError
+from .record import MANIFEST, Listed, Problem, check_episode, check_listed, check_manifest, listed_files
 from .replay import check_replay, check_rerun
 
 Advance = Callable[[int], None]
 
 
-def files_of(path: Path) -> list[Path]:
+def files_of(path: Path) -> Sequence[Path | Listed]:
     """The one episode file, those that a data set's manifest lists, or those in a folder without a manifest.
 
     Raises:
-        RecordError: there is no such file or folder, or no episode in it.
+        RecordError: there is no such file or folder, no episode in it, or its manifest is damaged.
     """
     if path.is_file():
         return [path]
     if (path / MANIFEST).exists():
-        return [path / str(told["name"]) for told in read_manifest(path)["files"]]
+        return listed_files(path)
     files = sorted(file for file in path.glob("*.json*") if file.is_file())
     if not files:
         raise RecordError(f"{path} holds no episode files" if path.is_dir() else f"{path} does not exist")
@@ -52,12 +52,11 @@ def prove(
         advance: is told how many files are done, as they are.
 
     Raises:
-        RecordError: there is no such file or folder, or no episode in it.
+        RecordError: there is no such file or folder, no episode in it, or its manifest is damaged.
     """
     files = files_of(path)
-    is_dataset = path.is_dir() and (path / MANIFEST).exists()
-    problems = check_dataset(path) if is_dataset else []
-    one = partial(_prove_file, alone=not is_dataset, replay=replay, rerun=rerun, controller=controller)
+    problems = check_manifest(path) if (path / MANIFEST).exists() else []
+    one = partial(_prove_file, replay=replay, rerun=rerun, controller=controller)
     with _mapper(workers if len(files) > 1 else 1) as each:
         for found in each(one, files):
             problems += found
@@ -65,16 +64,21 @@ def prove(
     return problems
 
 
-def _prove_file(path: Path, *, alone: bool, replay: bool, rerun: bool, controller: str | None) -> list[Problem]:
-    """What is wrong with one file; replayed only if it can be read."""
-    problems = check_episode(path) if alone else []
-    try:
-        problems += check_replay(path) if replay else []
-        problems += check_rerun(path, controller) if rerun else []
-    except RecordError:
-        pass  # the check above has told
-    except Sonata2dError as error:
-        problems.append(Problem(path.name, "rerun", str(error)))
+def _prove_file(file: Path | Listed, *, replay: bool, rerun: bool, controller: str | None) -> list[Problem]:
+    """What is wrong with one file; it is run again only if it can be read."""
+    path = file.path if isinstance(file, Listed) else file
+    problems = check_listed(file) if isinstance(file, Listed) else check_episode(file)
+    if any(problem.place in ("file", "files") for problem in problems):
+        return problems
+    checks = {
+        "replay": check_replay if replay else None,
+        "rerun": partial(check_rerun, name=controller) if rerun else None,
+    }
+    for place, check in checks.items():
+        try:
+            problems += check(path) if check else []
+        except Exception as error:  # whatever a changed file, or a controller, makes go wrong is a finding
+            problems.append(Problem(path.name, place, f"{type(error).__name__}: {error}"))
     return problems
 
 

@@ -17,7 +17,7 @@ from pymunk._chipmunk_cffi import ffi
 
 from .bumper import Bumper
 from .entities import Furniture, Scene
-from .exact import Array, arctan2, headings, rotation
+from .exact import Array, arctan2, heading, headings, rotation
 from .frame import (
     HX,
     HY,
@@ -150,14 +150,15 @@ class World:
     def _turn_people(self, crowd: CrowdCommands) -> None:
         """Turn bodies and heads towards what they want, as fast as necks and feet allow."""
         dt, before = self.scene.rules.dt, self._faces
-        self._faces = _turned(before, crowd.facing, BODY_TURN * dt)
+        side = self.scene.rules.side
+        self._faces = _turned(before, crowd.facing, BODY_TURN * dt, side)
         moved = _rotated(self._faces, before, -1.0)
         self._omega = arctan2(moved[:, 1], moved[:, 0]) / dt
         relative = _rotated(np.concatenate((crowd.look, self._looks)), np.tile(self._faces, (2, 1)), -1.0)
         ahead = np.zeros_like(relative)
         ahead[:, 0] = 1.0
-        target, now = np.split(_turned(ahead, relative, HEAD_LIMIT), 2)
-        self._looks = _rotated(_turned(now, target, HEAD_TURN * dt), self._faces, 1.0)
+        target, now = np.split(_turned(ahead, relative, HEAD_LIMIT, side), 2)
+        self._looks = _rotated(_turned(now, target, HEAD_TURN * dt, side), self._faces, 1.0)
 
     def _read(self) -> None:
         """Fill the rows with where the bodies are and how they move."""
@@ -207,13 +208,16 @@ def _rotated(vectors: Array, by: Array, sign: float) -> Array:
     return rotated
 
 
-def _turned(now: Array, target: Array, most: float) -> Array:
-    """Unit vectors turned the short way towards others, by `most` radians at most (below pi/2); all (N, 2)."""
+def _turned(now: Array, target: Array, most: float, side: int) -> Array:
+    """Unit vectors turned the short way towards others, by `most` radians at most (below pi/2); all (N, 2).
+
+    Right about is to the right for side 1, to the left for -1.
+    """
     c = now[:, 0] * target[:, 0] + now[:, 1] * target[:, 1]
     s = now[:, 0] * target[:, 1] - now[:, 1] * target[:, 0]
-    cos, sin = rotation(most)
+    cos, sin = heading(most)
     part = np.empty_like(now)
-    part[:, 0], part[:, 1] = cos, np.where(s < 0.0, -sin, sin)
+    part[:, 0], part[:, 1] = cos, np.where(s * side <= 0.0, -side * sin, side * sin)
     turned = np.where((c < cos)[:, None], _rotated(now, part, 1.0), target)
     norm = np.sqrt(turned[:, 0] * turned[:, 0] + turned[:, 1] * turned[:, 1])
     unit: Array = turned / norm[:, None]

@@ -87,6 +87,32 @@ def test_a_file_cut_short_is_made_again_on_resume(made: Path, tmp_path: Path, ca
     assert "000004.json" in caplog.text
 
 
+def test_a_file_that_was_changed_is_made_again_on_resume(made: Path, tmp_path: Path) -> None:
+    generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", episodes=10, seed=5)
+    path = tmp_path / "out/000004.json"
+    path.write_text(path.read_text().replace('"tick":3,"time":0.3', '"tick":3,"time":0.31'))
+    generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", episodes=10, seed=5, resume=True)
+    assert content(tmp_path / "out") == content(made)
+
+
+def test_a_fast_robot_among_fast_people_passes_the_check(tmp_path: Path) -> None:
+    limits = {"ahead": 3.5, "back": 3.5, "sideways": 3.5, "acceleration": 100.0, "turn_acceleration": 100.0}
+    speed = {"mean": 2.0, "max": 2.5}
+    rules = {"time_limit": 10.0, "ends_on": ["time"]}
+    scenario = s2.ScenarioConfig(
+        wandering=12, standing=0, relations=0, robot={"limits": limits}, person={"desired_speed": speed}, rules=rules
+    )
+    generate_dataset(tmp_path / "out", scenario, f"{__name__}:Racer", episodes=4)
+    assert prove(tmp_path / "out", replay=True) == []
+
+
+class Racer(s2.Controller):
+    """As fast as it can, another way every second."""
+
+    def act(self, snapshot: s2.Snapshot) -> s2.Twist:
+        return s2.Twist(vx=3.5, omega=1.5 if snapshot.tick // 10 % 2 else -1.0)
+
+
 def test_everything_made_can_be_proven(made: Path) -> None:
     assert prove(made, replay=True, rerun=True) == []
 

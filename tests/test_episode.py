@@ -164,6 +164,22 @@ def test_people_do_not_depend_on_what_the_robot_does_far_away(busy: Scene) -> No
     assert np.array_equal(states[0], states[1])
 
 
+def test_a_label_that_the_controller_uses_again_is_kept_as_it_was() -> None:
+    class Reuses(s2.Controller):
+        def __init__(self) -> None:
+            self._label = {"tick": -1}
+
+        def act(self, snapshot: Snapshot) -> Twist:
+            return Twist()
+
+        def label(self, snapshot: Snapshot, twist: Twist) -> dict[str, int]:
+            self._label["tick"] = snapshot.tick
+            return self._label
+
+    episode, _ = run(short(), Reuses())
+    assert [moment.label["tick"] for moment in episode.past] == [0, 1, 2, 3, 4]
+
+
 def test_a_branch_is_the_same_up_to_its_tick_and_another_thereafter(busy: Scene) -> None:
     scene = replace(busy, rules=Rules(time_limit=4.0))
     episode, diary = run(scene, s2.StraightToGoal())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -88,18 +89,40 @@ def test_no_global_generator_and_no_wall_clock_inside_the_loop() -> None:
 
 def test_the_loop_uses_no_function_that_differs_between_processors() -> None:
     """Only + - * / sqrt: no libm, no SIMD transcendentals, no BLAS, no pairwise sums."""
-    banned_numpy = {"exp", "sin", "cos", "tan", "arctan2", "arctan", "hypot", "dot", "einsum", "matmul", "power", "log"}
+    banned_numpy = {
+        "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "sin", "cos", "tan", "arcsin", "arccos", "arctan",
+        "arctan2", "sinh", "cosh", "tanh", "hypot", "power", "cbrt", "dot", "vdot", "inner", "einsum", "matmul",
+        "linalg", "sum", "mean", "std", "var", "average", "cumsum", "prod", "trapezoid",
+    }  # fmt: skip
     banned_math = {"exp", "sin", "cos", "tan", "atan2", "atan", "hypot", "pow", "log", "dist", "fsum"}
     loop = [path for room in ("agents", "scenegen") for path in (PACKAGE / room).rglob("*.py")]
     loop += [PACKAGE / f"{name}.py" for name in ("world", "bumper", "episode", *GROUND)]
+    loop += [PACKAGE / "record" / f"{name}.py" for name in ("canonical", "frames", "recorder")]
     for path in loop:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
                 banned = {"np": banned_numpy, "math": banned_math}.get(node.value.id, set())
                 assert node.attr not in banned, f"{path.name}:{node.lineno} uses {node.value.id}.{node.attr}"
+            if isinstance(node, ast.ImportFrom) and node.module == "math":
+                names = {alias.name for alias in node.names}
+                assert not names & banned_math, f"{path.name} imports {names} from math"
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                method = node.func.attr in ("mean", "std", "var", "dot", "cumsum")
+                assert not method, f"{path.name}:{node.lineno} calls .{node.func.attr}()"
             assert not (isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult | ast.Pow)), (
                 f"{path.name}:{node.lineno} uses @ or **"
             )
+
+
+def test_what_is_installed_is_all_there_is() -> None:
+    """A wheel holds every package and every file that is no module."""
+    project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["tool"]["setuptools"]
+    folders = {path.parent for path in PACKAGE.rglob("__init__.py")}
+    packages = {".".join(folder.relative_to(PACKAGE.parent).parts) for folder in folders} | {"sonata2d_cli"}
+    assert set(project["packages"]) == packages
+    listed = {path for glob in project["package-data"]["sonata2d"] for path in PACKAGE.glob(glob)}
+    others = {path for path in PACKAGE.rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc")}
+    assert listed == others
 
 
 def test_import_is_silent_and_opens_no_window() -> None:

@@ -12,6 +12,7 @@ import sonata2d as s2
 from sonata2d.entities import Rules, Scene
 from sonata2d.frame import DeviceEvent, Snapshot
 from sonata2d.geometry import Twist
+from sonata2d.proof import prove
 from sonata2d.record import read_episode
 from sonata2d.replay import branch, check_replay, check_rerun
 
@@ -26,6 +27,17 @@ class Labels(s2.StraightToGoal):
 
     def label(self, snapshot: Snapshot, twist: Twist) -> dict[str, object]:
         return {"tick": snapshot.tick, "near": s2.clearance(snapshot) < 2.0}
+
+
+class Stick(s2.Controller):
+    """Drives by the last event of a device."""
+
+    def reset(self, scene: Scene) -> None:
+        self._value = 0.0
+
+    def act(self, snapshot: Snapshot) -> Twist:
+        self._value = snapshot.events[-1].value if snapshot.events else self._value
+        return Twist(self._value)
 
 
 def recorded(path: Path, scene: Scene, controller: s2.Controller) -> Path:
@@ -63,16 +75,6 @@ def test_an_episode_that_an_error_ended_replays(tmp_path: Path, busy: Scene) -> 
 
 
 def test_device_events_are_in_the_file_and_replay(tmp_path: Path, busy: Scene) -> None:
-    class Stick(s2.Controller):
-        """Drives by the last event of a device."""
-
-        def reset(self, scene: Scene) -> None:
-            self.value = 0.0
-
-        def act(self, snapshot: Snapshot) -> Twist:
-            self.value = snapshot.events[-1].value if snapshot.events else self.value
-            return Twist(self.value)
-
     with s2.JsonRecorder(tmp_path / "one.json") as recorder:
         episode = s2.Episode(replace(busy, rules=Rules(time_limit=1.0)), Stick(), observers=[recorder])
         episode.step()
@@ -82,6 +84,27 @@ def test_device_events_are_in_the_file_and_replay(tmp_path: Path, busy: Scene) -
     assert record.snapshot(1).events == (DeviceEvent("pad", "left_y", 0.7),)
     assert record.command[2, 0] == 0.7
     assert check_replay(tmp_path / "one.json") == []
+
+
+def test_reruns_feed_the_events_and_the_past_of_a_branch(tmp_path: Path, busy: Scene) -> None:
+    scene = replace(busy, rules=Rules(time_limit=2.0))
+    with s2.JsonRecorder(tmp_path / "stick.json") as recorder:
+        episode = s2.Episode(scene, Stick(), observers=[recorder])
+        episode.step()
+        episode.step([DeviceEvent("pad", "left_y", 0.7)])
+        episode.run()
+    assert check_rerun(tmp_path / "stick.json", f"{__name__}:Stick") == []
+    with s2.JsonRecorder(tmp_path / "two.json", branched_from=("stick", 9)) as recorder:
+        branch(tmp_path / "stick.json", 9, s2.SocialForce(), observers=[recorder]).run()
+    assert check_rerun(tmp_path / "two.json") == []
+
+
+def test_a_relation_that_is_none_is_told_and_not_run(tmp_path: Path, busy: Scene) -> None:
+    path = recorded(tmp_path / "one.json", busy, Labels())
+    path.write_text(path.read_text().replace('"interactions":[]', '"interactions":[[1,"nonsense",99]]', 1))
+    told = [str(problem) for problem in prove(path, replay=True)]
+    assert any("nonsense of 1 and 99" in line for line in told)
+    assert any("replay: KeyError" in line for line in told)
 
 
 def test_any_changed_number_is_told_with_its_line(tmp_path: Path, busy: Scene) -> None:

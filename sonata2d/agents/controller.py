@@ -21,7 +21,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class Regenerate:
-    """Answered instead of a twist: this scene is of no use, take another."""
+    """Answered instead of a twist: this scene is of no use. The episode ends here, with that outcome."""
 
     reason: str = "the controller asked for another scene"
 

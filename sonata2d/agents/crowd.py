@@ -59,10 +59,11 @@ class Crowd:
         towards = self._wanderers.update(snapshot.tick, humans) - humans.position
         direction = np.where(self._walks[:, None], _unit(towards, humans.heading), 0.0)
         wanted = self._acceleration(position, velocity, direction)
+        partner = _unit(self._whom(position) - humans.position, self._faces)
         return CrowdCommands(
             acceleration=self._within_reason(humans.velocity, wanted, snapshot.dt),
-            facing=self._facing(position, humans.velocity, direction),
-            look=self._look(position, direction),
+            facing=np.where(self._walks[:, None], self._ahead(humans.velocity, direction), partner),
+            look=np.where(self._walks[:, None], direction, partner),  # heads lead the way
             activity=self._activity,
             interactions=snapshot.interactions,
         )
@@ -91,18 +92,11 @@ class Crowd:
         part = np.where(speed > most, most / np.maximum(speed, 1e-6), 1.0)
         return np.stack(((x * part - velocity[:, 0]) / dt, (y * part - velocity[:, 1]) / dt), axis=1)
 
-    def _facing(self, position: Array, velocity: Array, direction: Array) -> Array:
-        """Walkers face the way they go, or want to go when slow; others their partner, or stay as they are."""
-        speed = np.sqrt(velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1])
-        moving = self._walks & (speed > STROLLING)
-        ahead = np.where(moving[:, None], velocity / np.maximum(speed, 1e-6)[:, None], direction)
-        still = _unit(self._whom(position) - position[:-1], self._faces)
-        return np.where(self._walks[:, None], ahead, still)
-
-    def _look(self, position: Array, direction: Array) -> Array:
-        """Heads lead the way: towards the next waypoint, or the partner."""
-        still = _unit(self._whom(position) - position[:-1], self._faces)
-        return np.where(self._walks[:, None], direction, still)
+    def _ahead(self, velocity: Array, direction: Array) -> Array:
+        """Walkers face the way they go, or want to go when slow."""
+        speed = np.sqrt(velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1])[:, None]
+        ahead: Array = np.where(speed > STROLLING, velocity / np.maximum(speed, 1e-6), direction)
+        return ahead
 
     def _whom(self, position: Array) -> Array:
         """(N, 2): the place each person attends to; a point ahead of where they stand if there is none."""

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from ..entities import Scene
+from ..exact import angle_of
 from ..frame import Snapshot
-from ..geometry import Twist, direction_angle
+from ..geometry import Twist
 from ..navigation import FreeSpace
 from .controller import Controller
 from .forces.drive import desired_acceleration
@@ -35,6 +36,9 @@ class SocialForce(Controller):
     def reset(self, scene: Scene) -> None:
         self._space = FreeSpace(scene.outline, scene.barriers.joined(scene.standing), scene.robot.radius + 0.05)
         self._towards = scene.goal.position
+        radius = np.array([*(human.radius for human in scene.humans), scene.robot.radius])
+        self._bulk, self._weight = bulk_of(radius), np.zeros((len(radius), len(radius)))
+        self._weight[:-1, -1] = 1.0
 
     def act(self, snapshot: Snapshot) -> Twist:
         robot, goal = snapshot.robot, snapshot.goal
@@ -46,7 +50,7 @@ class SocialForce(Controller):
         c, s = robot.heading
         ahead, left = vx * c + vy * s, vy * c - vx * s
         speed = math.sqrt(vx * vx + vy * vy)
-        return Twist(ahead, left, self.gain * direction_angle(ahead, left) if speed > 0.1 else 0.0)
+        return Twist(ahead, left, self.gain * angle_of(left, ahead) if speed > 0.1 else 0.0)
 
     def _acceleration(self, snapshot: Snapshot) -> tuple[float, float]:
         """The social force on the robot, m/s2, world frame."""
@@ -55,24 +59,16 @@ class SocialForce(Controller):
         velocity = np.concatenate((humans.velocity, np.array([robot.velocity])))
         dx, dy = self._towards[0] - robot.position[0], self._towards[1] - robot.position[1]
         apart = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-        weight = np.zeros((len(position), len(position)))
-        weight[:-1, -1] = 1.0
-        bulk = bulk_of(np.concatenate((humans.radius, np.array([robot.radius]))))
-        force = interaction_acceleration(position, velocity, weight, bulk, snapshot.scene.rules.side, law)[-1]
-        force = (
-            force
-            + desired_acceleration(
-                velocity[-1:],
-                np.array([[dx / apart, dy / apart]]),
-                np.array([self.speed]),
-                relaxation_time=law.relaxation_time,
-            )[0]
-        )
+        towards = np.array([[dx / apart, dy / apart]])
+        side, tau = snapshot.scene.rules.side, law.relaxation_time
+        force = interaction_acceleration(position, velocity, self._weight, self._bulk, side, law)[-1]
+        force = force + desired_acceleration(velocity[-1:], towards, np.array([self.speed]), relaxation_time=tau)[0]
+        twice = np.repeat(position[-1:], 2, axis=0)  # an array one wide would be summed in another order
         force = (
             force
             + wall_acceleration(
-                position[-1:],
-                np.array([robot.radius]),
+                twice,
+                np.full(2, robot.radius),
                 snapshot.scene.barriers,
                 strength=law.wall_strength,
                 reach=law.wall_reach,

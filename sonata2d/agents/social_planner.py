@@ -7,7 +7,7 @@ drive slowly near people.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,9 @@ class SocialPlanner(Controller):
 
     def __init__(self, weights: Weights | None = None) -> None:
         self._weights = weights or Weights()
+
+    def settings(self) -> dict[str, float]:
+        return asdict(self._weights)
 
     def reset(self, scene: Scene) -> None:
         self._field = CostField(scene)

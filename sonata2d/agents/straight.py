@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from ..exact import angle_of
 from ..frame import Snapshot
-from ..geometry import Twist, direction_angle
+from ..geometry import Twist
 from .controller import Controller
 
 
@@ -22,6 +23,6 @@ class StraightToGoal(Controller):
 
     def act(self, snapshot: Snapshot) -> Twist:
         ahead, left = snapshot.robot.pose.to_local(snapshot.goal)
-        angle = direction_angle(ahead, left)
+        angle = angle_of(left, ahead)
         facing = max(1.0 - abs(angle), 0.0)  # drive on only as far as the goal lies ahead
         return Twist(vx=self.speed * facing, omega=self.gain * angle)

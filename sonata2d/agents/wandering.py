@@ -36,6 +36,7 @@ class Wanderers:
         follows = {m: index[g.members[0]] for g in scene.groups if g.kind == "walking" for m in g.members}
         self.leader = {k: follows.get(scene.humans[k].id, k) for k in walking}  # in the scene's order
         self._ways: dict[int, Array] = {k: np.zeros((0, 2)) for k in walking}
+        self._followed: dict[int, Array] = {}  # the leader's way that a follower took over
         self._next: dict[int, int] = dict.fromkeys(walking, 0)
         self._anchor: dict[int, tuple[float, float]] = {}
         self.target = np.array([human.pose.position for human in scene.humans], dtype=float).reshape(-1, 2)
@@ -53,18 +54,22 @@ class Wanderers:
         places = humans.position.tolist()
         for k, leader in self.leader.items():
             place = (places[k][0], places[k][1])
-            if leader == k and (not len(self._ways[k]) or self._is_there(k, place) or self._is_stuck(tick, k, place)):
+            if leader == k and (self._needs_a_goal(tick, k, place) or self._is_stuck(tick, k, place)):
                 self._set_out(k, place)
-            if leader != k and self._ways[k] is not self._ways[leader]:
-                self._ways[k], self._next[k] = self._ways[leader], min(1, len(self._ways[leader]) - 1)
+            if leader != k and self._followed.get(k) is not self._ways[leader]:
+                self._followed[k] = self._ways[k] = self._ways[leader]
+                self._next[k] = min(1, len(self._ways[k]) - 1)
         self._advance(tick, humans.position)
         for k in self.leader:
             if len(self._ways[k]):
                 self.target[k] = self._ways[k][self._next[k]]
         return self.target.copy()
 
-    def _is_there(self, k: int, place: tuple[float, float]) -> bool:
+    def _needs_a_goal(self, tick: int, k: int, place: tuple[float, float]) -> bool:
+        """Whether a walker is there; who found nowhere to go looks again now and then."""
         way = self._ways[k]
+        if len(way) < 2:
+            return tick % LOOK_EVERY == 0
         return self._next[k] == len(way) - 1 and _within(place, way[-1], ARRIVED)
 
     def _is_stuck(self, tick: int, k: int, place: tuple[float, float]) -> bool:

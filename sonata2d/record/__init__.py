@@ -1,6 +1,6 @@
 """Frames to JSON and back; the only place that knows the key names of the file."""
 
-from .check import Problem, check_dataset, check_episode
+from .check import Listed, Problem, check_dataset, check_episode, check_listed, check_manifest, listed_files
 from .dataset import MANIFEST, read_manifest
 from .files import read_bytes, safe_name, write_atomically
 from .reader import read_episode
@@ -12,9 +12,13 @@ __all__ = [
     "EpisodeRecord",
     "EpisodeRecorder",
     "JsonRecorder",
+    "Listed",
     "Problem",
     "check_dataset",
     "check_episode",
+    "check_listed",
+    "check_manifest",
+    "listed_files",
     "read_bytes",
     "read_episode",
     "read_manifest",

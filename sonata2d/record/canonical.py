@@ -64,9 +64,12 @@ def plain(value: Any, place: str, *, exact: bool = False) -> Any:
     if isinstance(value, float):
         if not math.isfinite(value):
             raise RecordError(f"{place} holds {value}; a file holds finite numbers")
-        return value + 0.0 if exact else quantised(value)
+        try:
+            return value + 0.0 if exact else quantised(value)
+        except ValueError as error:
+            raise RecordError(f"{place}: {error}") from error
     if isinstance(value, int):
-        if not -(2**63) <= value < 2**64:
+        if not -(1 << 63) <= value < 1 << 64:
             raise RecordError(f"{place} holds {value}; a file holds integers of 64 bits")
         return value
     if isinstance(value, list | tuple):

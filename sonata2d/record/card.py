@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 from .layout import Tree
 
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 _CARD = """\
 ---
-pretty_name: "{title}"
+pretty_name: {quoted}
 license: cc-by-4.0
 task_categories:
 - robotics
@@ -59,8 +61,10 @@ Use it to train and to compare; do not take it as evidence of how people feel ab
 def card(manifest: Tree) -> str:
     """The card of a data set, from its manifest alone."""
     counts, files = manifest["counts"], manifest["files"]
+    title = f"sonata2d {manifest['name']}, seed {manifest['seed']}"
     return _CARD.format(
-        title=f"sonata2d {manifest['name']}, seed {manifest['seed']}",
+        title=title,
+        quoted=json.dumps(title, ensure_ascii=False),
         size=next((name for most, name in _SIZES if len(files) < most), "n>1M"),
         count=len(files),
         asked=manifest["episodes"],
@@ -77,4 +81,4 @@ def card(manifest: Tree) -> str:
 
 
 def _lines(counts: dict[str, int]) -> str:
-    return "\n".join(f"| {key} | {count} |" for key, count in counts.items())
+    return "\n".join(f"| {key.replace('|', '/')} | {count} |" for key, count in counts.items())

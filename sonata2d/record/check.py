@@ -35,6 +35,15 @@ class Problem:
         return f"{self.file}: {self.place}: {self.message}"
 
 
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """A file of a data set, what the manifest says of it, and what of all of them."""
+
+    path: Path
+    told: Tree
+    common: Tree
+
+
 def check_episode(path: str | Path) -> list[Problem]:
     """What is wrong with an episode file; an empty list if nothing is.
 
@@ -51,19 +60,51 @@ def check_episode(path: str | Path) -> list[Problem]:
 def check_dataset(folder: str | Path) -> list[Problem]:
     """What is wrong with a data set: its manifest, the files that it lists, and each episode."""
     folder = Path(folder)
+    problems = check_manifest(folder)
+    if any(problem.place == "file" for problem in problems):
+        return problems
+    return [problem for path in listed_files(folder) for problem in check_listed(path)] + problems
+
+
+def check_manifest(folder: Path) -> list[Problem]:
+    """What is wrong with a manifest by itself and with which files there are."""
     try:
         manifest = read_manifest(folder)
     except RecordError as error:
         return [Problem(MANIFEST, "file", str(error))]
-    from .manifest_models import Manifest
+    return [Problem(MANIFEST, *doubt) for doubt in _manifest_doubts(folder, manifest)]
 
-    problems = _check_schema(MANIFEST, Manifest, manifest)
-    if problems:
-        return problems
-    problems = [Problem(MANIFEST, *doubt) for doubt in _manifest_doubts(folder, manifest)]
-    for told in manifest["files"]:
-        problems += _check_listed(folder / told["name"], told, manifest)
-    return problems
+
+def listed_files(folder: Path) -> list[Listed]:
+    """The files that a manifest lists, each with what it says of it.
+
+    Raises:
+        RecordError: there is no whole manifest.
+    """
+    manifest = read_manifest(folder)
+    common = {key: manifest[key] for key in ("name", "settings", "seed", "controller", "physics", "precision")}
+    return [Listed(folder / told["name"], told, common) for told in manifest["files"]]
+
+
+def check_listed(listed: Listed) -> list[Problem]:
+    """A file against what the manifest says of it, then for itself."""
+    path, told = listed.path, listed.told
+    if path.name != told["name"] or not path.is_file():
+        return [Problem(MANIFEST, "files", f"{told['name']} is in the list but not in the folder")]
+    try:
+        record = read_episode(path)
+    except RecordError as error:
+        return [Problem(path.name, "file", str(error))]
+    found = asdict(entry_of(record))
+    problems = [
+        Problem(path.name, key, f"is {found[key]}, the manifest says {told[key]}")
+        for key in found
+        if found[key] != told[key]
+    ]
+    for key, value in listed.common.items():
+        if record.document[key] != value:
+            problems.append(Problem(path.name, key, "differs from the manifest's"))
+    return problems + _check_record(record)
 
 
 def _check_record(record: EpisodeRecord) -> list[Problem]:
@@ -107,23 +148,3 @@ def _manifest_doubts(folder: Path, manifest: Tree) -> Iterator[Doubt]:
 
 def _repeated(names: Iterable[str]) -> list[str]:
     return [name for name, count in Counter(names).items() if count > 1]
-
-
-def _check_listed(path: Path, told: Tree, manifest: Tree) -> list[Problem]:
-    """A file against what the manifest says of it, then for itself."""
-    if path.name != told["name"] or not path.is_file():
-        return [Problem(MANIFEST, "files", f"{told['name']} is in the list but not in the folder")]
-    try:
-        record = read_episode(path)
-    except RecordError as error:
-        return [Problem(path.name, "file", str(error))]
-    found = asdict(entry_of(record))
-    problems = [
-        Problem(path.name, key, f"is {found[key]}, the manifest says {told[key]}")
-        for key in found
-        if found[key] != told[key]
-    ]
-    for key in ("name", "settings", "seed", "controller", "physics", "precision"):
-        if record.document[key] != manifest[key]:
-            problems.append(Problem(path.name, key, "differs from the manifest's"))
-    return problems + _check_record(record)

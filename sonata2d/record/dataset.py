@@ -68,16 +68,21 @@ class Entry:
     ticks: int
 
 
-def start(folder: Path, plan: Plan, *, resume: bool = False) -> None:
+def start(folder: Path, plan: Plan, *, resume: bool = False) -> dict[str, str]:
     """Begin a data set in a new or empty folder, or go on with one that was interrupted.
+
+    Returns:
+        The SHA-256 of each file that an earlier manifest lists.
 
     Raises:
         RecordError: the folder holds something else, or another data set, or one and `resume` is False.
     """
+    listed: dict[str, str] = {}
     if (folder / MANIFEST).exists():
         if not resume:
             raise RecordError(f"{folder} holds a data set already; resume it, or choose another folder")
         _refuse_another(folder, plan)
+        listed = {told["name"]: told["sha256"] for told in read_manifest(folder)["files"]}
     elif folder.exists() and not folder.is_dir():
         raise RecordError(f"{folder} is a file; choose another name for the folder")
     elif folder.exists() and any(not path.name.startswith(TEMPORARY) for path in folder.iterdir()):
@@ -87,6 +92,7 @@ def start(folder: Path, plan: Plan, *, resume: bool = False) -> None:
     _write(folder / MANIFEST, manifest_of(plan, (), complete=False))  # first: it is what a resumption looks for
     if plan.settings is not None:
         _write(folder / SCENARIO, plan.settings)
+    return listed
 
 
 def store(folder: Path, plan: Plan, episode: int, document: bytes) -> Entry:
@@ -105,8 +111,11 @@ def entry_of(record: EpisodeRecord) -> Entry:
     return Entry(record.path.name, _sha256(data), len(data), record.episode, record.family, status, len(record))
 
 
-def existing(folder: Path, plan: Plan) -> tuple[dict[int, Entry], list[str]]:
+def existing(folder: Path, plan: Plan, listed: Mapping[str, str]) -> tuple[dict[int, Entry], list[str]]:
     """The whole episodes of this plan that a folder holds, and why others must be made again.
+
+    Args:
+        listed: SHA-256 by file name, from `start`; a file that differs from it was changed since.
 
     Returns:
         Entries by number of episode, and a line for each file of the plan that is there but of no use.
@@ -119,7 +128,10 @@ def existing(folder: Path, plan: Plan) -> tuple[dict[int, Entry], list[str]]:
         try:
             record = read_episode(path)
             _refuse_stranger(record, plan, episode)
-            entries[episode] = entry_of(record)
+            entry = entry_of(record)
+            if listed.get(path.name, entry.sha256) != entry.sha256:
+                raise RecordError(f"{path} was changed since it was made")
+            entries[episode] = entry
         except RecordError as error:
             faults.append(str(error))
     return entries, faults
@@ -159,6 +171,15 @@ def read_manifest(folder: Path) -> Tree:
         raise RecordError(
             f"{path} was written by version {version!r}, this sonata2d reads up to {DATASET_VERSION}; upgrade sonata2d"
         )
+    from pydantic import ValidationError
+
+    from .manifest_models import Manifest
+
+    try:
+        Manifest.model_validate_json(orjson.dumps(manifest))
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        raise RecordError(f"{path} is no whole manifest: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
     return manifest
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..entities import ROBOT_ID, Furniture, Scene
+from ..entities import RELATIONS, ROBOT_ID, Furniture, Scene
 from ..exact import Array
 from ..frame import ACTIVITIES
 from ..geometry import Barriers, Disc, inside_polygon, wrapped
@@ -20,7 +20,7 @@ DEEPEST = 0.06  # m, that outlines may overlap: a step of the physics finds a co
 ROUNDING = 2e-4  # m, m/s, rad/s: of numbers rounded to 1e-4
 HURRY, PUSH = 1.3, 1.0  # a person walks up to HURRY times their desired speed; shoved aside, by PUSH m/s more
 ROBOT_SLACK = 0.05  # m/s, of the robot's speed over its limits
-PEOPLE_JERK, ROBOT_JERK = 1.0, 0.5  # m/s, between a displacement in a tick over dt and the mean velocity at its ends
+JERK = 0.5  # m/s and half of the top speed, between a tick's displacement over dt and the mean velocity at its ends
 TURN_SLACK = 0.05  # rad, between a turn in a tick and the mean turn rate at its ends
 
 Doubt = tuple[str, str]  # place, message
@@ -89,6 +89,9 @@ def _about_activities(record: EpisodeRecord) -> Iterator[Doubt]:
         yield f"frames.{t}.activity.{k}", f"{record.looks.activity[t, k]} is not in the list of activities"
     people = {human.id for human in scene.humans}
     known = people | {thing.id for thing in scene.furniture} | {ROBOT_ID}
+    for tie in scene.interactions:
+        if tie.src not in people or tie.dst not in known or tie.relation not in RELATIONS:
+            yield "interactions", f"{tie.relation} of {tie.src} and {tie.dst}: unknown, or not in the room"
     for t, frame in enumerate([*record.document["frames"], record.document["final"]]):
         for src, relation, dst in frame["interactions"]:
             if src not in people or dst not in known:
@@ -115,8 +118,12 @@ def _about_motion(record: EpisodeRecord) -> Iterator[Doubt]:
     """Velocities are what poses change by."""
     looks, dt = record.looks, record.scene().rules.dt
     people, robot = _unexplained(looks.humans, dt), _unexplained(looks.robot, dt)
-    yield from _worst_person(people - PEOPLE_JERK, record.scene(), "m/s of motion beyond what the velocities explain")
-    yield from _worst(robot - ROBOT_JERK, "robot", "the robot", "m/s of motion beyond what the velocities explain")
+    scene = record.scene()
+    limits = scene.robot.limits
+    fastest = np.array([HURRY * human.desired_speed + PUSH for human in scene.humans])
+    yield from _worst_person(people - fastest / 2 - JERK, scene, "m/s of motion beyond what the velocities explain")
+    robot = robot - math.hypot(max(limits.ahead, limits.back), limits.sideways) / 2 - JERK
+    yield from _worst(robot, "robot", "the robot", "m/s of motion beyond what the velocities explain")
     turned = (np.diff(looks.robot[:, 2]) - record.executed[:, 2] * dt + np.pi) % (2 * np.pi) - np.pi
     yield from _worst(
         np.abs(turned) - TURN_SLACK, "robot", "the robot", "rad turned beyond what its turn rate explains"

@@ -108,6 +108,15 @@ class ScenarioConfig(Settings):
             raise PydanticCustomError("humans", "standing and wandering must be ranges where humans is not given")
         return self
 
+    @field_validator(
+        "talking_distance", "laptop_distance", "plant_distance", "object_distance", "pair_spacing", mode="after"
+    )
+    @classmethod
+    def _be_apart(cls, distance: Range) -> Range:
+        if not distance.min > 0.0:
+            raise PydanticCustomError("distance", "a distance must be above 0")
+        return distance
+
     @field_validator("sizes", mode="after")
     @classmethod
     def _know_every_size(cls, sizes: dict[str, Size]) -> dict[str, Size]:

@@ -66,8 +66,8 @@ def _is_journey(config: ScenarioConfig, space: FreeSpace, start: Pose, goal: Pos
     """Whether start and goal are far enough from each other (unless both are given), free, and joined by a way."""
     dx, dy = goal.x - start.x, goal.y - start.y
     both_given = config.robot.pose is not None and config.goal.position is not None
-    apart = config.goal.distance if both_given else config.goal.min_distance
-    if dx * dx + dy * dy < apart * apart:
+    apart = config.goal.distance if both_given else max(config.goal.min_distance, config.goal.distance)
+    if dx * dx + dy * dy <= apart * apart:
         return False
     free = space.is_free(np.array([start.position, goal.position], dtype=float))
     return bool(free.all()) and space.path(start.position, goal.position) is not None

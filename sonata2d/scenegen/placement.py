@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from ..chance import Chance
 from ..entities import TALKING, Furniture, Human
-from ..exact import PI
-from ..geometry import Pose, Rectangle, Shape, direction_angle, shape_gap
+from ..exact import PI, angle_of
+from ..geometry import Pose, Rectangle, Shape, shape_gap
 from .cast import Cluster, Entity, shape_of
 from .config import ScenarioConfig
 from .rooms import FloorPlan
@@ -77,7 +77,7 @@ class Layout:
 def _between(one: Pose, other: Pose) -> Spot:
     """The line on which two who talk see each other, as an outline, so that nobody stands there."""
     dx, dy = other.x - one.x, other.y - one.y
-    middle = Pose((one.x + other.x) / 2, (one.y + other.y) / 2, direction_angle(dx, dy))
+    middle = Pose((one.x + other.x) / 2, (one.y + other.y) / 2, angle_of(dy, dx))
     return Rectangle(math.sqrt(dx * dx + dy * dy), 0.1), middle
 
 

@@ -126,6 +126,9 @@ class SpeedConfig(Settings):
     def _check_order(self) -> Self:
         if not self.min < self.max:
             raise PydanticCustomError("range", "min {low} is not below max {high}", {"low": self.min, "high": self.max})
+        if not self.min <= self.mean <= self.max:
+            told = {"mean": self.mean, "low": self.min, "high": self.max}
+            raise PydanticCustomError("range", "mean {mean} is not within {low}..{high}", told)
         return self
 
 
@@ -142,8 +145,15 @@ class PersonConfig(Settings):
     radius: Range = Range(0.20, 0.20)
     wall_distance: NonNegativeFloat = 0.4
     desired_speed: SpeedConfig = SpeedConfig()
-    model: str = "moussaid2009"
+    model: Literal["moussaid2009"] = "moussaid2009"
     ignores_robot: Share = 0.0
+
+    @field_validator("radius", mode="after")
+    @classmethod
+    def _have_a_body(cls, radius: Range) -> Range:
+        if not radius.min >= 0.1:
+            raise PydanticCustomError("radius", "a person's radius must be 0.1 m or more")
+        return radius
 
 
 class LimitsConfig(Settings):

@@ -33,7 +33,7 @@ def document(episode: int) -> bytes:
 def made(folder: Path, of: Plan, *, resume: bool = False, most: int | None = None) -> dict[int, Entry]:
     """Make what is missing of a data set, or the first of it; then finish, unless it was cut off."""
     dataset.start(folder, of, resume=resume)
-    entries, _ = dataset.existing(folder, of)
+    entries, _ = dataset.existing(folder, of, {})
     for episode in range(of.episodes if most is None else most):
         if episode not in entries:
             entries[episode] = dataset.store(folder, of, episode, document(episode))
@@ -86,11 +86,11 @@ def test_only_whole_episodes_of_the_plan_count(tmp_path: Path) -> None:
     (tmp_path / "000001.json").write_bytes(document(1)[:-40])
     (tmp_path / "000002.json").write_bytes(document(0))
     (tmp_path / "000003.json").write_bytes(document(3).replace(b'"status":"stopped"', b'"status":"error"'))
-    entries, faults = dataset.existing(tmp_path, plan(4))
+    entries, faults = dataset.existing(tmp_path, plan(4), {})
     assert list(entries) == [0]
     for fault, told in zip(faults, ("not whole JSON", "its episode differs", "ended in an error"), strict=True):
         assert told in fault
-    assert not dataset.existing(tmp_path, plan(4, seed=8))[0]
+    assert not dataset.existing(tmp_path, plan(4, seed=8), {})[0]
 
 
 @pytest.mark.parametrize(
