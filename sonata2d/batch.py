@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from multiprocessing import get_context, parent_process
+from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import Any
 
@@ -114,10 +115,12 @@ def _results(job: Job, todo: Sequence[int], workers: int) -> Iterator[Entry | Fa
             yield _made(job, controller, episode)
         return
     spawn = get_context("spawn")  # the same on every system
-    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_start_worker, initargs=(job,)) as pool:
+    stop = spawn.Event()
+    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_start_worker, initargs=(job, stop)) as pool:
         try:
             yield from _spread(pool, _chunks(todo), ahead=2 * workers)
         finally:
+            stop.set()  # each worker ends after the episode it is at
             pool.shutdown(cancel_futures=True)
 
 
@@ -139,10 +142,10 @@ def _chunks(todo: Iterable[int]) -> Iterator[tuple[int, ...]]:
         yield chunk
 
 
-_worker: tuple[Job, Controller] | None = None
+_worker: tuple[Job, Controller, Event] | None = None
 
 
-def _start_worker(job: Job) -> None:
+def _start_worker(job: Job, stop: Event) -> None:
     """Once in each worker: make its controller; see to it that it dies with its parent and not by Ctrl-C."""
     import signal
 
@@ -156,15 +159,17 @@ def _start_worker(job: Job) -> None:
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
-    _worker = job, load_controller(job.plan.author.path)
+    _worker = job, load_controller(job.plan.author.path), stop
 
 
 def _make_chunk(episodes: Sequence[int]) -> list[Entry | Failure]:
     """Make some episodes in a worker."""
     assert _worker is not None
-    job, controller = _worker
+    job, controller, stop = _worker
     made: list[Entry | Failure] = []
     for episode in episodes:
+        if stop.is_set():
+            break
         made.append(_made(job, controller, episode))
         if isinstance(made[-1], Failure):
             break

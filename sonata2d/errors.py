@@ -21,5 +21,9 @@ class RecordError(Sonata2dError):
     """An episode file or a data set cannot be read, written or trusted."""
 
 
+class NewerFormatError(RecordError):
+    """A file was written by a newer version of sonata2d."""
+
+
 class RenderError(Sonata2dError):
     """A picture or a film cannot be made."""

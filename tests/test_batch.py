@@ -87,6 +87,19 @@ def test_a_file_cut_short_is_made_again_on_resume(made: Path, tmp_path: Path, ca
     assert "000004.json" in caplog.text
 
 
+def test_a_file_of_a_newer_version_and_another_packing_are_left_alone(made: Path, tmp_path: Path) -> None:
+    generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", episodes=3, seed=5)
+    with pytest.raises(RecordError, match="same --compress"):
+        generate_dataset(
+            tmp_path / "out", QUICK, "straight-to-goal", episodes=3, seed=5, suffix=".json.gz", resume=True
+        )
+    path = tmp_path / "out/000001.json"
+    path.write_text(path.read_text().replace('"version":1', '"version":2', 1))
+    with pytest.raises(RecordError, match="upgrade"):
+        generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", episodes=3, seed=5, resume=True)
+    assert '"version":2' in path.read_text()
+
+
 def test_a_file_that_was_changed_is_made_again_on_resume(made: Path, tmp_path: Path) -> None:
     generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", episodes=10, seed=5)
     path = tmp_path / "out/000004.json"

@@ -25,8 +25,7 @@ def test_every_example_runs_in_the_order_of_the_page(
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "polite", raising=False)
-    for example in (ROOT / "examples/scenarios").glob("*.yaml"):
-        shutil.copy(example, tmp_path)
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
     names: dict[str, object] = {"__name__": "example"}
     for language, file, text in BLOCK.findall((ROOT / page).read_text()):
         if file:

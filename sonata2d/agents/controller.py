@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -53,6 +54,7 @@ class Controller(ABC):
         """What to note beside this frame: anything JSON can hold. None: the command itself is the label."""
 
     def settings(self) -> Mapping[str, Any]:
-        """What the file notes of how this controller was set; by default its public plain attributes."""
+        """What the file notes of how this controller is set: by default its public attributes, plain and finite."""
         plain = (bool, int, float, str)
-        return {k: v for k, v in vars(self).items() if not k.startswith("_") and isinstance(v, plain)}
+        public = {k: v for k, v in vars(self).items() if not k.startswith("_") and isinstance(v, plain)}
+        return {k: v for k, v in public.items() if not isinstance(v, float) or math.isfinite(v)}

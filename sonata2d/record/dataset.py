@@ -14,13 +14,13 @@ from typing import Any
 
 import orjson
 
-from ..errors import RecordError
+from ..errors import NewerFormatError, RecordError
 from ..frame import Author
 from ..geometry import PRECISION
 from ..version import PHYSICS_VERSION
 from .canonical import head_of, plain
 from .card import card
-from .files import TEMPORARY, packed, read_bytes, stem_of, write_atomically
+from .files import SUFFIXES, TEMPORARY, packed, read_bytes, stem_of, suffix_of, write_atomically
 from .layout import Tree
 from .reader import read_episode
 from .record import EpisodeRecord
@@ -82,6 +82,7 @@ def start(folder: Path, plan: Plan, *, resume: bool = False) -> dict[str, str]:
         if not resume:
             raise RecordError(f"{folder} holds a data set already; resume it, or choose another folder")
         _refuse_another(folder, plan)
+        _refuse_other_packing(folder, plan)
         listed = {told["name"]: told["sha256"] for told in read_manifest(folder)["files"]}
     elif folder.exists() and not folder.is_dir():
         raise RecordError(f"{folder} is a file; choose another name for the folder")
@@ -132,6 +133,8 @@ def existing(folder: Path, plan: Plan, listed: Mapping[str, str]) -> tuple[dict[
             if listed.get(path.name, entry.sha256) != entry.sha256:
                 raise RecordError(f"{path} was changed since it was made")
             entries[episode] = entry
+        except NewerFormatError:
+            raise
         except RecordError as error:
             faults.append(str(error))
     return entries, faults
@@ -241,6 +244,14 @@ def _refuse_another(folder: Path, plan: Plan) -> None:
         if there.get(key) != value:
             told = f"{there.get(key)!r} there, {value!r} asked" if key != "settings" else _difference(there[key], value)
             raise RecordError(f"{folder} holds another data set: {key} {told}; choose another folder")
+
+
+def _refuse_other_packing(folder: Path, plan: Plan) -> None:
+    """One data set, one way to pack files."""
+    for path in folder.iterdir():
+        is_episode = path.name.split(".")[0].isdigit() and path.name.endswith(SUFFIXES)
+        if is_episode and suffix_of(path) != plan.suffix:
+            raise RecordError(f"{folder} holds files like {path.name}; go on with the same --compress")
 
 
 def _difference(there: Tree | None, asked: Tree | None) -> str:

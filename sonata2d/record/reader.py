@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import orjson
 
-from ..errors import RecordError
+from ..errors import NewerFormatError, RecordError
 from ..exact import Array
 from ..frame import Outcome, frozen
 from ..version import FORMAT, FORMAT_VERSION
@@ -48,7 +48,7 @@ def _document(path: Path) -> Tree:
     if not isinstance(version, int) or isinstance(version, bool):
         raise RecordError(f"{path} does not say its format version: got {version!r}")
     if version > FORMAT_VERSION:
-        raise RecordError(
+        raise NewerFormatError(
             f"{path} was written by format version {version}, this sonata2d reads up to {FORMAT_VERSION};"
             " upgrade sonata2d"
         )

@@ -101,4 +101,6 @@ def _label(cast: list[Cluster], k: int) -> str:
 def _no_spot(cast: list[Cluster], k: int, plan: FloorPlan, attempts: int) -> str:
     fewer = "fewer humans" if isinstance(cast[k].members[0], Human) else "less furniture"
     spot = f"no free spot for {_label(cast, k)} in a {plan.size} room after {attempts} attempts"
-    return f"{spot}; widen the room or ask for {fewer}"
+    if cast[k].fixed is not None:
+        return f"{spot}; turn the thing (theta) so that its front (-y) is free, or set attracts: false"
+    return f"{spot}; widen the room, ask for {fewer}, or set drop: true"
