@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import sys
 from pathlib import Path
@@ -10,6 +11,8 @@ from typing import Any
 from sonata2d.frame import ACTIVITIES
 from sonata2d.record import manifest_models, models
 from sonata2d.record.sense import DEEPEST
+from sonata2d.scenegen import ScenarioConfig, sections
+from sonata2d.scenegen.settings import Settings
 from sonata2d.version import FORMAT, FORMAT_VERSION
 
 DOCS = Path(__file__).parent
@@ -97,6 +100,38 @@ def _kind(told: dict[str, Any]) -> str:
     return str(told.get("type", "anything"))
 
 
+SCENARIO_INTRO = """\
+<!-- written by docs/generate_format.py from sonata2d/scenegen -->
+# The scenario file
+
+Every key, by section, with its default. A range is `[min, max]`, `{min: 2, max: 6}` or one number; a `step` makes it
+whole multiples. Lengths in m, angles in rad, times in s. The front of a thing, where whoever attends to it stands, is
+its right side (-y at theta 0). What a file leaves out keeps its default: for none, write `tables: 0`.
+
+Fixed furniture has a type of `sizes`, or a size of its own. Doors are gaps between inner `walls`.
+"""
+
+
+def scenario_page() -> str:
+    """docs/scenario.md."""
+    parts = [ScenarioConfig, *(kind for kind in vars(sections).values() if _is_section(kind))]
+    return "\n".join([SCENARIO_INTRO, *(_settings(part) for part in parts)])
+
+
+def _is_section(kind: object) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Settings) and kind is not Settings
+
+
+def _settings(model: type[Settings]) -> str:
+    """What a section says of itself, and the defaults of its plain keys."""
+    plain = {k: f.get_default(call_default_factory=True) for k, f in model.model_fields.items() if not f.is_required()}
+    given = model.model_construct(**plain).model_dump(mode="json")
+    shown = {key: value for key, value in given.items() if not isinstance(plain[key], Settings)}
+    rows = [f"{key}: {json.dumps(value)}" for key, value in shown.items()]
+    told = inspect.cleandoc(model.__doc__ or "")
+    return "\n".join([f"## {model.__name__}", "```text", told, "```", "```yaml", *rows, "```", ""])
+
+
 def pages() -> dict[Path, str]:
     """What is to stand in which file."""
     schemas = {"episode-v1": models.Episode, "manifest-v1": manifest_models.Manifest}
@@ -104,7 +139,7 @@ def pages() -> dict[Path, str]:
         DOCS / "schema" / f"{name}.schema.json": json.dumps(schema_of(model, name), indent=2, ensure_ascii=False) + "\n"
         for name, model in schemas.items()
     }
-    return {DOCS / "format.md": format_page(), **texts}
+    return {DOCS / "format.md": format_page(), DOCS / "scenario.md": scenario_page(), **texts}
 
 
 def main() -> int:

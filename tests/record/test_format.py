@@ -38,7 +38,7 @@ def test_the_golden_file_reads_and_makes_sense() -> None:
 
 def test_published_pages_are_those_of_the_models() -> None:
     pages: dict[Path, str] = runpy.run_path(str(GENERATOR))["pages"]()
-    assert len(pages) == 3
+    assert len(pages) == 4
     for path, text in pages.items():
         assert path.read_text("utf-8") == text, f"{path.name} is old; run python docs/generate_format.py"
 
