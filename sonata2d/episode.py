@@ -109,10 +109,13 @@ class Episode:
         """
         if not 0 <= tick <= len(self.past):
             raise ValueError(f"tick must be 0..{len(self.past)}, the ticks run so far, got {tick}")
-        branch = Episode(self.scene, controller, observers=observers, past=self.past[:tick])
-        for _ in range(tick):
-            branch.step()
-        return branch
+        return Episode(self.scene, controller, observers=observers, past=self.past[:tick]).caught_up()
+
+    def caught_up(self) -> Episode:
+        """This episode, once the past that it was given is replayed."""
+        while len(self.past) < len(self._script) and self.step() is not None:
+            pass
+        return self
 
     def end(self, status: Status, reason: str) -> Outcome:
         """End the episode here, from outside: what is noted so far stays."""

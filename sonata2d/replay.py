@@ -40,10 +40,7 @@ def branch(path: str | Path, tick: int, controller: Controller, *, observers: It
     past = moments(record)
     if not 0 <= tick <= len(past):
         raise ValueError(f"tick must be 0..{len(past)}, the ticks in {path}, got {tick}")
-    episode = Episode(record.scene(), controller, observers=observers, past=past[:tick])
-    for _ in range(tick):
-        episode.step()
-    return episode
+    return Episode(record.scene(), controller, observers=observers, past=past[:tick]).caught_up()
 
 
 def moments(record: EpisodeRecord) -> list[Moment]:
@@ -54,9 +51,7 @@ def moments(record: EpisodeRecord) -> list[Moment]:
 def replayed(record: EpisodeRecord) -> bytes:
     """The document that the recorded commands give when they are run again."""
     recorder, past, outcome = _recorder_like(record), moments(record), record.outcome
-    episode = Episode(record.scene(), _Nobody(), observers=[recorder], past=past, author=record.author)
-    for _ in past:
-        episode.step()
+    episode = Episode(record.scene(), _Nobody(), observers=[recorder], past=past, author=record.author).caught_up()
     if outcome.status in ("stopped", "regenerate", "error"):
         episode.end(outcome.status, outcome.reason)
     else:
