@@ -17,7 +17,20 @@ import click
 
 from .output import json_option, show_json
 
-PACKAGES = ("pymunk", "numpy", "pydantic", "pygame-ce", "orjson", "click", "tqdm", "PyYAML", "jinja2", "zstandard")
+PACKAGES = (
+    "pymunk",
+    "numpy",
+    "pydantic",
+    "pygame-ce",
+    "pygame-gui",
+    "orjson",
+    "click",
+    "tqdm",
+    "PyYAML",
+    "jinja2",
+    "zstandard",
+    "platformdirs",
+)
 DIGEST = (
     "e2eebcebaa54329478c23460a7f5d61b"  # of the trial episode's numbers: the same wherever sonata2d works as it should
 )

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from .agents.controller import Controller, Regenerate, Stop
@@ -14,9 +14,12 @@ from .agents.crowd import Crowd
 from .agents.kinematics import executable
 from .entities import Scene
 from .errors import ControllerError, Sonata2dError
-from .frame import Author, Contact, DeviceEvent, Frame, Observer, Outcome, Snapshot, Status
+from .frame import Author, Contact, Frame, Observer, Outcome, Snapshot, Status
 from .geometry import Twist, wrapped
+from .topics import DeviceEvent, ImageRequest
 from .world import World
+
+Renderer = Callable[[Snapshot, ImageRequest], Any]  # gives (H, W, 3) of uint8
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +40,10 @@ class Episode:
         observers: are told of every frame: recorders, windows.
         past: moments that were decided before; they are replayed before the controller is asked.
         author: what files say of the controller, if not what it says of itself.
+        renderer: draws what a controller with an `image` request sees, e.g. `sonata2d.view.image_of`.
+
+    Raises:
+        ControllerError: the controller asks for an image, and there is no renderer.
 
     Attributes:
         past: every moment so far.
@@ -51,11 +58,17 @@ class Episode:
         observers: Iterable[Observer] = (),
         past: Sequence[Moment] = (),
         author: Author | None = None,
+        renderer: Renderer | None = None,
     ) -> None:
+        if controller.image is not None and renderer is None:
+            raise ControllerError(
+                f"{type(controller).__name__} asks for a camera image; give Episode(renderer=sonata2d.view.image_of)"
+            )
         self.scene, self.controller, self.observers = scene, controller, tuple(observers)
         self.past: list[Moment] = []
         self.outcome: Outcome | None = None
         self._script, self._author = tuple(past), author or author_of(controller)
+        self._renderer = renderer
         self._world, self._crowd = World(scene), Crowd(scene)
         controller.reset(scene)
         for observer in self.observers:
@@ -109,7 +122,9 @@ class Episode:
         """
         if not 0 <= tick <= len(self.past):
             raise ValueError(f"tick must be 0..{len(self.past)}, the ticks run so far, got {tick}")
-        return Episode(self.scene, controller, observers=observers, past=self.past[:tick]).caught_up()
+        return Episode(
+            self.scene, controller, observers=observers, past=self.past[:tick], renderer=self._renderer
+        ).caught_up()
 
     def caught_up(self) -> Episode:
         """This episode, once the past that it was given is replayed."""
@@ -128,6 +143,8 @@ class Episode:
     def _ask(self, snapshot: Snapshot) -> Moment | Outcome:
         """The controller's answer to a snapshot."""
         with self._telling_tick(snapshot):
+            if self.controller.image is not None and self._renderer is not None:
+                snapshot = replace(snapshot, image=self._renderer(snapshot, self.controller.image))
             answer = self.controller.act(snapshot)
             if isinstance(answer, Stop | Regenerate):
                 status: Status = "stopped" if isinstance(answer, Stop) else "regenerate"

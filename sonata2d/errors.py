@@ -27,3 +27,7 @@ class NewerFormatError(RecordError):
 
 class RenderError(Sonata2dError):
     """A picture or a film cannot be made."""
+
+
+class WindowError(Sonata2dError):
+    """A window cannot be opened."""

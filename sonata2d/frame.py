@@ -24,6 +24,7 @@ from .entities import (
 )
 from .exact import Array, angle_of, arctan2
 from .geometry import Point, Pose, Twist
+from .topics import DeviceEvent
 
 # Columns of the one array that holds the people: (N, 9), world frame.
 X, Y, VX, VY, HX, HY, LX, LY, OMEGA = range(9)  # place, velocity, body's direction, look's direction, turn rate
@@ -51,15 +52,6 @@ class Contact:
     id: int  # of the human or object; of a wall its index in the scene
     robot_at_fault: bool
     other_at_fault: bool
-
-
-@dataclass(frozen=True, slots=True)
-class DeviceEvent:
-    """What a person did to a device since the last look: which device, which control, its new value in -1..1."""
-
-    device: str
-    control: str
-    value: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +174,10 @@ class RobotState:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """One frozen look at the world, which controller and crowd share."""
+    """One frozen look at the world, which controller and crowd share.
+
+    `image` is (H, W, 3) of uint8 where the controller asks for one (`Controller.image`), else None.
+    """
 
     tick: int
     time: float
@@ -192,6 +187,7 @@ class Snapshot:
     interactions: tuple[Interaction, ...]
     contacts: tuple[Contact, ...] = ()
     events: tuple[DeviceEvent, ...] = ()
+    image: Any = None
 
     @property
     def goal(self) -> Goal:

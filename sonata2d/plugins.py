@@ -7,9 +7,11 @@ import importlib
 import importlib.util
 import inspect
 import sys
+from collections.abc import Mapping
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from .agents import STOCK, Controller
 from .errors import ControllerError
@@ -17,18 +19,19 @@ from .errors import ControllerError
 ENTRY_POINTS = "sonata2d.controllers"
 
 
-def load_controller(name: str) -> Controller:
+def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Controller:
     """Make the controller that a name stands for.
 
     Args:
         name: a stock or published name (`social-planner`), `package.module:Class`, or a file `./mine.py:Class`.
+        settings: as a file tells them, to have the one that made it.
 
     Raises:
         ControllerError: there is no such thing, it is no `Controller`, or it cannot be made without arguments.
     """
     kind = find_controller(name)
     try:
-        return kind()
+        return kind() if settings is None else kind.restored(settings)
     except Exception as error:
         raise ControllerError(f"{name} cannot be made without arguments: {type(error).__name__}: {error}") from error
 

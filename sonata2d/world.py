@@ -26,7 +26,6 @@ from .frame import (
     OMEGA,
     VY,
     CrowdCommands,
-    DeviceEvent,
     Humans,
     RobotState,
     Snapshot,
@@ -36,6 +35,7 @@ from .frame import (
     human_ids,
 )
 from .geometry import Disc, Twist
+from .topics import DeviceEvent
 
 MASS = 75.0  # kg, of a person and of the robot; only ratios matter
 BODY_TURN = 4.0  # rad/s, how fast a person's body turns

@@ -4,13 +4,16 @@ from .controller import Answer, Controller, Regenerate, Stop
 from .social_force import SocialForce
 from .social_planner import SocialPlanner
 from .straight import StraightToGoal
+from .teleoperation import HANDS, Hand, Teleoperation
 
 STOCK: dict[str, type[Controller]] = {
     "straight-to-goal": StraightToGoal,
     "social-force": SocialForce,
     "social-planner": SocialPlanner,
+    "teleoperation": Teleoperation,
 }
 
 __all__ = [
-    "STOCK", "Answer", "Controller", "Regenerate", "SocialForce", "SocialPlanner", "Stop", "StraightToGoal",
+    "HANDS", "STOCK", "Answer", "Controller", "Hand", "Regenerate", "SocialForce", "SocialPlanner", "Stop",
+    "StraightToGoal", "Teleoperation",
 ]  # fmt: skip

@@ -6,11 +6,12 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from ..entities import Scene
 from ..frame import Snapshot
 from ..geometry import Twist
+from ..topics import ImageRequest
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +37,19 @@ class Controller(ABC):
     Attributes:
         version: noted in every file; raise it when the controller changes.
         labels: what the keys of `label`'s answer mean, noted in every file.
+        image: the camera image that it wants in every snapshot; None costs nothing.
         deterministic: claims that the same snapshots bring the same answers, so that `check --rerun` may hold it to it.
     """
 
     version: ClassVar[str | None] = None
-    labels: ClassVar[Mapping[str, str]] = {}
+    labels: Mapping[str, str] = {}
+    image: ImageRequest | None = None
     deterministic: ClassVar[bool] = True
+
+    @classmethod
+    def restored(cls, settings: Mapping[str, Any]) -> Self:
+        """The controller that a file tells of, to be run again: made without arguments, unless written otherwise."""
+        return cls()
 
     def reset(self, scene: Scene) -> None:
         """A new episode begins: forget the last one."""

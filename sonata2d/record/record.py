@@ -21,7 +21,6 @@ from ..frame import (
     VX,
     Author,
     Contact,
-    DeviceEvent,
     Frame,
     Humans,
     Outcome,
@@ -31,6 +30,7 @@ from ..frame import (
     human_ids,
 )
 from ..geometry import Twist
+from ..topics import DeviceEvent
 from .layout import Tree, interactions_of, scene_of
 
 

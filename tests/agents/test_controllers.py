@@ -41,7 +41,7 @@ def run(scene: Scene, controller: Controller) -> tuple[Outcome, list[Snapshot]]:
     return Episode(scene, controller, observers=[watch]).run(), watch.seen
 
 
-@pytest.mark.parametrize("name", STOCK)
+@pytest.mark.parametrize("name", [name for name in STOCK if name != "teleoperation"])
 @pytest.mark.parametrize("kinematics", ["holonomic", "unicycle"])
 def test_every_stock_controller_reaches_the_goal_in_an_empty_room(name: str, kinematics: str) -> None:
     scene = room(robot=Pose(-3.0, 1.0, 2.0))

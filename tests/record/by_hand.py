@@ -22,9 +22,10 @@ from sonata2d.entities import (
     Wall,
 )
 from sonata2d.exact import heading, headings
-from sonata2d.frame import Author, Contact, DeviceEvent, Frame, Humans, Outcome, RobotState, Snapshot, human_ids
+from sonata2d.frame import Author, Contact, Frame, Humans, Outcome, RobotState, Snapshot, human_ids
 from sonata2d.geometry import Disc, Pose, Rectangle, Twist
 from sonata2d.record import EpisodeRecorder
+from sonata2d.topics import DeviceEvent
 
 SQUARE = ((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0))
 AUTHOR = Author("tests:Creep", version="1", settings={"speed": 0.5}, labels={"near": "somebody is near"})
