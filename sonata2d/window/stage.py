@@ -68,7 +68,9 @@ class Stage:
 
     @property
     def surface(self) -> pygame.Surface:
-        return pygame.display.get_surface()
+        surface = pygame.display.get_surface()
+        assert surface is not None
+        return surface
 
     def run(self, screen: Screen) -> None:
         """Show a screen, and those that follow it, until one asks to close."""
