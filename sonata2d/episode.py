@@ -109,6 +109,10 @@ class Episode:
         self._close(snapshot, outcome)
         return None
 
+    def look(self) -> Snapshot:
+        """The world as it is now, without device events."""
+        return self._world.snapshot()
+
     def branch(self, tick: int, controller: Controller, *, observers: Iterable[Observer] = ()) -> Episode:
         """The same episode up to `tick`, to the bit, then driven by another controller.
 
@@ -132,9 +136,9 @@ class Episode:
             pass
         return self
 
-    def end(self, status: Status, reason: str) -> Outcome:
+    def end(self, status: Status, reason: str, events: Sequence[DeviceEvent] = ()) -> Outcome:
         """End the episode here, from outside: what is noted so far stays."""
-        snapshot = self._world.snapshot()
+        snapshot = self._world.snapshot(tuple(events))
         if self.outcome is None:
             self._close(snapshot, Outcome(status, reason, snapshot.tick, snapshot.time))
         assert self.outcome is not None

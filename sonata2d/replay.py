@@ -53,10 +53,11 @@ def replayed(record: EpisodeRecord) -> bytes:
     """The document that the recorded commands give when they are run again."""
     recorder, past, outcome = _recorder_like(record), moments(record), record.outcome
     episode = Episode(record.scene(), _Nobody(), observers=[recorder], past=past, author=record.author).caught_up()
+    last = record.snapshot(-1).events
     if outcome.status in ("stopped", "regenerate", "error"):
-        episode.end(outcome.status, outcome.reason)
+        episode.end(outcome.status, outcome.reason, last)
     else:
-        episode.step()
+        episode.step(last)
     return recorder.document()
 
 
@@ -67,8 +68,8 @@ def rerun(record: EpisodeRecord, controller: Controller) -> bytes:
     past = told[: branched["tick"]] if branched else []  # up to there another one drove
     episode = Episode(record.scene(), controller, observers=[recorder], past=past, author=author)
     try:
-        for moment in told:
-            episode.step(moment.events)
+        for events in (*(moment.events for moment in told), record.snapshot(-1).events):
+            episode.step(events)
         episode.run()
     except Exception:
         if record.outcome.status != "error":
@@ -139,9 +140,12 @@ def _around(was: bytes, now: bytes) -> str:
 def _recorder_like(record: EpisodeRecord) -> EpisodeRecorder:
     """A recorder that writes the same header."""
     branched = record.document["branched_from"]
-    return EpisodeRecorder(
+    recorder = EpisodeRecorder(
         id=record.id,
         contributor=record.contributor,
         context=record.context,
         branched_from=branched and (branched["id"], branched["tick"]),
+        label_spec=record.label_spec,
     )
+    recorder.label = record.label
+    return recorder

@@ -25,16 +25,7 @@ size_categories:
 ---
 # {title}
 
-{count} of {asked} episodes of a robot among people in the scenario `{name}`, simulated by
-sonata2d {sonata2d} and driven by `{controller}`.
-
-## Made by
-```
-sonata2d generate AGAIN --scenario scenario.json --seed {seed} --episodes {asked} --controller {controller}
-```
-`scenario.json` beside this card holds the settings in full, as does every episode. The same settings, seed and physics
-version ({physics}) give the same bytes: `sonata2d check` with `--replay` proves it.
-
+{made}
 ## Contents
 | outcome | episodes |
 | --- | ---: |
@@ -57,22 +48,53 @@ The people are simulated: social forces, discs for bodies, no gestures, faces or
 Use it to train and to compare; do not take it as evidence of how people feel about a robot.
 """
 
+_GENERATED = """\
+{count} of {asked} episodes of a robot among people in the scenario `{name}`, simulated by
+sonata2d {sonata2d} and driven by `{controller}`.
+
+## Made by
+```
+sonata2d generate AGAIN --scenario scenario.json --seed {seed} --episodes {asked} --controller {controller}
+```
+`scenario.json` beside this card holds the settings in full, as does every episode. The same settings, seed and physics
+version ({physics}) give the same bytes: `sonata2d check` with `--replay` proves it.
+"""
+
+_COLLECTED = """\
+{count} runs of a robot among simulated people, driven by {people} in the window of sonata2d {sonata2d}, and kept by
+whoever drove.
+
+## Made by
+```
+sonata2d collect AGAIN --contributor NAME --scenario scenario.json
+```
+`scenario.json` beside this card holds the settings it began with; every run holds its own, with the driver's commands
+and what they did to the devices, so that `sonata2d check` with `--replay` proves it (physics version {physics}).
+"""
+
 
 def card(manifest: Tree) -> str:
     """The card of a data set, from its manifest alone."""
     counts, files = manifest["counts"], manifest["files"]
     title = f"sonata2d {manifest['name']}, seed {manifest['seed']}"
+    made = _GENERATED
+    if manifest.get("collected"):
+        title, made = f"sonata2d, {len(files)} runs driven by people", _COLLECTED
+    told = {
+        "count": len(files),
+        "asked": manifest["episodes"],
+        "name": manifest["name"],
+        "seed": manifest["seed"],
+        "sonata2d": manifest["software"]["sonata2d"],
+        "controller": (manifest["controller"] or {}).get("path"),
+        "physics": manifest["physics"],
+        "people": _people(len(counts.get("contributor") or ())),
+    }
     return _CARD.format(
         title=title,
         quoted=json.dumps(title, ensure_ascii=False),
         size=next((name for most, name in _SIZES if len(files) < most), "n>1M"),
-        count=len(files),
-        asked=manifest["episodes"],
-        name=manifest["name"],
-        seed=manifest["seed"],
-        sonata2d=manifest["software"]["sonata2d"],
-        controller=manifest["controller"]["path"],
-        physics=manifest["physics"],
+        made=made.format(**told),
         precision=manifest["precision"],
         outcomes=_lines(counts["outcome"]),
         families=_lines(counts["family"]),
@@ -82,3 +104,7 @@ def card(manifest: Tree) -> str:
 
 def _lines(counts: dict[str, int]) -> str:
     return "\n".join(f"| {key.replace('|', '/')} | {count} |" for key, count in counts.items())
+
+
+def _people(count: int) -> str:
+    return "one person" if count == 1 else f"{count} people"

@@ -83,6 +83,8 @@ def listed_files(folder: Path) -> list[Listed]:
     """
     manifest = read_manifest(folder)
     common = {key: manifest[key] for key in ("name", "settings", "seed", "controller", "physics", "precision")}
+    if manifest["collected"]:
+        common = {}  # each file tells its own
     return [Listed(folder / told["name"], told, common) for told in manifest["files"]]
 
 
@@ -134,7 +136,7 @@ def _manifest_doubts(folder: Path, manifest: Tree) -> Iterator[Doubt]:
     names, episodes = [file["name"] for file in files], [file["episode"] for file in files]
     if not manifest["complete"]:
         yield "complete", f"{len(files)} of {manifest['episodes']} episodes are there; go on with --resume"
-    elif episodes != list(range(manifest["episodes"])):
+    elif not manifest["collected"] and episodes != list(range(manifest["episodes"])):
         yield "files", f"should list the episodes 0 to {manifest['episodes'] - 1} in order"
     for key, told in manifest["counts"].items():
         if told != (counted := dict(Counter(file[key] for file in files))):

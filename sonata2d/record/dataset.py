@@ -90,9 +90,9 @@ def start(folder: Path, plan: Plan, *, resume: bool = False) -> dict[str, str]:
         raise RecordError(f"{folder} is not empty and holds no {MANIFEST}; choose another folder")
     for left in folder.glob(f"{TEMPORARY}*"):
         left.unlink(missing_ok=True)
-    _write(folder / MANIFEST, manifest_of(plan, (), complete=False))  # first: it is what a resumption looks for
+    write_tree(folder / MANIFEST, manifest_of(plan, (), complete=False))  # first: it is what a resumption looks for
     if plan.settings is not None:
-        _write(folder / SCENARIO, plan.settings)
+        write_tree(folder / SCENARIO, plan.settings)
     return listed
 
 
@@ -150,7 +150,7 @@ def finish(folder: Path, plan: Plan, entries: Iterable[Entry], *, split: Mapping
     complete = [entry.episode for entry in files] == list(range(plan.episodes))
     manifest = manifest_of(plan, files, complete=complete, split=split)
     write_atomically(folder / CARD, card(manifest).encode())
-    _write(folder / MANIFEST, manifest)
+    write_tree(folder / MANIFEST, manifest)
     return manifest
 
 
@@ -183,7 +183,7 @@ def read_manifest(folder: Path) -> Tree:
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         raise RecordError(f"{path} is no whole manifest: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
-    return manifest
+    return {"collected": False} | manifest
 
 
 def manifest_of(
@@ -271,6 +271,6 @@ def _refuse_stranger(record: EpisodeRecord, plan: Plan, episode: int) -> None:
         raise RecordError(f"{record.path} ended in an error: {record.outcome.reason}")
 
 
-def _write(path: Path, tree: Tree) -> None:
+def write_tree(path: Path, tree: Tree) -> None:
     """Indented, to be read and compared by people too."""
     write_atomically(path, orjson.dumps(tree, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))

@@ -44,10 +44,10 @@ def safe_name(contributor: str, when: datetime, id: str, suffix: str = ".json") 
     >>> safe_name("Zoë / lab", datetime(2025, 1, 2, 3, 4, 5, tzinfo=UTC), "run:1")
     'Zoë_lab__20250102T030405Z__run_1.json'
     """
-    return f"{_safe(contributor)}__{when.astimezone(UTC):%Y%m%dT%H%M%SZ}__{_safe(id)}{suffix}"
+    return f"{safe_text(contributor)}__{when.astimezone(UTC):%Y%m%dT%H%M%SZ}__{safe_text(id)}{suffix}"
 
 
-def _safe(text: str) -> str:
+def safe_text(text: str) -> str:
     """Letters, digits, dashes, dots; at most 80 bytes; no device's name."""
     clean = re.sub(r"[^\w.-]+", "_", text)
     clean = re.sub(r"_+", "_", clean).strip("._-")

@@ -81,7 +81,7 @@ def frame_of(look: Tree, command: list[float], executed: list[float], after: Tol
         "activity": look["activity"],
         "interactions": look["interactions"],
         "contacts": look["contacts"],
-        "events": [_event(event, look["tick"]) for event in act[2]],
+        "events": event_rows(act[2], look["tick"]),
     }
     return frame if act[1] is None else frame | {"label": act[1]}
 
@@ -95,6 +95,7 @@ def _contact(contact: Contact) -> Tree:
     }
 
 
-def _event(event: DeviceEvent, tick: int) -> Tree:
-    value = plain(float(event.value), f"device event at tick {tick}")
-    return {"device": event.device, "control": event.control, "value": value}
+def event_rows(events: tuple[DeviceEvent, ...], tick: int) -> list[Tree]:
+    """What a person did to devices until a tick."""
+    place = f"device event at tick {tick}"
+    return [{"device": e.device, "control": e.control, "value": plain(float(e.value), place)} for e in events]

@@ -20,6 +20,7 @@ class ManifestFile(Part):
     family: str
     outcome: Status
     ticks: Count = Field(description="number of frames")
+    contributor: str | None = Field(default=None, description="who drove; of collected runs")
 
 
 class Counts(Part):
@@ -27,6 +28,7 @@ class Counts(Part):
 
     outcome: dict[str, Count]
     family: dict[str, Count]
+    contributor: dict[str, Count] | None = Field(default=None, description="of collected runs")
 
 
 class Manifest(Part):
@@ -34,11 +36,12 @@ class Manifest(Part):
 
     format: Literal["sonata2d-dataset"]
     version: Literal[1]
-    name: str = Field(description="of the scenario")
+    collected: bool = Field(default=False, description="driven by people, kept run by run: each file tells its own")
+    name: str | None = Field(description="of the scenario; null: collected")
     settings: dict[str, Any] | None = Field(description="resolved settings of the scenario")
-    seed: int
+    seed: int | None
     episodes: Count = Field(description="how many were asked for")
-    controller: Controller
+    controller: Controller | None
     precision: Positive
     physics: int
     complete: bool = Field(description="false while it is being made, or where that was interrupted")

@@ -207,6 +207,23 @@ class Look(Part):
     contacts: list[Contact] = Field(description="the robot's, in the tick before")
 
 
+class LastLook(Look):
+    """What is seen at the end."""
+
+    events: list[Event] | None = Field(default=None, description="of devices, since the last frame; only if any")
+
+
+class LabelSpec(Part):
+    """What a person was asked for."""
+
+    kind: Literal["yes_no", "classes", "slider", "text"]
+    when: Literal["frame", "run"] = Field(description="for each frame while driving, or once for the whole run")
+    name: str = Field(description="key of the label in frames")
+    question: str
+    classes: list[str] = Field(description="names of the classes 1, 2, …")
+    ends: tuple[str, str] = Field(description="what 0 and 1 of the slider mean")
+
+
 class Frame(Look):
     """What is seen at a tick, and what was done about it."""
 
@@ -254,6 +271,8 @@ class Episode(Part):
     labels: dict[str, str] | None = Field(
         description="what the keys of the labels mean; null: the command is the label"
     )
+    label_spec: LabelSpec | None = Field(default=None, description="what a person was asked for; only if anything")
+    label: Any = Field(default=None, description="of the whole run; only where a person is asked for one")
     contributor: str | None = Field(description="who drove or recorded")
     context: str | None = Field(description="text for whoever judges the episode")
     branched_from: Branch | None
@@ -261,5 +280,5 @@ class Episode(Part):
     activities: list[str] = Field(description="names of the numbers in `activity`")
     outcome: Outcome
     frames: list[Frame] = Field(description="one for each tick that was run")
-    final: Look = Field(description="the look after the last frame, to which no command belongs")
+    final: LastLook = Field(description="the look after the last frame, to which no command belongs")
     software: Software

@@ -30,6 +30,7 @@ from ..frame import (
     human_ids,
 )
 from ..geometry import Twist
+from ..labels import LabelSpec
 from ..topics import DeviceEvent
 from .layout import Tree, interactions_of, scene_of
 
@@ -108,6 +109,17 @@ class EpisodeRecord:
     @property
     def context(self) -> str | None:
         return self._text("context")
+
+    @cached_property
+    def label_spec(self) -> LabelSpec:
+        """What a person was asked for."""
+        told = self.document.get("label_spec")
+        return LabelSpec.restored(told) if told else LabelSpec()
+
+    @property
+    def label(self) -> Any:
+        """Of the whole run; None if nobody was asked for one."""
+        return self.document.get("label")
 
     def _text(self, key: str) -> str | None:
         value = self.document[key]

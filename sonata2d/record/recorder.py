@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -13,11 +14,12 @@ from ..errors import RecordError
 from ..exact import Array
 from ..frame import ACTIVITIES, Author, Frame, Outcome, Snapshot, Status
 from ..geometry import PRECISION, quantised
+from ..labels import LabelSpec
 from ..version import FORMAT, FORMAT_VERSION, PHYSICS_VERSION
 from .canonical import plain, refuse_unfinite, rounded, written
 from .columns import ABSENT, COMMAND_NAMES, columns
 from .files import packed, stem_of, write_atomically
-from .frames import Act, Told, frame_of, human_rows, looks_of, robot_rows
+from .frames import Act, Told, event_rows, frame_of, human_rows, looks_of, robot_rows
 from .layout import Tree, layout_of
 from .software import software
 
@@ -32,8 +34,10 @@ class EpisodeRecorder:
         contributor: who drove or recorded.
         context: text for whoever judges the episode; by default the scenario's.
         branched_from: id and tick of the episode that this one shares its beginning with.
+        label_spec: what a person is asked for.
 
     Attributes:
+        label: of the whole run, where the person is asked for one; may be given until the document is written.
         scene: of the episode; None before it begins.
         outcome: None while it runs.
     """
@@ -45,8 +49,11 @@ class EpisodeRecorder:
         contributor: str | None = None,
         context: str | None = None,
         branched_from: tuple[str, int] | None = None,
+        label_spec: LabelSpec | None = None,
     ) -> None:
-        self._id, self._contributor, self._context, self._branched_from = id, contributor, context, branched_from
+        self.label: Any = None
+        self._label_spec = label_spec or LabelSpec()
+        self.id, self._contributor, self._context, self._branched_from = id, contributor, context, branched_from
         self.scene: Scene | None = None
         self._author = Author("")
         self.outcome: Outcome | None = None
@@ -116,7 +123,7 @@ class EpisodeRecorder:
         return {
             "format": FORMAT,
             "version": FORMAT_VERSION,
-            "id": self._id or f"{scene.name}-{scene.seed}-{scene.episode}",
+            "id": self.id or f"{scene.name}-{scene.seed}-{scene.episode}",
             "name": scene.name,
             "family": scene.family,
             "seed": scene.seed,
@@ -130,6 +137,7 @@ class EpisodeRecorder:
                 "settings": plain(author.settings, "settings of the controller", exact=True),
             },
             "labels": plain(author.labels, "meaning of the labels"),
+            **self._asked(),
             "contributor": plain(self._contributor, "contributor"),
             "context": plain(self._context or (scene.settings or {}).get("context"), "context"),
             "branched_from": branched and {"id": branched[0], "tick": branched[1]},
@@ -143,6 +151,12 @@ class EpisodeRecorder:
             },
         }
 
+    def _asked(self) -> Tree:
+        """What a person was asked for, and what they answered of the whole run."""
+        spec = self._label_spec
+        asked = {"label_spec": plain(asdict(spec), "label")} if spec.kind != "command" else {}
+        return asked | ({"label": plain(self.label, "label of the run")} if spec.per_run else {})
+
     def _frames(self, ids: list[int]) -> tuple[list[Tree], Tree]:
         """The frames, and the final look."""
         robot, executed = robot_rows(np.array(self._robot))
@@ -153,7 +167,9 @@ class EpisodeRecorder:
         looks = looks_of(self._told, robot.tolist(), humans, activity)
         moves = zip(rounded(command).tolist(), executed[1:].tolist(), self._told[1:], self._acts, strict=True)
         frames = [frame_of(look, *move) for look, move in zip(looks[:-1], moves, strict=True)]
-        return frames, looks[-1]
+        events = self._last.events if self._last else ()
+        final = looks[-1] | ({"events": event_rows(events, looks[-1]["tick"])} if events else {})
+        return frames, final
 
 
 class JsonRecorder(EpisodeRecorder):

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Any, Self
 
-from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
+from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from ..errors import ConfigError
 from .sections import (
     SIZES,
     FurnitureConfig,
     GoalConfig,
+    LabelConfig,
     PersonConfig,
     RobotConfig,
     RoomConfig,
@@ -83,6 +85,7 @@ class ScenarioConfig(Settings):
     robot: RobotConfig = RobotConfig()
     goal: GoalConfig = GoalConfig()
     rules: RulesConfig = RulesConfig()
+    label: LabelConfig = LabelConfig()
     clearance: PositiveFloat = 0.05
     max_attempts: PositiveInt = 200
     max_layouts: PositiveInt = 10
@@ -138,6 +141,18 @@ class ScenarioConfig(Settings):
                 said = {"path": ("goal", "position")}
                 raise PydanticCustomError("goal", "the robot would start on its goal", said)
         return self
+
+    def changed(self, **settings: Any) -> ScenarioConfig:
+        """The same scenario with other settings.
+
+        Raises:
+            ConfigError: they cannot be used.
+        """
+        try:
+            return ScenarioConfig(**{**self.settings(), **settings})
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            raise ConfigError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None
 
     def settings(self) -> dict[str, Any]:
         """All settings, resolved, as JSON holds them; `ScenarioConfig(**settings)` is the same scenario again."""

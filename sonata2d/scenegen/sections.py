@@ -10,6 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from ..entities import EndsOn, Kinematics, Limits, Rules
 from ..geometry import Barriers, Disc, Point, Rectangle, Shape, quantised, segments_cross
+from ..labels import Kind, LabelSpec, When
 from .settings import Range, Settings
 
 RoomKind = Literal["square", "rectangle", "l"]
@@ -197,6 +198,46 @@ class GoalConfig(Settings):
     min_distance: PositiveFloat = 2.0
     position: Point | None = None
     theta: float | None = None
+
+
+class LabelConfig(Settings):
+    """What a person who drives, or rates, is asked for; see `labels.LabelSpec`.
+
+    Attributes:
+        kind: `command`, which asks nothing, `yes_no`, `classes`, `slider` from 0 to 1, or `text`.
+        when: `frame`, while driving, or `run`, once afterwards; text is asked for afterwards only.
+        name: its key in frames.
+        question: what the person is asked.
+        classes: their names, or how many there are; 2 to 9.
+        ends: what 0 and 1 of the slider mean.
+    """
+
+    kind: Kind = "command"
+    when: When = "run"
+    name: str = Field(default="label", min_length=1)
+    question: str = ""
+    classes: Annotated[tuple[str, ...], Field(min_length=2, max_length=9)] | None = None
+    ends: tuple[str, str] = LabelSpec().ends
+
+    @field_validator("classes", mode="before")
+    @classmethod
+    def _number_them(cls, given: Any) -> Any:
+        if isinstance(given, int) and not isinstance(given, bool):
+            return tuple(str(k) for k in range(1, min(given, 10) + 1))
+        return given
+
+    @model_validator(mode="after")
+    def _fit_together(self) -> Self:
+        if (self.kind == "classes") != (self.classes is not None):
+            hint = "name the classes, or say how many" if self.kind == "classes" else "classes go with kind: classes"
+            raise PydanticCustomError("label", "{hint}", {"hint": hint, "path": ("classes",)})
+        if self.kind == "text" and self.when == "frame":
+            raise PydanticCustomError("label", "text is asked for after the run; set when: run", {"path": ("when",)})
+        return self
+
+    def spec(self) -> LabelSpec:
+        """As the rest of sonata2d knows it."""
+        return LabelSpec(self.kind, self.when, self.name, self.question, self.classes or (), self.ends)
 
 
 class RulesConfig(Settings):
