@@ -1,4 +1,4 @@
-"""From metres to pixels: the one place where y turns to point down."""
+"""From metres to pixels: the one place where y turns to point down, and where the world turns round the robot."""
 
 from __future__ import annotations
 
@@ -21,12 +21,14 @@ class Camera:
         scale: pixels a metre.
         left, top: world coordinates of the picture's upper left corner, m.
         size: width and height of the picture, pixels.
+        up: unit vector of the world that points up in the picture.
     """
 
     scale: float
     left: float
     top: float
     size: tuple[int, int]
+    up: Point = (0.0, 1.0)
 
     @classmethod
     def fit(
@@ -61,17 +63,60 @@ class Camera:
             )
         return cls(scale, (x0 + x1 - width / scale) / 2, (y0 + y1 + height / scale) / 2, (width, height))
 
+    @classmethod
+    def behind(
+        cls, place: Point, heading: Point, *, size: tuple[int, int], reach: float = 5.0, down: float = 0.72
+    ) -> Camera:
+        """See what lies before someone, who looks up in the picture.
+
+        Args:
+            place, heading: where they are, m, and the unit vector along which they look.
+            size: of the picture, pixels.
+            reach: m from them to the upper edge.
+            down: share of the picture's height that lies above them.
+
+        Raises:
+            RenderError: size or reach make no picture.
+        """
+        if not (0.0 < reach < math.inf and all(16 <= side <= LARGEST for side in size)):
+            raise RenderError(
+                f"cannot draw {size[0]} x {size[1]} pixels with a reach of {reach:g} m; a side may have 16 to {LARGEST}"
+                " and the reach is above 0: choose another size or reach"
+            )
+        scale = down * size[1] / reach
+        (hx, hy), aside = heading, size[0] / 2 / scale
+        return cls(scale, place[0] + reach * hx - aside * hy, place[1] + reach * hy + aside * hx, size, heading)
+
     def to_pixels(self, point: Point) -> Point:
         """Where a world point appears: pixels right and down from the upper left corner."""
-        return (point[0] - self.left) * self.scale, (self.top - point[1]) * self.scale
+        (ux, uy), x, y = self.up, point[0] - self.left, self.top - point[1]
+        return (x * uy + y * ux) * self.scale, (y * uy - x * ux) * self.scale
 
     def to_world(self, pixel: Point) -> Point:
         """The world point under a pixel, m; the inverse of `to_pixels`."""
-        return self.left + pixel[0] / self.scale, self.top - pixel[1] / self.scale
+        (ux, uy), right, down = self.up, pixel[0] / self.scale, pixel[1] / self.scale
+        return self.left + right * uy - down * ux, self.top - right * ux - down * uy
+
+    def turned(self, direction: Point) -> Point:
+        """A direction of the world as it appears: pixels right and down."""
+        (ux, uy), (x, y) = self.up, direction
+        return x * uy - y * ux, -(x * ux + y * uy)
+
+    def nearer(self, times: float, place: Point) -> Camera:
+        """The same picture filled by so much less of the world, as near to a place as what it saw allows."""
+        width, height = self.size[0] / self.scale, self.size[1] / self.scale
+        scale = self.scale * times
+        left, top = place[0] - width / times / 2, place[1] + height / times / 2
+        if times <= 1.0:  # then there is more than all, with that in the middle
+            left, top = self.left + (width - width / times) / 2, self.top - (height - height / times) / 2
+            return Camera(scale, left, top, self.size)
+        low, high = sorted((self.left, self.left + width - width / times))
+        deep, tall = sorted((self.top, self.top - height + height / times))
+        return Camera(scale, min(max(left, low), high), min(max(top, deep), tall), self.size)
 
     def finer(self, times: int) -> Camera:
         """The same view with so many times the pixels a side."""
-        return Camera(self.scale * times, self.left, self.top, (self.size[0] * times, self.size[1] * times))
+        return Camera(self.scale * times, self.left, self.top, (self.size[0] * times, self.size[1] * times), self.up)
 
 
 def _bounds(points: Iterable[Point]) -> tuple[float, float, float, float]:

@@ -6,27 +6,39 @@ stands still is drawn once (`backdrop`) and handed to each `picture` of the same
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import pygame
 
 from ..entities import Scene
-from ..exact import Array
 from ..frame import HumanState, Snapshot
-from ..geometry import Barriers, Point
+from ..geometry import Point
 from .brush import Brush
 from .camera import Camera
+from .canvas import Canvas, Pixels
 from .caption import STRIP, draw_strip, label, summary
-from .palette import ACTIVITY, FLOOR, GRID, PAPER, ROBOT, WALL, Colour, shaded
-from .people import draw_gaze, draw_goal, draw_human, draw_link, draw_robot, draw_velocity, draw_zones, link_ends
-from .things import draw_thing, half_size
+from .gaze import cut_short, walls_of
+from .legend import draw_legend
+from .palette import ACTIVITY, PAPER, ROBOT, WALL, Colour, shaded
+from .people import (
+    draw_gaze,
+    draw_goal,
+    draw_human,
+    draw_link,
+    draw_robot,
+    draw_shared,
+    draw_velocity,
+    draw_zones,
+    link_ends,
+)
+from .room import Plan, draw_furniture, draw_room
+from .smooth import Smooth
+from .things import half_size
 from .trails import Trails, draw_trails
 
 FINE, QUICK = 4, 2  # times the pixels a side; powers of two, since pygame's smoothscale darkens others by a shade
 _LARGE = 2_000_000  # pixels of a picture, past which QUICK does
-_WALL_WIDTH, _PARTITION_WIDTH = 0.12, 0.05  # m; outer walls grow outward, so the line bodies stop at stays where it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +49,11 @@ class Layers:
     links: bool = True
     goal: bool = True
     grid: bool = True  # faint lines, 1 m apart
-    zones: bool = False  # where the robot would intrude into intimate and personal space
+    zones: bool = False  # where the robot would intrude: intimate and personal space, and what people share
     velocities: bool = False
     ids: bool = False
     caption: bool = True  # the strip below, with the scale bar
+    legend: bool = False  # what colours stand for
 
 
 def camera_for(
@@ -64,10 +77,9 @@ def backdrop(
     finer = camera.finer(fine)
     surface = pygame.Surface(finer.size, pygame.SRCALPHA if outside is None else 0, 32)
     surface.fill(outside if outside is not None else (*WALL, 0))
-    brush = Brush(surface, finer, fine)
-    _draw_room(brush, scene, layers)
-    for thing in sorted(scene.furniture, key=lambda thing: thing.on is not None):
-        draw_thing(brush, thing)
+    brush = Brush(Pixels(surface), finer, fine)
+    draw_room(brush, Plan.of(scene), grid=layers.grid)
+    draw_furniture(brush, scene)
     return surface
 
 
@@ -105,11 +117,11 @@ def picture(
     finished = pygame.Surface((camera.size[0], camera.size[1] + strip), 0, 32)
     finished.fill(PAPER)
     pygame.transform.smoothscale(surface, camera.size, finished.subsurface((0, 0, *camera.size)))
-    if layers.ids:
-        _write_ids(finished, camera, snapshot)
+    draw_over(Brush(Smooth(finished), camera), snapshot, present(snapshot), layers)
     if strip:
         text = summary(snapshot, outcome) if caption is None else caption
-        draw_strip(finished, text, camera.scale, trails.span if trails and not trails.is_tail else None)
+        span = trails.span if trails and not trails.is_tail else None
+        draw_strip(Pixels(finished), finished.get_size(), text, camera.scale, span)
     return finished
 
 
@@ -118,24 +130,49 @@ def draw_moment(
 ) -> None:
     """Draw all that moves onto a surface of some whole times the camera's pixels."""
     fine = surface.get_width() // camera.size[0]
-    brush, people = Brush(surface, camera.finer(fine), fine), present(snapshot)
+    draw_all(Brush(Pixels(surface), camera.finer(fine), fine), snapshot, layers, trails)
+
+
+def draw_all(brush: Brush, snapshot: Snapshot, layers: Layers, trails: Trails | None = None) -> None:
+    """Draw all that moves, and the goal."""
+    people, deaf = present(snapshot), ignoring(snapshot.scene)
     if layers.goal:
         draw_goal(brush, snapshot.goal)
     if trails is not None:
         draw_trails(brush, trails)
     for human in people if layers.zones else ():
-        draw_zones(brush, human)
-    ends = link_ends(snapshot, people)
-    for link in snapshot.interactions if layers.links else ():
-        draw_link(brush, link, ends)
+        draw_zones(brush.at(human.pose.position), human.radius)
+    draw_under(brush, snapshot, people, layers)
+    reaches = cut_short(people, walls_of(snapshot.scene)) if layers.gaze else {}
     for human in people if layers.gaze else ():
-        draw_gaze(brush, human)
-    ignoring = {human.id for human in snapshot.scene.humans if human.reacts_to_robot == 0.0}
+        draw_gaze(brush, human, reaches.get(human.id))
     for human in people:
-        draw_human(brush, human, snapshot.time, ignores_robot=human.id in ignoring)
+        draw_human(brush, human, snapshot.time, ignores_robot=human.id in deaf)
     draw_robot(brush, snapshot.robot, touches=bool(snapshot.contacts))
     if layers.velocities:
-        _draw_velocities(brush, snapshot, people)
+        draw_velocities(brush, snapshot, people)
+
+
+def draw_under(brush: Brush, snapshot: Snapshot, people: list[HumanState], layers: Layers) -> None:
+    """Draw what lies below people and robot: shared spaces, links."""
+    ends = link_ends(snapshot, people)
+    for link in snapshot.interactions if layers.zones else ():
+        draw_shared(brush, link, ends)
+    for link in snapshot.interactions if layers.links else ():
+        draw_link(brush, link, ends)
+
+
+def draw_over(brush: Brush, snapshot: Snapshot, people: list[HumanState], layers: Layers) -> None:
+    """Draw what lies above people and robot on a picture of its final size: ids, legend."""
+    if layers.ids:
+        _write_ids(brush.canvas, brush.camera, snapshot)
+    if layers.legend:
+        draw_legend(brush.canvas, brush.camera.size, [human.activity for human in people])
+
+
+def ignoring(scene: Scene) -> frozenset[int]:
+    """Ids of the people who ignore the robot."""
+    return frozenset(human.id for human in scene.humans if human.reacts_to_robot == 0.0)
 
 
 def present(snapshot: Snapshot) -> list[HumanState]:
@@ -144,54 +181,20 @@ def present(snapshot: Snapshot) -> list[HumanState]:
     return [snapshot.humans[int(k)] for k in np.flatnonzero(there)]
 
 
-def _draw_velocities(brush: Brush, snapshot: Snapshot, people: list[HumanState]) -> None:
+def draw_velocities(brush: Brush, snapshot: Snapshot, people: list[HumanState]) -> None:
     for human in people:
         draw_velocity(brush, human.pose.position, human.velocity, shaded(ACTIVITY[human.activity], 0.3))
     draw_velocity(brush, snapshot.robot.position, snapshot.robot.velocity, shaded(ROBOT, 0.3))
 
 
-def _write_ids(surface: pygame.Surface, camera: Camera, snapshot: Snapshot) -> None:
+def _write_ids(canvas: Canvas, camera: Camera, snapshot: Snapshot) -> None:
     """Ids of people and things, right above them."""
     for human in present(snapshot):
-        label(surface, str(human.id), camera.to_pixels((human.pose.x, human.pose.y + human.radius)))
+        label(canvas, str(human.id), camera.to_pixels(_above(camera, human.pose.position, human.radius)))
     for thing in snapshot.objects:
-        label(surface, str(thing.id), camera.to_pixels((thing.pose.x, thing.pose.y + 0.7 * min(half_size(thing)))))
+        label(canvas, str(thing.id), camera.to_pixels(_above(camera, thing.pose.position, 0.7 * min(half_size(thing)))))
 
 
-def _draw_room(brush: Brush, scene: Scene, layers: Layers) -> None:
-    for wall in scene.walls:
-        brush.stroke(WALL, [wall.start, wall.end], 2 * _WALL_WIDTH)  # the floor will cover the inner half
-    if scene.polygon:
-        brush.polygon(FLOOR, scene.polygon)
-        if layers.grid:
-            _draw_grid(brush, scene.outline)
-    for wall in scene.walls:
-        if not scene.polygon or _is_partition(wall.start, wall.end, scene.outline):
-            brush.stroke(WALL, [wall.start, wall.end], _PARTITION_WIDTH)
-
-
-def _is_partition(start: Point, end: Point, outline: Array) -> bool:
-    """Whether a wall stands within the room rather than on its outline."""
-    edges = Barriers(outline, np.roll(outline, -1, axis=0), np.zeros(len(outline)))
-    middle = np.array([[(start[0] + end[0]) / 2, (start[1] + end[1]) / 2]])
-    return float(edges.gaps(middle).min()) > 1e-3
-
-
-def _draw_grid(brush: Brush, outline: Array) -> None:
-    """Lines at whole metres, as far as the floor goes."""
-    for axis in (0, 1):
-        along, low, high = outline[:, 1 - axis], outline[:, axis].min(), outline[:, axis].max()
-        for at in range(math.ceil(low), math.floor(high) + 1):
-            for a, b in _spans(outline[:, axis], along, at + 1e-6):
-                ends = [(float(at), a), (float(at), b)] if axis == 0 else [(a, float(at)), (b, float(at))]
-                brush.stroke(GRID, ends, 0.0)
-
-
-def _spans(across: Array, along: Array, at: float) -> list[tuple[float, float]]:
-    """Where the line across = at runs within a polygon: stretches of along (even-odd rule)."""
-    a, b = np.roll(across, 1), across
-    cut = (a > at) != (b > at)
-    share = (at - a[cut]) / (b[cut] - a[cut])
-    start = np.roll(along, 1)[cut]
-    hits = sorted(float(hit) for hit in start + share * (along[cut] - start))
-    return list(zip(hits[::2], hits[1::2], strict=False))
+def _above(camera: Camera, place: Point, by: float) -> Point:
+    """A point so many metres above another in the picture."""
+    return place[0] + by * camera.up[0], place[1] + by * camera.up[1]

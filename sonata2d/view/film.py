@@ -6,15 +6,14 @@ import importlib
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pygame
 
 from ..errors import RenderError
-from ..frame import HX, LX, Humans, RobotState, Snapshot, frozen
+from ..frame import Snapshot
+from .between import between
 from .caption import STRIP
 from .draw import QUICK, Layers, backdrop, camera_for, picture
 from .palette import ACTIVITY, FLOOR, GOAL, GRID, INK, PAPER, ROBOT, WALL, mixed, time_colour
@@ -79,29 +78,6 @@ def paced(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool = Tru
         before = after
     if before is not None:
         yield before
-
-
-def between(before: Snapshot, after: Snapshot, share: float) -> Snapshot:
-    """The look at a moment between two ticks, on straight lines; what cannot be blended is as before."""
-    time = before.time + (after.time - before.time) * share
-    state = before.humans.state + (after.humans.state - before.humans.state) * share
-    for column in (HX, LX):
-        pair = state[:, column : column + 2]
-        pair /= np.maximum(np.sqrt((pair * pair).sum(axis=1, keepdims=True)), 1e-9)
-    came = np.isnan(state).any(axis=1)
-    state[came] = before.humans.state[came]
-    humans = Humans(frozen(state), before.humans.id, before.humans.radius, before.humans.activity_index)
-    return replace(before, time=time, humans=humans, robot=_robot_between(before.robot, after.robot, share))
-
-
-def _robot_between(before: RobotState, after: RobotState, share: float) -> RobotState:
-    def blend(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
-        return a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share
-
-    hx, hy = blend(before.heading, after.heading)
-    length = math.hypot(hx, hy) or 1.0
-    position, velocity = blend(before.position, after.position), blend(before.velocity, after.velocity)
-    return replace(before, position=position, velocity=velocity, heading=(hx / length, hy / length))
 
 
 def _pictures(

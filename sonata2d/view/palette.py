@@ -30,6 +30,7 @@ ROBOT, GOAL = VERMILLION, GREEN
 HAIR: Colour = (72, 60, 54)
 
 PAPER: Colour = (255, 255, 255)
+OUTSIDE: Colour = (226, 229, 233)  # round the room, on screens
 FLOOR: Colour = (247, 245, 240)
 GRID: Colour = (235, 232, 225)
 WALL: Colour = (62, 67, 77)
@@ -46,6 +47,8 @@ DARK: Colour = (52, 56, 64)
 SCREEN: Colour = (150, 190, 220)
 CLOTH: Colour = (178, 186, 196)
 CLOTH_EDGE: Colour = (122, 132, 146)
+BLOCK: Colour = (205, 199, 190)
+BLOCK_EDGE: Colour = (138, 130, 120)
 
 
 def mixed(colour: Colour, other: Colour, share: float) -> Colour:

@@ -12,8 +12,10 @@ from .draw import Layers
 from .film import save_film
 from .page import save_page
 from .still import save_picture
+from .trails import Trails
+from .vector import save_moment
 
-SUFFIXES = (".png", ".gif", ".mp4", ".html")
+SUFFIXES = (".png", ".gif", ".mp4", ".html", ".svg")
 
 
 def render(
@@ -31,7 +33,9 @@ def render(
     commands: Any = None,
     labels: Sequence[Any] | None = None,
 ) -> None:
-    """Draw an episode into a file: `.png` (one picture), `.gif` or `.mp4` (a film), `.html` (a page that plays it).
+    """Draw an episode into a file, told by its suffix.
+
+    `.png` and `.svg` are one picture, of pixels or of vectors; `.gif` and `.mp4` a film; `.html` a page that plays it.
 
     Args:
         snapshots: of one episode, in order.
@@ -47,7 +51,7 @@ def render(
         labels: (T,) or one less, texts or what JSON can hold; shown on a page.
 
     Raises:
-        RenderError: the suffix is none of the four, there is no frame, or the file cannot be drawn or written.
+        RenderError: the suffix is none of these, there is no frame, or the file cannot be drawn or written.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
@@ -57,6 +61,11 @@ def render(
     texts: dict[str, Any] = {"caption": caption, "outcome": outcome, "layers": layers}
     if suffix == ".png":
         save_picture(path, snapshots, size=size, scale=scale, strip=strip, **texts)
+    elif suffix == ".svg":
+        if strip is not None:
+            raise RenderError(f"{path}: several moments side by side are a PNG; end the name in .png")
+        trails = Trails.of(snapshots)
+        save_moment(path, snapshots[-1], size=size, scale=scale, trails=trails, **texts)
     elif suffix == ".html":
         save_page(path, snapshots, commands=commands, labels=labels, **texts)
     else:

@@ -14,8 +14,10 @@ from ..errors import RenderError
 from ..exact import heading
 from ..frame import Humans, RobotState, Snapshot, activities_of, frozen, human_ids
 from ..geometry import Twist
-from .caption import STRIP, draw_strip, origin, shortened, summary, write
+from .canvas import Pixels
+from .caption import STRIP, TEXT, draw_strip, origin, summary
 from .draw import Layers, camera_for, picture
+from .fonts import shortened
 from .palette import FAINT, PAPER
 from .trails import Trails
 
@@ -120,7 +122,7 @@ def _titled(drawn: pygame.Surface, title: str) -> pygame.Surface:
     sheet = pygame.Surface((width, height + _TITLE), 0, 32)
     sheet.fill(PAPER)
     sheet.blit(drawn, (0, _TITLE))
-    write(sheet, shortened(title, width - 12), (width // 2, _TITLE // 2 + 4), colour=FAINT, anchor="center")
+    Pixels(sheet).text(FAINT, shortened(title, width - 12, TEXT), (width // 2, _TITLE // 2 + 4), TEXT)
     return sheet
 
 
@@ -130,5 +132,5 @@ def _with_strip(drawn: pygame.Surface, text: str, scale: float) -> pygame.Surfac
     sheet = pygame.Surface((width, height + STRIP), 0, 32)
     sheet.fill(PAPER)
     sheet.blit(drawn, (0, 0))
-    draw_strip(sheet, text, scale, None)
+    draw_strip(Pixels(sheet), sheet.get_size(), text, scale, None)
     return sheet

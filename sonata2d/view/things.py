@@ -10,16 +10,20 @@ import math
 from collections.abc import Callable
 
 from ..entities import Furniture
-from ..geometry import Disc
+from ..geometry import Disc, Point
 from .brush import Brush
 from .palette import (
+    BLOCK,
+    BLOCK_EDGE,
     CLOTH,
     CLOTH_EDGE,
     DARK,
     FAINT,
+    INK,
     LEAF,
     LEAF_EDGE,
     METAL,
+    PAPER,
     POT,
     SCREEN,
     WOOD,
@@ -31,12 +35,21 @@ _LINE = 0.025  # m, outlines
 
 
 def draw_thing(brush: Brush, thing: Furniture) -> None:
-    """Draw one piece of furniture where it stands."""
-    (x, y), (depth, breadth) = thing.pose.heading, half_size(thing)
-    if depth > breadth:
-        (x, y), (depth, breadth) = (y, -x), (breadth, depth)
-    artist = _ARTISTS.get(thing.type, _anything)
-    artist(brush.at(thing.pose.position, (x, y)), depth, breadth, isinstance(thing.shape, Disc))
+    """Draw one piece of furniture in the middle of where the brush stands, its front ahead; see `front_of`."""
+    depth, breadth = sorted(half_size(thing))
+    is_round = isinstance(thing.shape, Disc)
+    artist = _ARTISTS.get(thing.type)
+    with brush.group("thing"):
+        if artist is not None:
+            artist(brush, depth, breadth, is_round)
+        else:
+            _anything(brush, depth, breadth, is_round, thing.type)
+
+
+def front_of(thing: Furniture) -> Point:
+    """Unit vector from a thing to its front, world frame."""
+    (x, y), (length, width) = thing.pose.heading, half_size(thing)
+    return (y, -x) if length > width else (x, y)
 
 
 def half_size(thing: Furniture) -> tuple[float, float]:
@@ -45,9 +58,14 @@ def half_size(thing: Furniture) -> tuple[float, float]:
     return (shape.radius, shape.radius) if isinstance(shape, Disc) else (shape.length / 2, shape.width / 2)
 
 
-def _anything(brush: Brush, a: float, b: float, is_round: bool) -> None:
-    """A plain body that fills its outline."""
-    _body(brush, a, b, is_round, METAL, FAINT)
+def _anything(brush: Brush, a: float, b: float, is_round: bool, name: str) -> None:
+    """A plain block with a mark at its front and its name on it."""
+    _body(brush, a, b, is_round, BLOCK, BLOCK_EDGE)
+    tip, half = 0.88 * a, 0.2 * min(a, 0.5)
+    brush.polygon(BLOCK_EDGE, [(tip, 0.0), (tip - half, half), (tip - half, -half)])
+    if not is_round:
+        brush.box(mixed(BLOCK, PAPER, 0.45), (-0.8 * a, -b + 0.2 * a), (0.55 * a, b - 0.2 * a))
+    brush.word(INK, name.replace("_", " "), 1.5 * a, 0.18)
 
 
 def _body(

@@ -12,8 +12,9 @@ from ..frame import Snapshot
 from .brush import Brush
 from .palette import BLUE, FLOOR, PAPER, Colour, mixed, shaded, time_colour
 
+WAY_WIDTH, ROBOT_WIDTH = 0.035, 0.07  # m
 _MARK_EVERY = 5.0  # s, a mark on the robot's trail
-_LEAP = 1.0  # m between two ticks: an entity that came back elsewhere, not one that walked
+LEAP = 1.0  # m between two ticks: an entity that came back elsewhere, not one that walked
 
 
 @dataclass(frozen=True)
@@ -61,13 +62,18 @@ def draw_trails(brush: Brush, trails: Trails) -> None:
     """Draw the people's ways, then the robot's over them."""
     share = trails.share
     for way in np.swapaxes(trails.humans, 0, 1):
-        _draw_way(brush, way, [mixed(FLOOR, BLUE, 0.06 + 0.4 * float(s) ** 1.5) for s in share], 0.035)
+        _draw_way(brush, way, [way_colour(float(s)) for s in share], WAY_WIDTH)
     colours = [time_colour(float(s)) for s in share]
-    _draw_way(brush, trails.robot, colours, 0.07)
+    _draw_way(brush, trails.robot, colours, ROBOT_WIDTH)
     for k in [] if trails.is_tail else _marks(trails.time):
         place = (float(trails.robot[k, 0]), float(trails.robot[k, 1]))
         brush.disc(shaded(colours[k], 0.3), place, 0.065)
         brush.disc(PAPER, place, 0.038)
+
+
+def way_colour(share: float) -> Colour:
+    """Colour of a person's way from start (0) to end (1)."""
+    return mixed(FLOOR, BLUE, 0.06 + 0.4 * share**1.5)
 
 
 def _draw_way(brush: Brush, way: Array, colours: list[Colour], width: float) -> None:
@@ -75,7 +81,7 @@ def _draw_way(brush: Brush, way: Array, colours: list[Colour], width: float) -> 
     points = [(float(x), float(y)) for x, y in way]
     steps = np.abs(np.diff(way, axis=0)).sum(axis=1)
     for k, step in enumerate(steps):
-        if 0.0 < step < _LEAP:
+        if 0.0 < step < LEAP:
             brush.stroke(colours[k + 1], points[k : k + 2], width)
 
 

@@ -1,0 +1,128 @@
+"""What a window costs: milliseconds a picture and a tick, and how many pictures a second that allows on one core.
+
+    python benchmarks/window.py [--people 10 20 50] [--seconds 10] [--size 1280 800] [--json]
+
+Pictures are drawn by SDL in software onto a plain surface, all of it: room, people, looks, the texts over it; between
+two ticks as well, as the window does. The robot is driven in bends all the while, so that the follow view never stands
+still. CPU time, so that another program does not count. "fps" is what is left of a second after 10 ticks, in pictures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import time
+from itertools import pairwise
+
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+
+import pygame
+
+import sonata2d as s2
+from sonata2d.agents.teleoperation import Teleoperation
+from sonata2d.frame import Snapshot
+from sonata2d.topics import DeviceEvent, View
+from sonata2d.view import Hud, Painter, between, draw_hud
+
+TICKS = 10  # a second
+FPS = 60
+STEPS = 3  # pictures drawn a tick: fewer than the window would, the same kind
+HUD = Hud(
+    run=3, runs=20, kept=2, contributor="a contributor", light="recording", label="fair (2 of 3)",
+    keys=(("W A S D", "drive"), ("Q E", "sideways"), ("Space", "brake"), ("Esc", "pause"), ("F1", "help")),
+)  # fmt: skip
+
+
+def scenario(people: int, seconds: float) -> s2.ScenarioConfig:
+    """A square room of 10 m a side, larger where people would have less than 3 m2 each; half of them wander."""
+    side = max(10.0, round((3.0 * people) ** 0.5, 1))
+    return s2.ScenarioConfig(
+        name="window", humans=people, room={"kinds": ["square"], "side": side},
+        tables=3, plants=3, chairs=2, shelves=2, tvs=1, relations=4, furniture_yaw=(-3.0, 3.0), drop=True,
+        rules={"time_limit": seconds, "ends_on": ["time"]},
+    )  # fmt: skip
+
+
+def events(tick: int) -> list[DeviceEvent]:
+    """Ahead all the time, in bends to either side."""
+    turn = 1.0 if tick // 20 % 2 == 0 else 0.0
+    pressed = [DeviceEvent("keyboard", "w", 1.0)] if tick == 0 else []
+    bends = [DeviceEvent("keyboard", "a", turn), DeviceEvent("keyboard", "d", 1.0 - turn)]
+    return pressed + (bends if tick % 20 == 0 else [])
+
+
+def simulated(scene: s2.Scene, controller: s2.Controller) -> tuple[list[Snapshot], float]:
+    """All looks of an episode, and the CPU milliseconds of a tick."""
+    episode, looks, spent = s2.Episode(scene, controller), [], []
+    while True:
+        start = time.process_time()
+        frame = episode.step(events(len(looks)))
+        spent.append(time.process_time() - start)
+        if frame is None:
+            return looks, 1e3 * statistics.mean(spent)
+        looks.append(frame.snapshot)
+
+
+def drawn(looks: list[Snapshot], size: tuple[int, int], view: View) -> tuple[float, float]:
+    """CPU milliseconds of a picture: the mean, and what 95 of 100 stay below."""
+    surface, painter, spent = pygame.display.set_mode(size), Painter(looks[0].scene), []
+    painter.draw(surface, looks[0], view=view)
+    for before, after in pairwise(looks):
+        for step in range(STEPS):
+            start = time.process_time()
+            snapshot = between(before, after, step / STEPS)
+            camera = painter.draw(surface, snapshot, view=view)
+            draw_hud(surface, HUD, snapshot, camera, title="a kitchen", question="How does the robot drive?")
+            spent.append(time.process_time() - start)
+    return 1e3 * statistics.mean(spent), 1e3 * statistics.quantiles(spent, n=20)[-1]
+
+
+def measure(people: int, seconds: float, size: tuple[int, int]) -> list[dict[str, str | float]]:
+    """Two rows of the table: both views."""
+    scene = s2.generate(scenario(people, seconds), seed=1)
+    _, planner = simulated(scene, s2.SocialPlanner())
+    looks, teleoperation = simulated(scene, Teleoperation())
+    rows: list[dict[str, str | float]] = []
+    for view in ("follow", "top"):
+        mean, most = drawn(looks, size, view)
+        left = {name: 1.0 - TICKS * tick / 1e3 for name, tick in (("person", teleoperation), ("planner", planner))}
+        rows.append(
+            {
+                "people": len(scene.humans),
+                "view": view,
+                "picture (ms)": round(mean, 2),
+                "95 % below (ms)": round(most, 2),
+                "teleoperation tick (ms)": round(teleoperation, 2),
+                "planner tick (ms)": round(planner, 2),
+                "fps, a person drives": round(1e3 * left["person"] / mean),
+                "fps, planner": round(1e3 * left["planner"] / mean),
+                f"drawing at {FPS} fps (%)": round(FPS * mean / 10),
+                "simulating (%)": round(TICKS * teleoperation / 10, 1),
+            }
+        )
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--people", type=int, nargs="+", default=[10, 20, 50])
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--size", type=int, nargs=2, default=[1280, 800])
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    pygame.display.init()
+    size = (arguments.size[0], arguments.size[1])
+    rows = [row for people in arguments.people for row in measure(people, arguments.seconds, size)]
+    if arguments.json:
+        print(json.dumps(rows, indent=2))
+        return
+    widths = [max(len(name) + 2, 8) for name in rows[0]]
+    print("".join(f"{name:>{width}}" for name, width in zip(rows[0], widths, strict=True)))
+    for row in rows:
+        print("".join(f"{value:>{width}}" for value, width in zip(row.values(), widths, strict=True)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""The look at a moment between two ticks, for pictures that come faster than ticks do."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ..exact import Array
+from ..frame import HX, LX, Humans, RobotState, Snapshot, frozen
+from ..geometry import Point
+
+_LEAP = 1.0  # m between two ticks: who came back elsewhere, and did not walk there
+
+
+def between(before: Snapshot, after: Snapshot, share: float) -> Snapshot:
+    """The look at a share of the way from one tick to the next.
+
+    Places and velocities go straight, directions turn the short way; all that cannot be blended is as after. Who is
+    absent from either look is absent in between, and who leaps is where they arrive.
+
+    Args:
+        share: 0 for the look before, 1 for the one after; what lies beyond counts as the nearer of the two.
+    """
+    if share <= 0.0:
+        return before
+    if share >= 1.0:
+        return after
+    time = before.time + (after.time - before.time) * share
+    return replace(
+        after,
+        time=time,
+        humans=_humans_between(before.humans, after.humans, share),
+        robot=_robot_between(before.robot, after.robot, share),
+    )
+
+
+def _humans_between(before: Humans, after: Humans, share: float) -> Humans:
+    state = before.state + (after.state - before.state) * share
+    for column in (HX, LX):
+        pair = slice(column, column + 2)
+        state[:, pair] = _turned(before.state[:, pair], after.state[:, pair], share)
+    leaps = np.abs(after.position - before.position).sum(axis=1) > _LEAP
+    state[leaps] = after.state[leaps]
+    return Humans(frozen(state), after.id, after.radius, after.activity_index)
+
+
+def _turned(start: Array, end: Array, share: float) -> Array:
+    """Unit vectors, (N, 2) each, at a share of the turn from one to the other, the short way."""
+    along = start[:, 0] * end[:, 0] + start[:, 1] * end[:, 1]
+    across = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
+    angle = np.arctan2(across, along) * share
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack((start[:, 0] * c - start[:, 1] * s, start[:, 0] * s + start[:, 1] * c), axis=1)
+
+
+def _robot_between(before: RobotState, after: RobotState, share: float) -> RobotState:
+    def blend(a: Point, b: Point) -> Point:
+        return a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share
+
+    (ax, ay), (bx, by) = before.heading, after.heading
+    angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by) * share
+    c, s = math.cos(angle), math.sin(angle)
+    return replace(
+        after,
+        position=blend(before.position, after.position),
+        velocity=blend(before.velocity, after.velocity),
+        heading=(ax * c - ay * s, ax * s + ay * c),
+        omega=before.omega + (after.omega - before.omega) * share,
+    )
