@@ -9,21 +9,23 @@ from typing import Any, Literal, Self
 
 from ..entities import Scene
 from ..frame import Snapshot
-from ..geometry import Twist
+from ..geometry import Twist, quantised
 from ..labels import DEVICE, LabelSpec
 from ..topics import DeviceEvent
-from .controller import Controller
+from .controller import Controller, Stop
 
 Axis = Literal["ahead", "left", "turn", "brake"]
+STOP = DeviceEvent("window", "stop", 1.0)  # ends the run, as a person's doing: so it replays like the rest
+
 AXES: tuple[Axis, ...] = ("ahead", "left", "turn", "brake")
 
-# Sticks: controls that one hand moves together, so that their dead zone is round.
-STICKS = (("left_x", "left_y"), ("right_x", "right_y"), ("axis0", "axis1"), ("axis2", "axis3"), ("x", "y"))
+# Sticks: controls that one hand moves together, so that their dead zone is round. (x and y are buttons of a pad.)
+STICKS = (("left_x", "left_y"), ("right_x", "right_y"), ("axis0", "axis1"), ("axis2", "axis3"), ("drag_x", "drag_y"))
 
 
 @dataclass(frozen=True, slots=True)
 class Hand:
-    """How one kind of device is read.
+    """How one kind of device is read; its numbers are kept at the precision of files, so that a run can be run again.
 
     Attributes:
         controls: what each control does: an axis of the robot, and its share of it; -1 turns it round. Whatever is not
@@ -37,11 +39,15 @@ class Hand:
     curve: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (0.0 <= self.dead_zone < 1.0 and 0.0 <= self.curve <= 1.0):
+        if not (0.0 <= self.dead_zone <= 0.9999 and 0.0 <= self.curve <= 1.0):
             raise ValueError(f"dead_zone {self.dead_zone} must be in 0..1 (below 1) and curve {self.curve} in 0..1")
         for control, (axis, share) in self.controls.items():
             if axis not in AXES or not -1.0 <= share <= 1.0:
                 raise ValueError(f"{control} is bound to {axis} x {share}; axes are {', '.join(AXES)}, shares -1..1")
+        controls = {control: (axis, quantised(share)) for control, (axis, share) in self.controls.items()}
+        object.__setattr__(self, "controls", controls)
+        object.__setattr__(self, "dead_zone", quantised(self.dead_zone))
+        object.__setattr__(self, "curve", quantised(self.curve))
 
     @classmethod
     def restored(cls, told: Mapping[str, Any]) -> Self:
@@ -64,12 +70,12 @@ class Hand:
         shaped = dict(values)
         for x, y in STICKS:
             if x in values or y in values:
-                shaped[x], shaped[y] = self._shaped(values.get(x, 0.0), values.get(y, 0.0))
+                shaped[x], shaped[y] = self.shaped(values.get(x, 0.0), values.get(y, 0.0))
         for control, (axis, share) in self.controls.items():
             asked[axis] += share * shaped.get(control, 0.0)
         return asked
 
-    def _shaped(self, x: float, y: float) -> tuple[float, float]:
+    def shaped(self, x: float, y: float) -> tuple[float, float]:
         """A stick's place after dead zone and curve, its direction kept."""
         reach = math.sqrt(x * x + y * y)
         if reach <= self.dead_zone:
@@ -86,7 +92,7 @@ KEYBOARD = Hand(
         "q": ("left", 1.0), "e": ("left", -1.0), "space": ("brake", 1.0),
     }
 )  # fmt: skip
-MOUSE = Hand({"y": ("ahead", -1.0), "x": ("turn", -1.0)}, dead_zone=0.08)
+MOUSE = Hand({"drag_y": ("ahead", -1.0), "drag_x": ("turn", -1.0)}, dead_zone=0.08)
 PAD = Hand(
     {
         "left_y": ("ahead", -1.0), "left_x": ("turn", -1.0), "right_x": ("left", -1.0),
@@ -113,7 +119,7 @@ class Teleoperation(Controller):
     The same events bring the same twists, so a run that a person drove can be run again from its own file.
 
     Args:
-        hands: how each kind of device is read; `HANDS` unless given.
+        hands: how each kind of device is read, or a single one: `pad1` goes before `pad`; `HANDS` unless given.
         label: what is asked of the person; one per frame is noted with each frame, None before it is first given.
     """
 
@@ -139,8 +145,10 @@ class Teleoperation(Controller):
     def reset(self, scene: Scene) -> None:
         self._held, self._given = _Held(), None
 
-    def act(self, snapshot: Snapshot) -> Twist:
+    def act(self, snapshot: Snapshot) -> Twist | Stop:
         for event in snapshot.events:
+            if event == STOP:
+                return Stop("the person at the controls ended it")
             if event.device == DEVICE:
                 self._given = self._label.label_at(max(event.value, 0.0)) if self._label.per_frame else None
             else:
@@ -159,7 +167,7 @@ class Teleoperation(Controller):
         """What all devices ask for together, each axis within -1..1."""
         total: dict[Axis, float] = dict.fromkeys(AXES, 0.0)
         for device, values in self._held.values.items():
-            hand = self._hands.get(device.rstrip("0123456789"))
+            hand = self._hands.get(device) or self._hands.get(device.rstrip("0123456789"))
             for axis, value in (hand.read(values) if hand else {}).items():
                 total[axis] += value
         return {axis: min(max(value, -1.0), 1.0) for axis, value in total.items()}
