@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from .output import json_option, show_json, show_table
 
+if TYPE_CHECKING:
+    from sonata2d.record.agreement import Agreement, Steadiness
+
 Rows = list[tuple[str, object]]
+
+_MOST_DISPUTED = 5  # runs told of a question; in JSON, all
 
 
 @click.command(epilog="Examples:  sonata2d describe demo   ·   sonata2d describe demo/000000.json --json")
@@ -18,11 +24,21 @@ Rows = list[tuple[str, object]]
 @json_option
 def command(path: Path, as_json: bool) -> None:
     """Say what an episode file or a data set holds: who, where, how it ended, and what its columns mean."""
-    rows = _dataset(path) if path.is_dir() else _episode(path)
+    judged = _agreements(path) if path.is_dir() else []
+    rows = _folder(path, rated=bool(judged)) if path.is_dir() else _episode(path)
     if as_json:
-        show_json({name.replace(" ", "_"): value for name, value in rows})
+        told = {name.replace(" ", "_"): value for name, value in rows}
+        show_json(told | {"ratings": [_agreement_tree(one) for one in judged]} if judged else told)
     else:
-        show_table((name, _shown(value)) for name, value in rows)
+        rated = [row for one in judged for row in _agreement_rows(one)]
+        show_table((name, _shown(value)) for name, value in [*rows, *rated])
+
+
+def _folder(folder: Path, *, rated: bool) -> Rows:
+    """What the manifest tells; rated runs may lie in a folder that has none."""
+    from sonata2d.record import MANIFEST
+
+    return [("folder", str(folder))] if rated and not (folder / MANIFEST).exists() else _dataset(folder)
 
 
 def _dataset(folder: Path) -> Rows:
@@ -31,11 +47,15 @@ def _dataset(folder: Path) -> Rows:
 
     manifest = read_manifest(folder)
     files, counts = manifest["files"], manifest["counts"]
+    origin: Rows = [
+        ("scenario", manifest["name"]),
+        ("controller", manifest["controller"] and manifest["controller"]["path"]),
+        ("seed", manifest["seed"]),
+        ("contributors", counts.get("contributor")),
+    ]
     return [
         ("data set", str(folder)),
-        ("scenario", manifest["name"]),
-        ("controller", manifest["controller"]["path"]),
-        ("seed", manifest["seed"]),
+        *((name, value) for name, value in origin if value is not None),
         ("episodes", f"{len(files)} of {manifest['episodes']}{'' if manifest['complete'] else ', interrupted'}"),
         ("frames", sum(file["ticks"] for file in files)),
         ("bytes", sum(file["bytes"] for file in files)),
@@ -80,11 +100,65 @@ def _columns(columns: dict[str, list[dict[str, str]]]) -> Iterator[tuple[str, ob
         yield f"{block} columns", [f"{c['name']} [{c['unit']}, {c['frame']}]" for c in told]
 
 
+def _agreements(folder: Path) -> list[Agreement]:
+    """How well the ratings beside the episodes agree, question by question."""
+    from sonata2d.record.agreement import agreements
+    from sonata2d.record.ratings import ratings_of
+
+    return agreements(ratings_of(folder))
+
+
+def _agreement_tree(told: Agreement) -> dict[str, Any]:
+    """All of it, for programs."""
+    between = {"measure": told.measure, "value": told.alpha} if told.measure else None
+    return {
+        "question": told.spec.question,
+        "kind": told.spec.kind,
+        "raters": told.raters,
+        "ratings": told.ratings,
+        "runs": told.runs,
+        "runs_rated_by_two_or_more": told.shared,
+        "between_raters": between,
+        "within_raters": [asdict(one) for one in told.within],
+        "disputed": [asdict(one) for one in told.disputed],
+    }
+
+
+def _agreement_rows(told: Agreement) -> Rows:
+    """What people want to know first."""
+    question = f"{told.spec.question or told.spec.name} ({told.spec.kind})"
+    rows: Rows = [
+        ("asked", question),
+        ("raters", list(told.raters)),
+        ("ratings", f"{told.ratings}, of {told.runs} runs; {told.shared} of them rated by two or more"),
+    ]
+    if told.measure:
+        rows.append(("between raters", f"{told.measure}: {_number(told.alpha)}"))
+    rows += [(f"within {one.rater}", _steadiness(one)) for one in told.within]
+    disputed = [
+        f"{run.file} ({', '.join(f'{rater}: {label}' for rater, label in run.labels.items())})"
+        for run in told.disputed[:_MOST_DISPUTED]
+    ]
+    return [*rows, ("most disputed", disputed)] if disputed else rows
+
+
+def _steadiness(one: Steadiness) -> str:
+    """How well a person agrees with their own answers."""
+    if one.same is None:
+        return "nothing rated twice"
+    alike = f"{one.repeats} rated twice, {one.same:.0%} alike, mean difference {one.difference:.2f}"
+    return f"{alike}, {one.measure}: {_number(one.value)}"
+
+
+def _number(value: float | None) -> str:
+    return "not defined (too few ratings, or all alike)" if value is None else f"{value:.3f}"
+
+
 def _shown(value: Any) -> str:
     """A value on one line."""
     if isinstance(value, dict):
         return ", ".join(
-            f"{count} {name}" if isinstance(count, int) else f"{name}: {count}" for name, count in value.items()
+            f"{count} {name}" if type(count) is int else f"{name}: {_shown(count)}" for name, count in value.items()
         )
     if isinstance(value, list):
         return ", ".join(" ".join(map(str, v)) if isinstance(v, list) else str(v) for v in value) or "none"

@@ -12,9 +12,11 @@ import click
 # name: (module, one line for the overview); a module is imported when its command is run
 COMMANDS = {
     "generate": ("generate", "Make a data set: many episodes, labelled, reproducible."),
+    "collect": ("collect", "A person drives in a window, and labels; or rates recorded runs."),
     "check": ("check", "Prove a data set: schema, hashes, physical sense, replay."),
     "describe": ("describe", "Say what an episode file or a data set holds."),
     "render": ("render", "Turn an episode into a picture, a film or a page that plays."),
+    "view": ("view", "Play recorded runs in a window, or watch a controller at work."),
     "scenarios": ("scenarios", "List, show and draw scenarios."),
     "controllers": ("controllers", "List the controllers that can be named."),
     "doctor": ("doctor", "Check that this installation works, and how well."),

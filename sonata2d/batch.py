@@ -23,7 +23,7 @@ from typing import Any
 from .agents.controller import Controller
 from .episode import Episode, author_of
 from .errors import ControllerError, RecordError, Sonata2dError
-from .plugins import load_controller
+from .plugins import eye_of, load_controller
 from .record import EpisodeRecorder, dataset
 from .record.dataset import Entry, Plan
 from .scenegen import ScenarioConfig, generate
@@ -182,7 +182,7 @@ def _made(job: Job, controller: Controller, episode: int) -> Entry | Failure:
     recorder = EpisodeRecorder(id=f"{episode:06d}", context=job.scenario.context)
     try:
         scene = generate(job.scenario, plan.seed, episode)
-        Episode(scene, controller, observers=[recorder], author=plan.author).run()
+        Episode(scene, controller, observers=[recorder], author=plan.author, renderer=eye_of(controller)).run()
         return dataset.store(job.out, plan, episode, recorder.document())
     except Exception as error:
         kind = type(error) if isinstance(error, Sonata2dError) else ControllerError

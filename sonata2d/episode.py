@@ -113,13 +113,21 @@ class Episode:
         """The world as it is now, without device events."""
         return self._world.snapshot()
 
-    def branch(self, tick: int, controller: Controller, *, observers: Iterable[Observer] = ()) -> Episode:
+    def branch(
+        self,
+        tick: int,
+        controller: Controller,
+        *,
+        observers: Iterable[Observer] = (),
+        renderer: Renderer | None = None,
+    ) -> Episode:
         """The same episode up to `tick`, to the bit, then driven by another controller.
 
         Args:
             tick: how many ticks stay as they were, 0..len(past).
             controller: drives from there on.
             observers: see the branch from its tick 0 on.
+            renderer: as for an episode; this one's unless given.
 
         Raises:
             ValueError: the episode did not get that far.
@@ -127,7 +135,7 @@ class Episode:
         if not 0 <= tick <= len(self.past):
             raise ValueError(f"tick must be 0..{len(self.past)}, the ticks run so far, got {tick}")
         return Episode(
-            self.scene, controller, observers=observers, past=self.past[:tick], renderer=self._renderer
+            self.scene, controller, observers=observers, past=self.past[:tick], renderer=renderer or self._renderer
         ).caught_up()
 
     def caught_up(self) -> Episode:

@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from .agents import STOCK, Controller
+from .episode import Renderer
 from .errors import ControllerError
 
 ENTRY_POINTS = "sonata2d.controllers"
@@ -34,6 +35,15 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
         return kind() if settings is None else kind.restored(settings)
     except Exception as error:
         raise ControllerError(f"{name} cannot be made without arguments: {type(error).__name__}: {error}") from error
+
+
+def eye_of(controller: Controller) -> Renderer | None:
+    """What draws the images that a controller asks for; one that asks for none loads nothing."""
+    if controller.image is None:
+        return None
+    from .view import image_of
+
+    return image_of
 
 
 def find_controller(name: str) -> type[Controller]:

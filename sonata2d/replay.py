@@ -11,7 +11,7 @@ from .episode import Episode, Moment, author_of
 from .errors import ControllerError, SceneError
 from .frame import Observer, Snapshot
 from .geometry import Twist
-from .plugins import load_controller
+from .plugins import eye_of, load_controller
 from .record import EpisodeRecord, EpisodeRecorder, Problem, read_bytes, read_episode
 from .scenegen import ScenarioConfig, generate
 from .version import PHYSICS_VERSION
@@ -41,7 +41,8 @@ def branch(path: str | Path, tick: int, controller: Controller, *, observers: It
     past = moments(record)
     if not 0 <= tick <= len(past):
         raise ValueError(f"tick must be 0..{len(past)}, the ticks in {path}, got {tick}")
-    return Episode(record.scene(), controller, observers=observers, past=past[:tick]).caught_up()
+    eye = eye_of(controller)
+    return Episode(record.scene(), controller, observers=observers, past=past[:tick], renderer=eye).caught_up()
 
 
 def moments(record: EpisodeRecord) -> list[Moment]:
@@ -66,7 +67,8 @@ def rerun(record: EpisodeRecord, controller: Controller) -> bytes:
     recorder, author = _recorder_like(record), author_of(controller, record.author.path)
     branched, told = record.document["branched_from"], moments(record)
     past = told[: branched["tick"]] if branched else []  # up to there another one drove
-    episode = Episode(record.scene(), controller, observers=[recorder], past=past, author=author)
+    eye = eye_of(controller)
+    episode = Episode(record.scene(), controller, observers=[recorder], past=past, author=author, renderer=eye)
     try:
         for events in (*(moment.events for moment in told), record.snapshot(-1).events):
             episode.step(events)

@@ -280,7 +280,7 @@ class Session:
         controller = Teleoperation.restored(head["controller"])
         self._journal.go_on(len(run.ticks))
         self._set_up(scene, config, controller, [Moment(*tick) for tick in run.ticks])
-        self.recovered = self.ticks * scene.rules.dt
+        self.recovered = self.after.time
         last = {(event.device, event.control): event.value for event in self._events()}
         self._first = tuple(
             DeviceEvent(device, control, value if device == DEVICE else 0.0)

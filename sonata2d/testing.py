@@ -8,6 +8,7 @@ from .agents.controller import Controller
 from .entities import Scene
 from .episode import Episode
 from .frame import Outcome
+from .plugins import eye_of
 from .record import EpisodeRecorder
 from .scenegen import generate, load_scenario
 
@@ -58,5 +59,5 @@ def default_scenes(time_limit: float) -> list[Scene]:
 
 def _recorded(scene: Scene, controller: Controller) -> tuple[bytes, Outcome]:
     recorder = EpisodeRecorder()
-    outcome = Episode(scene, controller, observers=[recorder]).run()
+    outcome = Episode(scene, controller, observers=[recorder], renderer=eye_of(controller)).run()
     return recorder.document(), outcome

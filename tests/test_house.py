@@ -19,7 +19,7 @@ GROUND = [
 ]  # fmt: skip
 ROOMS = ["world", "agents", "scenegen", "record", "view"]
 STAIRS = {"episode": ["world", "agents"]}
-LANDING = ["plugins", "replay", "proof", "batch", "testing", "session"]
+LANDING = ["plugins", "replay", "proof", "batch", "testing", "session", "rating"]
 ATTIC = ["window"]
 OUTSIDE = {
     "pymunk": {"world"},

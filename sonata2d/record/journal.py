@@ -174,4 +174,5 @@ def _rows(path: Path, lines: list[bytes]) -> Iterator[Tree]:
 
 def _tick(row: Tree) -> Tick:
     events = tuple(DeviceEvent(device, control, value) for device, control, value in row["events"])
-    return Twist(*row["command"]), row.get("label"), events
+    vx, vy, omega = row["command"]
+    return Twist(vx, vy, omega), row.get("label"), events

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 import pygame
 import pygame_gui
+from pygame._sdl2 import controller
 
 from ..errors import WindowError
 from ..view import save_surface
@@ -16,7 +19,9 @@ from ..view import save_surface
 SIZE = (1280, 800)
 SMALLEST = (640, 480)
 FPS = 60
+_UNSEEN = ("offscreen", "dummy")  # what SDL falls back to; fine only where it was asked for
 _THEME = Path(__file__).with_name("theme.json")
+_POINTS = {"defaults": 14, "#title": 18, "#line": 14, "#row": 14, "#key": 14}  # of texts, in a window of SIZE
 
 
 class Screen(Protocol):
@@ -45,6 +50,7 @@ class Stage:
         title: of the window.
         size: pixels.
         fps: pictures a second at most.
+        clock: waits for the next of so many pictures a second, and answers the ms that passed; real time unless given.
 
     Attributes:
         ui: pygame_gui's manager of the widgets on show; emptied whenever a screen is entered.
@@ -55,8 +61,15 @@ class Stage:
         WindowError: there is no display.
     """
 
-    def __init__(self, title: str = "sonata2d", *, size: tuple[int, int] = SIZE, fps: int = FPS) -> None:
-        self._fps, self._clock = fps, pygame.time.Clock()
+    def __init__(
+        self,
+        title: str = "sonata2d",
+        *,
+        size: tuple[int, int] = SIZE,
+        fps: int = FPS,
+        clock: Callable[[int], int] | None = None,
+    ) -> None:
+        self._fps, self._clock = fps, clock or pygame.time.Clock().tick
         _open_display(title, size)
         self.pace = 0.0
         self._widgets_for(size)
@@ -80,11 +93,12 @@ class Stage:
             while current is not None:
                 current = self.turn(current)
         finally:
+            controller.quit()  # pygame.quit() leaves it, and a window opened later would hear of no pad
             pygame.quit()
 
     def turn(self, screen: Screen) -> Screen | None:
         """One picture: hand on what happened, let time pass, draw. Answers the screen to show next."""
-        seconds = self._clock.tick(self._fps) / 1000.0
+        seconds = self._clock(self._fps) / 1000.0
         self.pace = seconds
         for event in pygame.event.get():
             if event.type == pygame.VIDEORESIZE:
@@ -110,7 +124,10 @@ class Stage:
     def _widgets_for(self, size: tuple[int, int]) -> None:
         """No widgets, for a window of this size."""
         self.scale = max(min(size[0] / SIZE[0], size[1] / SIZE[1]), 0.75)
-        self.ui = pygame_gui.UIManager(size, str(_THEME))
+        theme = json.loads(_THEME.read_text(encoding="utf-8"))
+        for part, points in _POINTS.items():
+            theme.setdefault(part, {})["font"] = {"name": "noto_sans", "size": str(round(points * self.scale))}
+        self.ui = pygame_gui.UIManager(size, theme)
 
 
 def _open_display(title: str, size: tuple[int, int]) -> None:
@@ -121,6 +138,8 @@ def _open_display(title: str, size: tuple[int, int]) -> None:
         if is_linux and not named:
             raise pygame.error("neither DISPLAY nor WAYLAND_DISPLAY is set")
         pygame.display.init()
+        if pygame.display.get_driver() in _UNSEEN and not os.environ.get("SDL_VIDEODRIVER"):
+            raise pygame.error("the display that the environment names does not answer")
         pygame.font.init()
         pygame.display.set_caption(title)
         pygame.display.set_mode(size, pygame.RESIZABLE)

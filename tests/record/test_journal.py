@@ -26,11 +26,11 @@ def test_every_tick_is_on_the_disk_before_the_next(tmp_path: Path) -> None:
     journal.begin({"seed": 1})
     for count, frame in enumerate(run(EpisodeRecorder(), ticks=4, labels=lambda tick: tick), 1):
         journal.note(frame)
-        run = read_journal(journal.path)
-        assert run is not None
-        assert run.head == {"seed": 1}
-        assert run.ticks[-1] == (frame.command, frame.label, frame.snapshot.events)
-        assert len(run.ticks) == count
+        found = read_journal(journal.path)
+        assert found is not None
+        assert found.head == {"seed": 1}
+        assert found.ticks[-1] == (frame.command, frame.label, frame.snapshot.events)
+        assert len(found.ticks) == count
     journal.forget()
     assert read_journal(journal.path) is None
 

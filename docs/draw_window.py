@@ -1,0 +1,132 @@
+"""Draws the pictures of docs/window.md: opens the window, drives it by pressing keys, and saves what it shows.
+
+    python docs/draw_window.py [FOLDER]
+
+Needs no display; with one, a real window is seen at work.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+if not os.environ.get("DISPLAY"):
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT))
+
+import pygame  # noqa: E402
+
+from sonata2d import load_scenario  # noqa: E402
+from sonata2d.batch import generate_dataset  # noqa: E402
+from sonata2d.rating import RatingSession  # noqa: E402
+from sonata2d.scenegen import ScenarioConfig  # noqa: E402
+from sonata2d.session import Session  # noqa: E402
+from sonata2d.view import save_surface  # noqa: E402
+from sonata2d.window.collect_screen import CollectScreen  # noqa: E402
+from sonata2d.window.hands import Hands  # noqa: E402
+from sonata2d.window.live_screen import LiveScreen  # noqa: E402
+from sonata2d.window.rate_screen import RateScreen  # noqa: E402
+from sonata2d.window.remap import RemapScreen  # noqa: E402
+from sonata2d.window.view_screen import ViewScreen  # noqa: E402
+from tests.window.at_controls import Person  # noqa: E402
+
+LABEL = {"kind": "classes", "classes": ["rude", "poor", "fair", "good", "kind"], "question": "How polite was it?"}
+
+
+def main(folder: Path) -> None:
+    """Draw all of them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        os.environ["SONATA2D_CONFIG"] = str(Path(scratch) / "config")
+        config = load_scenario(ROOT / "examples/scenarios/office.yaml").changed(label={**LABEL, "when": "run"})
+        collect(folder, Path(scratch) / "runs", config)
+        runs = Path(scratch) / "made"
+        generate_dataset(runs, config, "social-planner", episodes=4, seed=3)
+        replay(folder, runs)
+        rate(folder, runs, config)
+        live(folder, config)
+
+
+def collect(folder: Path, runs: Path, config: ScenarioConfig) -> None:
+    """Waiting, driving in both cameras, the end of a run, the panels."""
+    made: list[Session] = []
+
+    def screen() -> CollectScreen:
+        hands = Hands()
+        made.append(Session(runs, "volunteer-07", config, seed=3, hands=hands.hands))
+        return CollectScreen(made[0], hands, runs=20)
+
+    person = Person(screen)
+    session, shoot = made[0], shooter(person, folder)
+    person.wait(0.5)
+    shoot("waiting")
+    person.drive(session, seconds=4.0)
+    shoot("driving")
+    person.press(pygame.K_v, pygame.K_z)
+    person.drive(session, seconds=2.0)
+    shoot("driving_top")
+    person.press(pygame.K_v, pygame.K_z)
+    person.drive(session)
+    person.press(pygame.K_4)
+    person.wait(0.2)
+    shoot("goal")
+    person.press(pygame.K_g)
+    person.wait(0.2)
+    shoot("scene_panel")
+    person.press(pygame.K_ESCAPE, pygame.K_F1)
+    shoot("help")
+    person.press(pygame.K_F1)
+    person.stage.ui.clear_and_reset()
+    hands = Hands()
+    person.screen = RemapScreen(hands, hands.profiles, person.screen)  # type: ignore[arg-type]
+    person.screen.enter(person.stage)
+    person.wait(0.2)
+    shoot("remap")
+    session.close()
+    pygame.quit()
+
+
+def replay(folder: Path, runs: Path) -> None:
+    """A recorded run, in mid-play."""
+    person = Person(lambda: ViewScreen(sorted(runs.glob("0*.json"))))
+    person.press(pygame.K_t)
+    person.wait(4.0)
+    person.press(pygame.K_SPACE)
+    shooter(person, folder)("replay")
+    pygame.quit()
+
+
+def rate(folder: Path, runs: Path, config: ScenarioConfig) -> None:
+    """A run to be judged, after it was watched."""
+    person = Person(lambda: RateScreen(RatingSession(runs, "rater-1", config.label.spec())))
+    person.press(pygame.K_RETURN)
+    person.wait(40.0)
+    person.press(pygame.K_3)
+    shooter(person, folder)("rating")
+    pygame.quit()
+
+
+def live(folder: Path, config: ScenarioConfig) -> None:
+    """A controller at work."""
+    person = Person(lambda: LiveScreen(config, "social-planner", 5))
+    person.wait(3.0)
+    shooter(person, folder)("live")
+    pygame.quit()
+
+
+def shooter(person: Person, folder: Path) -> Callable[[str], None]:
+    """Saves what the window shows."""
+
+    def shoot(name: str) -> None:
+        person.wait()
+        save_surface(person.stage.surface, folder / f"window_{name}.png")
+
+    return shoot
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs/images")

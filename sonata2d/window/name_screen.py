@@ -1,0 +1,61 @@
+"""The first question: who drives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pygame
+import pygame_gui
+from pygame_gui.elements import UITextEntryLine
+
+from ..errors import Sonata2dError
+from ..view.palette import FLOOR
+from .actions import Action
+from .cards import Card
+from .stage import Screen, Stage
+
+
+class NameScreen:
+    """Asks for the contributor's name, then goes on.
+
+    Args:
+        follow: makes the screen that follows of the name; what it refuses is told, and asked again.
+        name: offered.
+    """
+
+    def __init__(self, follow: Callable[[str], Screen], name: str = "") -> None:
+        self._follow, self._name, self._problem = follow, name, ""
+        self._following: Screen | None = self
+
+    def enter(self, stage: Stage) -> None:
+        self._stage = stage
+        lines = [self._problem] if self._problem else ["A name or a pseudonym; it is written into every run."]
+        buttons = [("Start (Enter)", Action.CONFIRM), ("Quit", Action.QUIT)]
+        self._card = Card(stage.ui, stage.scale, "Who drives?", lines, buttons, room=44)
+        self._entry = UITextEntryLine(self._card.free, stage.ui, initial_text=self._name)
+        stage.ui.set_focus_set(self._entry)
+
+    def handle(self, event: pygame.Event) -> None:
+        pressed = self._card.pressed(event)
+        escaped = event.type == pygame.KEYDOWN and event.key == pygame.K_ESCAPE
+        if event.type == pygame.QUIT or pressed is Action.QUIT or escaped:
+            self._following = None
+        elif pressed is Action.CONFIRM or event.type == pygame_gui.UI_TEXT_ENTRY_FINISHED:
+            self._name = self._entry.get_text()
+            try:
+                self._following = self._follow(self._name)
+            except Sonata2dError as error:
+                self._problem = str(error)
+                self._card.kill()
+                self._entry.kill()
+                self.enter(self._stage)
+
+    def advance(self, seconds: float) -> Screen | None:
+        return self._following
+
+    def draw(self, surface: pygame.Surface) -> None:
+        surface.fill(FLOOR)
+        self._card.draw(surface)
+
+    def leave(self) -> None:
+        """Nothing is to be kept."""
