@@ -28,13 +28,10 @@ from sonata2d.session import Session  # noqa: E402
 from sonata2d.view import save_surface  # noqa: E402
 from sonata2d.window.collect_screen import CollectScreen  # noqa: E402
 from sonata2d.window.hands import Hands  # noqa: E402
-from sonata2d.window.live_screen import LiveScreen  # noqa: E402
 from sonata2d.window.rate_screen import RateScreen  # noqa: E402
 from sonata2d.window.remap import RemapScreen  # noqa: E402
 from sonata2d.window.view_screen import ViewScreen  # noqa: E402
 from tests.window.at_controls import Person  # noqa: E402
-
-LABEL = {"kind": "classes", "classes": ["rude", "poor", "fair", "good", "kind"], "question": "How polite was it?"}
 
 
 def main(folder: Path) -> None:
@@ -42,13 +39,12 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         os.environ["SONATA2D_CONFIG"] = str(Path(scratch) / "config")
-        config = load_scenario(ROOT / "examples/scenarios/office.yaml").changed(label={**LABEL, "when": "run"})
+        config = load_scenario(ROOT / "examples/scenarios/survey.yaml")
         collect(folder, Path(scratch) / "runs", config)
         runs = Path(scratch) / "made"
         generate_dataset(runs, config, "social-planner", episodes=4, seed=3)
         replay(folder, runs)
         rate(folder, runs, config)
-        live(folder, config)
 
 
 def collect(folder: Path, runs: Path, config: ScenarioConfig) -> None:
@@ -77,9 +73,7 @@ def collect(folder: Path, runs: Path, config: ScenarioConfig) -> None:
     person.press(pygame.K_g)
     person.wait(0.2)
     shoot("scene_panel")
-    person.press(pygame.K_ESCAPE, pygame.K_F1)
-    shoot("help")
-    person.press(pygame.K_F1)
+    person.press(pygame.K_ESCAPE)
     person.stage.ui.clear_and_reset()
     hands = Hands()
     person.screen = RemapScreen(hands, hands.profiles, person.screen)  # type: ignore[arg-type]
@@ -107,14 +101,6 @@ def rate(folder: Path, runs: Path, config: ScenarioConfig) -> None:
     person.wait(40.0)
     person.press(pygame.K_3)
     shooter(person, folder)("rating")
-    pygame.quit()
-
-
-def live(folder: Path, config: ScenarioConfig) -> None:
-    """A controller at work."""
-    person = Person(lambda: LiveScreen(config, "social-planner", 5))
-    person.wait(3.0)
-    shooter(person, folder)("live")
     pygame.quit()
 
 

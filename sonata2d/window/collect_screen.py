@@ -22,7 +22,7 @@ from .stick import draw_stick
 
 NOTICE_SECONDS = 5.0
 OVERLAYS: dict[Action, Overlay] = {Action.HELP: "help", Action.MENU: "menu", Action.SCENE: "scene"}
-_ZOOM = 1.25
+_ZOOM, MARGIN = 1.25, 0.92  # a step; the whole room, free of the readings in the corners
 
 
 class CollectScreen:
@@ -86,7 +86,8 @@ class CollectScreen:
         session = self.session
         snapshot = between(session.before, session.after, self._pace.share)
         layers = Layers(caption=False, zones=self._zones)
-        camera = self._painter.draw(surface, snapshot, view=self.view, layers=layers, zoom=self._zoom)
+        zoom = self._zoom * (MARGIN if self.view == "top" else 1.0)
+        camera = self._painter.draw(surface, snapshot, view=self.view, layers=layers, zoom=zoom)
         if session.state in ("waiting", "ended"):
             draw_tint(surface, GREEN if session.state == "waiting" else VERMILLION, 24)
         if self.hands.drag is not None:

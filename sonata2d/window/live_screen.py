@@ -15,6 +15,7 @@ from ..scenegen import ScenarioConfig, generate
 from ..topics import View
 from ..view import Hud, Layers, Painter, between, draw_hud, image_of
 from .actions import Action
+from .collect_screen import MARGIN
 from .hands import Hands
 from .stage import Screen, Stage
 
@@ -87,7 +88,8 @@ class LiveScreen:
     def draw(self, surface: pygame.Surface) -> None:
         share = min(self._lag / self.after.dt, 1.0) if self._run.outcome is None else 1.0
         snapshot = between(self.before, self.after, share)
-        camera = self._painter.draw(surface, snapshot, view=self.view, layers=Layers(caption=False, zones=self._zones))
+        zoom, layers = MARGIN if self.view == "top" else 1.0, Layers(caption=False, zones=self._zones)
+        camera = self._painter.draw(surface, snapshot, view=self.view, layers=layers, zoom=zoom)
         if self._hud:
             outcome = self._run.outcome
             said = f"{outcome.status}: {outcome.reason}" if outcome else ""
