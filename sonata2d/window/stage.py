@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import sys
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol
 
@@ -13,11 +15,12 @@ import pygame
 import pygame_gui
 from pygame._sdl2 import controller
 
-from ..errors import WindowError
+from ..errors import RenderError, WindowError
 from ..view import save_surface
 
+logger = logging.getLogger(__name__)
+
 SIZE = (1280, 800)
-SMALLEST = (640, 480)
 FPS = 60
 _UNSEEN = ("offscreen", "dummy")  # what SDL falls back to; fine only where it was asked for
 _THEME = Path(__file__).with_name("theme.json")
@@ -105,7 +108,7 @@ class Stage:
                 self._widgets_for(self.size)
                 screen.enter(self)
             elif event.type == pygame.KEYDOWN and event.key == pygame.K_F12:
-                save_surface(self.surface, f"sonata2d-{pygame.time.get_ticks()}.png")
+                self._save_picture()
             elif not self.ui.process_events(event) or event.type in (pygame.KEYUP, pygame.MOUSEBUTTONUP):
                 screen.handle(event)
         following = screen.advance(seconds)
@@ -120,6 +123,15 @@ class Stage:
         self.ui.draw_ui(self.surface)
         pygame.display.flip()
         return following
+
+    def _save_picture(self) -> None:
+        """Save what the window shows, into the folder that the program was started in."""
+        path = Path.cwd() / f"sonata2d-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.png"
+        try:
+            save_surface(self.surface, path)
+            logger.info("saved: %s", path)
+        except RenderError as error:
+            logger.warning("%s", error)
 
     def _widgets_for(self, size: tuple[int, int]) -> None:
         """No widgets, for a window of this size."""
