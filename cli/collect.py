@@ -53,14 +53,13 @@ def command(
     however it ends, is there again the next time. With --rate, recorded runs are shown and judged instead.
     """
     if (out is None) == (rate is None):
-        raise click.UsageError("give a folder for the runs, or --rate and the folder of recorded ones")
+        both = "both were given; " if out is not None else ""
+        raise click.UsageError(f"{both}give a folder OUT for runs to be driven, or --rate and one of recorded runs")
     from sonata2d.scenegen import load_scenario
     from sonata2d.window import Stage
     from sonata2d.window.profiles import remember, remembered
 
     config = load_scenario(scenario)
-    last = remembered().get("contributor")
-
     screens: list[RateScreen] = []
 
     def follow(name: str) -> Screen:
@@ -71,13 +70,16 @@ def command(
         else:
             assert out is not None
             screen = _driving(out, name, config, seed, runs, view, "" if compress == "none" else f".{compress}")
-        remember(contributor=name.strip())
+        remember(None, **{"contributor" if rate is None else "rater": name.strip()})
         return screen
 
     from sonata2d.window.name_screen import NameScreen
 
     stage = Stage("sonata2d: collect", size=size)
-    first = follow(contributor) if contributor is not None else NameScreen(follow, str(last or ""))
+    asked = {} if rate is None else {"title": "Who rates?", "line": "A pseudonym is best; it is kept with each rating."}
+    key = "contributor" if rate is None else "rater"
+    last = str(remembered().get(key) or "")
+    first = follow(contributor) if contributor is not None else NameScreen(follow, last, **asked)
     stage.run(first)
     if out is not None:
         _tell(out, as_json)
@@ -102,7 +104,7 @@ def _rating(folder: Path, name: str, config: ScenarioConfig, seed: int, repeats:
     from sonata2d.window.rate_screen import RateScreen
 
     session = RatingSession(folder, name, config.label.spec(), seed=seed, repeats=repeats)
-    return RateScreen(session, view="top" if view == "top" else "follow")
+    return RateScreen(session, view="top" if view == "top" else "follow", context=config.context)
 
 
 def _tell(out: Path, as_json: bool) -> None:
@@ -115,8 +117,12 @@ def _tell(out: Path, as_json: bool) -> None:
     if as_json or manifest is None:
         return
     people = ", ".join(f"{count} by {name}" for name, count in manifest["counts"]["contributor"].items())
-    click.echo(f"{out}: {len(manifest['files'])} runs{f' ({people})' if people else ''}")
-    click.echo(f"next:  sonata2d view {out}   ·   sonata2d check {out} --replay")
+    count = len(manifest["files"])
+    click.echo(f"{out}: {count} {'run' if count == 1 else 'runs'}{f' ({people})' if people else ''}")
+    if any((out / "journal").glob("*.jsonl")):
+        click.echo("a run is left open; the same command goes on with it")
+    if count:
+        click.echo(f"next:  sonata2d view {out}   ·   sonata2d check {out} --replay")
 
 
 def _tell_rated(screens: list[RateScreen], as_json: bool) -> None:

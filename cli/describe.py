@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -53,7 +54,7 @@ def _dataset(folder: Path) -> Rows:
         ("seed", manifest["seed"]),
         ("contributors", counts.get("contributor")),
     ]
-    return [
+    rows: Rows = [
         ("data set", str(folder)),
         *((name, value) for name, value in origin if value is not None),
         ("episodes", f"{len(files)} of {manifest['episodes']}{'' if manifest['complete'] else ', interrupted'}"),
@@ -64,6 +65,23 @@ def _dataset(folder: Path) -> Rows:
         ("physics version", manifest["physics"]),
         ("sonata2d", manifest["software"]["sonata2d"]),
     ]
+
+    return rows + (_answers(folder, files) if manifest["collected"] else [])
+
+
+def _answers(folder: Path, files: list[dict[str, Any]]) -> Rows:
+    """What was answered of whole runs, by question."""
+    from sonata2d.labels import LabelSpec
+    from sonata2d.record import read_bytes
+    from sonata2d.record.canonical import head_of
+
+    told: dict[str, Counter[str]] = {}
+    for file in files:
+        head = head_of(read_bytes(folder / file["name"]))
+        if "label" in head:
+            spec = LabelSpec.restored(head["label_spec"])
+            told.setdefault(spec.question or spec.name, Counter())[spec.in_words(head["label"])] += 1
+    return [(f"answers to {question!r}", dict(sorted(counts.items()))) for question, counts in told.items()]
 
 
 def _episode(path: Path) -> Rows:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 @click.option("--controller", metavar="NAME|MODULE:CLASS|FILE:CLASS", help="Drives the robot of --live.")
 @click.option("--scenario", metavar="NAME|FILE", help="What scenes of --live look like  [default: sonata-2020].")
 @click.option("--seed", type=click.IntRange(0), help="Of the scenes of --live  [default: 0].")
+@click.option("--size", type=(click.IntRange(640), click.IntRange(480)), default=(1280, 800), help="Of the window.")
 @json_option
 def command(
     path: Path | None,
@@ -35,6 +36,7 @@ def command(
     controller: str | None,
     scenario: str | None,
     seed: int | None,
+    size: tuple[int, int],
     as_json: bool,
 ) -> None:
     """Play recorded runs in a window, one after another; F1 shows the keys.
@@ -46,14 +48,14 @@ def command(
     if live:
         if path is not None or controller is None:
             raise click.UsageError("--live takes a --controller and no DIR|FILE")
-        _live(controller, scenario or "sonata-2020", seed or 0, view, speed, fps, as_json)
+        _live(controller, scenario or "sonata-2020", seed or 0, view, speed, fps, size, as_json)
         return
     if path is None or (controller, scenario, seed) != (None, None, None):
         raise click.UsageError("give a DIR|FILE to play, or --live with --controller, --scenario and --seed")
-    _recorded(path, view, speed, fps, as_json)
+    _recorded(path, view, speed, fps, size, as_json)
 
 
-def _recorded(path: Path, view: View, speed: float, fps: int, as_json: bool) -> None:
+def _recorded(path: Path, view: View, speed: float, fps: int, size: tuple[int, int], as_json: bool) -> None:
     """Play a file, or those of a folder."""
     from sonata2d.proof import files_of
     from sonata2d.record import Listed
@@ -62,20 +64,24 @@ def _recorded(path: Path, view: View, speed: float, fps: int, as_json: bool) -> 
 
     paths = [file.path if isinstance(file, Listed) else file for file in files_of(path)]
     screen = ViewScreen(paths, view=view, speed=speed)
-    Stage(f"sonata2d: {path}", fps=fps).run(screen)
+    Stage(f"sonata2d: {path}", size=size, fps=fps).run(screen)
     if as_json:
         show_json({"saved": [str(path) for path in screen.saved]})
     for path in () if as_json else screen.saved:
         click.echo(f"saved: {path}")
 
 
-def _live(controller: str, scenario: str, seed: int, view: View, speed: float, fps: int, as_json: bool) -> None:
+def _live(
+    controller: str, scenario: str, seed: int, view: View, speed: float, fps: int, size: tuple[int, int], as_json: bool
+) -> None:
     """Watch a controller at work."""
     from sonata2d.scenegen import load_scenario
     from sonata2d.window import Stage
     from sonata2d.window.live_screen import LiveScreen
 
     screen = LiveScreen(load_scenario(scenario), controller, seed, view=view, speed=speed)
-    Stage(f"sonata2d: {controller}", fps=fps).run(screen)
+    Stage(f"sonata2d: {controller}", size=size, fps=fps).run(screen)
     if as_json:
-        show_json({"outcomes": screen.outcomes})
+        show_json({"outcomes": screen.outcomes, "failed": screen.failed})
+    if screen.failed:
+        raise SystemExit(1)

@@ -87,6 +87,23 @@ class LabelSpec:
             raise ValueError(f"{label!r} is no {self.name}; it is {self.meaning}")
         return quantised(float(label)) if self.kind == "slider" else label
 
+    def in_words(self, label: Any) -> str:
+        """A label as people read it; empty where none is asked for.
+
+        >>> LabelSpec("classes", classes=("poor", "fair")).in_words(2)
+        '2 fair'
+        """
+        if self.kind == "command":
+            return ""
+        if label is None:
+            return "not given"
+        if self.kind == "yes_no":
+            return "yes" if label else "no"
+        if self.kind == "classes":
+            name = self.classes[label - 1]
+            return name if name == str(label) else f"{label} {name}"
+        return f"{label:.2f}" if self.kind == "slider" else str(label)
+
     @property
     def meaning(self) -> str:
         """In words, for the file."""

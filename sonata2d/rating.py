@@ -139,7 +139,7 @@ class RatingSession:
             rater=self.rater,
             file=record.path.name,
             episode=record.id,
-            sha256=self._sha256(record.path),
+            sha256=self._sha256(record.path) or _refuse(record.path),
             label=self.spec.checked(label),
             showing=showing.number,
             time=datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),
@@ -228,3 +228,7 @@ def _checked_spec(spec: LabelSpec) -> LabelSpec:
     if spec.kind == "classes" and len(spec.classes) < 2:
         raise ConfigError(f"{len(spec.classes)} classes are no choice; name two or more, the lowest first")
     return replace(spec, when="run")
+
+
+def _refuse(path: Path) -> str:
+    raise RecordError(f"{path} cannot be read any more; put it back, or close the window")

@@ -4,33 +4,28 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from .agents import HANDS, Hand, Teleoperation
-from .agents.teleoperation import STOP
+from .driving import Run
 from .entities import Scene
-from .episode import Episode, Moment, ending
-from .errors import SceneError
-from .frame import Author, Outcome, Snapshot
-from .geometry import Twist
-from .labels import DEVICE, LabelSpec
-from .record import EpisodeRecorder
+from .errors import RecordError, SceneError, Sonata2dError
+from .record import read_episode
 from .record.collection import Collection
 from .record.journal import Journal, OpenRun, read_journal
 from .scenegen import ScenarioConfig, generate
-from .topics import DeviceEvent
 from .version import PHYSICS_VERSION
 
 logger = logging.getLogger(__name__)
 
-State = Literal["waiting", "driving", "paused", "ended"]
 TRIES = 20  # scenes in a row that find no place for all, before it is an error
 
 
-class Session:
+class Session(Run):
     """Run after run of one contributor in one folder.
 
     The world waits for the first tick (`waiting`), each `tick` drives it on (`driving`) until it ends (`ended`), and
@@ -47,27 +42,15 @@ class Session:
         now: the time of day, for the names of files.
 
     Attributes:
-        state: see above; `paused` is a standstill in mid-run.
-        scene: of this run.
-        before, after: the two looks between which the window draws; the same one while nothing moves.
-        outcome: of the run; None until it ended.
-        dropped: ticks of real time in this run for which the window was too slow.
         recovered: seconds of a run that was left open and goes on now; None if there was none.
+        answered: the label that a run had that was taken back.
+        notice: what the person should know of an open run that cannot go on; empty if there is none.
 
     Raises:
         ConfigError: the contributor's name cannot be used.
         RecordError: the folder cannot be used, or another window of this contributor is open on it.
         SceneError: a scene cannot be laid out.
     """
-
-    state: State
-    scene: Scene
-    before: Snapshot
-    after: Snapshot
-    outcome: Outcome | None
-    dropped: int
-    _run: Episode
-    _first: tuple[DeviceEvent, ...]
 
     def __init__(
         self,
@@ -82,13 +65,16 @@ class Session:
     ) -> None:
         self.config, self.seed, self._hands, self._now = config, seed, dict(hands), now
         self._folder = Collection(Path(out), contributor, config.settings(), suffix)
-        self._journal = Journal(self._folder.journal)
+        super().__init__(self._folder.contributor, Journal(self._folder.journal))
         self.recovered: float | None = None
-        open_run = self._left_open()
-        if open_run is None:
-            self._begin(*self._scene_from(self._folder.next_number, config))
-        else:
-            self._go_on(open_run)
+        self.notice = ""
+        self.answered: Any = None
+        try:
+            if not self._go_on():
+                self._begin(*self._scene_from(self._folder.next_number(seed), config))
+        except BaseException:
+            self._folder.close()  # so that it can be tried again
+            raise
         self._folder.log(event="begun", at=self._time(), scenario=config.name, seed=seed, recovered=self.recovered)
 
     @property
@@ -104,57 +90,10 @@ class Session:
         """How many of this contributor's runs the folder holds."""
         return self._folder.kept
 
-    @property
-    def can_undo(self) -> bool:
-        return self._folder.can_undo
-
-    @property
-    def label_spec(self) -> LabelSpec:
-        """What this run asks for."""
-        return self._config.label.spec()
-
-    @property
-    def ticks(self) -> int:
-        """How many have been driven in this run."""
-        return len(self._run.past)
-
-    @property
-    def label(self) -> Any:
-        """The label that the next frame will bear, where each frame has one; None before it is given."""
-        spec = self.label_spec
-        if not spec.per_frame:
-            return None
-        waiting = [event.value for event in self._first if event.device == DEVICE]  # of a run that was recovered
-        return spec.label_at(waiting[-1]) if waiting else self._run.controller.label(self.after, Twist())[spec.name]
-
-    @property
-    def trouble(self) -> str | None:
-        """What is wrong with the journal's disk, if anything."""
-        return self._journal.failure
-
-    def tick(self, events: Sequence[DeviceEvent] = ()) -> None:
-        """One control tick: it begins the run, or goes on with it."""
-        if self.state == "ended":
-            return
-        first, self._first = self._first, ()
-        frame = self._run.step((*first, *events))
-        if frame is None:
-            self._stand_still("ended")
-        else:
-            self.state, self.before, self.after = "driving", frame.snapshot, self._run.look()
-
-    def pause(self) -> None:
-        """Stand still until the next tick."""
-        if self.state == "driving":
-            self._stand_still("paused")
-
-    def stop(self) -> None:
-        """End the run here, as the person's doing; nothing if none was begun."""
-        if self.ticks:
-            self.tick((STOP,))
-
     def read_by(self, hands: Mapping[str, Hand]) -> None:
         """Read devices otherwise: in this run if it has not begun, else from the next on."""
+        if hands == self._hands:
+            return
         self._hands = dict(hands)
         if self.state == "waiting":
             self._begin(self.scene, self._config)
@@ -175,9 +114,13 @@ class Session:
         if self.state != "ended":
             raise ValueError("the run has not ended; stop it before it is kept")
         self._recorder.label = self.label_spec.checked(label) if self.label_spec.per_run else None
-        path = self._folder.keep(self._recorder, self._now())
+        path = self._folder.keep(self._recorder, self._now(), self._journal.announce)
         self._put_away("kept", path)
-        self._begin(*self._scene_from(self.scene.episode + 1, self.config))
+        try:
+            self._begin(*self._scene_from(self.scene.episode + 1, self.config))
+        except SceneError as error:
+            self._begin(self.scene, self._config)
+            self.notice = f"The same scene again: {error}"
         return path
 
     def redo(self, reason: str = "driven again") -> Path | None:
@@ -187,7 +130,7 @@ class Session:
             Where it lies; None if nothing was driven.
 
         Raises:
-            RecordError: it cannot be written; the run stays as it is.
+            RecordError: it cannot be written; the run stays, ended.
         """
         path = self._discard(reason)
         self._begin(self.scene, self._config)
@@ -204,21 +147,33 @@ class Session:
             RecordError: as `redo`.
             SceneError: the settings give no scene; the run stays as it is.
         """
-        scene, config = self._scene_from(self.scene.episode + 1, config or self.config)
+        tries = TRIES if config is None else 1  # a person waits, and can ask for something else
+        scene, config = self._scene_from(self.scene.episode + 1, config or self.config, tries)
         path = self._discard(reason)
         self._begin(scene, config)
         self.config = config
         return path
 
     def undo(self) -> Path:
-        """Take the last keep of this sitting back: its file goes to the bin.
+        """Take the last keep of this sitting back: the run is open again, ended; its file goes to the bin.
+
+        Returns:
+            Where the file lies.
 
         Raises:
-            ValueError: nothing was kept in this sitting.
+            ValueError: nothing was kept in this sitting, or another run is under way.
             RecordError: the file cannot be moved.
         """
+        if self.ticks:
+            raise ValueError("another run is under way; end it first, then take the last keep back")
         place = self._folder.undo()
         self._folder.log(event="undone", at=self._time(), file=place.name)
+        record = read_episode(place)
+        ticks = [(frame.command, frame.label, frame.snapshot.events) for frame in record.frames()]
+        head = self._head(record.scene(), record.scene().settings or {}, record.author.settings or {})
+        self._journal.begin(head)
+        self._resume(OpenRun(head, ticks, record.snapshot(-1).events, []))
+        self.answered = record.label
         return place
 
     def close(self) -> None:
@@ -229,77 +184,51 @@ class Session:
         self._folder.log(event="closed", at=self._time(), open_ticks=self.ticks, dropped_ticks=self.dropped)
         self._folder.close()
 
-    def _scene_from(self, number: int, config: ScenarioConfig) -> tuple[Scene, ScenarioConfig]:
+    def _scene_from(self, number: int, config: ScenarioConfig, tries: int = TRIES) -> tuple[Scene, ScenarioConfig]:
         """The first scene from a number on in which all find a place, and its settings."""
-        for k in range(number, number + TRIES):
-            try:
+        for k in range(number, number + tries - 1):
+            with suppress(SceneError):
                 return generate(config, self.seed, k), config
-            except SceneError as error:
-                failure = error
-        raise failure
+        return generate(config, self.seed, number + tries - 1), config
 
     def _begin(self, scene: Scene, config: ScenarioConfig) -> None:
         """A fresh run of a scene."""
         controller = Teleoperation(self._hands, config.label.spec())
-        head = {"settings": config.settings(), "seed": scene.seed, "episode": scene.episode}
-        self._journal.begin({**head, "physics": PHYSICS_VERSION, "controller": controller.settings()})
+        self._journal.begin(self._head(scene, config.settings(), controller.settings()))
         self._set_up(scene, config, controller, ())
         self.state = "waiting"
 
-    def _set_up(self, scene: Scene, config: ScenarioConfig, controller: Teleoperation, past: Sequence[Moment]) -> None:
-        """An episode and its recorder; a past is driven again."""
-        self.scene, self._config, self.dropped = scene, config, 0
-        self._first = ()
-        self._recorder = EpisodeRecorder(
-            contributor=self.contributor, context=config.context, label_spec=config.label.spec()
-        )
-        author = Author("teleoperation", controller.version, controller.settings(), dict(controller.labels) or None)
-        observers = (self._recorder, self._journal)
-        self._run = Episode(scene, controller, observers=observers, past=past, author=author).caught_up()
-        self._stand_still("paused")
+    def _head(self, scene: Scene, settings: dict[str, Any], controller: dict[str, Any]) -> dict[str, Any]:
+        """What a journal must know to set a run up again."""
+        head = {"settings": settings, "seed": scene.seed, "episode": scene.episode, "physics": PHYSICS_VERSION}
+        return head | {"controller": controller, "contributor": self.contributor}
 
-    def _stand_still(self, state: State) -> None:
-        self.state, self.outcome = state, self._run.outcome
-        self.before = self.after = self._run.look()
-        self._journal.sync()
-
-    def _left_open(self) -> OpenRun | None:
-        """A run that an earlier session did not put away."""
+    def _go_on(self) -> bool:
+        """Go on with an open run, if there is one; one that cannot go on is moved aside, and told."""
         path = self._journal.path
-        run = read_journal(path)
-        if run is not None and run.head["physics"] != PHYSICS_VERSION:
-            logger.warning("%s is of another physics version; it is moved aside", path)
-            os.replace(path, path.with_suffix(".old"))
-            return None
-        return run
-
-    def _go_on(self, run: OpenRun) -> None:
-        """Drive an open run up to where it was left; there the hands are off the controls, the label stays."""
-        head, config = run.head, ScenarioConfig(**run.head["settings"])
-        scene = generate(config, head["seed"], head["episode"])
-        controller = Teleoperation.restored(head["controller"])
-        self._journal.go_on(len(run.ticks))
-        self._set_up(scene, config, controller, [Moment(*tick) for tick in run.ticks])
-        self.recovered = self.after.time
-        last = {(event.device, event.control): event.value for event in self._events()}
-        self._first = tuple(
-            DeviceEvent(device, control, value if device == DEVICE else 0.0)
-            for (device, control), value in last.items()
-            if value != 0.0 or device == DEVICE
-        )
-        if ending(self.after) is not None:
-            self.tick()
-
-    def _events(self) -> list[DeviceEvent]:
-        """All that the person did in this run."""
-        return [event for moment in self._run.past for event in moment.events]
+        try:
+            run = read_journal(path)
+            if run is None or any(self._folder.holds(name) for name in run.named):
+                return False
+            if run.head["physics"] != PHYSICS_VERSION:
+                raise RecordError(f"it is of physics version {run.head['physics']}, this is {PHYSICS_VERSION}")
+            self._journal.go_on(len(run.ticks))
+            self.recovered = self._resume(run)
+        except (Sonata2dError, KeyError, TypeError, ValueError) as error:
+            self._journal.shut()
+            aside = path.with_name(f"{path.stem}.{self._now():%Y%m%dT%H%M%S%f}.aside")
+            os.replace(path, aside)
+            self.notice = f"An open run cannot go on ({error}); it was moved to {aside.name}."
+            logger.warning("%s", self.notice)
+            return False
+        return True
 
     def _discard(self, reason: str) -> Path | None:
         """End the run, and write it to the bin; nothing if none was begun."""
         if not self.ticks:
             return None
         self.stop()
-        path = self._folder.discard(self._recorder, self._now())
+        path = self._folder.discard(self._recorder, self._now(), self._journal.announce)
         self._put_away("discarded", path, reason=reason)
         return path
 

@@ -19,7 +19,7 @@ GROUND = [
 ]  # fmt: skip
 ROOMS = ["world", "agents", "scenegen", "record", "view"]
 STAIRS = {"episode": ["world", "agents"]}
-LANDING = ["plugins", "replay", "proof", "batch", "testing", "session", "rating"]
+LANDING = ["plugins", "replay", "proof", "batch", "testing", "driving", "session", "rating", "transforms", "graph", "metrics", "formats"]
 ATTIC = ["window"]
 OUTSIDE = {
     "pymunk": {"world"},
@@ -27,6 +27,7 @@ OUTSIDE = {
     "pygame_gui": {"window"},
     "pydantic": {"scenegen", "record"},
     "yaml": {"scenegen"},
+    "matplotlib": {"metrics"},
 }
 
 

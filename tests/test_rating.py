@@ -115,9 +115,9 @@ def test_a_changed_file_and_another_question_are_rated_anew(folder: Path) -> Non
     assert RatingSession(folder, "ann", other, repeats=0).done == 0
 
 
-def test_two_people_whose_names_make_the_same_file_do_not_mix(folder: Path) -> None:
+def test_people_whose_names_differ_by_signs_do_not_mix(folder: Path) -> None:
     rate(RatingSession(folder, "a b", SPEC), most=3)
-    assert path_for(folder, "a b") == path_for(folder, "a/b")
+    assert path_for(folder, "a b") != path_for(folder, "a/b")
     assert RatingSession(folder, "a/b", SPEC).done == 0
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from sonata2d.agents import Hand
-from sonata2d.errors import ConfigError, RecordError
+from sonata2d.errors import ConfigError, RecordError, SceneError
 from sonata2d.proof import prove
 from sonata2d.record import read_episode, read_manifest
 from sonata2d.scenegen import ScenarioConfig
@@ -132,20 +132,179 @@ def test_a_scene_that_was_not_driven_leaves_nothing(tmp_path: Path) -> None:
     assert session.redo() is None
     session.close()
     assert not (tmp_path / "discarded").exists()
-    assert list((tmp_path / "journal").iterdir()) == []
+    assert [path.name for path in (tmp_path / "journal").glob("*.jsonl*")] == []
 
 
 def test_undo_takes_the_last_keep_back(tmp_path: Path) -> None:
     session = sitting(tmp_path)
     drive(session)
     path = session.keep()
+    scene = session.scene
     place = session.undo()
     assert not path.exists()
     assert place.exists()
     assert session.kept == 0
     assert read_manifest(tmp_path)["files"] == []
+    assert (session.state, session.scene.episode) == ("ended", 0)
+    again = session.keep()
+    assert session.scene == scene
+    assert [frame.snapshot.robot for frame in read_episode(again).frames()] == [
+        frame.snapshot.robot for frame in read_episode(place).frames()
+    ]
+    session.close()
+    assert_sound(tmp_path, files=1)
+
+
+def test_undo_brings_back_the_answer_and_survives_a_crash(tmp_path: Path) -> None:
+    session = sitting(tmp_path, label={"kind": "slider"})
     with pytest.raises(ValueError, match="nothing was kept"):
         session.undo()
+    drive(session)
+    session.keep(0.25)
+    drive(session, ticks=2)
+    with pytest.raises(ValueError, match="under way"):
+        session.undo()
+    session.redo()
+    session.undo()
+    assert session.answered == 0.25
+    abandon(session)
+    again = sitting(tmp_path, label={"kind": "slider"})
+    assert again.state == "ended"
+    assert read_episode(again.keep(0.75)).label == 0.75
+    assert_sound(tmp_path, files=1)
+
+
+def test_a_crash_between_writing_a_run_and_putting_it_away_does_not_double_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for put in ("keep", "redo"):
+        session = sitting(tmp_path / put)
+        drive(session)
+        with monkeypatch.context() as patch:
+            patch.setattr(session, "_put_away", _crash)
+            with pytest.raises(KeyboardInterrupt):
+                getattr(session, put)()
+        abandon(session)
+        again = sitting(tmp_path / put)
+        assert (again.state, again.ticks, again.recovered) == ("waiting", 0, None)
+        assert again.kept == (put == "keep")
+
+
+def _crash(*_: object, **__: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_a_run_ended_by_a_key_is_still_ended_after_a_crash(tmp_path: Path) -> None:
+    session = sitting(tmp_path)
+    drive(session, ticks=4)
+    session.stop()
+    abandon(session)
+    again = sitting(tmp_path)
+    assert (again.state, again.outcome) == (session.state, session.outcome)
+    again.keep()
+    assert_sound(tmp_path, files=1)
+
+
+@pytest.mark.parametrize("names", [("zoe lab", "zoe_lab"), ("!!!", "???"), ("🦊", "🐻"), ("Zoe", "zoe")])
+def test_nobody_is_given_somebody_else_s_run(tmp_path: Path, names: tuple[str, str]) -> None:
+    drive(one := sitting(tmp_path, names[0]), ticks=5)
+    other = sitting(tmp_path, names[1])
+    assert (other.ticks, other.recovered) == (0, None)
+    abandon(one)
+    assert sitting(tmp_path, names[0]).ticks == 5
+
+
+def test_two_people_at_once_leave_one_true_manifest(tmp_path: Path) -> None:
+    ann, bob = sitting(tmp_path, "ann"), sitting(tmp_path, "bob")
+    for session in (ann, bob):
+        drive(session)
+        session.keep()
+    ann.undo()
+    drive(bob)
+    bob.keep()
+    assert_sound(tmp_path, files=2)
+
+
+def test_a_disk_that_was_full_for_a_while_leaves_no_gap(tmp_path: Path) -> None:
+    session = sitting(tmp_path)
+    drive(session, ticks=3)
+    whole, session._journal._file = session._journal._file, FullFile()  # type: ignore[assignment]
+    drive(session, ticks=3)
+    assert session.trouble is not None
+    session._journal._file = whole
+    drive(session, ticks=2)
+    assert session.trouble is None
+    abandon(session)
+    assert sitting(tmp_path).ticks == 8
+
+
+class FullFile:
+    """Takes half of what is written."""
+
+    def seek(self, place: int) -> None: ...
+    def truncate(self, size: int) -> None: ...
+    def fileno(self) -> int:
+        raise OSError(28, "No space left on device")
+
+    def write(self, data: bytes) -> int:
+        return len(data) // 2
+
+
+@pytest.mark.parametrize("damage", ["settings", "physics", "lines", "head"])
+def test_a_journal_that_cannot_go_on_is_moved_aside_and_told(tmp_path: Path, damage: str) -> None:
+    session = sitting(tmp_path)
+    drive(session, ticks=5)
+    abandon(session)
+    path = tmp_path / "journal" / "zoe.jsonl"
+    head, *ticks = path.read_text().splitlines()
+    if damage == "settings":
+        head = head.replace('"standing"', '"stending"')
+    elif damage == "physics":
+        head = head.replace('"physics":', '"physics":9')
+    elif damage == "lines":
+        ticks[1] = ticks[1][:-5]
+    path.write_text("\n".join(ticks if damage == "head" else [head, *ticks]) + "\n")
+    for _ in range(2):
+        again = sitting(tmp_path)
+        assert (again.state, again.ticks) == ("waiting", 0)
+        abandon(again)
+    assert len(list((tmp_path / "journal").glob("*.aside"))) == 1
+
+
+def test_an_error_at_the_start_lets_the_person_try_again(tmp_path: Path) -> None:
+    packed = ScenarioConfig(room={"kinds": "square", "side": 3}, humans=40, max_layouts=1, max_attempts=2)
+    with pytest.raises(SceneError):
+        Session(tmp_path, "zoe", packed)
+    assert sitting(tmp_path).state == "waiting"
+
+
+def test_a_scene_that_cannot_be_laid_out_after_a_keep_does_not_double_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = sitting(tmp_path)
+    scene = session.scene
+    drive(session)
+
+    def never(*_: object) -> None:
+        raise SceneError("no free spot for table 3")
+
+    monkeypatch.setattr("sonata2d.session.generate", never)
+    session.keep()
+    assert (session.state, session.scene, session.kept) == ("waiting", scene, 1)
+    assert "no free spot" in session.notice
+
+
+def test_each_seed_is_counted_for_itself(tmp_path: Path) -> None:
+    session = sitting(tmp_path)
+    drive(session)
+    session.keep()
+    drive(session)
+    session.next()
+    session.close()
+    other = sitting(tmp_path, seed=5)
+    assert other.scene.episode == 0
+    other.close()
+    assert sitting(tmp_path).scene.episode == 2
 
 
 def test_counters_come_from_the_files(tmp_path: Path) -> None:

@@ -137,6 +137,11 @@ class Teleoperation(Controller):
         hands = {kind: Hand.restored(told) for kind, told in settings.get("hands", {}).items()}
         return cls(hands or HANDS, LabelSpec.restored(settings["label"]) if "label" in settings else None)
 
+    @property
+    def hands(self) -> Mapping[str, Hand]:
+        """How each kind of device is read."""
+        return self._hands
+
     def settings(self) -> dict[str, Any]:
         """Everything that decides how events are read."""
         hands = {kind: hand.settings() for kind, hand in self._hands.items()}

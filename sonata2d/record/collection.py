@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -16,6 +16,7 @@ from filelock import FileLock, Timeout
 from ..errors import ConfigError, RecordError
 from ..geometry import PRECISION
 from ..version import PHYSICS_VERSION
+from .canonical import head_of
 from .card import card
 from .dataset import (
     CARD,
@@ -28,7 +29,7 @@ from .dataset import (
     read_manifest,
     write_tree,
 )
-from .files import SUFFIXES, packed, safe_name, safe_text, stem_of, write_atomically
+from .files import SUFFIXES, packed, read_bytes, safe_name, safe_stem, stem_of, sync_folder, write_atomically
 from .layout import Tree
 from .reader import read_episode
 from .recorder import EpisodeRecorder
@@ -61,53 +62,56 @@ class Collection:
     def __init__(self, folder: Path, contributor: str, settings: dict[str, Any], suffix: str = ".json") -> None:
         self.folder, self.contributor, self._suffix = folder, checked_name(contributor), suffix
         _refuse_other_content(folder)
-        stem = safe_text(self.contributor)
-        self.journal = folder / JOURNALS / f"{stem}.jsonl"
+        self.journal = folder / JOURNALS / f"{safe_stem(self.contributor)}.jsonl"
         self._lock = _locked(self.journal.with_suffix(".lock"), self.contributor)
         self._mine: list[Path] = []
-        self._rows = list(_rows(folder))
-        self._write_manifest()
-        if not (folder / SCENARIO).exists():
-            write_tree(folder / SCENARIO, settings)
+        try:
+            self._rows = self._write_manifest({})
+            if not (folder / SCENARIO).exists():
+                write_tree(folder / SCENARIO, settings)
+        except BaseException:
+            self.close()
+            raise
 
     @property
     def kept(self) -> int:
         """How many of this contributor's runs the folder holds."""
-        return sum(row["contributor"] == self.contributor for row in self._rows)
+        return self._kept
 
-    @property
-    def can_undo(self) -> bool:
-        return bool(self._mine)
-
-    @property
-    def next_number(self) -> int:
-        """Of the scene after the last one that this contributor kept or discarded; 0 to begin with."""
-        numbers = [row["episode"] for row in self._rows if row["contributor"] == self.contributor]
-        stem = self.journal.stem
-        for path in (self.folder / BIN).glob(f"{stem}__*"):
-            last = path.name.split("__")[-1].split(".")[0].split("-")[0]
-            numbers += [int(last)] if last.isdigit() else []
+    def next_number(self, seed: int) -> int:
+        """Of the scene after the last one of this seed that this contributor kept or discarded; 0 to begin with."""
+        rows = [row for row in self._rows.values() if row["contributor"] == self.contributor]
+        rows += [head for path in sorted((self.folder / BIN).glob(f"{self.journal.stem}__*")) if (head := _head(path))]
+        numbers = [int(row["episode"]) for row in rows if row.get("seed") == seed]
         return max(numbers, default=-1) + 1
 
-    def keep(self, recorder: EpisodeRecorder, when: datetime) -> Path:
+    def keep(self, recorder: EpisodeRecorder, when: datetime, announce: Callable[[str], None]) -> Path:
         """Write a run that ended.
+
+        Args:
+            recorder: holds it.
+            when: the time of day.
+            announce: is told the file's name before it is written.
 
         Raises:
             RecordError: it cannot be written; nothing of it is left behind, and it can be tried again.
         """
-        path = self._write(self.folder, recorder, when)
+        path = self._write(self.folder, recorder, when, announce)
         self._mine.append(path)
-        self._rows.append(_row_of(path))
-        self._write_manifest()
+        self._rows = self._write_manifest(self._rows)
         return path
 
-    def discard(self, recorder: EpisodeRecorder, when: datetime) -> Path:
-        """Write a run that ended to the bin.
+    def discard(self, recorder: EpisodeRecorder, when: datetime, announce: Callable[[str], None]) -> Path:
+        """Write a run that ended to the bin; as `keep`.
 
         Raises:
             RecordError: it cannot be written.
         """
-        return self._write(self.folder / BIN, recorder, when)
+        return self._write(self.folder / BIN, recorder, when, announce)
+
+    def holds(self, name: str) -> bool:
+        """Whether a run of this file name was kept or discarded."""
+        return any((place / name).exists() for place in (self.folder, self.folder / BIN))
 
     def undo(self) -> Path:
         """Move what was kept last since this window opened to the bin; where it lies now.
@@ -123,11 +127,12 @@ class Collection:
         try:
             place.parent.mkdir(exist_ok=True)
             os.replace(path, place)
+            sync_folder(place.parent)
+            sync_folder(path.parent)
         except OSError as error:
             raise RecordError(f"{path} cannot be moved to {place}: {error.strerror or error}") from error
         self._mine.pop()
-        self._rows = [row for row in self._rows if row["name"] != path.name]
-        self._write_manifest()
+        self._rows = self._write_manifest(self._rows)
         return place
 
     def log(self, **facts: Any) -> None:
@@ -140,33 +145,40 @@ class Collection:
     def close(self) -> None:
         """Let another window of this contributor open the folder."""
         self._lock.release()
-        Path(self._lock.lock_file).unlink(missing_ok=True)
 
-    def _write(self, folder: Path, recorder: EpisodeRecorder, when: datetime) -> Path:
+    def _write(self, folder: Path, recorder: EpisodeRecorder, when: datetime, announce: Callable[[str], None]) -> Path:
         """Write a run under a name that no other has."""
         assert recorder.scene is not None
         number, again = f"{recorder.scene.episode:06d}", 1
         while True:
-            path = folder / safe_name(
-                self.contributor, when, f"{number}-{again}" if again > 1 else number, self._suffix
-            )
-            if not any((place / path.name).exists() for place in (self.folder, self.folder / BIN)):
+            id = f"{number}-{again}" if again > 1 else number
+            path = folder / safe_name(self.contributor, when, id, self._suffix)
+            if not self.holds(path.name):
                 break
             again += 1
         recorder.id = stem_of(path)
-        write_atomically(path, packed(recorder.document(), path))
+        data = packed(recorder.document(), path)
+        announce(path.name)
+        write_atomically(path, data)
         return path
 
-    def _write_manifest(self) -> None:
-        """Write manifest and card; they are gathered again where that fails, so nothing is lost."""
+    def _write_manifest(self, known: dict[str, Tree]) -> dict[str, Tree]:
+        """Write manifest and card of what the folder holds now, others' runs included; what they say, by file name.
+
+        Where that fails the runs are safe all the same, and it is gathered again with the next one.
+        """
+        rows = {str(row["name"]): row for row in _rows(self.folder, known)}
+        self._kept: int = sum(row["contributor"] == self.contributor for row in rows.values())
         try:
-            manifest = manifest_of_runs(self._rows)
-            write_atomically(self.folder / CARD, card(manifest).encode())
-            write_tree(self.folder / MANIFEST, manifest)
-        except RecordError as error:
-            if not self._rows:
+            with FileLock(self.folder / JOURNALS / "manifest.lock", timeout=10):
+                manifest = manifest_of_runs(list(rows.values()))
+                write_atomically(self.folder / CARD, card(manifest).encode())
+                write_tree(self.folder / MANIFEST, manifest)
+        except (RecordError, Timeout) as error:
+            if not rows:
                 raise
             logger.warning("%s; it is brought up to date with the next run", error)
+        return rows
 
 
 def checked_name(contributor: str) -> str:
@@ -178,7 +190,7 @@ def checked_name(contributor: str) -> str:
     name = contributor.strip()
     if not name or len(name) > LONGEST_NAME:
         said = f"has {len(name)} characters" if name else "is empty"
-        raise ConfigError(f"the contributor's name {said}; give a name or a pseudonym of 1 to {LONGEST_NAME}")
+        raise ConfigError(f"the contributor's name {said}; give a name or a pseudonym of 1 to {LONGEST_NAME} characters")
     if not name.isprintable() or any("\ud800" <= c <= "\udfff" for c in name):
         raise ConfigError(f"the contributor's name {name!r:.60} has characters that cannot be shown; leave them out")
     return name
@@ -209,8 +221,13 @@ def manifest_of_runs(rows: list[Tree]) -> Tree:
 def _refuse_other_content(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise RecordError(f"{folder} is a file; choose another name for the folder")
+    if (folder / JOURNALS).is_dir():
+        return  # people drove here; a manifest that is damaged is gathered again
     if (folder / MANIFEST).exists():
-        if not read_manifest(folder)["collected"]:
+        manifest = read_manifest(folder)
+        if manifest.get("mirrored"):
+            raise RecordError(f"{folder} holds mirror images; choose another folder for people's runs")
+        if not manifest["collected"]:
             raise RecordError(f"{folder} holds a generated data set; choose another folder for people's runs")
     elif folder.exists() and any(path.suffix == ".json" for path in folder.iterdir()):
         raise RecordError(f"{folder} holds JSON files but no {MANIFEST}; choose another folder")
@@ -229,9 +246,14 @@ def _locked(path: Path, contributor: str) -> FileLock:
     return lock
 
 
-def _rows(folder: Path) -> Iterator[Tree]:
-    """What to say of each run: as the manifest has it, or read anew where it does not or the size differs."""
-    known = {row["name"]: row for row in read_manifest(folder)["files"]} if (folder / MANIFEST).exists() else {}
+def _rows(folder: Path, known: dict[str, Tree]) -> Iterator[Tree]:
+    """What to say of each run: as is known or listed; read anew where it is neither, or its size differs."""
+    try:
+        listed = {row["name"]: row for row in read_manifest(folder)["files"]} if (folder / MANIFEST).exists() else {}
+    except RecordError as error:
+        listed = {}
+        logger.warning("%s; it is gathered again from the files", error)
+    known = listed | known
     for path in sorted(folder.iterdir()):
         if path.name in (MANIFEST, SCENARIO) or path.name.startswith(".") or not path.name.endswith(SUFFIXES):
             continue
@@ -244,4 +266,12 @@ def _rows(folder: Path) -> Iterator[Tree]:
 
 def _row_of(path: Path) -> Tree:
     record = read_episode(path)
-    return asdict(entry_of(record)) | {"contributor": record.contributor or ""}
+    return asdict(entry_of(record)) | {"contributor": record.contributor or "", "seed": record.seed}
+
+
+def _head(path: Path) -> Tree | None:
+    """What stands before the frames of a run in the bin; None if it cannot be read."""
+    try:
+        return head_of(read_bytes(path))
+    except (RecordError, ValueError):
+        return None

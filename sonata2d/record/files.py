@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import hashlib
 import io
 import os
 import re
@@ -42,9 +43,21 @@ def safe_name(contributor: str, when: datetime, id: str, suffix: str = ".json") 
     """A file's name for a person's run, fit for every system: `{contributor}__{UTC time}__{id}.json`.
 
     >>> safe_name("Zoë / lab", datetime(2025, 1, 2, 3, 4, 5, tzinfo=UTC), "run:1")
-    'Zoë_lab__20250102T030405Z__run_1.json'
+    'Zoë_lab-ce958c__20250102T030405Z__run_1.json'
     """
-    return f"{safe_text(contributor)}__{when.astimezone(UTC):%Y%m%dT%H%M%SZ}__{safe_text(id)}{suffix}"
+    return f"{safe_stem(contributor)}__{when.astimezone(UTC):%Y%m%dT%H%M%SZ}__{safe_text(id)}{suffix}"
+
+
+def safe_stem(name: str) -> str:
+    """A person's name as part of a file's name; no two people share one, not even where case does not count.
+
+    >>> safe_stem("zoe"), safe_stem("Zoe")
+    ('zoe', 'Zoe-458556')
+    """
+    safe = safe_text(name)
+    if safe == name and name == name.casefold():
+        return safe
+    return f"{safe}-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
 
 
 def safe_text(text: str) -> str:
@@ -79,7 +92,7 @@ def write_atomically(path: Path, data: bytes) -> None:
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)
-        _sync_folder(path.parent)
+        sync_folder(path.parent)
     except OSError as error:
         raise RecordError(f"{path} cannot be written: {error.strerror or error}") from error
 
@@ -91,7 +104,7 @@ def _write_through(path: Path, data: bytes) -> None:
         os.fsync(file.fileno())
 
 
-def _sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
     """Make a rename last; Windows neither needs nor allows it."""
     if os.name != "posix":
         return

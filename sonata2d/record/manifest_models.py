@@ -21,6 +21,20 @@ class ManifestFile(Part):
     outcome: Status
     ticks: Count = Field(description="number of frames")
     contributor: str | None = Field(default=None, description="who drove; of collected runs")
+    seed: int | None = Field(default=None, description="of the scenes; of collected runs")
+
+
+class Source(Part):
+    """A data set that was merged into this one; its files tell the same of themselves."""
+
+    name: str = Field(description="begins the names of its files")
+    mirrored: bool = Field(default=False, description="its episodes are mirror images")
+    scenario: str | None = Field(description="its name; null: collected")
+    settings: dict[str, Any] | None
+    seed: int | None
+    episodes: Count
+    controller: Controller | None
+    files: list[str]
 
 
 class Counts(Part):
@@ -36,6 +50,7 @@ class Manifest(Part):
 
     format: Literal["sonata2d-dataset"]
     version: Literal[1]
+    mirrored: bool = Field(default=False, description="mirror images of the episodes that settings and seed give")
     collected: bool = Field(default=False, description="driven by people, kept run by run: each file tells its own")
     name: str | None = Field(description="of the scenario; null: collected")
     settings: dict[str, Any] | None = Field(description="resolved settings of the scenario")
@@ -47,5 +62,6 @@ class Manifest(Part):
     complete: bool = Field(description="false while it is being made, or where that was interrupted")
     counts: Counts
     split: dict[str, list[str]] | None = Field(description="names of files by part: train, dev, test; null: not split")
+    sources: list[Source] | None = Field(default=None, description="what it was merged from; each has its own seed")
     files: list[ManifestFile]
     software: Software

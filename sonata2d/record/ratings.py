@@ -14,7 +14,7 @@ import orjson
 
 from ..errors import NewerFormatError, RecordError
 from ..labels import LabelSpec
-from .files import LARGEST, read_bytes, safe_text
+from .files import LARGEST, read_bytes, safe_stem
 
 FOLDER, SUFFIX = "ratings", ".jsonl"
 RATING_VERSION = 1
@@ -63,7 +63,7 @@ def path_for(folder: Path, rater: str) -> Path:
     >>> path_for(Path("runs"), "Zoë / lab").name
     'Zoë_lab.jsonl'
     """
-    return folder / FOLDER / f"{safe_text(rater)}{SUFFIX}"
+    return folder / FOLDER / f"{safe_stem(rater)}{SUFFIX}"
 
 
 def sha256_of(path: Path) -> str:

@@ -18,7 +18,7 @@ def draw_veil(surface: pygame.Surface, title: str, lines: Sequence[str] = (), *,
 
     Args:
         title: of the card.
-        lines: below it; too long ones are shortened, and all are made smaller if there are more than fit.
+        lines: below it; too long ones are broken, and all are made smaller if there are more than fit.
         scale: of the texts; heeded as far as the surface has room.
     """
     surface.fill(_DIM, special_flags=pygame.BLEND_RGB_MULT)
@@ -29,7 +29,8 @@ def draw_veil(surface: pygame.Surface, title: str, lines: Sequence[str] = (), *,
         pen = Pen(surface, 0.94 * high / tall)
     pad = pen.px(_PAD)
     room = 0.94 * wide - 2 * pad
-    head, rows = pen.fitted(title, room, _TITLE), [pen.fitted(line, room, _LINE) for line in lines]
+    head, rows = pen.fitted(title, room, _TITLE), [row for line in lines for row in _wrapped(pen, line, room)]
+    tall = _TITLE * 1.3 + len(rows) * _LINE * 1.3 + 2 * _PAD
     width = max([pen.width(head, _TITLE), *(pen.width(row, _LINE) for row in rows), pen.px(220)]) + 2 * pad
     box = pygame.Rect(0, 0, width, round(tall * pen.scale))
     box.center = wide // 2, high // 2
@@ -40,6 +41,18 @@ def draw_veil(surface: pygame.Surface, title: str, lines: Sequence[str] = (), *,
     for k, row in enumerate(rows):
         place = box.centerx, y + round((k + 0.5) * _LINE * 1.3 * pen.scale)
         pen.write(row, place, size=_LINE, colour=mixed(INK, PAPER, 0.15), anchor="center")
+
+
+def _wrapped(pen: Pen, line: str, room: float) -> list[str]:
+    """A line in pieces that fit into so many pixels; a word that does not is shortened."""
+    rows, words = [""], line.split(" ")
+    for word in words:
+        longer = f"{rows[-1]} {word}" if rows[-1] else word
+        if pen.width(longer, _LINE) <= room or not rows[-1]:
+            rows[-1] = longer
+        else:
+            rows.append(word)
+    return [pen.fitted(row, room, _LINE) for row in rows]
 
 
 def draw_tint(surface: pygame.Surface, colour: Colour, alpha: int) -> None:

@@ -192,12 +192,3 @@ def in_words(control: str) -> str:
     if "_" in control:
         return control.replace("dpad", "d-pad").replace("_", " ")
     return "+".join(" ".join(word.capitalize() for word in part.split(" ")) for part in control.split("+"))
-
-
-def keys_for(action: Action, actions: Mapping[str, Action]) -> str:
-    """The controls that ask for an action, in words; empty where nothing does.
-
-    >>> keys_for(Action.UNDO, KEYBOARD_ACTIONS)
-    'Ctrl+Z'
-    """
-    return ", ".join(in_words(control) for control, bound in actions.items() if bound is action)

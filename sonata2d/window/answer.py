@@ -10,7 +10,6 @@ from pygame_gui.elements import UIButton, UITextEntryLine
 
 from ..labels import LabelSpec
 from .bars import Entry, Scale, button_row
-from .dial import in_words
 
 _GAP, _HIGH = 6, 40  # pixels at scale 1, between rows and of a row
 _LONGEST = 2000  # characters of a text
@@ -71,6 +70,12 @@ class Answer:
             self._choose(label)
         return label is not None
 
+    def write(self, event: pygame.Event) -> None:
+        """A key that is part of the text, wherever the focus was."""
+        if self._entry is not None and not self._entry.is_focused:
+            self._entry.ui_manager.set_focus_set(self._entry)
+            self._entry.process_event(event)
+
     def kill(self) -> None:
         """Take its widgets away."""
         for button in self._buttons:
@@ -111,7 +116,7 @@ class Answer:
 
     def _entry_of(self, label: Any) -> Entry:
         key = {True: "Y", False: "N"}[label] if self.spec.kind == "yes_no" else str(label)
-        return in_words(self.spec, label), lambda: self._choose(label), f"key {key}"
+        return self.spec.in_words(label), lambda: self._choose(label), f"key {key}"
 
     def _label_of(self, key: int) -> Any:
         """The answer that a key stands for: Y and N, digits, or arrows to go along the row; None: none."""

@@ -70,8 +70,10 @@ class Card:
         """The action of the button that an event is of, if it is of one."""
         return self._buttons.get(event.ui_element) if event.type == pygame_gui.UI_BUTTON_PRESSED else None
 
-    def draw(self, surface: pygame.Surface) -> None:
-        """All but the widgets."""
+    def draw(self, surface: pygame.Surface, notice: str = "") -> None:
+        """All but the widgets; a notice stands on a plate below."""
+        if notice:
+            self._draw_notice(surface, notice)
         round_ = self._px(10)
         pygame.draw.rect(surface, PAPER, self.box, border_radius=round_)
         pygame.draw.rect(surface, EDGE, self.box, width=1, border_radius=round_)
@@ -92,6 +94,15 @@ class Card:
     def _px(self, size: float) -> int:
         return round(size * self._scale)
 
+    def _draw_notice(self, surface: pygame.Surface, notice: str) -> None:
+        size, room = self._px(TEXT), self.free.width
+        lines = wrapped(notice, room, size, most=_MOST_LINES)
+        plate = pygame.Rect(self.box.left, self.box.bottom + 6, self.box.width, self._px(_LINE * len(lines) + _GAP))
+        pygame.draw.rect(surface, INK, plate, border_radius=self._px(8))
+        for k, line in enumerate(lines):
+            y = plate.top + self._px((k + 0.5) * _LINE + _GAP / 2)
+            write(surface, line, (plate.centerx, y), size=size, colour=PAPER, anchor="center", room=room)
+
     def _draw_pairs(self, surface: pygame.Surface, top: int) -> None:
         """Keys and what they do, half of them to the left and half to the right."""
         half, size = (len(self._pairs) + 1) // 2, self._px(TEXT)
@@ -104,10 +115,11 @@ class Card:
     def _laid(self, ui: pygame_gui.UIManager, buttons: Buttons, stacked: bool) -> dict[UIButton, Action]:
         """The buttons, side by side or one below the other."""
         gap, row = self._px(_GAP), self._px(_ROW)
-        width = self.free.width if stacked else (self.free.width + gap) // max(len(buttons), 1) - gap
-        laid = {}
-        for k, (text, action) in enumerate(buttons):
-            left, down = (0, k * (row + gap)) if stacked else (k * (width + gap), 0)
-            place = pygame.Rect(self.free.left + left, self.free.bottom + gap // 2 + down, width, row)
-            laid[UIButton(place, text, ui)] = action
+        letters = sum(len(text) + 2 for text, _ in buttons)
+        left, top, laid = self.free.left, self.free.bottom + gap // 2, {}
+        room = self.free.width - gap * (len(buttons) - 1)
+        for text, action in buttons:
+            width = self.free.width if stacked else room * (len(text) + 2) // letters
+            laid[UIButton(pygame.Rect(left, top, width, row), text, ui)] = action
+            left, top = (left, top + row + gap) if stacked else (left + width + gap, top)
         return laid

@@ -8,21 +8,23 @@ from ..errors import Sonata2dError
 from ..scenegen import ScenarioConfig
 from ..session import Session
 from ..topics import View
-from ..view import Hud, Layers, Painter, between, draw_hud, draw_tint
+from ..view import Hud, between, draw_tint
 from ..view.palette import GREEN, VERMILLION
 from .actions import Action
-from .collect_texts import KEYS, LIGHTS, standing_notice
+from .collect_texts import KEYS, LIGHTS, WRITING, recovered_notice, standing_notice
 from .desk import Desk, Overlay
-from .dial import Dial, in_words
+from .dial import Dial
 from .hands import Hands
 from .pace import Pace
+from .pads import PLUGGING
 from .remap import RemapScreen
+from .sight import Sight
 from .stage import Screen, Stage
 from .stick import draw_stick
 
 NOTICE_SECONDS = 5.0
 OVERLAYS: dict[Action, Overlay] = {Action.HELP: "help", Action.MENU: "menu", Action.SCENE: "scene"}
-_ZOOM, MARGIN = 1.25, 0.92  # a step; the whole room, free of the readings in the corners
+LET_GO = (pygame.KEYUP, pygame.MOUSEBUTTONUP, pygame.WINDOWFOCUSLOST, *PLUGGING)  # the hands hear of it in any case
 
 
 class CollectScreen:
@@ -37,16 +39,14 @@ class CollectScreen:
 
     def __init__(self, session: Session, hands: Hands, *, runs: int | None = None, view: View = "follow") -> None:
         self.session, self.hands, self._runs = session, hands, runs
-        self.view: View = view
-        self._zoom, self._zones, self._hud = 1.0, False, True
+        self._sight = Sight(view)
         self._notice, self._notice_left = "", 0.0
-        self._desk = Desk(session)
+        self._desk = Desk(session, runs)
         self._following: Screen | None = self
         self._stage: Stage
         self._take_scene()
-        if session.recovered is not None:
-            self._notice = f"Your last run was left open after {session.recovered:.1f} s; it goes on from there."
-            self._notice_left = 3 * NOTICE_SECONDS
+        if session.recovered is not None or session.notice:
+            self._notice, self._notice_left = session.notice or recovered_notice(session), 3 * NOTICE_SECONDS
 
     def enter(self, stage: Stage) -> None:
         self._stage, self._following = stage, self
@@ -58,44 +58,39 @@ class CollectScreen:
             self._following = None
             return
         try:
-            asked = self._desk.handle(event) or self.hands.handle(event, self._stage.size)
-            if event.type == pygame.WINDOWFOCUSLOST:
+            asked = self._desk.handle(event)
+            if not asked or event.type in LET_GO:
+                asked = self.hands.handle(event, self._stage.size) or asked
+            if event.type == pygame.WINDOWFOCUSLOST and self.session.state == "driving":
                 self._pause("Paused: the window is not in front.")
             if isinstance(asked, ScenarioConfig):
                 self._next(config=asked)
             elif isinstance(asked, Action):
                 self._do(asked)
-        except (Sonata2dError, ValueError) as error:  # told, and nothing is lost
+        except (Sonata2dError, ValueError, pygame.error) as error:  # told, and nothing is lost
             self._tell(str(error))
 
     def advance(self, seconds: float) -> Screen | None:
         self._notice_left -= seconds
         self._watch_pads()
-        events = self.hands.look()
-        self._pace.tell(events)
         session = self.session
         if session.state == "driving":
             self._pace.live(seconds)
             if session.outcome is not None:
                 self._end()
-        elif session.state in ("waiting", "paused") and self._desk.overlay is None and self.hands.is_input(events):
+        elif self._pace.stirs() and session.state in ("waiting", "paused") and self._desk.overlay is None:
             self._start()
         return self._following
 
     def draw(self, surface: pygame.Surface) -> None:
         session = self.session
         snapshot = between(session.before, session.after, self._pace.share)
-        layers = Layers(caption=False, zones=self._zones)
-        zoom = self._zoom * (MARGIN if self.view == "top" else 1.0)
-        camera = self._painter.draw(surface, snapshot, view=self.view, layers=layers, zoom=zoom)
+        question = session.label_spec.meaning if session.label_spec.per_frame else ""
+        self._sight.draw(surface, snapshot, self._hud_now(), scale=self._stage.scale, question=question)
         if session.state in ("waiting", "ended"):
             draw_tint(surface, GREEN if session.state == "waiting" else VERMILLION, 24)
         if self.hands.drag is not None:
             draw_stick(surface, self.hands.drag)
-        if self._hud:
-            spec = session.label_spec
-            question = (spec.question or spec.name) if spec.per_frame else ""
-            draw_hud(surface, self._hud_now(), snapshot, camera, scale=self._stage.scale, question=question)
         self._desk.draw(surface)
 
     def leave(self) -> None:
@@ -116,8 +111,10 @@ class CollectScreen:
         }
         if action in simple:
             self._desk.overlay = None
-            simple[action]()
-            self._lay()
+            try:
+                simple[action]()
+            finally:
+                self._lay()
         elif action is Action.CONFIRM:
             self._confirm()
         elif action is Action.DISCARD:
@@ -128,23 +125,12 @@ class CollectScreen:
             self._following = None
         elif action in OVERLAYS:
             self._cover(OVERLAYS[action])
-        elif action in (Action.HUD, Action.ZONES, Action.VIEW, Action.ZOOM_IN, Action.ZOOM_OUT):
-            self._look_otherwise(action)
+        elif self._sight.turn(action):
+            pass
         elif self._desk.answer is not None:
             self._desk.turn(self._stage, action)
         elif session.label_spec.per_frame and self._dial.turn(action) and self._dial.event:
             self._pace.tell([self._dial.event])
-
-    def _look_otherwise(self, action: Action) -> None:
-        if action is Action.HUD:
-            self._hud = not self._hud
-        elif action is Action.ZONES:
-            self._zones = not self._zones
-        elif action is Action.VIEW:
-            self.view = "top" if self.view == "follow" else "follow"
-        else:
-            zoom = self._zoom * (_ZOOM if action is Action.ZOOM_IN else 1 / _ZOOM)
-            self._zoom = min(max(zoom, 0.4), 3.0)
 
     def _confirm(self) -> None:
         """Enter: start, go on, end the run, or keep it."""
@@ -155,13 +141,15 @@ class CollectScreen:
             session.stop()
             self._end()
         elif session.state == "ended":
-            answer = self._desk.answer.label if self._desk.answer else None
+            answer = self._desk.label
             if self._desk.answer is not None and answer is None:
                 self._tell("Answer the question first, or discard the run.")
                 return
             path = session.keep(answer)
             self._take_scene()
-            self._tell(f"Kept {path.name}")
+            self._tell(f"Kept {path.name}" + (f". {session.notice}" if session.notice else ""))
+        elif self._desk.is_done:
+            self._desk.drive_on()
         else:
             self._start()
         self._lay()
@@ -186,11 +174,17 @@ class CollectScreen:
         self._tell("Another scene." + (f" The run is in {path.parent.name}/." if path else ""))
 
     def _undo(self) -> None:
+        self.hands.release()
         place = self.session.undo()
-        self._tell(f"{place.name} is taken back; it is in {place.parent.name}/.")
+        self._take_scene()
+        self._desk.label = self.session.answered
+        self._tell(f"Taken back; as it was kept, it is in {place.parent.name}/. Keep it again, discard it or redo it.")
 
     def _remap(self) -> None:
-        self._pause()
+        if self.session.ticks and self.session.state != "ended":
+            self._pause()
+            self._tell("The controls are set up between runs: end this one first (Enter), or redo it (R).")
+            return
         self._following = RemapScreen(self.hands, self.hands.profiles, self)
 
     def _start(self) -> None:
@@ -220,15 +214,17 @@ class CollectScreen:
 
     def _take_scene(self) -> None:
         """Everything that goes with one scene."""
-        self._painter = Painter(self.session.scene)
-        self._pace = Pace(self.session, self.hands.held())
+        self._pace = Pace(self.session, self.hands)
+        self._desk.label = None
         self._dial = Dial(self.session.label_spec)
         self._dial.set(self.session.label)
 
     def _cover(self, overlay: Overlay) -> None:
         """Show help, menu or scene panel, or take it away."""
         self._pause()
-        self._desk.overlay = None if self._desk.overlay == overlay else overlay
+        self.hands.release()
+        shown = self._desk.overlay
+        self._desk.overlay = None if shown == overlay or (shown and overlay == "menu") else overlay
         self._lay()
 
     def _uncover(self) -> None:
@@ -236,8 +232,7 @@ class CollectScreen:
         self._lay()
 
     def _lay(self) -> None:
-        label = self._desk.answer.label if self._desk.answer else None
-        self._desk.lay(self._stage, label, self._notice if self._notice_left > 0.0 else "")
+        self._desk.lay(self._stage)
 
     def _watch_pads(self) -> None:
         """Stand still when a pad is unplugged."""
@@ -246,25 +241,26 @@ class CollectScreen:
             self._pause()
             self._tell(f"{lost} was unplugged; the robot stands still. Plug it in again, or take another device.")
         elif found:
+            own = self.session.ticks and not self.hands.reads_as(self.session.hands)
             self.session.read_by(self.hands.hands)
-            self._tell(f"{found} is ready.")
+            self._tell(f"{found} is ready." + (" Its own set-up counts from the next run on." if own else ""))
 
     def _tell(self, notice: str) -> None:
         self._notice, self._notice_left = notice, NOTICE_SECONDS
-        if self.session.state == "ended":
-            self._lay()
+        self._desk.notice = notice
 
     def _hud_now(self) -> Hud:
         session = self.session
-        notice = self._notice if self._notice_left > 0.0 else session.trouble or standing_notice(session, self._runs)
-        label = in_words(session.label_spec, session.label) if session.label_spec.per_frame else ""
+        notice = self._notice if self._notice_left > 0.0 else session.trouble or standing_notice(session)
+        label = self._dial.label if self._dial.place is not None else session.label
+        writes = session.state == "ended" and session.label_spec.kind == "text"
         return Hud(
-            run=session.kept + 1,
+            run=min(session.kept + 1, self._runs or session.kept + 1),
             runs=self._runs,
             kept=session.kept,
             contributor=session.contributor,
             light=LIGHTS[session.state],
-            label=label,
-            keys=KEYS[session.state],
+            label=session.label_spec.in_words(label) if session.label_spec.per_frame else "",
+            keys=WRITING if writes else KEYS[session.state],
             notice=notice,
         )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from ..session import Session, State
+from ..driving import State
+from ..session import Session
 from .actions import Action
 
 Light = Literal["waiting", "recording", "paused", "frozen"]
@@ -17,6 +18,7 @@ KEYS: dict[State, tuple[tuple[str, str], ...]] = {
     "paused": (("P", "go on"), ("R", "redo"), ("N", "another scene"), _HELP),
     "ended": (("Enter", "keep"), ("Backspace", "discard"), ("R", "redo"), _HELP),
 }
+WRITING = (("Enter", "keep"), ("Esc", "menu"), ("Ctrl+Q", "close"))  # where letters are a text
 LIGHTS: dict[State, Light] = {"waiting": "waiting", "driving": "recording", "paused": "paused", "ended": "frozen"}
 ENDINGS = {"goal": "Goal reached", "timeout": "Time is over", "contact": "Collision", "stopped": "Run ended"}
 
@@ -43,12 +45,18 @@ def told_of_end(session: Session) -> tuple[str, list[str]]:
     return ENDINGS.get(status, status), [f"{session.outcome.time:.1f} s driven. {asked}"]
 
 
-def standing_notice(session: Session, runs: int | None) -> str:
+def recovered_notice(session: Session) -> str:
+    """What to know of a run that goes on."""
+    assert session.recovered is not None
+    told = f"Your last run was left open after {session.recovered:.1f} s; it goes on from there."
+    other = session.scene.name != session.config.name
+    return told + (f" It is of {session.scene.name}; {session.config.name} comes with the next scene." if other else "")
+
+
+def standing_notice(session: Session) -> str:
     """What to do now, while nothing moves."""
     if session.state == "paused":
         return "Paused: drive on, or press P"
     if session.state != "waiting":
         return ""
-    if runs is not None and session.kept >= runs:
-        return "All runs are done: thank you! Close the window, or drive on."
     return "Drive to the green target: the world waits for your first move"

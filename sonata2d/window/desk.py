@@ -14,11 +14,14 @@ from .answer import Answer
 from .cards import Card
 from .collect_texts import ENDED, MENU, told_of_end
 from .dial import Dial
+from .pads import PLUGGING
 from .scene_panel import ScenePanel
 from .stage import Stage
 
 Overlay = Literal["help", "menu", "scene"]
 _ROOM = 96  # px at scale 1, for an answer
+_COMMANDS = (pygame.K_RETURN, pygame.K_KP_ENTER, pygame.K_ESCAPE, pygame.K_F1)  # while a text is written
+_TIME = (pygame.WINDOWFOCUSLOST, *PLUGGING)  # goes on under a panel
 
 
 class Desk:
@@ -26,27 +29,45 @@ class Desk:
 
     Args:
         session: whose state is shown.
+        runs: how many are asked for.
 
     Attributes:
         overlay: what was asked for to lie there instead of the state's card.
         answer: where the question that must be answered before the run is kept is answered, while it is asked.
+        label: what was answered of this run so far; outlives its widgets.
+        notice: what else the person must know at the end of a run.
     """
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, session: Session, runs: int | None) -> None:
+        self._session, self._runs, self._drives_on = session, runs, False
+        self._label: Any = None
+        self.notice = ""
         self.overlay: Overlay | None = None
         self.answer: Answer | None = None
         self._card: Card | None = None
         self._panel: ScenePanel | None = None
 
-    def lay(self, stage: Stage, label: Any = None, notice: str = "") -> None:
-        """Show what goes with state and overlay; widgets that lay there before are taken away.
+    @property
+    def label(self) -> Any:
+        return self.answer.label if self.answer is not None else self._label
 
-        Args:
-            stage: where.
-            label: what was answered already.
-            notice: what else the person must know at the end of a run.
-        """
+    @label.setter
+    def label(self, label: Any) -> None:
+        self._label, self.answer = label, None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all runs that were asked for are kept, and the person was not told yet."""
+        done = self._runs is not None and self._session.kept >= self._runs
+        return done and self._session.state == "waiting" and not self._drives_on
+
+    def drive_on(self) -> None:
+        """The person does, though all runs are kept."""
+        self._drives_on = True
+
+    def lay(self, stage: Stage) -> None:
+        """Show what goes with state and overlay; widgets that lay there before are taken away."""
+        self._label = self.label
         for widget in (self._card, self._panel, self.answer):
             if widget is not None:
                 widget.kill()
@@ -57,14 +78,18 @@ class Desk:
         elif self.overlay == "help":
             self._card = Card(ui, scale, "Keys and buttons", KEYS, [("Close", Action.HELP)])
         elif self.overlay == "menu":
-            self._card = Card(ui, scale, "Menu", [f"{session.kept} runs kept"], MENU, stacked=True)
+            self._card = Card(ui, scale, "Menu", [f"Runs kept: {session.kept}"], MENU, stacked=True)
         elif session.state == "ended":
             asks = session.label_spec.per_run
             title, lines = told_of_end(session)
-            lines += [notice] if notice else []
+            self.notice = ""
             self._card = Card(ui, scale, title, lines, ENDED, room=_ROOM if asks else 0, high_up=True)
             if asks:
-                self.answer = Answer(session.label_spec, ui, self._card.free, scale, label)
+                self.answer = Answer(session.label_spec, ui, self._card.free, scale, self._label)
+        elif self.is_done:
+            buttons = [("Close the window", Action.QUIT), ("Drive on", Action.CONFIRM)]
+            lines = [f"{session.kept} runs are kept in {session.out}."]
+            self._card = Card(ui, scale, "All runs are done: thank you!", lines, buttons)
 
     def handle(self, event: pygame.Event) -> Action | ScenarioConfig | bool | None:
         """What a widget was asked: an action, or other scenes; True: the event is taken.
@@ -73,10 +98,10 @@ class Desk:
             ConfigError: the counts in the scene panel do not go together.
         """
         if self._panel is not None:
-            return self._panel.handle(event) or True
+            return self._panel.handle(event) or event.type not in _TIME
         if self.answer is not None and event.type == pygame_gui.UI_TEXT_ENTRY_FINISHED:
             return Action.CONFIRM
-        if self.answer is not None and (self.answer.handle(event) or _is_letter(event, self.answer)):
+        if self.answer is not None and (self.answer.handle(event) or self._writes(event, self.answer)):
             return True
         if self._card is None:
             return None
@@ -90,18 +115,21 @@ class Desk:
         dial = Dial(self.answer.spec)
         dial.set(self.answer.label)
         dial.turn(action)
-        self.lay(stage, dial.label)
+        self.label = dial.label
+        self.lay(stage)
 
     def draw(self, surface: pygame.Surface) -> None:
         """All but the widgets."""
         if self._card is not None:
-            self._card.draw(surface)
+            self._card.draw(surface, self.notice if self._session.state == "ended" else "")
         if self.answer is not None:
             self.answer.draw(surface)
 
-
-def _is_letter(event: pygame.Event, answer: Answer) -> bool:
-    """Whether a key writes into a text, so that it shall do nothing else."""
-    if event.type not in (pygame.KEYDOWN, pygame.KEYUP) or not answer.takes_letters:
-        return False
-    return event.key not in (pygame.K_RETURN, pygame.K_KP_ENTER, pygame.K_ESCAPE, pygame.K_F1)
+    def _writes(self, event: pygame.Event, answer: Answer) -> bool:
+        """Whether a key writes into a text, so that it shall do nothing else; the text has it, wherever was clicked."""
+        if event.type not in (pygame.KEYDOWN, pygame.KEYUP, pygame.TEXTINPUT) or answer.spec.kind != "text":
+            return False
+        if event.type != pygame.TEXTINPUT and event.key in _COMMANDS:
+            return False
+        answer.write(event)
+        return True

@@ -12,7 +12,7 @@ _STEP = 0.05  # of the slider, a press
 
 
 class Dial:
-    """A label on its scale; at no place until it is first moved. `text` is the answer where text is asked for.
+    """A label on its scale; at no place until it is first moved.
 
     Args:
         spec: what is asked.
@@ -21,7 +21,6 @@ class Dial:
     def __init__(self, spec: LabelSpec) -> None:
         self.spec = spec
         self.place: float | None = None
-        self.text = ""
 
     @property
     def label(self) -> Any:
@@ -40,7 +39,8 @@ class Dial:
             if self.spec.kind == "slider":
                 self.place = (action.level - 1) / 8
             elif action.level <= levels:
-                self.place = (action.level - 1) / (levels - 1)
+                place = (action.level - 1) / (levels - 1)
+                self.place = 1.0 - place if self.spec.kind == "yes_no" else place  # yes stands first
         elif action in (Action.LABEL_UP, Action.LABEL_DOWN):
             step = 1.0 / (levels - 1) if levels else _STEP
             sign = 1.0 if action is Action.LABEL_UP else -1.0
@@ -51,21 +51,3 @@ class Dial:
     def set(self, label: Any) -> None:
         """Stand at a label."""
         self.place = None if label is None else self.spec.place_of(label)
-
-
-def in_words(spec: LabelSpec, label: Any) -> str:
-    """A label as people read it; empty where none is asked for.
-
-    >>> in_words(LabelSpec("classes", classes=("poor", "fair")), 2)
-    '2 fair'
-    """
-    if spec.kind == "command":
-        return ""
-    if label is None:
-        return "not given"
-    if spec.kind == "yes_no":
-        return "yes" if label else "no"
-    if spec.kind == "classes":
-        name = spec.classes[label - 1]
-        return name if name == str(label) else f"{label} {name}"
-    return f"{label:.2f}" if spec.kind == "slider" else str(label)

@@ -9,7 +9,6 @@ from ..frame import Contact, Snapshot
 from ..labels import LabelSpec
 from ..record import EpisodeRecord
 from ..topics import DeviceEvent
-from .dial import in_words
 
 
 def frame_facts(record: EpisodeRecord, snapshot: Snapshot, index: int) -> list[str]:
@@ -75,7 +74,7 @@ def event_text(event: DeviceEvent) -> str:
 def _value_text(value: Any, spec: LabelSpec | None) -> str:
     """One value; of a class or a slider as the person chose it."""
     if spec is not None and spec.kind != "command":
-        return in_words(spec, value)
+        return spec.in_words(value)
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.2f}" if isinstance(value, float) else str(value)

@@ -11,16 +11,16 @@ import pygame
 from ..agents.teleoperation import HANDS, Hand
 from ..topics import DeviceEvent
 from .actions import Action, key_of, with_modifiers
-from .ledger import Ledger, held_after
+from .ledger import Ledger
 from .pads import PLUGGING, Pad, Plugs, SdlPlugs
 from .profiles import Profile, Profiles
 
-__all__ = ["Device", "Drag", "Hands", "Move", "held_after"]
 LOG = logging.getLogger(__name__)
 
 KEYBOARD, MOUSE = "keyboard", "mouse"
 _REACH = 0.22  # of the window's smaller side: how far the mouse is dragged for a full stick
 _ASKS, _ARMS = 0.55, 0.4  # an axis asks for its action beyond the first, and may again once it was below the second
+_BACK = 0.25  # a stick nearer to its middle is back there
 _BUTTONS = {2: "middle_button", 3: "right_button"}  # of the mouse; the left one drags
 
 
@@ -67,6 +67,7 @@ class Hands:
         self._found: list[str] = []
         self._pressed: set[tuple[str, str]] = set()
         self._drag: Drag | None = None
+        self._off: set[tuple[str, str]] = set()  # controls of pads that were let go of while they were held
         self._can_plug = self._plugs.start()
         self._look_for_pads()
         self._found.clear()  # what was there from the start is no news
@@ -83,7 +84,10 @@ class Hands:
         asked = None
         for move in self.moves(event, size):
             profile = self.profile(move.slot)
-            if move.control in profile.hand.controls:
+            if (move.slot, move.control) in self._off:
+                if abs(move.value) < _BACK:
+                    self._off.discard((move.slot, move.control))
+            elif move.control in profile.hand.controls:
                 self._ledger.put(move.slot, move.control, move.value, is_button=move.is_button)
             else:
                 asked = self._asked(move, profile) or asked
@@ -115,9 +119,11 @@ class Hands:
         return self._ledger.held()
 
     def release(self) -> None:
-        """Let go of everything; what is physically held counts again once it is moved."""
+        """Let go of everything. A key counts again once it is pressed, a stick once it was back at its middle."""
         self._drag = None
         self._pressed.clear()
+        pads = [f"pad{slot}" for slot in self._pads]
+        self._off |= {(pad, control) for pad in pads for control, value in self._ledger.now(pad).items() if value}
         self._ledger.let_go()
 
     def is_input(self, events: Iterable[DeviceEvent]) -> bool:
@@ -141,6 +147,11 @@ class Hands:
         """How each device is read now, for `Teleoperation`; `pad` reads what is plugged in later."""
         pads = {f"pad{slot}": self.profiles.of(guid).hand for slot, guid in enumerate(self._slots)}
         return {slot: self.profile(slot).hand for slot in (KEYBOARD, MOUSE)} | {"pad": HANDS["pad"]} | pads
+
+    def reads_as(self, hands: Mapping[str, Hand]) -> bool:
+        """Whether every pad that is there is read alike by other hands."""
+        own = self.hands
+        return all(hands.get(f"pad{k}", hands.get("pad")) == own[f"pad{k}"] for k in self._pads)
 
     def devices(self) -> list[Device]:
         """Everything that is there, keyboard and mouse first."""
@@ -226,6 +237,7 @@ class Hands:
             pad = self._pads.pop(slot)
             self._ledger.let_go(f"pad{slot}")
             self._pressed = {key for key in self._pressed if key[0] != f"pad{slot}"}
+            self._off = {key for key in self._off if key[0] != f"pad{slot}"}
             self._lost.append(pad.name)
         if not self._can_plug:
             return

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
-from ..agents.teleoperation import STOP
-from ..labels import DEVICE
 from ..topics import DeviceEvent
 from .pads import STEP
 
@@ -68,12 +66,3 @@ class Ledger:
 def _is_worth_telling(told: float, value: float) -> bool:
     """Whether it differs by more than jitter, or came to rest, or to an end."""
     return value != told and (abs(value - told) >= STEP or value in (-1.0, 0.0, 1.0))
-
-
-def held_after(events: Iterable[DeviceEvent]) -> tuple[DeviceEvent, ...]:
-    """The events that let go of all that is still held at the end of a recorded past; labels stay."""
-    last: dict[Key, float] = {}
-    for event in events:
-        if event.device not in (DEVICE, STOP.device):
-            last[event.device, event.control] = event.value
-    return tuple(DeviceEvent(*key, 0.0) for key, value in last.items() if value)

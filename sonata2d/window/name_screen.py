@@ -21,23 +21,36 @@ class NameScreen:
     Args:
         follow: makes the screen that follows of the name; what it refuses is told, and asked again.
         name: offered.
+        title, line: of the question.
     """
 
-    def __init__(self, follow: Callable[[str], Screen], name: str = "") -> None:
+    def __init__(
+        self,
+        follow: Callable[[str], Screen],
+        name: str = "",
+        *,
+        title: str = "Who drives?",
+        line: str = "A name or a pseudonym; it is written into every run.",
+    ) -> None:
         self._follow, self._name, self._problem = follow, name, ""
+        self._title, self._line = title, line
+        self._entry: UITextEntryLine | None = None
         self._following: Screen | None = self
 
     def enter(self, stage: Stage) -> None:
         self._stage = stage
-        lines = [self._problem] if self._problem else ["A name or a pseudonym; it is written into every run."]
+        if self._entry is not None:
+            self._name = self._entry.get_text()
+        lines = [self._problem or self._line]
         buttons = [("Start (Enter)", Action.CONFIRM), ("Quit", Action.QUIT)]
-        self._card = Card(stage.ui, stage.scale, "Who drives?", lines, buttons, room=44)
+        self._card = Card(stage.ui, stage.scale, self._title, lines, buttons, room=44)
         self._entry = UITextEntryLine(self._card.free, stage.ui, initial_text=self._name)
         stage.ui.set_focus_set(self._entry)
 
     def handle(self, event: pygame.Event) -> None:
         pressed = self._card.pressed(event)
         escaped = event.type == pygame.KEYDOWN and event.key == pygame.K_ESCAPE
+        assert self._entry is not None
         if event.type == pygame.QUIT or pressed is Action.QUIT or escaped:
             self._following = None
         elif pressed is Action.CONFIRM or event.type == pygame_gui.UI_TEXT_ENTRY_FINISHED:

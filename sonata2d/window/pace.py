@@ -6,23 +6,25 @@ from collections.abc import Iterable
 
 from ..session import Session
 from ..topics import DeviceEvent
+from .hands import Hands
 
 MOST = 3  # ticks in one picture, to catch up; what lags more is dropped, and counted
 
 
 class Pace:
-    """Drives a session on as real time passes.
+    """Drives a session on as real time passes. The hands are looked at once a tick, so that no tap is lost.
 
     Args:
         session: what is driven.
-        held: what the hands hold already.
+        hands: what drives.
 
     Attributes:
         lag: s of real time that the world has not lived through yet.
     """
 
-    def __init__(self, session: Session, held: Iterable[DeviceEvent] = ()) -> None:
-        self._session, self._untold = session, list(held)
+    def __init__(self, session: Session, hands: Hands) -> None:
+        self._session, self._hands = session, hands
+        self._untold = list(hands.held())  # what the next tick hears of, besides what the hands tell by then
         self.lag = 0.0
 
     @property
@@ -31,8 +33,14 @@ class Pace:
         return min(self.lag / self._session.after.dt, 1.0) if self._session.state == "driving" else 1.0
 
     def tell(self, events: Iterable[DeviceEvent]) -> None:
-        """What a person did; the next tick hears of it."""
+        """What else the next tick shall hear of."""
         self._untold += events
+
+    def stirs(self) -> bool:
+        """While nothing moves: whether a hand drives now. The tick that follows hears of all that was done."""
+        events = self._hands.look()
+        self.tell(events)
+        return self._hands.is_input(events)
 
     def start(self) -> None:
         """Begin, or go on, at once."""
@@ -47,6 +55,7 @@ class Pace:
             if self.lag < dt or session.state != "driving":
                 return
             self.lag -= dt
+            self.tell(self._hands.look())
             self._tick()
         dropped = int(self.lag / dt)
         self.lag -= dropped * dt

@@ -47,7 +47,9 @@ def end_card(session: RatingSession) -> Card:
     left_out = [f"Left out, since it cannot be read: {name}" for name in session.skipped[:_MOST_NAMES]]
     more = len(session.skipped) - len(left_out)
     return "Thank you!", [
-        f"All {session.total} runs are rated.",
+        f"All {session.total} runs are rated."
+        if session.done == session.total
+        else f"{session.done} of {session.total} are rated; the rest would be repeats too soon.",
         f"The ratings are in {session.path}",
         *left_out,
         *([f"and {more} more"] if more > 0 else []),

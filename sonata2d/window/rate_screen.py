@@ -41,10 +41,11 @@ class RateScreen:
     Args:
         session: what is to be rated, and by whom.
         view: from which runs are seen at first.
+        context: shown with runs whose file holds none.
     """
 
-    def __init__(self, session: RatingSession, *, view: View = "top") -> None:
-        self.session = session
+    def __init__(self, session: RatingSession, *, view: View = "top", context: str | None = None) -> None:
+        self.session, self._context = session, context or ""
         self.phase: Phase = "start"
         self.player: Player | None = None
         self.answer: Answer | None = None
@@ -230,7 +231,7 @@ class RateScreen:
     def _texts(self, room: int) -> list[tuple[str, int]]:
         """Context and question in lines, each with its size in pixels."""
         s, spec = self._stage.scale, self.session.spec
-        context = (self._record.context if self._record else None) or ""
+        context = (self._record.context if self._record else None) or self._context
         small, large = text_size(TEXT, s), text_size(LARGE, s)
         lines = [(line, small) for line in wrapped(context, room, small, most=_MOST_LINES)]
         asked = spec.question or f"{spec.name}?"

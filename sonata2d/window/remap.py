@@ -50,7 +50,10 @@ class RemapScreen:
         self._build()
 
     def handle(self, event: pygame.Event) -> None:
-        if event.type == pygame_gui.UI_BUTTON_PRESSED:
+        if event.type == pygame.QUIT:  # the screen behind puts away what must not be lost
+            self._leaves = True
+            pygame.event.post(event)
+        elif event.type == pygame_gui.UI_BUTTON_PRESSED:
             self._pressed(event.ui_element)
         elif event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED:
             self._slid()

@@ -72,7 +72,8 @@ class ScenePanel:
         box.center = (width // 2, height // 2)
         self.panel = UIPanel(box, starting_height=8, manager=ui)
         self._ui, self._changes = ui, dict[UIButton, tuple[Row, int, int]]()
-        self._label("Scenes", 0, 0, _WIDTH - 2 * _GAP, "#title")
+        fixed = f" (besides {len(config.furniture)} fixed things)" if config.furniture else ""
+        self._label(f"Scenes{fixed}", 0, 0, _WIDTH - 2 * _GAP, "#title")
         for text, left in (("least", 220), ("most", 350)):
             self._label(text, left, 1, 100, "#line")
         self._rows = {key: self._row(k, key, text) for k, (key, text) in enumerate(counts, 2)}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import os
 import sys
 from collections.abc import Callable
@@ -18,10 +17,9 @@ from pygame._sdl2 import controller
 from ..errors import RenderError, WindowError
 from ..view import save_surface
 
-logger = logging.getLogger(__name__)
-
 SIZE = (1280, 800)
 FPS = 60
+_CTRL = pygame.KMOD_CTRL | pygame.KMOD_META
 _UNSEEN = ("offscreen", "dummy")  # what SDL falls back to; fine only where it was asked for
 _THEME = Path(__file__).with_name("theme.json")
 _POINTS = {"defaults": 14, "#title": 18, "#line": 14, "#row": 14, "#key": 14}  # of texts, in a window of SIZE
@@ -58,7 +56,6 @@ class Stage:
     Attributes:
         ui: pygame_gui's manager of the widgets on show; emptied whenever a screen is entered.
         scale: by how much texts and widgets are larger than in a window of `SIZE`.
-        pace: real seconds of the last picture, to draw and to wait for the next.
 
     Raises:
         WindowError: there is no display.
@@ -74,7 +71,6 @@ class Stage:
     ) -> None:
         self._fps, self._clock = fps, clock or pygame.time.Clock().tick
         _open_display(title, size)
-        self.pace = 0.0
         self._widgets_for(size)
 
     @property
@@ -102,13 +98,14 @@ class Stage:
     def turn(self, screen: Screen) -> Screen | None:
         """One picture: hand on what happened, let time pass, draw. Answers the screen to show next."""
         seconds = self._clock(self._fps) / 1000.0
-        self.pace = seconds
         for event in pygame.event.get():
             if event.type == pygame.VIDEORESIZE:
                 self._widgets_for(self.size)
                 screen.enter(self)
             elif event.type == pygame.KEYDOWN and event.key == pygame.K_F12:
                 self._save_picture()
+            elif event.type == pygame.KEYDOWN and event.key == pygame.K_q and event.mod & _CTRL:
+                screen.handle(pygame.event.Event(pygame.QUIT))  # wherever the focus is
             elif not self.ui.process_events(event) or event.type in (pygame.KEYUP, pygame.MOUSEBUTTONUP):
                 screen.handle(event)
         following = screen.advance(seconds)
@@ -129,9 +126,9 @@ class Stage:
         path = Path.cwd() / f"sonata2d-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.png"
         try:
             save_surface(self.surface, path)
-            logger.info("saved: %s", path)
+            pygame.display.set_caption(f"saved: {path}")
         except RenderError as error:
-            logger.warning("%s", error)
+            pygame.display.set_caption(f"not saved: {error}")
 
     def _widgets_for(self, size: tuple[int, int]) -> None:
         """No widgets, for a window of this size."""

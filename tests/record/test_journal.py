@@ -12,23 +12,25 @@ from sonata2d.record.journal import Journal, read_journal
 
 from .by_hand import run
 
+HEAD = {"settings": {}, "seed": 1, "episode": 0, "physics": 1, "controller": {}, "contributor": "zoe"}
+
 
 def test_there_is_no_run_where_nothing_was_driven(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "a.jsonl")
     assert read_journal(journal.path) is None
-    journal.begin({"seed": 1})
+    journal.begin(HEAD)
     assert read_journal(journal.path) is None
     journal.shut()
 
 
 def test_every_tick_is_on_the_disk_before_the_next(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "deep" / "a.jsonl")
-    journal.begin({"seed": 1})
+    journal.begin(HEAD)
     for count, frame in enumerate(run(EpisodeRecorder(), ticks=4, labels=lambda tick: tick), 1):
         journal.note(frame)
         found = read_journal(journal.path)
         assert found is not None
-        assert found.head == {"seed": 1}
+        assert found.head == HEAD
         assert found.ticks[-1] == (frame.command, frame.label, frame.snapshot.events)
         assert len(found.ticks) == count
     journal.forget()

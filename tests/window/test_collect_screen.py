@@ -8,6 +8,8 @@ from typing import Any
 
 import pygame
 import pytest
+from click.testing import CliRunner
+from sonata2d_cli import main
 
 from sonata2d.proof import prove
 from sonata2d.record import read_episode
@@ -213,6 +215,132 @@ def test_the_scene_panel_changes_counts_from_the_next_scene_on(desk: Callable[..
     it.person.wait()
     assert len(it.session.scene.humans) == 4
     assert it.session.state == "waiting"
+
+
+def test_a_tap_between_two_ticks_is_driven(desk: Callable[..., Desk]) -> None:
+    it = desk()
+    it.person.hold(pygame.K_w)
+    it.person.wait(0.31)
+    for _ in range(3):
+        it.person.hold(pygame.K_w, pygame.K_a)
+        it.person.wait(0.034)
+        it.person.hold(pygame.K_w)
+        it.person.wait(0.4)
+    taps = [e for m in it.session._run.past for e in m.events if e.control == "a"]
+    assert [event.value for event in taps] == [1.0, 0.0] * 3
+
+
+def test_an_answer_outlives_menu_help_and_resizing(desk: Callable[..., Desk]) -> None:
+    it = desk(label={"kind": "text", "question": "What was odd?"})
+    it.person.hold(pygame.K_w)
+    it.person.wait(0.4)
+    it.person.hold()
+    it.person.press(pygame.K_RETURN)
+    for letter in "ox":
+        pygame.event.post(pygame.event.Event(pygame.TEXTINPUT, text=letter))
+        it.person.press(ord(letter))
+    it.person.press(pygame.K_ESCAPE, pygame.K_ESCAPE, pygame.K_F1, pygame.K_ESCAPE)
+    pygame.event.post(pygame.event.Event(pygame.VIDEORESIZE, size=(1000, 700), w=1000, h=700))
+    it.person.wait()
+    it.person.click(500, 120)
+    for letter in "rn":  # they would drive again, or ask for another scene
+        it.person.press(ord(letter))
+    assert it.session.state == "ended"
+    it.person.press(pygame.K_RETURN)
+    it.person.wait()
+    (path,) = it.folder.glob("zoe__*.json")
+    assert str(read_episode(path).label).startswith("ox")
+
+
+def test_ctrl_q_closes_from_everywhere_and_loses_nothing(desk: Callable[..., Desk]) -> None:
+    for keys in ((pygame.K_g,), (pygame.K_F1,), (pygame.K_ESCAPE,), (pygame.K_k,), ()):
+        it = desk(label={"kind": "text"})
+        if not keys:
+            it.person.hold(pygame.K_w)
+            it.person.wait(0.4)
+            it.person.press(pygame.K_RETURN)
+        it.person.press(*keys)
+        it.person.press(pygame.K_q, mod=pygame.KMOD_CTRL)
+        it.person.wait(0.1)
+        assert it.person.screen is None, keys
+    assert desk(label={"kind": "text"}).session.state == "ended", "the run that was left open is there again"
+
+
+def test_a_key_let_go_of_over_the_panel_is_let_go_of(desk: Callable[..., Desk]) -> None:
+    it = desk()
+    it.person.hold(pygame.K_SPACE)
+    it.person.wait(0.2)
+    it.person.press(pygame.K_g)
+    it.person.hold()
+    it.person.press(pygame.K_ESCAPE)
+    it.person.hold(pygame.K_w)
+    it.person.wait(1.0)
+    assert it.session.after.robot.twist.vx > 0.5
+
+
+def test_a_stick_on_its_way_back_does_not_end_a_pause(desk: Callable[..., Desk]) -> None:
+    it = desk()
+    pad = it.plugs.plug()
+    pygame.event.post(plugged_in())
+    it.person.wait()
+    for value, state in ((-1.0, "driving"), (None, "paused"), (-0.9, "paused"), (0.0, "paused"), (-0.5, "driving")):
+        if value is None:
+            it.person.press(pygame.K_p)
+        else:
+            pygame.event.post(axis(pad, "left_y", value))
+            it.person.wait(0.3)
+        assert it.session.state == state, value
+
+
+def test_controls_are_set_up_between_runs(desk: Callable[..., Desk]) -> None:
+    it = desk()
+    it.person.hold(pygame.K_w)
+    it.person.wait(0.5)
+    it.person.press(pygame.K_k)
+    assert it.person.screen is it.screen
+    assert it.session.state == "paused"
+
+
+def test_full_screen_where_there_is_none_is_told(desk: Callable[..., Desk], monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse() -> None:
+        raise pygame.error("That operation is not supported")
+
+    it = desk()
+    monkeypatch.setattr(pygame.display, "toggle_fullscreen", refuse)
+    it.person.press(pygame.K_F11)
+    assert it.person.screen is it.screen
+    assert "not supported" in it.screen._notice
+
+
+def test_when_all_runs_are_kept_it_says_so(desk: Callable[..., Desk]) -> None:
+    it = desk()
+    for _ in range(3):
+        it.person.hold(pygame.K_w)
+        it.person.wait(0.4)
+        it.person.hold()
+        it.person.press(pygame.K_RETURN, pygame.K_RETURN)
+    assert it.screen._desk.is_done
+    it.person.press(pygame.K_RETURN)
+    assert not it.screen._desk.is_done
+    it.person.hold(pygame.K_w)
+    it.person.wait(0.4)
+    assert it.session.state == "driving"
+
+
+def test_undo_brings_the_run_back_with_its_answer(desk: Callable[..., Desk]) -> None:
+    it = desk(label={"kind": "yes_no"})
+    it.person.hold(pygame.K_w)
+    it.person.wait(0.4)
+    it.person.hold()
+    it.person.press(pygame.K_RETURN, pygame.K_1, pygame.K_RETURN)
+    it.person.press(pygame.K_z, mod=pygame.KMOD_CTRL)
+    assert (it.session.state, it.session.kept) == ("ended", 0)
+    assert it.screen._desk.label is True, "1 is the first answer, yes"
+    it.person.press(pygame.K_n, pygame.K_RETURN)
+    (path,) = it.folder.glob("zoe__*.json")
+    assert read_episode(path).label is False
+    told = CliRunner().invoke(main, ["describe", str(it.folder)]).output
+    assert "answers to 'label'  1 no" in told
 
 
 def test_every_size_and_state_is_drawn(desk: Callable[..., Desk]) -> None:

@@ -11,7 +11,7 @@ import pytest
 from sonata2d.agents.teleoperation import STOP
 from sonata2d.topics import DeviceEvent
 from sonata2d.window.actions import KEYBOARD_ACTIONS, Action, action_of, in_words
-from sonata2d.window.hands import Hands, held_after
+from sonata2d.window.hands import Hands
 from sonata2d.window.pads import AXES, BUTTONS
 from sonata2d.window.profiles import Profile, Profiles
 
@@ -311,15 +311,6 @@ def test_what_is_held_is_known_to_who_comes_late(hands: Hands, pad: int) -> None
     p.feed(hands, p.key(W), p.axis(pad, "left_x", 0.5))
     hands.look()
     assert sorted(map(p.short, hands.held())) == [("keyboard", "w", 1.0), ("pad0", "left_x", 0.5)]
-
-
-def test_what_a_past_left_held_is_let_go_of() -> None:
-    past = [
-        DeviceEvent("keyboard", "w", 1.0), DeviceEvent("label", "slider", 0.5), DeviceEvent("pad0", "left_x", 0.3),
-        DeviceEvent("keyboard", "w", 0.0), DeviceEvent("pad0", "left_x", 0.4), STOP,
-    ]  # fmt: skip
-    assert held_after(past) == (DeviceEvent("pad0", "left_x", 0.0),)
-    assert held_after([]) == ()
 
 
 # What counts as driving
