@@ -31,3 +31,7 @@ class RenderError(Sonata2dError):
 
 class WindowError(Sonata2dError):
     """A window cannot be opened."""
+
+
+class MetricError(Sonata2dError):
+    """A metric is unknown, or runs cannot be compared."""

@@ -10,7 +10,17 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from .errors import RecordError
-from .record import MANIFEST, Listed, Problem, check_episode, check_listed, check_manifest, listed_files
+from .record import (
+    CROISSANT,
+    MANIFEST,
+    METRICS,
+    Listed,
+    Problem,
+    check_episode,
+    check_listed,
+    check_manifest,
+    listed_files,
+)
 from .replay import check_replay, check_rerun
 
 Advance = Callable[[int], None]
@@ -26,7 +36,7 @@ def files_of(path: Path) -> Sequence[Path | Listed]:
         return [path]
     if (path / MANIFEST).exists():
         return listed_files(path)
-    files = sorted(file for file in path.glob("*.json*") if file.is_file())
+    files = sorted(file for file in path.glob("*.json*") if file.is_file() and file.name not in (METRICS, CROISSANT))
     if not files:
         raise RecordError(f"{path} holds no episode files" if path.is_dir() else f"{path} does not exist")
     return files

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 from .agents.controller import Controller
 from .episode import Episode, Moment, author_of
-from .errors import ControllerError, SceneError
+from .errors import ControllerError, RecordError, SceneError
 from .frame import Observer, Snapshot
 from .geometry import Twist
 from .plugins import eye_of, load_controller
 from .record import EpisodeRecord, EpisodeRecorder, Problem, read_bytes, read_episode
+from .record.canonical import written
 from .scenegen import ScenarioConfig, generate
+from .transforms.mirror import mirrored
 from .version import PHYSICS_VERSION
 
 
@@ -34,10 +37,12 @@ def branch(path: str | Path, tick: int, controller: Controller, *, observers: It
         observers: see the branch from its tick 0 on.
 
     Raises:
-        RecordError: the file cannot be read.
+        RecordError: the file cannot be read, or is a mirror image, which would go another way from its first choice.
         ValueError: the recording has no such tick.
     """
     record = read_episode(path)
+    if record.document.get("mirrored_from"):
+        raise RecordError(f"{path} is a mirror image, which does not run again; branch its original and mirror that")
     past = moments(record)
     if not 0 <= tick <= len(past):
         raise ValueError(f"tick must be 0..{len(past)}, the ticks in {path}, got {tick}")
@@ -80,32 +85,61 @@ def rerun(record: EpisodeRecord, controller: Controller) -> bytes:
 
 
 def check_replay(path: Path) -> list[Problem]:
-    """Whether a file is what its scene and its commands give, and its scene what its seed and settings give."""
-    record = read_episode(path)
+    """Whether a file is what its scene and its commands give, and its scene what its seed and settings give.
+
+    Of a mirror image it is proven that it is the exact image of such an episode: people's choices on their way are
+    drawn from the seed, so that an image, run by itself, would go another way.
+    """
+    record, problems = _original(path)
     physics = record.document["physics"]
     if physics != PHYSICS_VERSION:
         message = f"made by physics version {physics}, this sonata2d has {PHYSICS_VERSION}; it cannot be replayed"
         return [Problem(path.name, "physics", message)]
-    problems = _check_scene(path, record)
+    problems += _check_scene(path, record)
     try:
         again = replayed(record)
     except (ControllerError, ValueError) as error:
         return [*problems, Problem(path.name, "replay", str(error))]
-    return problems + _difference(path, "replay", again)
+    return problems + _difference(path.name, "replay", _document_of(path, record), again)
 
 
 def check_rerun(path: Path, name: str | None = None) -> list[Problem]:
-    """Whether the controller drives the same again.
+    """Whether the controller drives the same again; of a mirror image, whether it drove the original.
 
     Args:
         path: an episode file.
         name: of the controller, if it is no longer found by what the file says.
     """
-    record = read_episode(path)
+    record, _ = _original(path)
+    if (record.path != path) and read_episode(path).document["mirrored_from"]["labels"]:
+        message = "its labels were mirrored by a function that the file does not hold; mirror it back and check that"
+        return [Problem(path.name, "rerun", message)]
     controller = load_controller(name or record.author.path, record.author.settings or {})
     if not controller.deterministic:
         return []
-    return _difference(path, "rerun", rerun(record, controller))
+    return _difference(path.name, "rerun", _document_of(path, record), rerun(record, controller))
+
+
+def _original(path: Path) -> tuple[EpisodeRecord, list[Problem]]:
+    """The episode of a file, or the one that it is the mirror image of; and why it is no exact image, if so."""
+    record = read_episode(path)
+    told = record.document.get("mirrored_from")
+    if not told:
+        return record, []
+    original = mirrored(record)
+    document = written(original.document)
+    problems = _difference(path.name, "mirrored_from", read_bytes(path), written(mirrored(original).document))
+    if told["labels"]:
+        problems = []
+    elif hashlib.sha256(document).hexdigest() != told["sha256"]:
+        message = f"mirrored back it is not {told['id']} as it was (another SHA-256)"
+        problems.append(Problem(path.name, "mirrored_from", message))
+    return original, problems
+
+
+def _document_of(path: Path, record: EpisodeRecord) -> bytes:
+    """The file's own bytes; of a mirror image those of its original."""
+    return read_bytes(path) if record.path == path else written(record.document)
 
 
 def _check_scene(path: Path, record: EpisodeRecord) -> list[Problem]:
@@ -121,13 +155,13 @@ def _check_scene(path: Path, record: EpisodeRecord) -> list[Problem]:
     return [] if same else [Problem(path.name, "scene", "settings and seed give another one")]
 
 
-def _difference(path: Path, place: str, again: bytes) -> list[Problem]:
+def _difference(name: str, place: str, recorded: bytes, again: bytes) -> list[Problem]:
     """Where two documents part, all but their software blocks; nothing if they are the same bytes."""
-    old, new = read_bytes(path).splitlines(), again.splitlines()
+    old, new = recorded.splitlines(), again.splitlines()
     for number, (was, now) in enumerate(zip(old, new, strict=False), 1):
         if was != now and not was.startswith(b'"software"'):
-            return [Problem(path.name, place, f"line {number} differs: {_around(was, now)}")]
-    return [] if len(old) == len(new) else [Problem(path.name, place, f"has {len(old)} lines, should have {len(new)}")]
+            return [Problem(name, place, f"line {number} differs: {_around(was, now)}")]
+    return [] if len(old) == len(new) else [Problem(name, place, f"has {len(old)} lines, should have {len(new)}")]
 
 
 def _around(was: bytes, now: bytes) -> str:

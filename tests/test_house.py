@@ -19,7 +19,21 @@ GROUND = [
 ]  # fmt: skip
 ROOMS = ["world", "agents", "scenegen", "record", "view"]
 STAIRS = {"episode": ["world", "agents"]}
-LANDING = ["plugins", "replay", "proof", "batch", "testing", "driving", "session", "rating", "transforms", "graph", "metrics", "formats"]
+LANDING = [
+    "plugins",
+    "replay",
+    "proof",
+    "batch",
+    "testing",
+    "driving",
+    "session",
+    "rating",
+    "transforms",
+    "graph",
+    "metrics",
+    "formats",
+    "datacard",
+]
 ATTIC = ["window"]
 OUTSIDE = {
     "pymunk": {"world"},
@@ -27,7 +41,7 @@ OUTSIDE = {
     "pygame_gui": {"window"},
     "pydantic": {"scenegen", "record"},
     "yaml": {"scenegen"},
-    "matplotlib": {"metrics"},
+    "matplotlib": {"metrics", "datacard"},
 }
 
 

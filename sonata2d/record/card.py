@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 
 from .layout import Tree
 
@@ -73,13 +74,40 @@ and what they did to the devices, so that `sonata2d check` with `--replay` prove
 """
 
 
+_MIRRORED = """
+Every episode here is the mirror image, left for right, of one of these: the commands above give the originals.
+`sonata2d mirror` gives them too, from these files, to the byte.
+"""
+
+_MERGED = """\
+{count} episodes of a robot among people, merged from {sources} data sets by sonata2d {sonata2d}.
+
+## Made from
+{table}
+
+`manifest.json` holds the settings of each under `sources`, as does every episode.
+"""
+
+
+def title_of(manifest: Tree) -> str:
+    """What a data set is called."""
+    count = len(manifest["files"])
+    title = f"sonata2d {manifest['name']}, seed {manifest['seed']}"
+    if manifest.get("collected"):
+        title = f"sonata2d, {count} runs driven by people"
+    if manifest.get("sources"):
+        title = f"sonata2d, {count} episodes of {len(manifest['sources'])} data sets"
+    return f"{title}, mirrored" if manifest.get("mirrored") else title
+
+
 def card(manifest: Tree) -> str:
     """The card of a data set, from its manifest alone."""
-    counts, files = manifest["counts"], manifest["files"]
-    title = f"sonata2d {manifest['name']}, seed {manifest['seed']}"
-    made = _GENERATED
-    if manifest.get("collected"):
-        title, made = f"sonata2d, {len(files)} runs driven by people", _COLLECTED
+    counts, files, title = manifest["counts"], manifest["files"], title_of(manifest)
+    made = _COLLECTED if manifest.get("collected") else _GENERATED
+    if manifest.get("sources"):
+        made = _MERGED
+    elif manifest.get("mirrored"):
+        made += _MIRRORED
     told = {
         "count": len(files),
         "asked": manifest["episodes"],
@@ -89,6 +117,8 @@ def card(manifest: Tree) -> str:
         "controller": (manifest["controller"] or {}).get("path"),
         "physics": manifest["physics"],
         "people": _people(len(counts.get("contributor") or ())),
+        "sources": len(manifest.get("sources") or ()),
+        "table": _sources(manifest.get("sources") or ()),
     }
     return _CARD.format(
         title=title,
@@ -100,6 +130,16 @@ def card(manifest: Tree) -> str:
         families=_lines(counts["family"]),
         frames=sum(file["ticks"] for file in files),
     )
+
+
+def _sources(sources: Iterable[Tree]) -> str:
+    """Where merged episodes come from."""
+    rows = ["| files | scenario | seed | episodes | |", "| --- | --- | ---: | ---: | --- |"]
+    for source in sources:
+        scenario = "driven by people" if source["scenario"] is None else source["scenario"].replace("|", "/")
+        seed, image = "" if source["seed"] is None else source["seed"], "mirrored" if source.get("mirrored") else ""
+        rows.append(f"| `{source['name']}__…` | {scenario} | {seed} | {len(source['files'])} | {image} |")
+    return "\n".join(rows)
 
 
 def _lines(counts: dict[str, int]) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import orjson
 
 from ..errors import RecordError
-from .dataset import CARD, LOG, MANIFEST, SCENARIO, entry_of, read_manifest
+from .dataset import CARD, CROISSANT, LOG, MANIFEST, METRICS, SCENARIO, entry_of, read_manifest
 from .layout import Tree
 from .reader import read_episode
 from .record import EpisodeRecord
@@ -82,10 +82,22 @@ def listed_files(folder: Path) -> list[Listed]:
         RecordError: there is no whole manifest.
     """
     manifest = read_manifest(folder)
-    common = {key: manifest[key] for key in ("name", "settings", "seed", "controller", "physics", "precision")}
-    if manifest["collected"]:
-        common = {}  # each file tells its own
-    return [Listed(folder / told["name"], told, common) for told in manifest["files"]]
+    common = {key: manifest[key] for key in ("physics", "precision")}
+    shared = {name: _shared(source, common) for source in _sources(manifest) for name in source["files"]}
+    return [Listed(folder / told["name"], told, shared.get(told["name"], {})) for told in manifest["files"]]
+
+
+def _sources(manifest: Tree) -> list[Tree]:
+    """The data sets that it was merged from, or itself as the only one."""
+    files = [told["name"] for told in manifest["files"]]
+    return manifest.get("sources") or [manifest | {"scenario": manifest["name"], "files": files}]
+
+
+def _shared(source: Tree, common: Tree) -> Tree:
+    """What all files of a source say alike; of runs that people drove each tells its own."""
+    if source["scenario"] is None:
+        return {}
+    return common | {"name": source["scenario"], **{key: source[key] for key in ("settings", "seed", "controller")}}
 
 
 def check_listed(listed: Listed) -> list[Problem]:
@@ -136,14 +148,20 @@ def _manifest_doubts(folder: Path, manifest: Tree) -> Iterator[Doubt]:
     names, episodes = [file["name"] for file in files], [file["episode"] for file in files]
     if not manifest["complete"]:
         yield "complete", f"{len(files)} of {manifest['episodes']} episodes are there; go on with --resume"
-    elif not manifest["collected"] and episodes != list(range(manifest["episodes"])):
+    elif not (manifest["collected"] or manifest.get("sources")) and episodes != list(range(manifest["episodes"])):
         yield "files", f"should list the episodes 0 to {manifest['episodes'] - 1} in order"
     for key, told in manifest["counts"].items():
-        if told != (counted := dict(Counter(file[key] for file in files))):
+        if told != (counted := dict(Counter(file[key] for file in files if file.get(key) is not None))):
             yield f"counts.{key}", f"says {told}, the list gives {counted}"
     for name in _repeated(names):
         yield "files", f"lists {name} more than once"
-    strangers = {path.name for path in folder.iterdir() if path.is_file()} - {*names, MANIFEST, SCENARIO, CARD, LOG}
+    if manifest.get("sources") and sorted(names) != sorted(name for s in _sources(manifest) for name in s["files"]):
+        yield "sources", "should list each file once"
+    parts = [name for part in (manifest["split"] or {}).values() for name in part]
+    for name in [*_repeated(parts), *sorted(set(parts) - set(names))]:
+        yield "split", f"{name} is in two parts, or in none of the files listed"
+    known = {*names, MANIFEST, SCENARIO, CARD, LOG, METRICS, CROISSANT}
+    strangers = {path.name for path in folder.iterdir() if path.is_file()} - known
     for name in sorted(name for name in strangers if ".json" in name or name.endswith(".tmp")):
         yield "files", f"{name} is in the folder but not in the list"
 

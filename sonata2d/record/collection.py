@@ -20,9 +20,11 @@ from .canonical import head_of
 from .card import card
 from .dataset import (
     CARD,
+    CROISSANT,
     DATASET_FORMAT,
     DATASET_VERSION,
     MANIFEST,
+    METRICS,
     SCENARIO,
     entry_of,
     log,
@@ -190,7 +192,9 @@ def checked_name(contributor: str) -> str:
     name = contributor.strip()
     if not name or len(name) > LONGEST_NAME:
         said = f"has {len(name)} characters" if name else "is empty"
-        raise ConfigError(f"the contributor's name {said}; give a name or a pseudonym of 1 to {LONGEST_NAME} characters")
+        raise ConfigError(
+            f"the contributor's name {said}; give a name or a pseudonym of 1 to {LONGEST_NAME} characters"
+        )
     if not name.isprintable() or any("\ud800" <= c <= "\udfff" for c in name):
         raise ConfigError(f"the contributor's name {name!r:.60} has characters that cannot be shown; leave them out")
     return name
@@ -255,7 +259,11 @@ def _rows(folder: Path, known: dict[str, Tree]) -> Iterator[Tree]:
         logger.warning("%s; it is gathered again from the files", error)
     known = listed | known
     for path in sorted(folder.iterdir()):
-        if path.name in (MANIFEST, SCENARIO) or path.name.startswith(".") or not path.name.endswith(SUFFIXES):
+        if (
+            path.name in (MANIFEST, SCENARIO, METRICS, CROISSANT)
+            or path.name.startswith(".")
+            or not path.name.endswith(SUFFIXES)
+        ):
             continue
         row = known.get(path.name)
         try:

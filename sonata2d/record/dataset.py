@@ -28,6 +28,8 @@ from .software import software
 
 DATASET_FORMAT, DATASET_VERSION = "sonata2d-dataset", 1
 MANIFEST, SCENARIO, CARD, LOG = "manifest.json", "scenario.json", "README.md", "run.jsonl"
+CROISSANT = "croissant.json"  # what `sonata2d card` writes for machines
+METRICS = "metrics.json"  # what `sonata2d evaluate` leaves beside the episodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,6 +240,8 @@ def _identity(plan: Plan) -> Tree:
 def _refuse_another(folder: Path, plan: Plan) -> None:
     """Only the same data set can be resumed, or the same with more episodes."""
     there, asked = read_manifest(folder), {**_identity(plan), "physics": PHYSICS_VERSION}
+    if there.get("mirrored"):
+        raise RecordError(f"{folder} holds mirror images; resume the data set that they are of, and mirror that")
     for key, value in asked.items():
         if key == "episodes" and there.get(key, 0) <= value:
             continue

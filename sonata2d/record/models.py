@@ -149,6 +149,17 @@ class Branch(Part):
     tick: Count = Field(description="the first tick that may differ")
 
 
+class Mirror(Part):
+    """The episode that this one is the mirror image of: y and theta changed sign. Seed and settings made that one."""
+
+    id: str
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of its document, unpacked")
+    labels: bool = Field(description="whether labels were changed too; else they are the original's")
+    thetas: list[tuple[int, float]] = Field(
+        description="index in `objects` and the original's theta, where turning it back does not give every digit"
+    )
+
+
 class Column(Part):
     """A number of a row."""
 
@@ -276,6 +287,7 @@ class Episode(Part):
     contributor: str | None = Field(description="who drove or recorded")
     context: str | None = Field(description="text for whoever judges the episode")
     branched_from: Branch | None
+    mirrored_from: Mirror | None = Field(default=None, description="only if it is a mirror image")
     columns: Columns
     activities: list[str] = Field(description="names of the numbers in `activity`")
     outcome: Outcome

@@ -28,7 +28,19 @@ def read_episode(path: str | Path) -> EpisodeRecord:
         RecordError: it cannot be read, is no whole episode, or was written by a newer format version.
     """
     path = Path(path)
-    document = _document(path)
+    return record_of(_document(path), path)
+
+
+def record_of(document: Tree, path: Path) -> EpisodeRecord:
+    """The episode that a document of this format version tells.
+
+    Args:
+        document: all that a file says, as JSON gives it.
+        path: of the file, for errors.
+
+    Raises:
+        RecordError: it is no whole episode.
+    """
     with reading(path):
         record = _record(path, document)
         record.scene()

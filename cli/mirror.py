@@ -1,0 +1,42 @@
+"""`sonata2d mirror`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .output import json_option, progress, show_json
+
+
+@click.command(
+    epilog="Examples:  sonata2d mirror demo -o demo-mirrored   ·   sonata2d mirror demo/000000.json -o twin.json"
+)
+@click.argument("path", type=click.Path(path_type=Path), metavar="DIR|FILE")
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="A new folder, or a file.")
+@json_option
+def command(path: Path, output: Path, as_json: bool) -> None:
+    """Mirror every episode of a data set, or one, left for right.
+
+    Exact: mirrored twice they are the same bytes again. Labels that are numbers stay; commands are mirrored.
+    """
+    episodes, frames = _data_set(path, output) if path.is_dir() else _file(path, output)
+    if as_json:
+        show_json({"output": str(output), "episodes": episodes, "frames": frames})
+    else:
+        click.echo(f"{output}: {episodes} episodes mirrored, {frames} frames")
+
+
+def _data_set(path: Path, output: Path) -> tuple[int, int]:
+    from sonata2d.record import read_manifest
+    from sonata2d.transforms import mirror_dataset
+
+    with progress(len(read_manifest(path)["files"]), "episodes") as advance:
+        manifest = mirror_dataset(path, output, advance=advance)
+    return len(manifest["files"]), sum(row["ticks"] for row in manifest["files"])
+
+
+def _file(path: Path, output: Path) -> tuple[int, int]:
+    from sonata2d.transforms import mirror_file
+
+    return 1, len(mirror_file(path, output))

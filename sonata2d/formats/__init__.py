@@ -1,0 +1,17 @@
+"""Episodes in the formats of other programs, out and in."""
+
+from .doors import Done, count_sources, episodes_in, export_to, format_named, import_from
+from .form import Format, Options
+from .registry import FORMATS
+
+__all__ = [
+    "FORMATS",
+    "Done",
+    "Format",
+    "Options",
+    "count_sources",
+    "episodes_in",
+    "export_to",
+    "format_named",
+    "import_from",
+]

@@ -1,0 +1,92 @@
+"""A card tells how a data set looks, and machines can read it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from sonata2d_cli import main
+
+from sonata2d.batch import generate_dataset
+from sonata2d.datacard import surveyed, write_card
+from sonata2d.datacard.survey import clearances
+from sonata2d.proof import prove
+from sonata2d.proxemics import clearance
+from sonata2d.record import read_episode
+from sonata2d.scenegen import ScenarioConfig
+
+pytest.importorskip("matplotlib", reason="the card's figures need sonata2d[plots]")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sets") / "set"
+    config = ScenarioConfig(humans=(0, 5), rules={"time_limit": 4.0})
+    generate_dataset(folder, config, "straight-to-goal", episodes=4, seed=2)
+    return folder
+
+
+def test_every_frame_is_counted_once(made: Path) -> None:
+    records = [read_episode(path) for path in sorted(made.glob("0*.json"))]
+    survey = surveyed(records)
+    frames = sum(len(record) for record in records)
+    people = sum(int(record.present.sum()) for record in records)
+    assert (survey.robot.sum(), survey.robot_speed.sum(), survey.frames) == (frames, frames, frames)
+    assert (survey.people.sum(), survey.people_speed.sum()) == (people, people)
+    assert survey.clearance.sum() == frames - survey.alone
+    assert sum(survey.outcomes.values()) == 4
+
+
+def test_the_map_has_x_to_the_right(made: Path) -> None:
+    record = read_episode(made / "000000.json")
+    survey = surveyed([record])
+    (x, y), counts = record.robot[0, :2], survey.robot
+    assert counts[int((x + 12.0) / 0.2), int((y + 12.0) / 0.2)] > 0
+
+
+def test_gaps_are_those_that_controllers_see(made: Path) -> None:
+    for path in sorted(made.glob("0*.json")):
+        record = read_episode(path)
+        seen = [max(clearance(record.snapshot(t)), 0.0) for t in range(len(record))]
+        assert clearances(record) == pytest.approx(np.array(seen), abs=1e-9)
+
+
+def test_the_card_has_figures_and_the_set_stays_sound(made: Path) -> None:
+    path = write_card(made)
+    text = path.read_text()
+    assert "![" in text
+    assert text.index("## Figures") < text.index("## Known limits")
+    assert (made / "card.png").read_bytes().startswith(b"\x89PNG")
+    assert prove(made) == []
+
+
+def test_metadata_names_the_manifest_by_its_hash(made: Path) -> None:
+    write_card(made, figures=False)
+    tree = json.loads((made / "croissant.json").read_text())
+    assert tree["@type"] == "sc:Dataset"
+    assert tree["conformsTo"] == "http://mlcommons.org/croissant/1.0"
+    manifest, episodes = tree["distribution"]
+    assert manifest["sha256"] == hashlib.sha256((made / "manifest.json").read_bytes()).hexdigest()
+    assert episodes["includes"] == ["*.json"]
+    listed = json.loads((made / "manifest.json").read_text())["files"][0]
+    fields = [
+        field["source"]["extract"]["jsonPath"].removeprefix("$.files[*].") for field in tree["recordSet"][0]["field"]
+    ]
+    assert set(fields) <= set(listed)
+
+
+def test_the_same_data_give_the_same_card(made: Path) -> None:
+    write_card(made)
+    first = {name: (made / name).read_bytes() for name in ("README.md", "croissant.json", "card.png")}
+    write_card(made)
+    assert first == {name: (made / name).read_bytes() for name in first}
+
+
+def test_the_command_tells_what_it_wrote(made: Path) -> None:
+    told = json.loads(CliRunner().invoke(main, ["card", str(made), "--json"]).output)
+    assert all(Path(path).is_file() for path in told.values())
+    assert CliRunner().invoke(main, ["card", "nowhere"]).exit_code == 1

@@ -1,0 +1,173 @@
+"""`csv` and `trajnet`: tracks of people, out and in."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sonata2d as s2
+from sonata2d.errors import RecordError
+from sonata2d.formats import Done, Options, export_to, import_from, trajnet
+from sonata2d.record import EpisodeRecord, JsonRecorder, check_episode, read_episode
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
+COMING_AND_GOING = [
+    (frame, ped, 0.1 * frame + ped, 2.0 * ped)
+    for frame in range(0, 60, 10)
+    for ped in (3, 8)
+    if ped == 3 or 20 <= frame <= 40
+]
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def imported(path: Path, **options: float) -> EpisodeRecord:
+    out = path.parent / "made" / "one.json"
+    done = import_from(path, path.suffix.replace(".ndjson", ".trajnet")[1:], out, Options(**options))
+    assert done == Done([out], [])
+    return read_episode(out)
+
+
+def refusal(path: Path, format: str = "csv", **options: float) -> str:
+    done = import_from(path, format, path.parent / "made", Options(**options))
+    assert done.files == []
+    assert not (path.parent / "made").exists()
+    (line,) = done.refused
+    assert "\n" not in line
+    return line
+
+
+@pytest.fixture(scope="module")
+def long_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Ten seconds."""
+    path = tmp_path_factory.mktemp("long") / "long.json"
+    config = s2.ScenarioConfig(standing=1, wandering=3, rules={"time_limit": 10.0, "ends_on": ["time"]})
+    with JsonRecorder(path) as recorder:
+        s2.Episode(s2.generate(config, 3), s2.StraightToGoal(), observers=[recorder]).run()
+    return path
+
+
+def test_csv_carries_who_was_where(records: list[EpisodeRecord], tmp_path: Path) -> None:
+    for record in records:
+        done = export_to(record.path, "csv", tmp_path / "one.csv")
+        if not record.scene().humans:
+            assert "nobody is in it" in done.refused[0]
+            continue
+        back = imported(tmp_path / "one.csv", frame_time=record.scene().rules.dt)
+        assert (back.looks.humans[..., 0:2] == record.looks.humans[..., 0:2]).all()
+        assert [human.id for human in back.scene().humans] == [human.id for human in record.scene().humans]
+        assert (back.looks.time == record.looks.time).all()
+        assert np.hypot(*(back.looks.humans - record.looks.humans)[1:, :, 3:5].reshape(-1, 2).T).max() < 0.5
+
+
+@pytest.mark.parametrize("row", ["{},{},{},{}", "{}\t{}\t{}\t{}", "{:.1f}  {:.1f} {} {}"])
+def test_the_usual_four_columns_are_read(tmp_path: Path, row: str) -> None:
+    text = "\n".join(row.format(*cells) for cells in COMING_AND_GOING)
+    record = imported(written(tmp_path / "four.csv", text), frame_time=0.04)
+    assert record.scene().rules.dt == 0.4
+    assert len(record) == 5
+    assert [human.id for human in record.scene().humans] == [3, 8]
+    assert record.looks.present[:, 1].tolist() == [False, False, True, True, True, False]
+    assert record.looks.humans[:, 0, 0:2].tolist() == [[pytest.approx(k + 3), 6.0] for k in range(6)]
+    assert record.looks.humans[:, 0, 3:5] == pytest.approx(np.tile((2.5, 0.0), (6, 1)))
+    assert record.looks.humans[2:5, 1, 3] == pytest.approx([2.5] * 3), "whoever comes has a velocity at once"
+    lacks = set(record.document["imported"]["lacks"])
+    assert {"robot", "goal", "walls", "humans.radius", "humans.group", "physics", "frames.command"} <= lacks
+    assert check_episode(record.path) == []
+
+
+def test_columns_by_name_give_time_groups_walls_and_speed(tmp_path: Path) -> None:
+    rows = [(0.4 * f / 10, p, x, y, f, 7 if p == 3 else 7 * (p == 8)) for f, p, x, y in COMING_AND_GOING]
+    text = "t,ped,x,y,frame,group\n" + "\n".join(",".join(map(str, row)) for row in rows)
+    written(tmp_path / "own.obstacles.csv", "x1,y1,x2,y2\n0,-3,9,-3\n")
+    written(tmp_path / "own.json", '{"desired_speed": 1.5}')
+    scene = imported(written(tmp_path / "own.csv", text)).scene()
+    assert scene.rules.dt == 0.4
+    assert [(wall.start, wall.end) for wall in scene.walls] == [((0.0, -3.0), (9.0, -3.0))]
+    assert [(group.id, group.kind, group.members) for group in scene.groups] == [(7, "walking", (3, 8))]
+    assert {human.desired_speed for human in scene.humans} == {1.5}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0,1,2,3\n1,1,2,3\n", "does not say how long a frame is; tell it, e.g. --frame-time"),
+        ("", "it is empty"),
+        ("frame,ped,x\n0,1,2\n", "no column y"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2\n", "row 2 has 3 cells, not the 5"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,nan,1\n", "must be finite"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1.5,2,2,1\n", "ped must be whole numbers"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n", "two frames or more|no multiple"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n1,1,2,4,1\n", "two places in one frame"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n2,1,2,4,9\n", "no multiple of its frame numbers"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n2,1,2,3,2\n4,1,2,3,4\n5,1,2,4,5\n", "frame 5 is off the usual step"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n1e10,1,2,4,1e10\n", "more than one episode holds"),
+    ],
+)
+def test_a_bad_file_of_tracks_is_one_clear_line(tmp_path: Path, text: str, said: str) -> None:
+    assert re.search(said, refusal(written(tmp_path / "bad.csv", text)))
+
+
+def test_trajnet_has_scenes_that_its_readers_can_use(long_run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "long.ndjson"
+    assert export_to(long_run, "trajnet", out).refused == []
+    lines = [json.loads(line) for line in out.read_text().splitlines()]
+    scenes = [line["scene"] for line in lines if "scene" in line]
+    tracks = [line["track"] for line in lines if "track" in line]
+    places = {(track["f"], track["p"]): (track["x"], track["y"]) for track in tracks}
+    record = read_episode(long_run)
+    assert len(scenes) == len(record.scene().humans) == 4
+    for scene in scenes:
+        assert [f for f, p in places if p == scene["p"] and scene["s"] <= f <= scene["e"]] == list(range(0, 81, 4))
+        assert scene["fps"] == 2.5
+    for (f, p), place in places.items():
+        assert place == tuple(record.looks.humans[f, p - 1, 0:2])
+    back = imported(out)
+    assert back.scene().rules.dt == 0.4
+    assert (back.looks.humans[..., 0:2] == record.looks.humans[::4, :, 0:2]).all()
+
+
+def test_trajnet_refuses_what_is_too_short_or_off_its_clock(folder: Path, tmp_path: Path) -> None:
+    done = export_to(folder, "trajnet", tmp_path / "out")
+    assert len(done.refused) == 20
+    assert "nobody is in it for 8 s" in done.refused[0]
+    record = read_episode(folder / "000000.json")
+    slow = record.document | {"rules": record.document["rules"] | {"dt": 0.15}}
+    looks = replace(record.looks, time=record.looks.tick * 0.15)
+    with pytest.raises(RecordError, match=r"ticks of 0.15 s"):
+        trajnet.export(replace(record, document=slow, looks=looks), Options())
+
+
+def test_what_models_predicted_is_no_track(tmp_path: Path) -> None:
+    lines = [{"track": {"f": 10 * k, "p": 5, "x": k, "y": 0.0}} for k in range(3)]
+    lines += [
+        {"track": {"f": 10 * k, "p": 6, "x": k, "y": 9.0, "prediction_number": 0, "scene_id": 1}} for k in range(3)
+    ]
+    path = written(tmp_path / "given.ndjson", "\n".join(map(json.dumps, lines)))
+    record = imported(path)
+    assert record.looks.humans[:, 0, 0].tolist() == [0.0, 1.0, 2.0]
+    assert len(record.scene().humans) == 1
+    assert record.looks.time.tolist() == [0.0, 0.4, 0.8]
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="the recorded tracks are not on this machine")
+@pytest.mark.parametrize("name", ["eth", "zara01", "corridor_uni"])
+def test_recorded_people_become_a_scene(tmp_path: Path, name: str) -> None:
+    done = import_from(REAL / f"{name}.csv", "csv", tmp_path)
+    record = read_episode(done.files[0])
+    rows = [line.split(",") for line in (REAL / f"{name}.csv").read_text().splitlines()[1:]]
+    assert record.looks.present.sum() == len(rows)
+    frame, ped, x, y = (np.array([float(row[k]) for row in rows]) for k in (1, 3, 4, 5))
+    column = np.searchsorted([human.id for human in record.scene().humans], ped)
+    seen = record.looks.humans[(frame - frame.min()).astype(int), column, 0:2]
+    assert np.abs(seen - np.stack((x, y), axis=1)).max() < 1e-4
+    assert check_episode(done.files[0]) == []
+    assert record.scene().walls

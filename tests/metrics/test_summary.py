@@ -1,0 +1,58 @@
+"""Means, medians, intervals, differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sonata2d.metrics import bootstrap_interval, differences, summarise
+
+NUMBERS = st.lists(st.floats(-100.0, 100.0).map(lambda v: round(v, 3)), min_size=2, max_size=30)
+
+
+def test_what_is_not_defined_is_left_out_of_n() -> None:
+    told = summarise([1.0, None, 2.0, 6.0, None])
+    assert (told.n, told.mean, told.median) == (3, 3.0, 2.0)
+    assert summarise([None, None]).tree() == {"n": 0, "mean": None, "median": None, "low": None, "high": None}
+    assert summarise([2.0]).interval is None
+
+
+def test_the_interval_of_two_values_is_their_range() -> None:
+    """Means of resamples are 0, 1/2 or 1, at odds 1 : 2 : 1, so that both ends lie within 95 %."""
+    assert bootstrap_interval(np.array([0.0, 1.0])) == (0.0, 1.0)
+
+
+def test_the_interval_is_that_of_the_normal_law_for_many_values() -> None:
+    values = np.random.Generator(np.random.PCG64(1)).normal(5.0, 2.0, 400)
+    interval = bootstrap_interval(values, resamples=4000)
+    assert interval is not None
+    half = 1.96 * values.std() / 20.0
+    assert interval == pytest.approx((values.mean() - half, values.mean() + half), abs=0.03)
+
+
+@settings(deadline=None, max_examples=30)
+@given(NUMBERS, st.floats(-10.0, 10.0).map(lambda v: round(v, 2)))
+def test_the_interval_holds_to_the_values_and_moves_with_them(numbers: list[float], shift: float) -> None:
+    interval = bootstrap_interval(np.array(numbers), resamples=300)
+    moved = bootstrap_interval(np.array(numbers) + shift, resamples=300)
+    assert interval is not None
+    assert moved is not None
+    assert min(numbers) - 1e-6 <= interval.low <= interval.high <= max(numbers) + 1e-6
+    assert moved == pytest.approx((interval.low + shift, interval.high + shift), abs=2e-6)
+    assert interval == bootstrap_interval(np.array(numbers), resamples=300)
+
+
+@pytest.mark.parametrize(("level", "resamples"), [(0.0, 10), (1.0, 10), (0.9, 0)])
+def test_senseless_intervals_are_refused(level: float, resamples: int) -> None:
+    with pytest.raises(ValueError, match="level must lie"):
+        bootstrap_interval(np.array([1.0, 2.0]), level=level, resamples=resamples)
+
+
+def test_differences_are_taken_scene_by_scene() -> None:
+    """Scenes 0 and 1 are common to both, and defined; 2 is not defined in one, 3 and 4 not common."""
+    first = {0: {"t": 10.0}, 1: {"t": 20.0}, 2: {"t": None}, 3: {"t": 1.0}}
+    second = {0: {"t": 11.0}, 1: {"t": 23.0}, 2: {"t": 5.0}, 4: {"t": 1.0}}
+    told = differences(first, second, "t")
+    assert (told.n, told.mean, told.interval) == (2, 2.0, (1.0, 3.0))
