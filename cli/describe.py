@@ -65,6 +65,11 @@ def _dataset(folder: Path) -> Rows:
         ("physics version", manifest["physics"]),
         ("sonata2d", manifest["software"]["sonata2d"]),
     ]
+    if manifest.get("mirrored"):
+        rows.append(("mirrored", "each episode is the mirror image of one that settings and seed give"))
+    rows += [("merged from", [_source(source) for source in manifest["sources"]])] if manifest.get("sources") else []
+    if manifest["split"]:
+        rows.append(("split", {part: len(names) for part, names in manifest["split"].items()}))
 
     return rows + (_answers(folder, files) if manifest["collected"] else [])
 
@@ -108,8 +113,29 @@ def _episode(path: Path) -> Rows:
         ("outcome", f"{record.outcome.status}: {record.outcome.reason}"),
         ("labels", document["labels"] or "the command itself"),
         ("not placed", list(scene.dropped)),
+        *_origin(document),
         *_columns(document["columns"]),
     ]
+
+
+def _source(source: dict[str, Any]) -> str:
+    """One of the data sets that were merged."""
+    scenario = source["scenario"] or "driven by people"
+    seed = "" if source["seed"] is None else f", seed {source['seed']}"
+    return (
+        f"{source['name']}: {len(source['files'])} of {scenario}{seed}{', mirrored' if source.get('mirrored') else ''}"
+    )
+
+
+def _origin(document: dict[str, Any]) -> Iterator[tuple[str, object]]:
+    """Where an episode is from, if it was not simply run."""
+    if branched := document["branched_from"]:
+        yield "branched from", f"{branched['id']} at tick {branched['tick']}"
+    if mirrored := document.get("mirrored_from"):
+        yield "mirror image of", mirrored["id"]
+    if imported := document.get("imported"):
+        yield "imported from", f"{imported['file']} ({imported['format']})"
+        yield "not in the source", imported["lacks"]
 
 
 def _columns(columns: dict[str, list[dict[str, str]]]) -> Iterator[tuple[str, object]]:

@@ -13,7 +13,7 @@ pyarrow is asked for when it is needed.
 
 from __future__ import annotations
 
-import io
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from ..errors import RecordError
 from ..frame import ACTIVITIES
 from ..record import EpisodeRecord, write_atomically
 from ..record.columns import COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES
-from ..record.files import stem_of
+from ..record.files import TEMPORARY, stem_of
 from ..record.layout import Tree
 from .form import Options, parsing
 
@@ -36,16 +36,36 @@ _TEXTS = ("contacts", "events", "label")  # of frames, as JSON
 
 
 def gather(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
-    """Write the tables of all episodes into a folder.
+    """Write the tables of all episodes into a folder, a few episodes at a time.
 
     Raises:
         RecordError: pyarrow is not installed, two episodes have the same file name, or nothing can be written.
     """
     pa, pq = _arrow()
-    schemas = _schemas(pa)
-    sinks = {name: io.BytesIO() for name in TABLES}
+    schemas, files = _schemas(pa), {name: out / f"{name}.parquet" for name in TABLES}
+    parts = {name: out / f"{TEMPORARY}{name}.tmp" for name in TABLES}
     options = {"write_page_checksum": True, "compression": "zstd"}
-    writers = {name: pq.ParquetWriter(sinks[name], schemas[name], **options) for name in TABLES}
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        writers = {name: pq.ParquetWriter(parts[name], schemas[name], **options) for name in TABLES}
+        try:
+            _write_all(pa, records, writers, schemas)
+        finally:
+            for writer in writers.values():
+                writer.close()
+        for name in TABLES:
+            os.replace(parts[name], files[name])
+    except OSError as error:
+        raise RecordError(f"{out} cannot be written: {error.strerror or error}") from error
+    finally:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
+    write_atomically(out / "README.md", _card().encode())
+    return [*files.values(), out / "README.md"]
+
+
+def _write_all(pa: Any, records: Iterator[EpisodeRecord], writers: dict[str, Any], schemas: dict[str, Any]) -> None:
+    """Write the rows of each episode, in groups of some hundred thousand."""
     waiting: dict[str, list[Any]] = {name: [] for name in TABLES}
     names: set[str] = set()
     for record in records:
@@ -57,15 +77,9 @@ def gather(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
             if sum(len(part) for part in waiting[table]) > _GROUP:
                 writers[table].write_table(pa.concat_tables(waiting[table]))
                 waiting[table] = []
-    for table, parts in waiting.items():
-        if parts:
-            writers[table].write_table(pa.concat_tables(parts))
-        writers[table].close()
-    files = [out / f"{name}.parquet" for name in TABLES]
-    for path, sink in zip(files, sinks.values(), strict=True):
-        write_atomically(path, sink.getvalue())
-    write_atomically(out / "README.md", _card().encode())
-    return [*files, out / "README.md"]
+    for table, rest in waiting.items():
+        if rest:
+            writers[table].write_table(pa.concat_tables(rest))
 
 
 def _arrow() -> tuple[Any, Any]:

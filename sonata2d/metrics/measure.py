@@ -23,6 +23,7 @@ from ..record.software import software
 from .catalogue import ALL
 from .definition import DEFINITIONS_VERSION, METRICS_FORMAT, Metric
 from .disturbance import without_robot
+from .lacking import is_measurable
 from .run import Run
 from .summary import LEVEL, RESAMPLES, Summary, differences, summarise
 
@@ -98,10 +99,10 @@ def measure(
             does, and is left out where this version's physics did not make the episode.
 
     Returns:
-        By name; None where a metric is not defined.
+        By name; None where a metric is not defined, or rests on what an imported run does not tell.
     """
     run = Run(record, without_robot(record) if rerun else None)
-    return {metric.name: metric.of(run) for metric in metrics}
+    return {metric.name: metric.of(run) if is_measurable(metric, record) else None for metric in metrics}
 
 
 def measure_files(

@@ -160,6 +160,16 @@ class Mirror(Part):
     )
 
 
+class Imported(Part):
+    """The file of another format that this episode was read from. What it did not tell is null, or stood in for."""
+
+    format: str
+    file: str
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of that file")
+    lacks: list[str] = Field(description="keys of this document that it did not tell; nothing there was measured")
+    derived: list[str] = Field(description="keys that were computed from what it told")
+
+
 class Column(Part):
     """A number of a row."""
 
@@ -288,6 +298,7 @@ class Episode(Part):
     context: str | None = Field(description="text for whoever judges the episode")
     branched_from: Branch | None
     mirrored_from: Mirror | None = Field(default=None, description="only if it is a mirror image")
+    imported: Imported | None = Field(default=None, description="only if it was read from another format")
     columns: Columns
     activities: list[str] = Field(description="names of the numbers in `activity`")
     outcome: Outcome
