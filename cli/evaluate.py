@@ -191,10 +191,11 @@ def _compared(evaluations: Sequence[Evaluation]) -> dict[str, Any]:
     from sonata2d.metrics import tree_of
 
     first = evaluations[0]
+    names = next((list(one.runs[0].values) for one in evaluations if one.runs), [])
     return {
         "evaluations": [{"label": one.label, **tree_of(one)} for one in evaluations],
         "differences": [
-            {"of": one.label, "from": first.label} | {name: one.less(first, name).tree() for name in one.runs[0].values}
+            {"of": one.label, "from": first.label} | {name: one.less(first, name).tree() for name in names}
             for one in evaluations[1:]
         ],
     }

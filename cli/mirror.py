@@ -39,4 +39,6 @@ def _data_set(path: Path, output: Path) -> tuple[int, int]:
 def _file(path: Path, output: Path) -> tuple[int, int]:
     from sonata2d.transforms import mirror_file
 
+    if output.exists():
+        raise click.UsageError(f"{output} exists; name a new file")
     return 1, len(mirror_file(path, output))

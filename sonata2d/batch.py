@@ -91,6 +91,7 @@ def generate_dataset(
     out = Path(out)
     author = author_of(load_controller(controller), controller)
     plan = Plan(scenario.name, scenario.settings(), seed, episodes, author, suffix)
+    split = dataset.read_manifest(out)["split"] if resume and (out / dataset.MANIFEST).exists() else None
     listed = dataset.start(out, plan, resume=resume)
     done, faults = dataset.existing(out, plan, listed) if resume else ({}, [])
     for fault in faults:
@@ -104,7 +105,9 @@ def generate_dataset(
             done[result.episode] = result
             advance(1)
     shutil.rmtree(out / FAILED, ignore_errors=True)  # what failed is made by now
-    return dataset.finish(out, plan, done.values())
+    if split is not None and todo:
+        logger.warning("%s was split, and has other episodes now; split it again", out)
+    return dataset.finish(out, plan, done.values(), split=None if todo else split)
 
 
 def _results(job: Job, todo: Sequence[int], workers: int) -> Iterator[Entry | Failure]:

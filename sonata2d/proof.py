@@ -36,7 +36,11 @@ def files_of(path: Path) -> Sequence[Path | Listed]:
         return [path]
     if (path / MANIFEST).exists():
         return listed_files(path)
-    files = sorted(file for file in path.glob("*.json*") if file.is_file() and file.name not in (METRICS, CROISSANT))
+    files = sorted(
+        file
+        for file in path.glob("*.json*")
+        if file.is_file() and file.name not in (METRICS, CROISSANT, "evaluation.json")
+    )
     if not files:
         raise RecordError(f"{path} holds no episode files" if path.is_dir() else f"{path} does not exist")
     return files

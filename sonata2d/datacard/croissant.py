@@ -5,8 +5,11 @@ Source: Croissant format specification 1.0, MLCommons (2024), http://mlcommons.o
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+from ..record.dataset import CROISSANT, MANIFEST, METRICS, SCENARIO
+from ..record.files import suffix_of
 from ..record.layout import Tree
 
 LICENCE = "https://creativecommons.org/licenses/by/4.0/"
@@ -20,6 +23,7 @@ _CONTEXT = {
     "dct": "http://purl.org/dc/terms/",
     "data": {"@id": "cr:data", "@type": "@json"},
     "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+    "excludes": "cr:excludes",
     "extract": "cr:extract",
     "field": "cr:field",
     "fileObject": "cr:fileObject",
@@ -33,6 +37,7 @@ _CONTEXT = {
     "source": "cr:source",
     "transform": "cr:transform",
 }
+_ENCODINGS = {".json": "application/json", ".json.gz": "application/gzip", ".json.zst": "application/zstd"}
 _FIELDS = (  # of the manifest's list of files
     ("name", "sc:Text", "file name of the episode"),
     ("sha256", "sc:Text", "SHA-256 of the file"),
@@ -52,7 +57,7 @@ def croissant(manifest: Tree, sha256: str, *, title: str, description: str) -> d
         sha256: of the manifest's file.
         title, description: of the data set.
     """
-    suffixes = sorted({"".join(name["name"].partition(".")[1:]) for name in manifest["files"]}) or [".json"]
+    suffixes = sorted({suffix_of(Path(file["name"])) for file in manifest["files"]}) or [".json"]
     manifest_file = {"@id": "manifest.json"}
     return {
         "@context": _CONTEXT,
@@ -76,8 +81,11 @@ def croissant(manifest: Tree, sha256: str, *, title: str, description: str) -> d
                 "@id": "episodes",
                 "name": "episodes",
                 "description": "One JSON document an episode; columns and units are named in each.",
-                "encodingFormat": "application/json",
+                "encodingFormat": _ENCODINGS[suffixes[0]]
+                if len(suffixes) == 1
+                else list(map(_ENCODINGS.get, suffixes)),
                 "includes": [f"*{suffix}" for suffix in suffixes],
+                "excludes": [MANIFEST, SCENARIO, METRICS, CROISSANT],
             },
         ],
         "recordSet": [

@@ -66,7 +66,8 @@ def paper_graphs(record: EpisodeRecord) -> list[Graph]:
         RecordError: somebody is not present at an instant.
     """
     kept = kept_ticks(record.time)
-    refuse_absent(record.present, kept[1:], record.path.name)
+    seen = sorted({*kept[1:], *(tick - 1 for tick in kept[1:])})  # velocities are told from the tick before
+    refuse_absent(record.present, seen, record.path.name)
     motion, scene = motion_of(record), record.scene()
     owner, pieces = wall_pieces(motion.walls[0])
     cast = Cast(tuple(h.id for h in scene.humans), tuple(f.id for f in scene.furniture), owner)

@@ -158,6 +158,7 @@ def tree_of(evaluation: Evaluation) -> dict[str, Any]:
         "version": DEFINITIONS_VERSION,
         "metrics": {name: {"unit": ALL[name].unit, "better": ALL[name].better} for name in names},
         "bootstrap": {"level": LEVEL, "resamples": evaluation.resamples, "seed": 0},
+        "rerun": any(run.values.get("human_slowing") is not None for run in evaluation.runs),
         "summary": evaluation.summaries(),
         "episodes": [asdict(run) for run in evaluation.runs],
     }

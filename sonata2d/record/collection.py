@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -173,7 +173,7 @@ class Collection:
         self._kept: int = sum(row["contributor"] == self.contributor for row in rows.values())
         try:
             with FileLock(self.folder / JOURNALS / "manifest.lock", timeout=10):
-                manifest = manifest_of_runs(list(rows.values()))
+                manifest = manifest_of_runs(list(rows.values())) | {"split": _split_of(self.folder, rows)}
                 write_atomically(self.folder / CARD, card(manifest).encode())
                 write_tree(self.folder / MANIFEST, manifest)
         except (RecordError, Timeout) as error:
@@ -270,6 +270,16 @@ def _rows(folder: Path, known: dict[str, Tree]) -> Iterator[Tree]:
             yield row if row is not None and row["bytes"] == path.stat().st_size else _row_of(path)
         except RecordError as error:
             logger.warning("%s; it is left out of the manifest", error)
+
+
+def _split_of(folder: Path, rows: Iterable[str]) -> Tree | None:
+    """The split of a folder, as long as it holds the runs that were split."""
+    try:
+        manifest = read_manifest(folder)
+    except RecordError:
+        return None
+    split: Tree | None = manifest["split"]
+    return split if {row["name"] for row in manifest["files"]} == set(rows) else None
 
 
 def _row_of(path: Path) -> Tree:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 from ..errors import RecordError
 from ..record import write_atomically
 from ..record.dataset import DATASET_FORMAT, DATASET_VERSION
-from ..record.files import safe_text
+from ..record.files import read_bytes, safe_text
 from ..record.layout import Tree
 from ..record.software import software
 from .folders import Advance, listed_bytes, manifest_as_it_stands, new_folder, write_manifest
@@ -66,11 +67,10 @@ def _refuse_unfit(paths: Sequence[Path], manifests: Sequence[Tree]) -> None:
                 raise RecordError(f"{path} has {key} {manifest[key]}, {paths[0]} {manifests[0][key]}; they stay apart")
         for row in manifest["files"]:
             file = path / row["name"]
-            if row["sha256"] in seen:
-                raise RecordError(
-                    f"{file} is the same episode as {seen[row['sha256']]}; leave one of the data sets out"
-                )
-            seen[row["sha256"]] = file
+            document = hashlib.sha256(read_bytes(file).rpartition(b'"software"')[0]).hexdigest()  # however it is packed
+            if document in seen:
+                raise RecordError(f"{file} is the same episode as {seen[document]}; leave one of the data sets out")
+            seen[document] = file
 
 
 def _names(paths: Sequence[Path]) -> list[str]:

@@ -11,7 +11,7 @@ import orjson
 from ..errors import RecordError
 from ..record import MANIFEST, read_episode
 from ..record.dataset import write_tree
-from ..record.layout import Tree, layout_of
+from ..record.layout import layout_of
 from ..record.record import EpisodeRecord
 from .folders import Advance, listed_bytes, manifest_as_it_stands
 from .mirror import mirrored
@@ -53,10 +53,11 @@ def split_dataset(
         raise ValueError(f"shares must be positive, got {dict(shares)}")
     manifest = manifest_as_it_stands(folder)
     families: dict[str, dict[str, list[str]]] = {}
+    home: dict[str, str] = {}  # family of each scene: the first one that it is met in
     for row in manifest["files"]:
         listed_bytes(folder, row)
         scene = scene_key(read_episode(folder / row["name"]))
-        families.setdefault(row["family"], {}).setdefault(scene, []).append(row["name"])
+        families.setdefault(home.setdefault(scene, row["family"]), {}).setdefault(scene, []).append(row["name"])
         advance(1)
     units = _units(families, seed, whole_families)
     if len(units) < len(shares):
@@ -69,10 +70,12 @@ def split_dataset(
 
 
 def scene_key(record: EpisodeRecord) -> str:
-    """The same for all episodes that start from one scene, mirrored or not, whoever drives."""
+    """The same for all episodes that start from one scene, mirrored or not: whoever drives, which robot, what rules."""
     original = mirrored(record) if record.document.get("mirrored_from") else record
-    layout: Tree = layout_of(original.scene()) | {"settings": None, "dropped": []}
-    return hashlib.sha256(orjson.dumps(layout)).hexdigest()
+    layout = layout_of(original.scene())
+    places = [[row["x"], row["y"], row["theta"]] for row in (*layout["humans"], layout["robot"])]
+    goal = [layout["goal"]["x"], layout["goal"]["y"]]
+    return hashlib.sha256(orjson.dumps([layout["room"], layout["walls"], layout["objects"], places, goal])).hexdigest()
 
 
 def dealt(units: Sequence[Unit], shares: Mapping[str, float]) -> dict[str, str]:
