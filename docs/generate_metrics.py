@@ -39,8 +39,8 @@ How they are taken:
   gap at any of its looks: of the robot, of the person, of both, of neither.
 - Intervals take runs for independent: of a set with mirror images, evaluate the originals alone. Three `hunavsim`
   variants are not the same for a run and its mirror image, as in the program that they are from.
-- What is not defined in a run, or rests on what an imported run does not tell, is null, and is left out of n: clearance in a room without people, time to goal of a run
-  that failed. Compare such means only beside n.
+- What is not defined in a run, or rests on what an imported run does not tell, is null, and is left out of n:
+  clearance in a room without people, time to goal of a run that failed. Compare such means only beside n.
 - Means come with the {100 * LEVEL:.0f} % interval of a percentile bootstrap over runs ({RESAMPLES} resamples, fixed
   seed). Values all alike give an interval of no width: nothing else was seen, which is not that nothing else can be.
   With fewer than twenty runs or so intervals are too narrow; make more runs.
