@@ -61,7 +61,7 @@ def path_for(folder: Path, rater: str) -> Path:
     """Where a person's ratings of the episodes of a folder stand; the id itself stands in every line.
 
     >>> path_for(Path("runs"), "Zoë / lab").name
-    'Zoë_lab.jsonl'
+    'Zoë_lab-ce958c.jsonl'
     """
     return folder / FOLDER / f"{safe_stem(rater)}{SUFFIX}"
 

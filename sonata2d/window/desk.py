@@ -53,6 +53,8 @@ class Desk:
 
     @label.setter
     def label(self, label: Any) -> None:
+        if self.answer is not None:
+            self.answer.kill()
         self._label, self.answer = label, None
 
     @property

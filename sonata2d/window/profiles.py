@@ -9,11 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
-from uuid import uuid4
 
 import platformdirs
 
 from ..agents.teleoperation import HANDS, Hand
+from ..errors import RecordError
+from ..record import write_atomically
 from .actions import KEYBOARD_ACTIONS, MOUSE_ACTIONS, PAD_ACTIONS, Action
 
 LOG = logging.getLogger(__name__)
@@ -141,19 +142,10 @@ def put_aside(path: Path, why: str) -> str:
 
 def write_json(path: Path, told: Mapping[str, Any]) -> str:
     """Write a file so that the old one or the new one is there, whole. Answers what went wrong, or nothing."""
-    temporary = path.with_name(f".{path.name}.{uuid4().hex}.tmp")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with temporary.open("x", encoding="utf-8") as file:
-                json.dump(told, file, indent=2, sort_keys=True)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        notice = f"{path} cannot be written: {error.strerror or error}; name another folder in {FOLDER_VARIABLE}"
+        write_atomically(path, json.dumps(told, indent=2, sort_keys=True).encode())
+    except RecordError as error:
+        notice = f"{error}; name another folder in {FOLDER_VARIABLE}"
         LOG.warning("%s", notice)
         return notice
     return ""

@@ -9,6 +9,7 @@ from typing import Any
 import pygame
 import pytest
 from click.testing import CliRunner
+from pygame_gui.elements import UIButton
 from sonata2d_cli import main
 
 from sonata2d.proof import prove
@@ -336,6 +337,8 @@ def test_undo_brings_the_run_back_with_its_answer(desk: Callable[..., Desk]) -> 
     it.person.press(pygame.K_z, mod=pygame.KMOD_CTRL)
     assert (it.session.state, it.session.kept) == ("ended", 0)
     assert it.screen._desk.label is True, "1 is the first answer, yes"
+    texts = [widget.text for widget in it.person.stage.ui.get_sprite_group().sprites() if isinstance(widget, UIButton)]
+    assert sorted(texts) == sorted(set(texts)), "no button of an earlier card is left over"
     it.person.press(pygame.K_n, pygame.K_RETURN)
     (path,) = it.folder.glob("zoe__*.json")
     assert read_episode(path).label is False
