@@ -26,13 +26,15 @@ class Chance:
         seed: the data set's seed, 0 or more.
         episode: number of the episode within the data set.
         child: what the numbers are for; streams of different name never touch.
+        of: id of whom they are for, where each has a stream of their own.
 
     >>> Chance(7, 0, "scene").uniform() == Chance(7, 0, "scene").uniform()
     True
     """
 
-    def __init__(self, seed: int, episode: int, child: Child) -> None:
-        sequence = np.random.SeedSequence(seed, spawn_key=(episode, _CHILDREN.index(child)))
+    def __init__(self, seed: int, episode: int, child: Child, of: int | None = None) -> None:
+        key = (episode, _CHILDREN.index(child))
+        sequence = np.random.SeedSequence(seed, spawn_key=key if of is None else (*key, of))
         self._bits = np.random.PCG64(sequence)
 
     def uniform(self, low: float = 0.0, high: float = 1.0) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from .exact import Array
 from .geometry import Barriers, Disc, Point, Pose, Shape
 
-Behaviour = Literal["standing", "wandering"]
+Behaviour = Literal["standing", "wandering", "walking"]
 Kinematics = Literal["holonomic", "unicycle"]
 EndsOn = Literal["goal", "time", "contact"]
 
@@ -52,9 +52,12 @@ class Human:
     Attributes:
         radius: the solid outline, m, which contact, clearance, drawing and metrics all read.
         desired_speed: m/s.
+        behaviour: standing: stays; wandering: takes place after place in the room; walking: goes to `goals`.
         model: name of the walking model.
         reacts_to_robot: 0 ignores the robot .. 1 treats it as a person.
         group: id of the group they belong to.
+        goals: m, where one who is walking goes, one after the other; they stay at the last.
+        velocity: m/s, world frame, at the start.
     """
 
     id: int
@@ -65,6 +68,8 @@ class Human:
     model: str = "moussaid2009"
     reacts_to_robot: float = 1.0
     group: int | None = None
+    goals: tuple[Point, ...] = ()
+    velocity: Point = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, Protocol
@@ -216,6 +216,8 @@ class CrowdCommands:
         look: (N, 2), unit vectors the heads turn to.
         activity: (N,) of int, into `ACTIVITIES`.
         interactions: as they stand now.
+        refresh: of a law so stiff that it must be asked again within the tick, else None: from (N + 1, 4) rows x, y,
+            vx, vy, the robot last, to the (N, 2) accelerations there and then; asked `evaluations` times a tick.
     """
 
     acceleration: Array
@@ -223,6 +225,8 @@ class CrowdCommands:
     look: Array
     activity: Any
     interactions: tuple[Interaction, ...]
+    refresh: Callable[[Array], Array] | None = None
+    evaluations: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,7 +284,7 @@ def human_ids(scene: Scene) -> Any:
 
 def activities_of(scene: Scene) -> Any:
     """(N,) of int, into `ACTIVITIES`: what people do by their interactions, else by how they behave."""
-    doing = {h.id: "walking" if h.behaviour == "wandering" else "standing" for h in scene.humans}
+    doing = {h.id: "standing" if h.behaviour == "standing" else "walking" for h in scene.humans}
     for tie in scene.interactions:
         doing[tie.src] = _DOING[tie.relation]
         if tie.dst in doing:

@@ -34,7 +34,7 @@ from .frame import (
     frozen,
     human_ids,
 )
-from .geometry import Disc, Twist
+from .geometry import Disc, Point, Twist
 from .topics import DeviceEvent
 
 MASS = 75.0  # kg, of a person and of the robot; only ratios matter
@@ -73,7 +73,7 @@ class World:
         self._space = _furnished_space(scene)
         self._people = len(scene.humans)
         for human in scene.humans:
-            _add_disc(self._space, human.pose.position, human.radius)
+            _add_disc(self._space, human.pose.position, human.radius, human.velocity)
         _add_disc(self._space, scene.robot.pose.position, scene.robot.radius)
         self._body = _Rows(self._people + 1, 4)  # x, y, vx, vy; the robot comes last
         self._force = _Rows(self._people + 1, 2)
@@ -124,7 +124,10 @@ class World:
         self._bumper.begin_tick(self._body.rows)
         done_x = done_y = 0.0
         turn = rotation(twist.omega * h)
-        for _ in range(rules.substeps):
+        between = max(rules.substeps // crowd.evaluations, 1)
+        for substep in range(rules.substeps):
+            if crowd.refresh and substep and substep % between == 0:
+                self._force.rows[:-1] = crowd.refresh(self._body.rows) * MASS
             vx, vy = self._drive(twist, h)
             c, s = self._heading
             done_x, done_y = done_x + vx * c + vy * s, done_y + vy * c - vx * s
@@ -187,10 +190,10 @@ def _static_shape(ground: pymunk.Body, thing: Furniture) -> pymunk.Shape:
     return pymunk.Poly(ground, thing.shape.corners(thing.pose))
 
 
-def _add_disc(space: pymunk.Space, position: tuple[float, float], radius: float) -> None:
+def _add_disc(space: pymunk.Space, position: Point, radius: float, velocity: Point = (0.0, 0.0)) -> None:
     """A body that slides but does not roll: directions of people and robot are kept beside the engine."""
     body = pymunk.Body(MASS, math.inf)
-    body.position = position
+    body.position, body.velocity = position, velocity
     space.add(body, pymunk.Circle(body, radius))
 
 

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..chance import Chance
 from ..entities import Scene
 from ..exact import Array, headings
 from ..frame import CrowdCommands, Snapshot, activities_of
-from .forces.drive import desired_acceleration, standing_acceleration
-from .forces.groups import Moussaid2010, group_acceleration
-from .forces.moussaid2009 import Moussaid2009, bulk_of, interaction_acceleration
-from .forces.walls import Sight, wall_acceleration
+from .forces.drive import standing_acceleration
+from .forces.walls import Sight
+from .models.registry import MODELS
+from .models.walkers import Walkers
 from .wandering import Wanderers
 
 HURRY = 1.3  # times the desired speed is the fastest anyone walks (Helbing & Molnár 1995)
+EASE = 0.4  # s: who comes to a stop somewhere goes no faster than the distance left over this
 STROLLING = 0.2  # m/s, above which the body follows the way it goes
-MODELS = {"moussaid2009": (Moussaid2009(), Moussaid2010())}
 
 
 class Crowd:
@@ -36,16 +36,16 @@ class Crowd:
         names = sorted({human.model for human in people} or {"moussaid2009"})
         if len(names) > 1 or names[0] not in MODELS:
             raise ValueError(f"people must share one walking model of {', '.join(MODELS)}; got {', '.join(names)}")
-        self._law, self._group_law = MODELS[names[0]]
+        self._model = MODELS[names[0]](scene)
         self._scene = scene
-        self._wanderers = Wanderers(scene, Chance(scene.seed, scene.episode, "people"))
-        self._walks = np.array([human.behaviour == "wandering" for human in people], dtype=bool)
+        self._wanderers = Wanderers(scene)
+        self._walks = np.array([human.behaviour != "standing" for human in people], dtype=bool)
         self._home = np.array([human.pose.position for human in people], dtype=float).reshape(-1, 2)
         self._faces = headings(np.array([human.pose.theta for human in people]))
         self._speed = self._group_speeds()
         radius = [*(human.radius for human in people), scene.robot.radius]
         self._radius = np.array(radius, dtype=float)
-        self._weight, self._bulk = self._who_minds_whom(), bulk_of(self._radius)
+        self._weight = self._who_minds_whom()
         self._sight = Sight(scene, len(people) + 1)
         self._member = self._who_walks_with_whom()
         self._partner = self._whom_they_face()
@@ -54,43 +54,62 @@ class Crowd:
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """What each person wants in this tick."""
         humans, robot = snapshot.humans, snapshot.robot
-        position = np.concatenate((humans.position, np.array([robot.position])))
-        velocity = np.concatenate((humans.velocity, np.array([robot.velocity])))
         towards = self._wanderers.update(snapshot.tick, humans) - humans.position
         direction = np.where(self._walks[:, None], _unit(towards, humans.heading), 0.0)
-        wanted = self._acceleration(position, velocity, direction)
-        partner = _unit(self._whom(position) - humans.position, self._faces)
+        walkers = self._walkers(snapshot, direction, self._eased(towards))
+        partner = _unit(self._whom(walkers.position) - humans.position, self._faces)
+        often = self._model.evaluations
+
+        def refresh(rows: Array) -> Array:
+            position, velocity = rows[:, :2], rows[:, 2:]
+            there = replace(walkers, position=position, velocity=velocity)
+            return self._within_reason(velocity[:-1], self._acceleration(there), snapshot.dt / often)
+
         return CrowdCommands(
-            acceleration=self._within_reason(humans.velocity, wanted, snapshot.dt),
+            acceleration=self._within_reason(humans.velocity, self._acceleration(walkers), snapshot.dt),
             facing=np.where(self._walks[:, None], self._ahead(humans.velocity, direction), partner),
             look=np.where(self._walks[:, None], direction, partner),  # heads lead the way
             activity=self._activity,
             interactions=snapshot.interactions,
+            refresh=refresh if often > 1 else None,
+            evaluations=often,
         )
 
-    def _acceleration(self, position: Array, velocity: Array, direction: Array) -> Array:
-        """Sum of the forces on each person. The robot rides along as the last row, so that no array is one wide."""
-        law, people = self._law, len(direction)
-        weight = self._weight * self._sight.seen(position)
-        walking = interaction_acceleration(position, velocity, weight, self._bulk, self._scene.rules.side, law)
-        walking += wall_acceleration(
-            position, self._radius, self._scene.barriers, strength=law.wall_strength, reach=law.wall_reach
+    def _walkers(self, snapshot: Snapshot, direction: Array, speed: Array) -> Walkers:
+        """Everybody as the model is told of them. The robot rides along as the last row: no array is one wide."""
+        humans, robot = snapshot.humans, snapshot.robot
+        position = np.concatenate((humans.position, np.array([robot.position])))
+        return Walkers(
+            position=position,
+            velocity=np.concatenate((humans.velocity, np.array([robot.velocity]))),
+            direction=np.concatenate((direction, np.zeros((1, 2)))),
+            heading=np.concatenate((humans.heading, np.array([robot.heading]))),
+            desired_speed=speed,
+            radius=self._radius,
+            weight=self._weight * self._sight.seen(position),
+            member=self._member,
         )
-        walking = walking[:people] + desired_acceleration(
-            velocity[:people], direction, self._speed, relaxation_time=law.relaxation_time
-        )
-        if self._member is not None:
-            looking = np.concatenate((direction, np.zeros((1, 2))))
-            walking += group_acceleration(position, velocity, looking, self._member, self._group_law)[:people]
-        standing = standing_acceleration(position[:people], velocity[:people], self._home)
+
+    def _acceleration(self, walkers: Walkers) -> Array:
+        """(N, 2), m/s2: of those who walk by the model, of those who stand back to where they stood."""
+        people = len(self._walks)
+        walking = self._model.acceleration(walkers)[:people]
+        standing = standing_acceleration(walkers.position[:people], walkers.velocity[:people], self._home)
         return np.where(self._walks[:, None], walking, standing)
 
     def _within_reason(self, velocity: Array, acceleration: Array, dt: float) -> Array:
         """Cut what would make anyone faster than their hurry within the tick."""
         x, y = (velocity[:, k] + acceleration[:, k] * dt for k in (0, 1))
-        speed, most = np.sqrt(x * x + y * y), HURRY * self._speed
+        speed, most = np.sqrt(x * x + y * y), HURRY * self._speed[: len(velocity)]
         part = np.where(speed > most, most / np.maximum(speed, 1e-6), 1.0)
         return np.stack(((x * part - velocity[:, 0]) / dt, (y * part - velocity[:, 1]) / dt), axis=1)
+
+    def _eased(self, towards: Array) -> Array:
+        """(N + 1,), m/s: desired speeds, less where the way ends."""
+        left = np.sqrt(towards[:, 0] * towards[:, 0] + towards[:, 1] * towards[:, 1]) / EASE
+        speed = self._speed.copy()
+        speed[:-1] = np.where(self._wanderers.is_last, np.minimum(speed[:-1], left), speed[:-1])
+        return speed
 
     def _ahead(self, velocity: Array, direction: Array) -> Array:
         """Walkers face the way they go, or want to go when slow."""
@@ -104,12 +123,12 @@ class Crowd:
         return np.where((person >= 0)[:, None], position[person], place)
 
     def _group_speeds(self) -> Array:
-        """(N,), m/s: groups go at the pace of their slowest."""
+        """(N + 1,), m/s: groups go at the pace of their slowest; the robot's is 0."""
         speed = {human.id: human.desired_speed for human in self._scene.humans}
         for group in self._scene.groups:
             slowest = min(speed[member] for member in group.members)
             speed.update(dict.fromkeys(group.members, slowest))
-        return np.array([speed[human.id] for human in self._scene.humans], dtype=float)
+        return np.array([*(speed[human.id] for human in self._scene.humans), 0.0], dtype=float)
 
     def _who_minds_whom(self) -> Array:
         """(M, M), how much column i minds row j; the robot is the last."""

@@ -1,4 +1,7 @@
-"""Where walkers go: each takes a place in the room, finds the way there, and takes another on arrival."""
+"""Where walkers go, and the way there.
+
+Who is wandering takes a place in the room, and another on arrival; who is walking has goals of their own.
+"""
 
 from __future__ import annotations
 
@@ -26,20 +29,23 @@ class Wanderers:
 
     Args:
         scene: the room, and who walks.
-        chance: the people's own stream.
     """
 
-    def __init__(self, scene: Scene, chance: Chance) -> None:
-        self._scene, self._chance = scene, chance
-        walking = [k for k, human in enumerate(scene.humans) if human.behaviour == "wandering"]
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        walking = [k for k, human in enumerate(scene.humans) if human.behaviour != "standing"]
+        self._chance = {k: Chance(scene.seed, scene.episode, "people", scene.humans[k].id) for k in walking}
+        self._goals = {k: list(scene.humans[k].goals) for k in walking if scene.humans[k].behaviour == "walking"}
         index = {human.id: k for k, human in enumerate(scene.humans)}
         follows = {m: index[g.members[0]] for g in scene.groups if g.kind == "walking" for m in g.members}
+        follows = {m: leader for m, leader in follows.items() if index[m] not in self._goals}
         self.leader = {k: follows.get(scene.humans[k].id, k) for k in walking}  # in the scene's order
         self._ways: dict[int, Array] = {k: np.zeros((0, 2)) for k in walking}
         self._followed: dict[int, Array] = {}  # the leader's way that a follower took over
         self._next: dict[int, int] = dict.fromkeys(walking, 0)
         self._anchor: dict[int, tuple[float, float]] = {}
         self.target = np.array([human.pose.position for human in scene.humans], dtype=float).reshape(-1, 2)
+        self.is_last = np.zeros(len(scene.humans), dtype=bool)  # whose target is where they will stay
         reach = max((scene.humans[k].radius for k in walking), default=0.2) + CLEARANCE
         solids = scene.barriers.joined(scene.standing)
         self._space = FreeSpace(scene.outline, solids, reach)
@@ -63,27 +69,36 @@ class Wanderers:
         for k in self.leader:
             if len(self._ways[k]):
                 self.target[k] = self._ways[k][self._next[k]]
+                self.is_last[k] = self._goals.get(k) == [] and self._next[k] == len(self._ways[k]) - 1
         return self.target.copy()
 
     def _needs_a_goal(self, tick: int, k: int, place: tuple[float, float]) -> bool:
         """Whether a walker is there; who found nowhere to go looks again now and then."""
         way = self._ways[k]
+        if k in self._goals and not self._goals[k]:
+            return False
         if len(way) < 2:
             return tick % LOOK_EVERY == 0
         return self._next[k] == len(way) - 1 and _within(place, way[-1], ARRIVED)
 
     def _is_stuck(self, tick: int, k: int, place: tuple[float, float]) -> bool:
         """Whether a walker hardly moved for as long as its patience lasts."""
-        if (tick + k) % PATIENCE:
+        if k in self._goals or (tick + k) % PATIENCE:
             return False
         before, self._anchor[k] = self._anchor.get(k), place
         return before is not None and _within(place, before, PROGRESS)
 
     def _set_out(self, k: int, place: tuple[float, float]) -> None:
-        """Choose a place to go to and the way there; stay if none is found."""
+        """Choose a place to go to and the way there; stay if none is found. Own goals are gone to by any means."""
+        if k in self._goals:
+            goal = self._goals[k].pop(0)
+            way = self._space.path(place, goal)
+            self._ways[k], self._next[k] = np.array([place, goal]) if way is None else way, 1
+            return
         x0, y0, x1, y1 = self._box
+        chance = self._chance[k]
         for _ in range(_ATTEMPTS):
-            goal = (self._chance.uniform(x0, x1), self._chance.uniform(y0, y1))
+            goal = (chance.uniform(x0, x1), chance.uniform(y0, y1))
             if _within(place, goal, NEAREST_GOAL) or not self._space.is_free(np.array([goal]))[0]:
                 continue
             way = self._space.path(place, goal)

@@ -47,7 +47,7 @@ def scene_of(document: Tree) -> Scene:
         furniture=tuple(
             Furniture(o["id"], o["type"], _pose(o), _shape_of(o["shape"]), o["on"]) for o in document["objects"]
         ),
-        humans=tuple(_made(Human, h, pose=_pose(h)) for h in document["humans"]),
+        humans=tuple(_human(h) for h in document["humans"]),
         robot=_made(Robot, robot, pose=_pose(robot), limits=_made(Limits, robot["limits"])),
         goal=_made(Goal, document["goal"]),
         groups=tuple(_made(Group, g, members=tuple(g["members"])) for g in document["groups"]),
@@ -92,6 +92,11 @@ def _shape_of(told: Tree) -> Shape:
 
 def _pose(told: Tree) -> Pose:
     return _made(Pose, told)
+
+
+def _human(told: Tree) -> Human:
+    goals, velocity = told.get("goals", ()), told.get("velocity", (0.0, 0.0))  # older files have neither
+    return _made(Human, told, pose=_pose(told), goals=tuple((x, y) for x, y in goals), velocity=tuple(velocity))
 
 
 def _made(kind: type[T], told: Tree, **given: Any) -> T:

@@ -98,6 +98,8 @@ class Human(Placed):
     model: str = Field(description="name of the walking model")
     reacts_to_robot: float = Field(description="0: ignores the robot .. 1: treats it as a person")
     group: int | None = Field(description="id of their group")
+    goals: list[tuple[float, float]] = Field(default=[], description="m, world frame: where one who is walking goes")
+    velocity: tuple[float, float] = Field(default=(0.0, 0.0), description="m/s, world frame, at the start")
 
 
 class Group(Part):

@@ -22,6 +22,7 @@ from sonata2d.entities import (
     Scene,
     Wall,
 )
+from sonata2d.exact import Array
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Pose, Rectangle, Twist
 from sonata2d.world import World
@@ -59,16 +60,17 @@ def turned(scene: Scene, c: int, s: int) -> Scene:
 
 def test_forces_turn_with_the_scene(busy: Scene) -> None:
     """Where they go is chance, so one tick is compared: what the same people want in the turned room."""
-    crowd, snapshot = Crowd(busy), World(busy).snapshot()
-    other = turned(busy, 0, 1)
-    other_crowd, other_snapshot = Crowd(other), World(other).snapshot()
-    direction = np.tile([[1.0, 0.0]], (10, 1))
-    velocity = np.zeros((11, 2))
-    place = np.concatenate((snapshot.humans.position, [snapshot.robot.position]))
-    other_place = np.concatenate((other_snapshot.humans.position, [other_snapshot.robot.position]))
-    wanted = crowd._acceleration(place, velocity, direction)
-    other_wanted = other_crowd._acceleration(other_place, velocity, np.tile([[0.0, 1.0]], (10, 1)))
-    assert other_wanted == pytest.approx(np.stack((-wanted[:, 1], wanted[:, 0]), axis=1), abs=1e-6)
+    wanted = accelerations(busy, (1.0, 0.0))
+    assert accelerations(turned(busy, 0, 1), (0.0, 1.0)) == pytest.approx(
+        np.stack((-wanted[:, 1], wanted[:, 0]), axis=1), abs=1e-6
+    )
+
+
+def accelerations(scene: Scene, towards: tuple[float, float]) -> Array:
+    """What all of them feel who want to go one way."""
+    crowd, snapshot = Crowd(scene), World(scene).snapshot()
+    direction = np.tile([towards], (len(scene.humans), 1))
+    return crowd._acceleration(crowd._walkers(snapshot, direction, np.full(len(direction) + 1, 1.3)))
 
 
 def test_a_lone_walker_reaches_the_desired_speed_and_faces_the_way() -> None:
