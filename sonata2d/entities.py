@@ -65,7 +65,7 @@ class Human:
     radius: float = 0.20
     desired_speed: float = 1.3
     behaviour: Behaviour = "standing"
-    model: str = "moussaid2009"
+    model: str = "sonata2026"
     reacts_to_robot: float = 1.0
     group: int | None = None
     goals: tuple[Point, ...] = ()

@@ -33,7 +33,7 @@ class Crowd:
 
     def __init__(self, scene: Scene) -> None:
         people = scene.humans
-        names = sorted({human.model for human in people} or {"moussaid2009"})
+        names = sorted({human.model for human in people} or {"sonata2026"})
         if len(names) > 1 or names[0] not in MODELS:
             raise ValueError(f"people must share one walking model of {', '.join(MODELS)}; got {', '.join(names)}")
         self._model = MODELS[names[0]](scene)
@@ -123,11 +123,12 @@ class Crowd:
         return np.where((person >= 0)[:, None], position[person], place)
 
     def _group_speeds(self) -> Array:
-        """(N + 1,), m/s: groups go at the pace of their slowest; the robot's is 0."""
+        """(N + 1,), m/s: who wanders in a group goes at the pace of its slowest; the robot's is 0."""
         speed = {human.id: human.desired_speed for human in self._scene.humans}
+        wandering = {human.id for human in self._scene.humans if human.behaviour == "wandering"}
         for group in self._scene.groups:
             slowest = min(speed[member] for member in group.members)
-            speed.update(dict.fromkeys(group.members, slowest))
+            speed.update({member: slowest for member in group.members if member in wandering})
         return np.array([*(speed[human.id] for human in self._scene.humans), 0.0], dtype=float)
 
     def _who_minds_whom(self) -> Array:

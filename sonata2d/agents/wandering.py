@@ -58,6 +58,8 @@ class Wanderers:
         if not self.leader:
             return self.target
         places = humans.position.tolist()
+        if tick == 0:
+            self._set_out_straight(humans.position)
         for k, leader in self.leader.items():
             place = (places[k][0], places[k][1])
             if leader == k and (self._needs_a_goal(tick, k, place) or self._is_stuck(tick, k, place)):
@@ -106,6 +108,16 @@ class Wanderers:
                 self._ways[k], self._next[k] = way, min(1, len(way) - 1)
                 return
         self._ways[k], self._next[k] = np.array([place]), 0
+
+    def _set_out_straight(self, position: Array) -> None:
+        """Who sees their first goal walks there; all at once, since a crowd may start together."""
+        going = [k for k, goals in self._goals.items() if goals]
+        if not going:
+            return
+        start, goal = position[going], np.array([self._goals[k][0] for k in going])
+        clear = self._space.is_clear(start, goal) | (~self._space.is_free(start) & self._passable.is_clear(start, goal))
+        for k in np.array(going)[clear].tolist():
+            self._ways[k], self._next[k] = np.array([position[k], self._goals[k].pop(0)]), 1
 
     def _advance(self, tick: int, position: Array) -> None:
         """Aim at the next waypoint once this one is reached or the next in view; find a new way where it is shut."""

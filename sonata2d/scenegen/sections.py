@@ -146,7 +146,7 @@ class PersonConfig(Settings):
     radius: Range = Range(0.20, 0.20)
     wall_distance: NonNegativeFloat = 0.4
     desired_speed: SpeedConfig = SpeedConfig()
-    model: Literal["moussaid2009"] = "moussaid2009"
+    model: Literal["sonata2026", "moussaid2009"] = "sonata2026"
     ignores_robot: Share = 0.0
 
     @field_validator("radius", mode="after")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .agents.controller import Controller
-from .entities import Scene
-from .episode import Episode
-from .frame import Outcome
-from .plugins import eye_of
-from .record import EpisodeRecorder
-from .scenegen import generate, load_scenario
+from ..agents.controller import Controller
+from ..entities import Scene
+from ..episode import Episode
+from ..frame import Outcome
+from ..plugins import eye_of
+from ..record import EpisodeRecorder
+from ..scenegen import generate, load_scenario
 
 SCENARIOS = ("empty", "sonata-2020", "sonata-2020-crowded")
 

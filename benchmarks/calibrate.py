@@ -1,0 +1,145 @@
+"""Find the parameters of the default walking model on recorded pedestrians.
+
+    python benchmarks/calibrate.py PROTOCOL.py SCENE.csv [SCENE.csv ...] [--minutes 40] [--state calibration.pickle]
+
+PROTOCOL.py is the check that the people are held to: a module with `Scene`, `replay`, `corridor` and `bottleneck`, each
+of which takes a function like `sonata2d.testing.realism.simulate`. What is minimised is the sum, over all figures with
+a bar, of how far they are from it. CMA-ES (package `cma`) searches; the state is kept after every generation, and a
+second call goes on from it. Prints the best parameters as the dataclass takes them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import math
+import pickle
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import sonata2d.agents.models.sonata2026 as model
+from sonata2d.testing.realism import simulate
+
+# name: least and most that makes sense; searched on a logarithmic scale where both are above 0
+RANGES = {
+    "relaxation_time": (0.15, 0.8), "breadth": (0.2, 0.6), "standstill": (-0.2, 0.3), "headway": (0.4, 2.0),
+    "decision": (0.02, 0.5), "queueing": (0.3, 1.0), "foresight": (0.05, 1.5), "foresight_reach": (0.1, 1.5), "horizon": (0.3, 3.0),
+    "nearness": (0.02, 3.0), "nearness_reach": (0.05, 0.6), "anisotropy": (0.02, 1.0), "wall_strength": (0.2, 4.0),
+    "wall_reach": (0.03, 0.3), "abreast": (0.01, 1.0), "cohesion": (0.01, 1.0), "spacing": (0.6, 1.5), "among_group": (0.05, 1.0),
+    "radius": (0.15, 0.2),
+}  # fmt: skip
+ADE = {"eth": 0.20 / 0.199, "zara01": 0.17 / 0.176, "corridor_uni": 0.40 / 1.153}  # times that of going straight
+SKIPPED = {"eth": 5, "zara01": 3, "corridor_uni": 4}  # of so many windows one is tried
+DENSITIES, WIDTHS = (0.5, 1.0, 1.5, 2.0, 3.0), (0.8, 1.2)
+
+
+@cache
+def protocol(path: str) -> Any:
+    """The module of a file."""
+    spec = importlib.util.spec_from_file_location("protocol", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def people(parameters: dict[str, float]) -> Any:
+    """The simulator with these parameters."""
+    given = dict(parameters)
+    radius = given.pop("radius")
+    model.PARAMETERS = replace(model.PARAMETERS, **given)
+    return lambda x, v, goals, speeds, walls, dt, steps, groups: simulate(
+        x, v, goals, speeds, walls, dt, steps, groups, radius=radius
+    )
+
+
+def figures(parameters: dict[str, float], check: str, scenes: list[str]) -> dict[str, float]:
+    """Every figure over its bar: 1 is at the bar."""
+    module, walk = protocol(check), people(parameters)
+    found: dict[str, float] = {}
+    every = module.windows
+    for path in scenes:
+        name = Path(path).stem
+        module.windows = lambda scene, oracle, step=SKIPPED.get(name, 1): list(every(scene, oracle))[::step]
+        row = module.replay(walk, module.Scene(path))
+        is_open = name != "corridor_uni"
+        straight = module.replay(module.load("straight"), module.Scene(path))["ADE"]
+        found[f"{name} ADE"] = row["ADE"] / (ADE.get(name, 1.0) * straight)
+        found[f"{name} nn"] = row["W_nn"] / (0.015 if is_open else 0.03)
+        if is_open:
+            found[f"{name} urgency"] = row["W_urgency"] / 0.02
+        found[f"{name} contacts"] = row["contacts"] / 2.0
+        found[f"{name} walls"] = row["wall_hits"] / 0.5
+    module.windows = every
+    corridor = module.corridor(walk, densities=DENSITIES, settle=5, measure=5)
+    found["corridor Weidmann"], found["corridor measured"] = corridor["rmse"] / 0.12, corridor["rmse_measured"] / 0.20
+    for row in module.bottleneck(walk, widths=WIDTHS, limit=60.0)["rows"]:
+        found[f"door {row['width']}"] = 1.0 + max(abs(row["specific_flow"] - 1.95) - 0.15, -0.15) / 0.2
+        found[f"left at {row['width']}"] = max(72 - row["passed"], 0) / 5.0
+    return found
+
+
+def cost(parameters: dict[str, float], check: str, scenes: list[str]) -> float:
+    """How far from the bars: what is beyond them counts several times."""
+    over = figures(parameters, check, scenes).values()
+    return sum(0.2 * f + 3.0 * max(f - 0.95, 0.0) + 3.0 * max(f - 0.95, 0.0) ** 2 for f in over)
+
+
+def decoded(point: Any) -> dict[str, float]:
+    """Parameters of a point in the unit cube."""
+    found = {}
+    for x, (name, (low, high)) in zip(point, RANGES.items(), strict=True):
+        share = min(max(x, 0.0), 1.0)
+        found[name] = low * math.exp(share * math.log(high / low)) if low > 0.0 else low + share * (high - low)
+    return found
+
+
+def encoded(parameters: dict[str, float]) -> list[float]:
+    """The inverse."""
+    return [
+        math.log(parameters[k] / a) / math.log(b / a) if a > 0.0 else (parameters[k] - a) / (b - a)
+        for k, (a, b) in RANGES.items()
+    ]
+
+
+def priced(point: Any, check: str, scenes: list[str]) -> float:
+    return cost(decoded(point), check, scenes)
+
+
+def main() -> None:
+    import cma
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("check")
+    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--minutes", type=float, default=40.0)
+    parser.add_argument("--sigma", type=float, default=0.12)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--state", type=Path, default=Path("calibration.pickle"))
+    given = parser.parse_args()
+    start = {k: getattr(model.PARAMETERS, k, 0.155) for k in RANGES}
+    options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "popsize": 12}
+    search = cma.CMAEvolutionStrategy(encoded(start), given.sigma, options)
+    if given.state.exists():
+        search = pickle.loads(given.state.read_bytes())
+    until = time.monotonic() + 60.0 * given.minutes
+    price = partial(priced, check=given.check, scenes=given.scenes)
+    with ProcessPoolExecutor(given.workers) as pool:
+        while time.monotonic() < until and not search.stop():
+            points = search.ask()
+            search.tell(points, list(pool.map(price, points)))
+            given.state.write_bytes(pickle.dumps(search))
+            print(f"{search.countevals:5d} {search.result.fbest:9.3f}", flush=True)
+    best = decoded(search.result.xbest)
+    print({k: round(v, 4) for k, v in best.items()})
+    for name, value in figures(best, given.check, given.scenes).items():
+        print(f"{name:24} {value:6.2f} of the bar")
+
+
+if __name__ == "__main__":
+    main()
