@@ -58,15 +58,16 @@ class Crowd:
         direction = np.where(self._walks[:, None], _unit(towards, humans.heading), 0.0)
         walkers = self._walkers(snapshot, direction, self._eased(towards))
         partner = _unit(self._whom(walkers.position) - humans.position, self._faces)
-        often = self._model.evaluations
+        often = min(self._model.evaluations, self._scene.rules.substeps)
+        until_asked_again = snapshot.dt / often
 
         def refresh(rows: Array) -> Array:
             position, velocity = rows[:, :2], rows[:, 2:]
             there = replace(walkers, position=position, velocity=velocity)
-            return self._within_reason(velocity[:-1], self._acceleration(there), snapshot.dt / often)
+            return self._within_reason(velocity[:-1], self._acceleration(there), until_asked_again)
 
         return CrowdCommands(
-            acceleration=self._within_reason(humans.velocity, self._acceleration(walkers), snapshot.dt),
+            acceleration=self._within_reason(humans.velocity, self._acceleration(walkers), until_asked_again),
             facing=np.where(self._walks[:, None], self._ahead(humans.velocity, direction), partner),
             look=np.where(self._walks[:, None], direction, partner),  # heads lead the way
             activity=self._activity,

@@ -274,3 +274,12 @@ def test_a_robot_is_told_of_an_unknown_law_and_restored_with_its_own() -> None:
     told = SocialForce(speed=0.7, model="helbing1995").settings()
     assert SocialForce.restored(told).settings() == told
     assert Orca.restored({}).settings()["model"] == "orca2011"
+
+
+@pytest.mark.parametrize("substeps", [1, 4, 10])
+def test_nobody_gets_faster_than_their_hurry_however_often_a_law_is_asked(substeps: int) -> None:
+    """Two who start in one another's way, pushed apart by some 60 m/s2."""
+    pair = [walker(k, 0.2 * k, 0.0, model="helbing2000", desired_speed=1.0) for k in (1, 2)]
+    seen = watched(room(pair, robot=Pose(3.5, 3.5), rules=Rules(substeps=substeps)), 1.0)
+    speed = np.array([np.linalg.norm(snapshot.humans.velocity, axis=1) for snapshot in seen])
+    assert speed.max() < 1.3 + 0.3  # the engine parts bodies that overlap as well
