@@ -59,7 +59,7 @@ def reciprocal_half_planes(
     Returns:
         (M, M) half-planes.
 
-    Source: van den Berg et al. (2011), section 4.1: u is the least change of the relative velocity that leaves the
+    Source: van den Berg et al. (2011), section 4: u is the least change of the relative velocity that leaves the
     velocity obstacle VO^τ, n its outward normal there; v >= v_A + u/2 along n.
     """
     px, py = (position[:, None, k] - position[None, :, k] for k in (0, 1))  # from i (column) to j (row)
