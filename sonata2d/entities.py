@@ -14,6 +14,7 @@ from .geometry import Barriers, Disc, Point, Pose, Shape
 Behaviour = Literal["standing", "wandering", "walking"]
 Kinematics = Literal["holonomic", "unicycle"]
 EndsOn = Literal["goal", "time", "contact"]
+Model = Literal["sonata2026", "moussaid2009", "helbing1995", "helbing2000", "farina2017", "orca2011"]  # of walking: docs/models.md
 
 # Relations: the original toolkit's four, and one for any other thing a person attends to.
 TALKING = "two_static_person_talking"

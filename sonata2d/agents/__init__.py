@@ -1,7 +1,7 @@
 """Minds: controllers of the robot, and the crowd."""
 
 from .controller import Answer, Controller, Regenerate, Stop
-from .social_force import SocialForce
+from .social_force import Orca, SocialForce
 from .social_planner import SocialPlanner
 from .straight import StraightToGoal
 from .teleoperation import HANDS, Hand, Teleoperation
@@ -10,10 +10,11 @@ STOCK: dict[str, type[Controller]] = {
     "straight-to-goal": StraightToGoal,
     "social-force": SocialForce,
     "social-planner": SocialPlanner,
+    "orca": Orca,
     "teleoperation": Teleoperation,
 }
 
 __all__ = [
-    "HANDS", "STOCK", "Answer", "Controller", "Hand", "Regenerate", "SocialForce", "SocialPlanner", "Stop",
+    "HANDS", "STOCK", "Answer", "Controller", "Hand", "Orca", "Regenerate", "SocialForce", "SocialPlanner", "Stop",
     "StraightToGoal", "Teleoperation",
 ]  # fmt: skip

@@ -12,7 +12,7 @@ from ..exact import Array, headings
 from ..frame import CrowdCommands, Snapshot, activities_of
 from .forces.drive import standing_acceleration
 from .forces.walls import Sight
-from .models.registry import MODELS
+from .models.registry import HEADED, MODELS
 from .models.walkers import Walkers
 from .wandering import Wanderers
 
@@ -36,7 +36,7 @@ class Crowd:
         names = sorted({human.model for human in people} or {"sonata2026"})
         if len(names) > 1 or names[0] not in MODELS:
             raise ValueError(f"people must share one walking model of {', '.join(MODELS)}; got {', '.join(names)}")
-        self._model = MODELS[names[0]](scene)
+        self._model, self._headed = MODELS[names[0]](scene), names[0] in HEADED
         self._scene = scene
         self._wanderers = Wanderers(scene)
         self._walks = np.array([human.behaviour != "standing" for human in people], dtype=bool)
@@ -53,20 +53,21 @@ class Crowd:
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """What each person wants in this tick."""
-        humans, robot = snapshot.humans, snapshot.robot
+        humans = snapshot.humans
         towards = self._wanderers.update(snapshot.tick, humans) - humans.position
         direction = np.where(self._walks[:, None], _unit(towards, humans.heading), 0.0)
         walkers = self._walkers(snapshot, direction, self._eased(towards))
         partner = _unit(self._whom(walkers.position) - humans.position, self._faces)
-        often = self._model.evaluations
+        often = min(self._model.evaluations, self._scene.rules.substeps)
+        until_asked_again = snapshot.dt / often
 
         def refresh(rows: Array) -> Array:
             position, velocity = rows[:, :2], rows[:, 2:]
             there = replace(walkers, position=position, velocity=velocity)
-            return self._within_reason(velocity[:-1], self._acceleration(there), snapshot.dt / often)
+            return self._within_reason(velocity[:-1], self._acceleration(there), until_asked_again)
 
         return CrowdCommands(
-            acceleration=self._within_reason(humans.velocity, self._acceleration(walkers), snapshot.dt),
+            acceleration=self._within_reason(humans.velocity, self._acceleration(walkers), until_asked_again),
             facing=np.where(self._walks[:, None], self._ahead(humans.velocity, direction), partner),
             look=np.where(self._walks[:, None], direction, partner),  # heads lead the way
             activity=self._activity,
@@ -112,7 +113,9 @@ class Crowd:
         return speed
 
     def _ahead(self, velocity: Array, direction: Array) -> Array:
-        """Walkers face the way they go, or want to go when slow."""
+        """Walkers face the way they go, or want to go when slow; who goes where they face, always where they want."""
+        if self._headed:
+            return direction
         speed = np.sqrt(velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1])[:, None]
         ahead: Array = np.where(speed > STROLLING, velocity / np.maximum(speed, 1e-6), direction)
         return ahead

@@ -1,77 +1,110 @@
-"""The robot as one more walker: it feels the social force that people feel."""
+"""The robot as one more walker: it goes by a law by which people walk."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Self
 
 import numpy as np
 
-from ..entities import Scene
+from ..entities import Human, Scene
 from ..exact import angle_of
 from ..frame import Snapshot
-from ..geometry import Twist
+from ..geometry import Point, Twist
 from ..navigation import FreeSpace
 from .controller import Controller
-from .forces.drive import desired_acceleration
-from .forces.moussaid2009 import Moussaid2009, bulk_of, interaction_acceleration
-from .forces.walls import wall_acceleration
+from .models.registry import HEADED, MODELS
+from .models.walkers import Walkers
 
 LOOK_EVERY = 5  # ticks between looks for the way
 
 
 class SocialForce(Controller):
-    """Walks the shortest way to the goal under the law of Moussaïd et al. (2009), as a person would.
+    """Walks the shortest way to the goal under a law of walking, as a person would who minds everybody.
 
     Args:
         speed: desired speed, m/s.
         gain: 1/s, how fast it turns the way it goes.
+        model: name of the law (`docs/models.md`).
+
+    Raises:
+        ValueError: there is no such law.
     """
 
     version = "1"
 
-    def __init__(self, speed: float = 0.9, gain: float = 2.0) -> None:
-        self.speed, self.gain = speed, gain
-        self._law = Moussaid2009()
+    def __init__(self, speed: float = 0.9, gain: float = 2.0, model: str = "moussaid2009") -> None:
+        if model not in MODELS:
+            raise ValueError(f"model must be one of {', '.join(MODELS)}; got {model!r}")
+        self.speed, self.gain, self.model = speed, gain, model
+
+    @classmethod
+    def restored(cls, settings: Mapping[str, Any]) -> Self:
+        """As a file tells of it."""
+        controller = cls()
+        vars(controller).update({name: settings[name] for name in vars(controller) if name in settings})
+        return controller
 
     def reset(self, scene: Scene) -> None:
         self._space = FreeSpace(scene.outline, scene.barriers.joined(scene.standing), scene.robot.radius + 0.05)
         self._towards = scene.goal.position
-        radius = np.array([*(human.radius for human in scene.humans), scene.robot.radius])
-        self._bulk, self._weight = bulk_of(radius), np.zeros((len(radius), len(radius)))
-        self._weight[:-1, -1] = 1.0
+        people = scene.humans or (Human(-1, scene.robot.pose),)  # an array one wide would be summed in another order
+        self._row = {human.id: k for k, human in enumerate(people)}
+        self._radius = np.array([*(human.radius for human in people), scene.robot.radius], dtype=float)
+        self._law = MODELS[self.model](replace(scene, humans=people))
 
     def act(self, snapshot: Snapshot) -> Twist:
         robot, goal = snapshot.robot, snapshot.goal
         if snapshot.tick % LOOK_EVERY == 0:
             way = self._space.path(robot.position, goal.position)
             self._towards = goal.position if way is None or len(way) < 2 else (float(way[1][0]), float(way[1][1]))
-        ax, ay = self._acceleration(snapshot)
-        vx, vy = robot.velocity[0] + ax * snapshot.dt, robot.velocity[1] + ay * snapshot.dt
-        c, s = robot.heading
-        ahead, left = vx * c + vy * s, vy * c - vx * s
-        speed = math.sqrt(vx * vx + vy * vy)
-        return Twist(ahead, left, self.gain * angle_of(left, ahead) if speed > 0.1 else 0.0)
-
-    def _acceleration(self, snapshot: Snapshot) -> tuple[float, float]:
-        """The social force on the robot, m/s2, world frame."""
-        humans, robot, law = snapshot.humans, snapshot.robot, self._law
-        position = np.concatenate((humans.position, np.array([robot.position])))
-        velocity = np.concatenate((humans.velocity, np.array([robot.velocity])))
         dx, dy = self._towards[0] - robot.position[0], self._towards[1] - robot.position[1]
         apart = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-        towards = np.array([[dx / apart, dy / apart]])
-        side, tau = snapshot.scene.rules.side, law.relaxation_time
-        force = interaction_acceleration(position, velocity, self._weight, self._bulk, side, law)[-1]
-        force = force + desired_acceleration(velocity[-1:], towards, np.array([self.speed]), relaxation_time=tau)[0]
-        twice = np.repeat(position[-1:], 2, axis=0)  # an array one wide would be summed in another order
-        force = (
-            force
-            + wall_acceleration(
-                twice,
-                np.full(2, robot.radius),
-                snapshot.scene.barriers,
-                strength=law.wall_strength,
-                reach=law.wall_reach,
-            )[0]
-        )
-        return float(force[0]), float(force[1])
+        towards = (dx / apart, dy / apart)
+        vx, vy = self._next_velocity(snapshot, towards)
+        c, s = robot.heading
+        ahead, left = vx * c + vy * s, vy * c - vx * s
+        if self.model in HEADED:
+            turn = angle_of(towards[1] * c - towards[0] * s, towards[0] * c + towards[1] * s)
+        else:
+            turn = angle_of(left, ahead) if math.sqrt(vx * vx + vy * vy) > 0.1 else 0.0
+        return Twist(ahead, left, self.gain * turn)
+
+    def _next_velocity(self, snapshot: Snapshot, towards: Point) -> Point:
+        """What the law makes of the robot's velocity by the next look, m/s, world frame; the others keep theirs."""
+        walkers, often = self._walkers(snapshot, towards), self._law.evaluations
+        h = snapshot.dt / often
+        for _ in range(often):
+            velocity = walkers.velocity.copy()
+            velocity[-1] += self._law.acceleration(walkers)[-1] * h
+            walkers = replace(walkers, velocity=velocity, position=walkers.position + velocity * h)
+        return float(walkers.velocity[-1, 0]), float(walkers.velocity[-1, 1])
+
+    def _walkers(self, snapshot: Snapshot, towards: Point) -> Walkers:
+        """Everybody as the law is told of them: only the robot, the last, minds others and wants to go anywhere.
+
+        Whoever is in the scene but not in the snapshot stands where the robot is, and is not minded.
+        """
+        humans, robot, count = snapshot.humans, snapshot.robot, len(self._radius)
+        rows = [self._row[k] for k in humans.id.tolist()]
+        position, velocity = np.tile([robot.position], (count, 1)), np.zeros((count, 2))
+        heading, direction = np.tile([robot.heading], (count, 1)), np.zeros((count, 2))
+        speed, weight = np.zeros(count), np.zeros((count, count))
+        position[rows], velocity[rows], heading[rows] = humans.position, humans.velocity, humans.heading
+        velocity[-1], direction[-1], speed[-1] = robot.velocity, towards, self.speed
+        weight[rows, -1] = 1.0
+        return Walkers(position, velocity, direction, heading, speed, self._radius, weight)
+
+
+class Orca(SocialForce):
+    """Drives to the goal by optimal reciprocal collision avoidance, with all of the evasion its own.
+
+    Args:
+        speed: desired speed, m/s.
+        gain: 1/s, how fast it turns the way it goes.
+    """
+
+    def __init__(self, speed: float = 0.9, gain: float = 2.0) -> None:
+        super().__init__(speed, gain, "orca2011")

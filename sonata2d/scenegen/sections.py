@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..entities import EndsOn, Kinematics, Limits, Rules
+from ..entities import EndsOn, Kinematics, Limits, Model, Rules
 from ..geometry import Barriers, Disc, Point, Rectangle, Shape, quantised, segments_cross
 from ..labels import Kind, LabelSpec, When
 from .settings import Range, Settings
@@ -139,14 +139,15 @@ class PersonConfig(Settings):
     Attributes:
         radius: of the solid outline, m.
         wall_distance: of a person's centre from walls at the start, m.
-        model: name of the walking model.
+        model: of walking, one for everybody: moussaid2009, helbing1995, helbing2000, farina2017 or orca2011; see
+            models.md.
         ignores_robot: the chance, drawn for each person, that they take no notice of the robot.
     """
 
     radius: Range = Range(0.20, 0.20)
     wall_distance: NonNegativeFloat = 0.4
     desired_speed: SpeedConfig = SpeedConfig()
-    model: Literal["sonata2026", "moussaid2009"] = "sonata2026"
+    model: Model = "sonata2026"
     ignores_robot: Share = 0.0
 
     @field_validator("radius", mode="after")
