@@ -34,7 +34,7 @@ RANGES = {
 }  # fmt: skip
 ADE = {"eth": 0.20 / 0.199, "zara01": 0.17 / 0.176, "corridor_uni": 0.40 / 1.153}  # times that of going straight
 SKIPPED = {"eth": 5, "zara01": 3, "corridor_uni": 4}  # of so many windows one is tried
-DENSITIES, WIDTHS = (0.5, 1.0, 1.5, 2.0, 3.0), (0.8, 1.2)
+DENSITIES, WIDTHS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0), (0.8, 1.2)
 
 
 @cache
@@ -122,7 +122,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--state", type=Path, default=Path("calibration.pickle"))
     given = parser.parse_args()
-    start = {k: getattr(model.PARAMETERS, k, 0.155) for k in RANGES}
+    start = {k: getattr(model.PARAMETERS, k, 0.157) for k in RANGES}
     options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "popsize": 12}
     search = cma.CMAEvolutionStrategy(encoded(start), given.sigma, options)
     if given.state.exists():

@@ -28,7 +28,8 @@ def free_speed(
 
     Source: Tordeux, Chraibi & Seyfried, Traffic and Granular Flow '15 (2016) 225, eq. 2; the soft edge is ours.
     """
-    share = weight * (1.0 - (aside * aside) / (breadth * breadth))
+    edge = (aside * aside) / (breadth * breadth)
+    share = weight * (1.0 - edge * edge)
     counts = (ahead > 0.0) & (share > 0.0)
     gap = (ahead - touching - distance) / (np.where(counts, share, 1.0) * time)
     least: Array = np.minimum.reduce(np.where(counts, gap, np.inf), axis=0)

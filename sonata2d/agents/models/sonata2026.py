@@ -21,26 +21,26 @@ from .walkers import Walkers
 class Sonata2026:
     """Its parameters, as `benchmarks/calibrate.py` found them."""
 
-    relaxation_time: float = 0.4  # s
-    breadth: float = 0.33  # m
-    standstill: float = -0.08  # m
-    headway: float = 0.95  # s
-    decision: float = 0.2  # m/s
-    queueing: float = 0.8
-    bias: float = 0.02  # m/s
-    foresight: float = 0.6  # m/s2
-    foresight_reach: float = 0.6  # m
-    horizon: float = 1.3  # s
+    relaxation_time: float = 0.6  # s
+    breadth: float = 0.37  # m
+    standstill: float = -0.05  # m
+    headway: float = 0.75  # s
+    decision: float = 0.25  # m/s
+    queueing: float = 0.73
+    bias: float = 0.06  # m/s
+    foresight: float = 0.5  # m/s2
+    foresight_reach: float = 0.55  # m
+    horizon: float = 0.9  # s
     side: float = 0.05  # m
-    nearness: float = 0.15  # m/s2
-    nearness_reach: float = 0.2  # m
-    anisotropy: float = 0.3
-    wall_strength: float = 1.2  # m/s2
+    nearness: float = 0.2  # m/s2
+    nearness_reach: float = 0.3  # m
+    anisotropy: float = 0.7
+    wall_strength: float = 0.8  # m/s2
     wall_reach: float = 0.08  # m
-    abreast: float = 0.05  # 1/s2
-    cohesion: float = 0.1  # 1/s2
-    spacing: float = 0.9  # m
-    among_group: float = 0.4  # how much members mind each other
+    abreast: float = 0.03  # 1/s2
+    cohesion: float = 0.06  # 1/s2
+    spacing: float = 1.1  # m
+    among_group: float = 0.3  # how much members mind each other
 
 
 class Sonata2026Model:
