@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..entities import Scene
-from ..exact import angle_of
+from ..exact import Array, angle_of
 from ..frame import Snapshot
 from ..geometry import Twist
 from ..navigation import FreeSpace
@@ -36,11 +36,17 @@ class SocialForce(Controller):
     def reset(self, scene: Scene) -> None:
         self._space = FreeSpace(scene.outline, scene.barriers.joined(scene.standing), scene.robot.radius + 0.05)
         self._towards = scene.goal.position
-        radius = np.array([*(human.radius for human in scene.humans), scene.robot.radius])
+        self._take_note_of(np.array([human.radius for human in scene.humans]), scene.robot.radius)
+
+    def _take_note_of(self, people: Array, robot: float) -> None:
+        """The bulk and the weight of all who are there, by their radii, m."""
+        radius = np.array([*people.tolist(), robot])
         self._bulk, self._weight = bulk_of(radius), np.zeros((len(radius), len(radius)))
         self._weight[:-1, -1] = 1.0
 
     def act(self, snapshot: Snapshot) -> Twist:
+        if len(snapshot.humans) != len(self._bulk) - 1 or snapshot.humans.row is not None:
+            self._take_note_of(snapshot.humans.radius, snapshot.robot.radius)
         robot, goal = snapshot.robot, snapshot.goal
         if snapshot.tick % LOOK_EVERY == 0:
             way = self._space.path(robot.position, goal.position)
