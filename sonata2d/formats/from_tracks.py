@@ -19,6 +19,7 @@ from ..scenegen.sections import GoalConfig
 from . import csv_tracks, trajnet
 from .form import Options, parsing
 from .motion import box_round
+from .starts import with_room
 from .tracks import Tracks, dense, group_by_id
 from .walkers import Track, replayed, simulated, tracks_of
 
@@ -44,7 +45,8 @@ def scenario_from_tracks(
     """The scenario of a recording: its people, its walls, a room round them, and a robot.
 
     Who is replayed is carried along their track. Who is simulated starts where, when and as fast as recorded, wants to
-    go at their recorded mean speed to where they were last seen, and leaves there.
+    go at their recorded mean speed to where they were last seen, and leaves there. Where bodies would overlap at the
+    start, they are moved apart by the centimetres that this takes.
 
     Args:
         path: a file of tracks: `csv` (frame, ped, x, y, with t and group or not) or TrajNet++ (`.ndjson`).
@@ -82,6 +84,7 @@ def scenario_from_tracks(
     if crowded is not None:
         rows = [row | {"desired_speed": crowded} if row.keys() & {"goals", "track"} else row for row in rows]
     edges = csv_tracks.read_walls(Path(walls)) if walls is not None else csv_tracks.walls_beside(path)
+    rows = with_room(rows, edges)
     how = "mixed" if replay else people
     return _scenario(
         {
