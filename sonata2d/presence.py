@@ -65,6 +65,8 @@ class Presence:
         Returns:
             Who has come, and who has gone.
         """
+        if not (leaving or self._to_go or self._to_come):
+            return [], []
         gone = [k for k in leaving if not self.away[k]]
         gone += [k for k in self._to_go if not self.away[k] and tick >= (self._people[k].leaves or 0)]
         for k in gone:

@@ -20,7 +20,7 @@ from . import csv_tracks, trajnet
 from .form import Options, parsing
 from .motion import box_round
 from .starts import with_room
-from .tracks import Tracks, dense, group_by_id
+from .tracks import Tracks
 from .walkers import Track, replayed, simulated, tracks_of
 
 MARGIN = 1.5  # m, of the room round tracks and walls: people come in and leave this far from its edges
@@ -108,15 +108,13 @@ def _scenario(told: Tree, path: Path) -> ScenarioConfig:
 
 
 def _people(path: Path, frame_time: float | None) -> tuple[list[Track], float, float | None]:
-    """Everybody's track, seconds from frame to frame, and the desired speed of everybody if the file knows it."""
+    """Everybody's track, the usual seconds between sightings, and the desired speed of all if the file knows it."""
     options = Options(frame_time=frame_time)
     is_trajnet = path.suffix == ".ndjson"
     tracks: Tracks = trajnet.read_tracks(path, options) if is_trajnet else csv_tracks.read_tracks(path, options)
     with parsing(path, trajnet.NAME if is_trajnet else csv_tracks.NAME):
-        ids, time, place = dense(tracks)
-        group = {} if tracks.group is None else group_by_id(tracks.group, ids)
-        found = tracks_of(ids, time, place, group)
-    return found, float(time[1]), None if is_trajnet else csv_tracks.desired_speed_beside(path)
+        found, step = tracks_of(tracks)
+    return found, step, None if is_trajnet else csv_tracks.desired_speed_beside(path)
 
 
 def _places(rows: list[Tree]) -> list[list[float]]:

@@ -71,7 +71,7 @@ def document_of_tracks(tracks: Tracks, format: str, path: Path, walls: Array, sp
 
 
 def _found(tracks: Tracks, walls: Array) -> Found:
-    ids, time, place = dense(tracks)
+    ids, time, place = _dense(tracks)
     rates = velocities(time, np.concatenate((place, np.zeros((*place.shape[:2], 1))), axis=-1))[..., 0:2]
     theta = headings_along(rates)
     poses = np.concatenate((place, theta[..., None]), axis=-1)
@@ -99,7 +99,7 @@ def _found(tracks: Tracks, walls: Array) -> Found:
     )
 
 
-def dense(tracks: Tracks) -> tuple[list[int], Array, Array]:
+def _dense(tracks: Tracks) -> tuple[list[int], Array, Array]:
     """Ids from 1, times from 0, and (T, N, 2), NaN where nobody saw them.
 
     Frames are the numbers at the usual step, those in which nobody is seen too.
@@ -129,14 +129,9 @@ def dense(tracks: Tracks) -> tuple[list[int], Array, Array]:
     return [int(id) + 1 - lowest for id in people], np.asarray(time, dtype=float), np.asarray(place)
 
 
-def group_by_id(group: dict[int, int], ids: list[int]) -> dict[int, int]:
-    """Of each id the number of their group, 0 for nobody's; `group` tells it by the source's numbers."""
-    return dict(zip(ids, (group.get(ped, 0) for ped in sorted(group)), strict=True))
-
-
 def _grouped(humans: list[Tree], group: dict[int, int], ids: list[int]) -> Tree:
     """Groups of two and more who walk together."""
-    by_id = group_by_id(group, ids)
+    by_id = dict(zip(ids, (group.get(ped, 0) for ped in sorted(group)), strict=True))
     members: dict[int, list[int]] = {}
     for id, number in by_id.items():
         if number > 0:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ..exact import Array
 from ..geometry import quantised
 from ..record.layout import Tree
+from .tracks import Tracks
 
 FASTEST = 8.0  # m/s, beyond which nobody runs: a jump in the file
 WALKS = 0.3  # m/s; slower steps tell nothing of how fast somebody wants to go
@@ -37,23 +37,35 @@ class Track:
         return Track(self.id, np.maximum(self.time[inside] - start, 0.0), self.place[inside], self.group)
 
 
-def tracks_of(ids: list[int], time: Array, place: Array, group: dict[int, int]) -> list[Track]:
-    """The tracks in (T, N, 2) places, NaN where nobody is.
+def tracks_of(tracks: Tracks) -> tuple[list[Track], float]:
+    """Everybody's track, times from the first frame on, and the usual time between sightings, s.
+
+    Ids are the file's, or one more if they begin at 0. Frames need be on no grid.
 
     Raises:
-        ValueError: somebody is lost in between, or jumps.
+        ValueError: nobody is seen twice, or somebody is lost in between, in two places at once, or jumps.
     """
-    found = []
-    for k, id in enumerate(ids):
-        seen = np.flatnonzero(~np.isnan(place[:, k, 0]))
-        track = Track(id, time[seen], place[seen, k], group.get(id, 0))
-        _refuse_gaps(track, seen)
-        found.append(track)
-    return found
+    order = np.lexsort((tracks.frame, tracks.ped))
+    ped, place = tracks.ped[order], tracks.place[order]
+    time = (tracks.frame[order] - tracks.frame.min()) * tracks.frame_time
+    cuts = np.flatnonzero(np.diff(ped)) + 1
+    steps = np.concatenate([np.diff(part) for part in np.split(time, cuts)])
+    if not len(steps):
+        raise ValueError("it must tell of somebody in two frames or more")
+    usual = float(np.median(steps))
+    shift, group = 1 - min(1, int(ped[0])), tracks.group or {}
+    parts = zip(np.split(ped, cuts), np.split(time, cuts), np.split(place, cuts), strict=True)
+    found = [Track(int(who[0]) + shift, when, where, group.get(int(who[0]), 0)) for who, when, where in parts]
+    for track in found:
+        _refuse_gaps(track, usual)
+    return found, usual
 
 
-def _refuse_gaps(track: Track, seen: Any) -> None:
-    lost = np.flatnonzero(np.diff(seen) > 1)
+def _refuse_gaps(track: Track, usual: float) -> None:
+    steps = np.diff(track.time)
+    if (steps < 1e-9).any():
+        raise ValueError(f"person {track.id} is in two places at {track.time[int(np.argmin(steps))]:g} s")
+    lost = np.flatnonzero(steps > 1.5 * usual)
     if len(lost):
         before, after = track.time[lost[0]], track.time[lost[0] + 1]
         raise ValueError(

@@ -146,6 +146,12 @@ def test_a_scenario_is_written_and_read_back(tmp_path: Path, suffix: str) -> Non
         save_scenario(config, tmp_path / "street.toml")
 
 
+def test_a_recording_that_restarts_out_of_step_is_taken_as_it_is(tmp_path: Path) -> None:
+    late = [(f + 0.5, p, x, y, g) for f, p, x, y, g in rows() if p == 3]
+    config = scenario_from_tracks(written(tmp_path, [row for row in rows() if row[1] != 3] + late))
+    assert person(config, 3).track[0][0] == pytest.approx(4.2)
+
+
 def test_trajnet_files_are_tracks_too(tmp_path: Path) -> None:
     path = tmp_path / "street.ndjson"
     lines = [f'{{"track": {{"f": {f}, "p": {p}, "x": {x}, "y": {y}}}}}' for f, p, x, y, _ in rows()]
