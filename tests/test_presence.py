@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +15,11 @@ from sonata2d.entities import WALKING_TOGETHER, Group, Human, Interaction, Robot
 from sonata2d.episode import Episode
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Pose
+from sonata2d.metrics.disturbance import without_robot
 from sonata2d.presence import ENTRY_OVERLAP
 from sonata2d.record import JsonRecorder, check_episode, read_episode
 from sonata2d.replay import check_replay
+from sonata2d.view.between import between
 from sonata2d.view.trails import Trails
 
 from .conftest import room, walker
@@ -183,3 +186,34 @@ def test_the_robot_feels_who_is_recorded_however_fast_they_are() -> None:
     scene = room([recorded(1, dash)], robot=Pose(3.0, 0.0), rules=replace(RULES, time_limit=2.0))
     seen = looks(replace(scene, robot=replace(Robot(Pose(3.0, 0.0)), radius=0.3)))
     assert any(look.contacts for look in seen)
+
+
+def test_between_two_looks_are_those_who_are_in_both() -> None:
+    seen = looks(busy())
+    before, after = seen[4], seen[5]  # one comes in
+    middle = between(before, after, 0.5)
+    assert middle.humans.id.tolist() == [1, 5]
+    assert middle.humans.row.tolist() == [0, 4]
+    places = before.humans.position + after.humans.position[[0, 2]]
+    assert middle.humans.position == pytest.approx(places / 2)
+
+
+def test_files_from_before_people_came_and_went_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "old.json"
+    with JsonRecorder(path) as recorder:
+        Episode(room([walker(1, 0.0, 0.0)], rules=RULES), Idle(), observers=[recorder]).run()
+    document = json.loads(path.read_bytes())
+    for key in ("enters", "leaves", "track", "exits", "goals", "velocity"):
+        del document["humans"][0][key]
+    path.write_text(json.dumps(document))
+    assert read_episode(path).scene().humans == (walker(1, 0.0, 0.0),)
+
+
+def test_what_the_robot_cost_is_measured_where_people_were_in_both_runs(tmp_path: Path) -> None:
+    path = tmp_path / "one.json"
+    with JsonRecorder(path) as recorder:
+        Episode(busy(), s2.SocialForce(), observers=[recorder]).run()
+    alone = without_robot(read_episode(path))
+    assert alone is not None
+    assert np.isnan(alone[0, 1]).all()
+    assert np.isfinite(alone[10, 1]).all()

@@ -14,7 +14,7 @@ from ..exact import Array
 from ..geometry import Point
 from ..record import write_atomically
 from ..record.layout import Tree
-from ..scenegen import ScenarioConfig
+from ..scenegen import ScenarioConfig, generate
 from ..scenegen.sections import GoalConfig
 from . import csv_tracks, trajnet
 from .form import Options, parsing
@@ -64,27 +64,23 @@ def scenario_from_tracks(
     Raises:
         RecordError: a file is damaged, or people in it are lost, jump, or are two in one.
         ConfigError: nobody is there in that time, or nobody has a number of `replay`.
+        SceneError: the robot would start on somebody, or there is no way from its start to its goal.
     """
     path = Path(path)
     everybody, step, crowded = _people(path, frame_time)
     begin = round(start / step) * step
-    parts = [(part, whole) for whole in everybody if (part := whole.within(begin, begin + seconds)) is not None]
-    ids = [part.id for part, _ in parts]
-    if not parts:
-        lasts = max(float(whole.time[-1]) for whole in everybody)
-        raise ConfigError(f"{path}: nobody is there from {start:g} to {start + seconds:g} s; it lasts {lasts:g} s")
-    for id in sorted(set(replay) - set(ids)):
-        shown = ", ".join(map(str, ids[:12])) + (", …" if len(ids) > 12 else "")
-        raise ConfigError(f"{path}: nobody there in that time has the number {id}; there are {shown}")
-    as_recorded = set(ids) if people == "replayed" and not replay else set(replay)
+    parts = _there(everybody, begin, begin + seconds, path)
+    _refuse_unknown(set(replay), [part.id for part, _ in parts], path)
     rows = [
-        replayed(part, whole, speed) if part.id in as_recorded else simulated(part, whole, seconds, speed)
+        replayed(part, whole, speed)
+        if (part.id in replay if replay else people == "replayed")
+        else simulated(part, whole, seconds, speed)
         for part, whole in parts
     ]
     if crowded is not None:
         rows = [row | {"desired_speed": crowded} if row.keys() & {"goals", "track"} else row for row in rows]
     edges = csv_tracks.read_walls(Path(walls)) if walls is not None else csv_tracks.walls_beside(path)
-    rows = with_room(rows, edges)
+    rows = with_room([_alone(row, rows) for row in rows], edges)
     how = "mixed" if replay else people
     return _scenario(
         {
@@ -94,17 +90,34 @@ def scenario_from_tracks(
             "robot": {} if robot is None else {"pose": robot},
             "goal": {"min_distance": _far(rows)} if goal is None else {"position": goal},
             "rules": {"time_limit": seconds},
-            "people": [_alone(row, rows) for row in rows],
+            "people": rows,
         },
         path,
     )
 
 
+def _there(everybody: list[Track], start: float, end: float, path: Path) -> list[tuple[Track, Track]]:
+    """Who is there between two moments: that part of their track, and the whole."""
+    parts = [(part, whole) for whole in everybody if (part := whole.within(start, end)) is not None]
+    if not parts:
+        lasts = max(float(whole.time[-1]) for whole in everybody)
+        raise ConfigError(f"{path}: nobody is there from {start:g} to {end:g} s; it lasts {lasts:g} s")
+    return parts
+
+
+def _refuse_unknown(replay: set[int], ids: list[int], path: Path) -> None:
+    for id in sorted(replay - set(ids)):
+        shown = ", ".join(map(str, ids[:12])) + (", …" if len(ids) > 12 else "")
+        raise ConfigError(f"{path}: nobody there in that time has the number {id}; there are {shown}")
+
+
 def _scenario(told: Tree, path: Path) -> ScenarioConfig:
     try:
-        return ScenarioConfig(**{**_NOBODY, **told})
+        config = ScenarioConfig(**{**_NOBODY, **told})
     except ValueError as error:  # pydantic's, of several lines
         raise ConfigError(f"{path} makes no scenario: {' '.join(str(error).split()):.200}") from None
+    generate(config, seed=0)  # what cannot be laid out is told now
+    return config
 
 
 def _people(path: Path, frame_time: float | None) -> tuple[list[Track], float, float | None]:

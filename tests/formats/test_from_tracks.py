@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.errors import ConfigError, RecordError
+from sonata2d.errors import ConfigError, RecordError, SceneError
 from sonata2d.formats import save_scenario, scenario_from_tracks
 from sonata2d.record import JsonRecorder, check_episode, read_episode
 from sonata2d.replay import check_replay
@@ -178,6 +178,11 @@ def test_bad_tracks_get_one_clear_line(tmp_path: Path) -> None:
     assert "two frames" in broken(tmp_path, lambda told: told[:1], frame_time=0.4)
     assert "nobody is there from 100 to 160 s; it lasts 11.6 s" in broken(tmp_path, lambda told: told, start=100.0)
     assert "has the number 9; there are 1, 2, 3, 4" in broken(tmp_path, lambda told: told, replay=[9])
+
+
+def test_a_robot_that_finds_no_place_is_told_at_once(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="the robot would start on person 4"):
+        scenario_from_tracks(written(tmp_path), robot=(0.1, 2.4, 0.0))
 
 
 @pytest.mark.parametrize("walls", ["x1,y1,x2\n1,2,3\n", "x1,y1,x2,y2\n1,2,3,oh\n", "x1,y1,x2,y2\n1,2,3\n", ""])
