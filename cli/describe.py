@@ -95,7 +95,9 @@ def _episode(path: Path) -> Rows:
 
     record = read_episode(path)
     scene, document = record.scene(), record.document
-    wandering = sum(human.behaviour == "wandering" for human in scene.humans)
+    walking = sum(human.behaviour != "standing" for human in scene.humans)
+    recorded = sum(human.behaviour == "recorded" for human in scene.humans)
+    passing = int((~record.looks.present).any(axis=0).sum())
     return [
         ("episode", record.id),
         ("scenario", scene.family),
@@ -103,7 +105,9 @@ def _episode(path: Path) -> Rows:
         ("controller", record.author.path),
         ("contributor", record.contributor),
         ("context", record.context),
-        ("people", f"{len(scene.humans)}, {wandering} of them walking"),
+        ("people", f"{len(scene.humans)}, {walking} of them walking"),
+        *([("recorded people", recorded)] if recorded else []),
+        *([("people who come or go", passing)] if passing else []),
         ("ignore the robot", sum(human.reacts_to_robot == 0.0 for human in scene.humans)),
         ("objects", [thing.type for thing in scene.furniture]),
         ("interactions", [[tie.src, tie.relation, tie.dst] for tie in scene.interactions]),

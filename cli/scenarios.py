@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from typing import Literal
 
 import click
 
 from .output import json_option, show_json, show_table
+
+
+def _numbers(context: click.Context, option: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    """As many numbers, with commas between, as the option's name for its value has."""
+    if value is None:
+        return None
+    try:
+        numbers = tuple(float(part) for part in value.split(","))
+    except ValueError:
+        numbers = ()
+    wanted = str(option.metavar)
+    if len(numbers) != len(wanted.split(",")) or not all(map(math.isfinite, numbers)):
+        raise click.BadParameter(f"{value!r} is not {wanted}, numbers with commas between")
+    return numbers
 
 
 @click.group()
@@ -60,3 +76,74 @@ def draw_scenario(scenario: str, output: Path, scenes: int, seed: int, as_json: 
         show_json({"picture": str(output), "scenes": scenes})
     else:
         click.echo(f"{output}: {scenes} scenes of {config.name}")
+
+
+@command.command(
+    "from-tracks",
+    epilog="Examples:  sonata2d scenarios from-tracks eth.csv -o eth.yaml   ·   sonata2d scenarios from-tracks eth.csv"
+    " --walls walls.csv --people simulated --start 30 --seconds 40 -o eth.json   ·   sonata2d scenarios from-tracks"
+    " eth.csv --replay 12 --robot 0,5,0 --goal 12,5 -o one.yaml",
+)
+@click.argument("tracks", type=click.Path(path_type=Path), metavar="FILE")
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="The scenario, .yaml or .json.")
+@click.option("--walls", type=click.Path(path_type=Path), help="x1, y1, x2, y2; else FILE.obstacles.csv, if there.")
+@click.option(
+    "--people",
+    type=click.Choice(["replayed", "simulated"]),
+    default="replayed",
+    show_default=True,
+    help="Whether they are carried along their tracks, or walk from the same start to the same goal.",
+)
+@click.option(
+    "--replay", type=int, multiple=True, metavar="ID", help="Replay this one, simulate the others; repeatable."
+)
+@click.option("--start", type=click.FloatRange(0.0), default=0.0, show_default=True, help="First moment taken, s.")
+@click.option("--seconds", type=click.FloatRange(0.1), default=60.0, show_default=True, help="How long, s.")
+@click.option("--robot", callback=_numbers, metavar="X,Y,THETA", help="Its start, m and rad; else drawn.")
+@click.option("--goal", callback=_numbers, metavar="X,Y", help="Where it shall go, m; else drawn.")
+@click.option("--frame-time", type=click.FloatRange(1e-6, 3600.0), help="Seconds a frame, where the file lacks it.")
+@click.option(
+    "--speed", type=click.FloatRange(0.1, 5.0), help="Desired speed, m/s, where tracks are too short to tell."
+)
+@json_option
+def scenario_of_tracks(
+    tracks: Path,
+    output: Path,
+    walls: Path | None,
+    people: Literal["replayed", "simulated"],
+    replay: tuple[int, ...],
+    start: float,
+    seconds: float,
+    robot: tuple[float, float, float] | None,
+    goal: tuple[float, float] | None,
+    frame_time: float | None,
+    speed: float | None,
+    as_json: bool,
+) -> None:
+    """Make a scenario of recorded people: tracks as csv (frame, ped, x, y) or TrajNet++ (.ndjson)."""
+    from sonata2d.formats import save_scenario, scenario_from_tracks
+
+    config = scenario_from_tracks(
+        tracks,
+        people=people,
+        replay=replay,
+        start=start,
+        seconds=seconds,
+        walls=walls,
+        robot=robot,
+        goal=goal,
+        frame_time=frame_time,
+        speed=speed,
+    )
+    save_scenario(config, output)
+    recorded = sum(person.does == "recorded" for person in config.people)
+    told = {
+        "scenario": str(output),
+        "people": len(config.people),
+        "replayed": recorded,
+        "walls": len(config.room.walls),
+    }
+    if as_json:
+        show_json(told)
+    else:
+        click.echo(f"{output}: {config.description}; {len(config.people)} people, {recorded} of them replayed")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
-from .entities import Scene
+from .entities import Human, Scene
 from .exact import Array
 from .frame import Contact
 
@@ -36,7 +37,7 @@ class Bumper:
         self._ids = [human.id for human in scene.humans]
         self._radii = [human.radius for human in scene.humans]
         self._radius = np.array(self._radii, dtype=float)
-        fastest = max([FASTEST_PERSON, *(2.0 * human.desired_speed for human in scene.humans)])
+        fastest = max([FASTEST_PERSON, *(max(2.0 * h.desired_speed, _top_speed(h, scene)) for h in scene.humans)])
         self._reach_of_people = fastest * scene.rules.dt + scene.rules.contact_distance
         self._near_people: list[int] = []
         self._near_barriers: list[tuple[int, Vector, Vector, float]] = []
@@ -127,6 +128,12 @@ class Bumper:
         if gap < self._rules.contact_distance:
             robot, other = self._touched.get(key, (False, False))
             self._touched[key] = (robot or own > CLOSING, other or others > CLOSING)
+
+
+def _top_speed(human: Human, scene: Scene) -> float:
+    """Of one who is recorded, m/s; 0 for the others."""
+    steps = ((u - x, v - y) for (x, y), (u, v) in pairwise(human.track))
+    return max((math.sqrt(dx * dx + dy * dy) for dx, dy in steps), default=0.0) / scene.rules.dt
 
 
 def _side(dx: float, dy: float, reach: float) -> tuple[float, float, float]:

@@ -11,7 +11,7 @@ import numpy as np
 from .exact import Array
 from .geometry import Barriers, Disc, Point, Pose, Shape
 
-Behaviour = Literal["standing", "wandering", "walking"]
+Behaviour = Literal["standing", "wandering", "walking", "recorded"]
 Kinematics = Literal["holonomic", "unicycle"]
 EndsOn = Literal["goal", "time", "contact"]
 Model = Literal["sonata2026", "moussaid2009", "helbing1995", "helbing2000", "farina2017", "orca2011"]  # of walking: docs/models.md
@@ -25,6 +25,7 @@ AT_OBJECT = "human_object_interaction"
 RELATIONS = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER, AT_OBJECT)
 
 ROBOT_ID = 0
+PARKED, PARKED_APART = 200.0, 5.0  # m, of absent people from the room and from one another
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +54,17 @@ class Human:
     Attributes:
         radius: the solid outline, m, which contact, clearance, drawing and metrics all read.
         desired_speed: m/s.
-        behaviour: standing: stays; wandering: takes place after place in the room; walking: goes to `goals`.
+        behaviour: standing: stays; wandering: takes place after place in the room; walking: goes to `goals`;
+            recorded: is carried along `track`.
         model: name of the walking model.
         reacts_to_robot: 0 ignores the robot .. 1 treats it as a person.
         group: id of the group they belong to.
         goals: m, where one who is walking goes, one after the other; they stay at the last.
         velocity: m/s, world frame, at the start.
+        enters: the tick at which they come in, at `pose`; one who is not recorded waits until there is room.
+        leaves: the tick from which they are gone; None: they stay.
+        track: m, world frame, where one who is recorded is at each tick from `enters` on; they stay at the last.
+        exits: whether one who is walking leaves on reaching the last of the goals, instead of staying there.
     """
 
     id: int
@@ -71,6 +77,14 @@ class Human:
     group: int | None = None
     goals: tuple[Point, ...] = ()
     velocity: Point = (0.0, 0.0)
+    enters: int = 0
+    leaves: int | None = None
+    track: tuple[Point, ...] = ()
+    exits: bool = False
+
+    def place_at(self, tick: int) -> Point:
+        """Where one who is recorded is at a tick, m: the first place before they enter, the last after the end."""
+        return self.track[min(max(tick - self.enters, 0), len(self.track) - 1)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,5 +227,15 @@ class Scene:
 
     @cached_property
     def standing(self) -> Barriers:
-        """People who stand, as discs."""
-        return Barriers.of([Disc(h.radius).edges(h.pose)[0] for h in self.humans if h.behaviour == "standing"])
+        """People who stand, as discs; those only who are there throughout."""
+        throughout = (h for h in self.humans if h.enters == 0 and h.leaves is None)
+        return Barriers.of([Disc(h.radius).edges(h.pose)[0] for h in throughout if h.behaviour == "standing"])
+
+    @cached_property
+    def parking(self) -> Array:
+        """(N, 2), m: far from the room a place for each person, where they are while they are absent."""
+        x, y = self.outline.max(axis=0).tolist()
+        places = [(x + PARKED, y + PARKED + PARKED_APART * k) for k in range(len(self.humans))]
+        parking = np.array(places, dtype=float).reshape(-1, 2)
+        parking.flags.writeable = False
+        return parking

@@ -69,19 +69,46 @@ class HumanState:
 
 @dataclass(frozen=True)
 class Humans:
-    """The people in a snapshot: arrays in the scene's order, read-only; `humans[3]` makes one `HumanState`.
+    """The people who are there: arrays in the scene's order, read-only; `humans[3]` makes one `HumanState`.
+
+    N is the number of those present; who comes and goes is told by `id`.
 
     Attributes:
         state: (N, 9), columns x, y, vx, vy, body's unit vector, look's unit vector, turn rate; SI, world frame.
         id: (N,) of int.
         radius: (N,), m.
         activity_index: (N,) of int, into `frame.ACTIVITIES`.
+        row: (N,) of int, each one's index in `scene.humans`; None: everybody is there.
     """
 
     state: Array
     id: Any
     radius: Array
     activity_index: Any
+    row: Any = None
+
+    def only(self, row: Any) -> Humans:
+        """Of everybody those with these indices, (n,) of int, rising; as it is if that is all."""
+        if len(row) == len(self):
+            return self
+        told = self.state[row], self.id[row], self.radius[row], self.activity_index[row], np.asarray(row)
+        for values in told:
+            values.flags.writeable = False
+        return Humans(*told)
+
+    def among_all(self, values: Any, count: int, absent: float) -> Any:
+        """Values of those present, (N, …), as rows of all people of the scene, (count, …).
+
+        Args:
+            values: a row for each who is there.
+            count: people in the scene.
+            absent: what stands in the rows of the others.
+        """
+        if self.row is None:
+            return values.copy()
+        rows = np.full((count, *values.shape[1:]), absent, dtype=values.dtype)
+        rows[self.row] = values
+        return rows
 
     @property
     def position(self) -> Array:
@@ -215,9 +242,10 @@ class CrowdCommands:
         facing: (N, 2), unit vectors the bodies turn to.
         look: (N, 2), unit vectors the heads turn to.
         activity: (N,) of int, into `ACTIVITIES`.
-        interactions: as they stand now.
+        interactions: as they stand now, those of absent people too.
         refresh: of a law so stiff that it must be asked again within the tick, else None: from (N + 1, 4) rows x, y,
             vx, vy, the robot last, to the (N, 2) accelerations there and then; asked `evaluations` times a tick.
+        leaving: rows of those who have reached where they leave the scene.
     """
 
     acceleration: Array
@@ -227,6 +255,7 @@ class CrowdCommands:
     interactions: tuple[Interaction, ...]
     refresh: Callable[[Array], Array] | None = None
     evaluations: int = 1
+    leaving: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

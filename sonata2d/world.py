@@ -16,7 +16,7 @@ from pymunk import batch
 from pymunk._chipmunk_cffi import ffi
 
 from .bumper import Bumper
-from .entities import Furniture, Scene
+from .entities import Furniture, Human, Interaction, Scene
 from .exact import Array, arctan2, heading, headings, rotation
 from .frame import (
     HX,
@@ -35,6 +35,7 @@ from .frame import (
     human_ids,
 )
 from .geometry import Disc, Point, Twist
+from .presence import Presence
 from .topics import DeviceEvent
 
 MASS = 75.0  # kg, of a person and of the robot; only ratios matter
@@ -72,8 +73,7 @@ class World:
         self.scene, self.tick = scene, 0
         self._space = _furnished_space(scene)
         self._people = len(scene.humans)
-        for human in scene.humans:
-            _add_disc(self._space, human.pose.position, human.radius, human.velocity)
+        bodies = [_add_disc(self._space, h.pose.position, h.radius, h.velocity, _kind(h)) for h in scene.humans]
         _add_disc(self._space, scene.robot.pose.position, scene.robot.radius)
         self._body = _Rows(self._people + 1, 4)  # x, y, vx, vy; the robot comes last
         self._force = _Rows(self._people + 1, 2)
@@ -87,6 +87,8 @@ class World:
         self._interactions = scene.interactions
         self._ids, self._radius = human_ids(scene), frozen(np.array([h.radius for h in scene.humans], dtype=float))
         self._check_order()
+        self._presence = Presence(scene, bodies)
+        self._read()
 
     def snapshot(self, events: tuple[DeviceEvent, ...] = ()) -> Snapshot:
         """One frozen look at everything, now."""
@@ -105,8 +107,8 @@ class World:
             time=round(self.tick * self.scene.rules.dt, 4),
             scene=self.scene,
             robot=robot,
-            humans=Humans(frozen(state), self._ids, self._radius, self._activity),
-            interactions=self._interactions,
+            humans=self._humans(state),
+            interactions=self._interactions if self._presence.is_full else self._ties_of_those_present(),
             contacts=bumper.contacts(),
             events=events,
         )
@@ -120,14 +122,15 @@ class World:
         """
         rules = self.scene.rules
         h = rules.dt / rules.substeps
-        self._force.rows[:-1] = crowd.acceleration * MASS
+        self._push(crowd.acceleration)
+        self._presence.carry(self.tick)
         self._bumper.begin_tick(self._body.rows)
         done_x = done_y = 0.0
         turn = rotation(twist.omega * h)
         between = max(rules.substeps // crowd.evaluations, 1)
         for substep in range(rules.substeps):
             if crowd.refresh and substep and substep % between == 0:
-                self._force.rows[:-1] = crowd.refresh(self._body.rows) * MASS
+                self._push(crowd.refresh(self._body.rows))
             vx, vy = self._drive(twist, h)
             c, s = self._heading
             done_x, done_y = done_x + vx * c + vy * s, done_y + vy * c - vx * s
@@ -140,6 +143,31 @@ class World:
         self._turn_people(crowd)
         self._activity, self._interactions = crowd.activity, crowd.interactions
         self.tick += 1
+        self._let_come_and_go(crowd.leaving)
+
+    def _humans(self, state: Array) -> Humans:
+        """Those who are there, of the (N, 9) state of everybody."""
+        everybody = Humans(frozen(state), self._ids, self._radius, self._activity)
+        return everybody if self._presence.is_full else everybody.only(self._presence.row)
+
+    def _ties_of_those_present(self) -> tuple[Interaction, ...]:
+        absent = self._presence.absent
+        return tuple(tie for tie in self._interactions if tie.src not in absent and tie.dst not in absent)
+
+    def _push(self, acceleration: Array) -> None:
+        """The people's forces until the next; (N, 2), m/s2."""
+        self._force.rows[:-1] = acceleration * MASS
+        if not self._presence.is_full:
+            self._force.rows[:-1][self._presence.away] = 0.0
+
+    def _let_come_and_go(self, leaving: tuple[int, ...]) -> None:
+        """Bring in and take away whoever's tick it is; who comes looks ahead."""
+        come, gone = self._presence.turn(self.tick, leaving, self._body.rows)
+        for k in come:
+            self._faces[k] = self._looks[k] = heading(self.scene.humans[k].pose.theta)
+            self._omega[k] = 0.0
+        if come or gone:
+            self._read()
 
     def _drive(self, twist: Twist, h: float) -> tuple[float, float]:
         """Push the robot towards the wanted velocity, less what the guard takes away; that velocity, world frame."""
@@ -190,11 +218,23 @@ def _static_shape(ground: pymunk.Body, thing: Furniture) -> pymunk.Shape:
     return pymunk.Poly(ground, thing.shape.corners(thing.pose))
 
 
-def _add_disc(space: pymunk.Space, position: Point, radius: float, velocity: Point = (0.0, 0.0)) -> None:
+def _add_disc(
+    space: pymunk.Space,
+    position: Point,
+    radius: float,
+    velocity: Point = (0.0, 0.0),
+    kind: int = pymunk.Body.DYNAMIC,
+) -> pymunk.Body:
     """A body that slides but does not roll: directions of people and robot are kept beside the engine."""
-    body = pymunk.Body(MASS, math.inf)
+    body = pymunk.Body(MASS, math.inf, kind)
     body.position, body.velocity = position, velocity
     space.add(body, pymunk.Circle(body, radius))
+    return body
+
+
+def _kind(human: Human) -> int:
+    """Who is recorded is moved by their velocity alone, and by nobody."""
+    return pymunk.Body.KINEMATIC if human.behaviour == "recorded" else pymunk.Body.DYNAMIC
 
 
 def _unit(x: float, y: float) -> tuple[float, float]:

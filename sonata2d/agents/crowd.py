@@ -12,6 +12,7 @@ from ..exact import Array, headings
 from ..frame import CrowdCommands, Snapshot, activities_of
 from .forces.drive import standing_acceleration
 from .forces.walls import Sight
+from .lineup import lined_up
 from .models.registry import HEADED, MODELS
 from .models.walkers import Walkers
 from .wandering import Wanderers
@@ -38,6 +39,7 @@ class Crowd:
             raise ValueError(f"people must share one walking model of {', '.join(MODELS)}; got {', '.join(names)}")
         self._model, self._headed = MODELS[names[0]](scene), names[0] in HEADED
         self._scene = scene
+        self._there: Array | None = None
         self._wanderers = Wanderers(scene)
         self._walks = np.array([human.behaviour != "standing" for human in people], dtype=bool)
         self._home = np.array([human.pose.position for human in people], dtype=float).reshape(-1, 2)
@@ -53,8 +55,9 @@ class Crowd:
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """What each person wants in this tick."""
+        snapshot, self._there = lined_up(snapshot)
         humans = snapshot.humans
-        towards = self._wanderers.update(snapshot.tick, humans) - humans.position
+        towards = self._wanderers.update(snapshot.tick, humans, self._there) - humans.position
         direction = np.where(self._walks[:, None], _unit(towards, humans.heading), 0.0)
         walkers = self._walkers(snapshot, direction, self._eased(towards))
         partner = _unit(self._whom(walkers.position) - humans.position, self._faces)
@@ -74,6 +77,7 @@ class Crowd:
             interactions=snapshot.interactions,
             refresh=refresh if often > 1 else None,
             evaluations=often,
+            leaving=self._wanderers.leaving,
         )
 
     def _walkers(self, snapshot: Snapshot, direction: Array, speed: Array) -> Walkers:
@@ -87,9 +91,14 @@ class Crowd:
             heading=np.concatenate((humans.heading, np.array([robot.heading]))),
             desired_speed=speed,
             radius=self._radius,
-            weight=self._weight * self._sight.seen(position),
-            member=self._member,
+            weight=self._among_those_present(self._weight * self._sight.seen(position)),
+            member=None if self._member is None else self._among_those_present(self._member),
         )
+
+    def _among_those_present(self, pairs: Array) -> Array:
+        """(M, M), 0 where either is absent."""
+        there = self._there
+        return pairs if there is None else pairs * there[:, None] * there
 
     def _acceleration(self, walkers: Walkers) -> Array:
         """(N, 2), m/s2: of those who walk by the model, of those who stand back to where they stood."""

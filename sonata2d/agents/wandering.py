@@ -1,6 +1,7 @@
 """Where walkers go, and the way there.
 
-Who is wandering takes a place in the room, and another on arrival; who is walking has goals of their own.
+Who is wandering takes a place in the room, and another on arrival; who is walking has goals of their own, and who is
+recorded a track.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from ..navigation import FreeSpace
 CLEARANCE = 0.10  # m, that ways keep from walls, furniture and standing people
 SQUEEZE = 0.05  # m, by which a body may seem to be in a wall before its way counts as shut
 ARRIVED = 0.5  # m from the goal
+FORESIGHT = 1.0  # s, how far ahead on their track people look who are recorded
 TURNED = 0.35  # m from a waypoint, when the next one is aimed at
 NEAREST_GOAL = 2.0  # m, closer places are not worth a walk
 LOOK_EVERY = 5  # ticks between looks whether the way is still open
@@ -33,7 +35,11 @@ class Wanderers:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        walking = [k for k, human in enumerate(scene.humans) if human.behaviour != "standing"]
+        walking = [k for k, human in enumerate(scene.humans) if human.behaviour in ("wandering", "walking")]
+        self._recorded = [k for k, human in enumerate(scene.humans) if human.behaviour == "recorded"]
+        self._foresight = int(FORESIGHT / scene.rules.dt + 0.5)  # ticks
+        self._exits = {k for k in walking if scene.humans[k].exits}
+        self.leaving: tuple[int, ...] = ()  # who has reached where they leave
         self._chance = {k: Chance(scene.seed, scene.episode, "people", scene.humans[k].id) for k in walking}
         self._goals = {k: list(scene.humans[k].goals) for k in walking if scene.humans[k].behaviour == "walking"}
         index = {human.id: k for k, human in enumerate(scene.humans)}
@@ -53,26 +59,44 @@ class Wanderers:
         low, high = scene.outline.min(axis=0), scene.outline.max(axis=0)
         self._box = (*low.tolist(), *high.tolist())
 
-    def update(self, tick: int, humans: Humans) -> Array:
-        """Each human's next waypoint, (N, 2), m; one's own start for who stands."""
+    def update(self, tick: int, humans: Humans, there: Array | None = None) -> Array:
+        """Each human's next waypoint, (N, 2), m; one's own start for who stands, and for who is absent any.
+
+        Args:
+            tick: that begins.
+            humans: a row for everybody.
+            there: (N + 1,), 0 for who is absent; None: nobody is.
+        """
+        for k in self._recorded:
+            self.target[k] = self._scene.humans[k].place_at(tick + self._foresight)
         if not self.leader:
-            return self.target
+            return self.target.copy()
+        walking = self.leader if there is None else {k: led for k, led in self.leader.items() if there[k]}
         places = humans.position.tolist()
         if tick == 0:
-            self._set_out_straight(humans.position)
-        for k, leader in self.leader.items():
+            self._set_out_straight(humans.position, list(walking))
+        for k, leader in walking.items():
             place = (places[k][0], places[k][1])
             if leader == k and (self._needs_a_goal(tick, k, place) or self._is_stuck(tick, k, place)):
                 self._set_out(k, place)
             if leader != k and self._followed.get(k) is not self._ways[leader]:
                 self._followed[k] = self._ways[k] = self._ways[leader]
                 self._next[k] = min(1, len(self._ways[k]) - 1)
-        self._advance(tick, humans.position)
-        for k in self.leader:
+        self._advance(tick, humans.position, list(walking))
+        for k in walking:
             if len(self._ways[k]):
                 self.target[k] = self._ways[k][self._next[k]]
-                self.is_last[k] = self._goals.get(k) == [] and self._next[k] == len(self._ways[k]) - 1
+                self.is_last[k] = self._is_at_last(k) and k not in self._exits
+        self.leaving = tuple(
+            k
+            for k in walking
+            if k in self._exits and self._is_at_last(k) and _within(places[k], self.target[k], ARRIVED)
+        )
         return self.target.copy()
+
+    def _is_at_last(self, k: int) -> bool:
+        """Whether somebody with goals of their own aims at the last of them."""
+        return self._goals.get(k) == [] and self._next[k] == len(self._ways[k]) - 1
 
     def _needs_a_goal(self, tick: int, k: int, place: tuple[float, float]) -> bool:
         """Whether a walker is there; who found nowhere to go looks again now and then."""
@@ -80,7 +104,7 @@ class Wanderers:
         if k in self._goals and not self._goals[k]:
             return False
         if len(way) < 2:
-            return tick % LOOK_EVERY == 0
+            return not len(way) or tick % LOOK_EVERY == 0
         return self._next[k] == len(way) - 1 and _within(place, way[-1], ARRIVED)
 
     def _is_stuck(self, tick: int, k: int, place: tuple[float, float]) -> bool:
@@ -109,9 +133,9 @@ class Wanderers:
                 return
         self._ways[k], self._next[k] = np.array([place]), 0
 
-    def _set_out_straight(self, position: Array) -> None:
+    def _set_out_straight(self, position: Array, walking: list[int]) -> None:
         """Who sees their first goal walks there; all at once, since a crowd may start together."""
-        going = [k for k, goals in self._goals.items() if goals]
+        going = [k for k in walking if self._goals.get(k)]
         if not going:
             return
         start, goal = position[going], np.array([self._goals[k][0] for k in going])
@@ -119,10 +143,10 @@ class Wanderers:
         for k in np.array(going)[clear].tolist():
             self._ways[k], self._next[k] = np.array([position[k], self._goals[k].pop(0)]), 1
 
-    def _advance(self, tick: int, position: Array) -> None:
+    def _advance(self, tick: int, position: Array, walking: list[int]) -> None:
         """Aim at the next waypoint once this one is reached or the next in view; find a new way where it is shut."""
-        looking = [k for k in self.leader if len(self._ways[k])] if tick % LOOK_EVERY == 0 else []
-        for k in self.leader:
+        looking = [k for k in walking if len(self._ways[k])] if tick % LOOK_EVERY == 0 else []
+        for k in walking:
             way, n = self._ways[k], self._next[k]
             if n < len(way) - 1 and _within(position[k].tolist(), way[n], TURNED):
                 self._next[k] = n + 1

@@ -2,6 +2,7 @@
 
 from .doors import Done, count_sources, episodes_in, export_to, format_named, import_from
 from .form import Format, Options
+from .from_tracks import save_scenario, scenario_from_tracks
 from .registry import FORMATS
 
 __all__ = [
@@ -14,4 +15,6 @@ __all__ = [
     "export_to",
     "format_named",
     "import_from",
+    "save_scenario",
+    "scenario_from_tracks",
 ]

@@ -52,6 +52,16 @@ def import_(path: Path, options: Options) -> Iterator[Tree]:
         RecordError: it is damaged, or says nothing of time and `options.frame_time` does not either.
     """
     with parsing(path, NAME):
+        yield document_of_tracks(read_tracks(path, options), NAME, path, walls_beside(path), desired_speed_beside(path))
+
+
+def read_tracks(path: Path, options: Options) -> Tracks:
+    """The tracks of a file.
+
+    Raises:
+        RecordError: it is damaged, or says nothing of time and `options.frame_time` does not either.
+    """
+    with parsing(path, NAME):
         names, cells = _read(path)
         for name in COLUMNS:
             if name not in names:
@@ -66,7 +76,7 @@ def import_(path: Path, options: Options) -> Iterator[Tree]:
         )
         if not (np.abs(tracks.frame) < LARGEST).all() or not (np.abs(tracks.place) < LARGEST).all():
             raise ValueError("frame, x and y must be finite numbers")
-        yield document_of_tracks(tracks, NAME, path, _walls(path), _desired_speed(path))
+        return tracks
 
 
 def _read(path: Path) -> tuple[list[str], Array]:
@@ -134,18 +144,26 @@ def _groups(columns: dict[str, Array]) -> dict[int, int] | None:
     return dict(zip(_whole(columns["ped"], "ped").tolist(), group.tolist(), strict=True))
 
 
-def _walls(path: Path) -> Array:
+def walls_beside(path: Path) -> Array:
     """(W, 4), from the file beside it, if there is one."""
     beside = path.with_name(f"{path.name.split('.')[0]}.obstacles.csv")
-    if not beside.is_file():
-        return np.zeros((0, 4))
-    names, cells = _read(beside)
+    return read_walls(beside) if beside.is_file() else np.zeros((0, 4))
+
+
+def read_walls(path: Path) -> Array:
+    """(W, 4), x1, y1, x2, y2, m.
+
+    Raises:
+        RecordError: the file holds something else.
+    """
+    with parsing(path, "walls"):
+        names, cells = _read(path)
     if names != list(OBSTACLES) or not (np.abs(cells) < LARGEST).all():
-        raise RecordError(f"{beside} must hold numbers under {', '.join(OBSTACLES)}")
+        raise RecordError(f"{path} must hold numbers under {', '.join(OBSTACLES)}")
     return cells
 
 
-def _desired_speed(path: Path) -> float | None:
+def desired_speed_beside(path: Path) -> float | None:
     """m/s, from the file beside it, if there is one."""
     beside = path.with_name(f"{path.name.split('.')[0]}.json")
     if not beside.is_file():

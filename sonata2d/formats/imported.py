@@ -37,7 +37,7 @@ _LACKS = (
     "humans.model", "humans.reacts_to_robot", "controller", "contributor", "outcome", "frames.guarded",
     "frames.contacts", "frames.events",
 )  # fmt: skip
-_DERIVED = ("frames.executed", "humans.behaviour")
+_DERIVED = ("frames.executed", "humans.behaviour", "humans.enters", "humans.leaves")
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +178,17 @@ def _humans(found: Found) -> list[Tree]:
         first, speeds = rows[there[0], k], np.hypot(rows[there, k, 3], rows[there, k, 4])
         walks = bool(speeds.max() > 0.1)
         fastest = _upward(max(PERSON.desired_speed, (float(speeds.max()) - 1.0) / 1.3))
-        person = Human(id, PERSON.pose, radius, fastest, "wandering" if walks else "standing", "imported")
+        gone = int(there[-1]) + 1
+        person = Human(
+            id,
+            PERSON.pose,
+            radius,
+            fastest,
+            "wandering" if walks else "standing",
+            "imported",
+            enters=int(there[0]),
+            leaves=gone if gone < len(found.humans) else None,
+        )
         flat = {key: value for key, value in asdict(person).items() if key != "pose"}
         people.append({"id": id, "x": first[0].item(), "y": first[1].item(), "theta": first[2].item()} | flat)
     return people

@@ -81,14 +81,23 @@ def import_(path: Path, options: Options) -> Iterator[Tree]:
         RecordError: it is damaged.
     """
     with parsing(path, NAME):
+        yield document_of_tracks(read_tracks(path, options), NAME, path, np.zeros((0, 4)), None)
+
+
+def read_tracks(path: Path, options: Options) -> Tracks:
+    """The tracks of a file.
+
+    Raises:
+        RecordError: it is damaged.
+    """
+    with parsing(path, NAME):
         scenes, rows = _read(path)
         table = numbers(rows, ("f", "p", "x", "y"), "tracks")
         if (table[:, :2] != np.rint(table[:, :2])).any():
             raise ValueError("f and p must be whole numbers")
         frame, ped = table[:, 0].astype(np.int64), table[:, 1].astype(np.int64)
         seconds = options.frame_time or _frame_time(scenes, frame)
-        tracks = Tracks(frame.astype(np.float64), ped, table[:, 2:4], seconds)
-        yield document_of_tracks(tracks, NAME, path, np.zeros((0, 4)), None)
+        return Tracks(frame.astype(np.float64), ped, table[:, 2:4], seconds)
 
 
 def _read(path: Path) -> tuple[list[Tree], list[Tree]]:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ..entities import Interaction
-from ..errors import RecordError
 from ..exact import Array
 
 NODE_TYPES = ("human", "object", "room", "wall", "goal")
@@ -153,10 +152,11 @@ def wall_pieces(walls: Array, longest: float = 4.0) -> tuple[tuple[int, ...], Ar
     return tuple(owner), np.array(ends).reshape(-1, 4)
 
 
-def refuse_absent(present: Any, ticks: Sequence[int], name: str) -> None:
-    """Raise a RecordError if somebody is missing at a tick: nodes of different instants could not be told to match."""
-    for tick in ticks:
-        if not present[tick].all():
-            raise RecordError(
-                f"{name}: not everybody is present at tick {tick}; a graph needs the same people throughout"
-            )
+def there_at(present: Any, ticks: Sequence[int]) -> Any:
+    """Indices of the people who are there at every one of the ticks: nodes of different instants must match.
+
+    Args:
+        present: (T + 1, N) of bool.
+        ticks: of the instants, and of the looks that they tell of.
+    """
+    return np.flatnonzero(present[list(ticks)].all(axis=0))

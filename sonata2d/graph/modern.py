@@ -5,7 +5,7 @@ In place of the room its hub is the robot: without it nobody could tell from a g
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ..geometry import Disc
 from ..record.record import EpisodeRecord
 from ..transforms.frames import goal_frame, seen_from
 from ..transforms.motion import Motion, motion_of
-from .graph import INTERVAL, NODE_TYPES, Cast, Graph, edges_of, refuse_absent, wall_pieces
+from .graph import INTERVAL, NODE_TYPES, Cast, Graph, edges_of, there_at, wall_pieces
 
 MODERN_FEATURES = (
     *(f"is_{kind}" if kind != "room" else "is_robot" for kind in NODE_TYPES),
@@ -35,7 +35,8 @@ def modern_graph(
 ) -> Graph:
     """The graph of a look and of those before it.
 
-    Nodes and edges are the paper's, with the robot in the place of the room. Features: type; age, s before the newest
+    Nodes and edges are the paper's, with the robot in the place of the room; people are those who are there at every
+    instant. Features: type; age, s before the newest
     instant; place, m; direction; velocity, m/s, rad/s; direction of the head; length and width, m. What stands has no
     velocity; who has no head of their own looks ahead; a wall is as long as its piece, and points along it. In the
     frames `robot` and `goal` all instants are seen from where the newest one is seen.
@@ -51,18 +52,16 @@ def modern_graph(
         A graph whose label is the frame's own, or [vx, vy, omega] where that is the label.
 
     Raises:
-        RecordError: somebody is not present at an instant.
         ValueError: there is no such tick or frame, or no such horizon.
     """
     if frame not in FRAMES:
         raise ValueError(f"frame must be one of {', '.join(FRAMES)}, got {frame!r}")
     ticks = _ticks(record, tick, instants, interval)
-    refuse_absent(record.looks.present, ticks, record.path.name)
-    world, scene = motion_of(record), record.scene()
+    world, scene, here = motion_of(record), record.scene(), there_at(record.looks.present, ticks)
     motion = _seen(world, frame, tick)
     owner, _ = wall_pieces(world.walls[0])
-    cast = Cast(tuple(h.id for h in scene.humans), tuple(f.id for f in scene.furniture), owner)
-    rows = [_rows(motion, at, scene, (tick - at) * world.dt, cast) for at in ticks]
+    cast = Cast(tuple(scene.humans[k].id for k in here), tuple(f.id for f in scene.furniture), owner)
+    rows = [_rows(motion, at, scene, (tick - at) * world.dt, cast, here) for at in ticks]
     edges, relation = edges_of(cast, [world.interactions[at] for at in ticks])
     features = np.concatenate(rows)
     return Graph(
@@ -97,7 +96,7 @@ def _seen(world: Motion, frame: str, tick: int) -> Motion:
     return seen_from(world, world.robot[tick, :3], "robot")
 
 
-def _rows(motion: Motion, at: int, scene: Scene, age: float, cast: Cast) -> Array:
+def _rows(motion: Motion, at: int, scene: Scene, age: float, cast: Cast, here: Any) -> Array:
     """(N, 17) of an instant."""
     _, pieces = wall_pieces(motion.walls[at])
     along = pieces[:, 2:] - pieces[:, :2]
@@ -105,8 +104,8 @@ def _rows(motion: Motion, at: int, scene: Scene, age: float, cast: Cast) -> Arra
     unit = along / np.where(length > 0.0, length, 1.0)[:, None]
     shapes = [thing.shape for thing in scene.furniture]
     sizes = [(2 * s.radius, 2 * s.radius) if isinstance(s, Disc) else (s.length, s.width) for s in shapes]
-    wide = 2 * np.array([human.radius for human in scene.humans])
-    robot, humans, things, goal = motion.robot[at], motion.humans[at], motion.objects[at], motion.goal[at]
+    wide = 2 * np.array([scene.humans[k].radius for k in here])
+    robot, humans, things, goal = motion.robot[at], motion.humans[at, here], motion.objects[at], motion.goal[at]
     walls = np.column_stack((pieces[:, :2] + along / 2, unit, np.zeros((len(pieces), 3)), unit))
     blocks = [
         _placed(robot[None], np.full((1, 2), 2 * scene.robot.radius)),

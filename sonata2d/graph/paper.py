@@ -9,6 +9,7 @@ Source: the SONATA toolkit and its data set; see "Learn from graphs" in docs/how
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ..geometry import Disc
 from ..record.record import EpisodeRecord
 from ..transforms.frames import wrapped_angles
 from ..transforms.motion import Motion, motion_of
-from .graph import INTERVAL, NODE_TYPES, ROUNDING, Cast, Graph, edges_of, refuse_absent, wall_pieces
+from .graph import INTERVAL, NODE_TYPES, ROUNDING, Cast, Graph, edges_of, there_at, wall_pieces
 
 _MOVING = ("x_pos", "y_pos", "a_vel", "x_vel", "y_vel", "orientation_sin", "orientation_cos")
 _HUMAN = ("hum_x_pos", "hum_y_pos", "human_a_vel", "human_x_vel", "human_y_vel", "hum_orientation_sin",
@@ -54,6 +55,7 @@ def paper_graphs(record: EpisodeRecord) -> list[Graph]:
     The first frame of all, which has no velocities yet, is in none; so graph j has min(j + 1, 3) instants.
     `is_first_frame` marks the instant that the first graph begins with, `time_left` is 1 / (tick + 1); both are the
     same for all nodes of an instant. The label is the command's share of the robot's limits: ahead, right, clockwise.
+    People are those who are there at every instant of a graph, and at the tick before it.
 
     Args:
         record: an episode; of less than a second it gives none.
@@ -61,22 +63,19 @@ def paper_graphs(record: EpisodeRecord) -> list[Graph]:
     Returns:
         Of k instants, P people, O objects, M wall nodes and I interactions each: N = 2 + P + O + M nodes and
         1 + 3 (N - 1) + 2 I edges an instant, and 2 (k - 1) N edges between them.
-
-    Raises:
-        RecordError: somebody is not present at an instant.
     """
     kept = kept_ticks(record.time)
-    seen = sorted({*kept[1:], *(tick - 1 for tick in kept[1:])})  # velocities are told from the tick before
-    refuse_absent(record.present, seen, record.path.name)
     motion, scene = motion_of(record), record.scene()
     owner, pieces = wall_pieces(motion.walls[0])
-    cast = Cast(tuple(h.id for h in scene.humans), tuple(f.id for f in scene.furniture), owner)
-    source = _Source(cast, _Legacy.of(motion), pieces, _sizes(scene))
+    legacy, sizes = _Legacy.of(motion), _sizes(scene)
     limits = scene.robot.limits
     scale = np.array([1 / limits.ahead, -1 / limits.sideways, -1 / limits.turn])
     graphs = []
     for j in range(1, len(kept)):
         ticks = kept[max(j - INSTANTS + 1, 1) : j + 1][::-1]
+        here = there_at(record.present, [*ticks, *(tick - 1 for tick in ticks)])  # velocities are from the tick before
+        cast = Cast(tuple(scene.humans[k].id for k in here), tuple(f.id for f in scene.furniture), owner)
+        source = _Source(cast, legacy.of_people(here, len(scene.humans)), pieces, sizes)
         blocks = [source.features(tick, i, first=tick == kept[1]) for i, tick in enumerate(ticks)]
         edges, relation = edges_of(cast, [motion.interactions[tick] for tick in ticks])
         graphs.append(
@@ -121,6 +120,13 @@ class _Legacy:
         change[1:] = now[:-1] - now[1:]
         change[..., 2] = wrapped_angles(change[..., 2])
         return cls(origin, np.concatenate((now, change), axis=-1), legacy_points(motion.goal[:, :2], origin))
+
+    def of_people(self, here: Any, people: int) -> _Legacy:
+        """The same of some of so many people, by index, and of all objects."""
+        if len(here) == people:
+            return self
+        kept = [*here.tolist(), *range(people, self.things.shape[1])]
+        return _Legacy(self.origin, self.things[:, kept], self.goal)
 
 
 def legacy_points(points: Array, origin: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..agents.controller import Controller
-from ..entities import Robot, Scene
+from ..entities import Human, Robot, Scene
 from ..episode import Episode
 from ..exact import Array
 from ..frame import Snapshot
@@ -34,22 +34,32 @@ def without_robot(record: EpisodeRecord) -> Array | None:
     """Where the people of an episode are, look by look, when the same seed runs without a robot.
 
     Returns:
-        (T + 1, N, 2), m, at the file's precision; None for an episode that this version's physics did not make, or
-        in which nobody walks.
+        (T + 1, N, 2), m, at the precision of files, NaN where absent; None for an episode that the physics of this
+        version did not make, or in which nobody walks.
     """
     if record.document.get("mirrored_from"):  # the seed made the original
         alone = without_robot(mirrored(record))
         return None if alone is None else alone * (1.0, -1.0) + 0.0
     scene = record.scene()
     is_ours = record.document["physics"] == PHYSICS_VERSION
-    if not is_ours or not any(human.behaviour == "wandering" for human in scene.humans):
+    if not is_ours or not any(_walks(human) for human in scene.humans):
         return None
     episode = Episode(_emptied(scene), _Still())
-    places = [episode.look().humans.position]
+    places = [_places(episode.look())]
     for _ in range(len(record)):
         episode.step()
-        places.append(episode.look().humans.position)
+        places.append(_places(episode.look()))
     return rounded(np.stack(places))
+
+
+def _places(look: Snapshot) -> Array:
+    """(N, 2), m; NaN where absent."""
+    return np.asarray(look.humans.among_all(look.humans.position, len(look.scene.humans), np.nan))
+
+
+def _walks(human: Human) -> bool:
+    """Whether somebody goes where they want to: those who are recorded take no notice of a robot."""
+    return human.behaviour in ("wandering", "walking")
 
 
 def _emptied(scene: Scene) -> Scene:
@@ -72,13 +82,13 @@ def human_speed_ratio(run: Run) -> float | None:
 def human_deviation_mean(run: Run) -> float | None:
     """m, mean over looks and walkers, from where they would have been without the robot; None if that is unknown."""
     away = _deviation(run)
-    return None if away is None else float(away.mean())
+    return None if away is None or np.isnan(away).all() else float(np.nanmean(away))
 
 
 def human_deviation_max(run: Run) -> float | None:
     """m, the largest of any walker at any look."""
     away = _deviation(run)
-    return None if away is None else float(away.max())
+    return None if away is None or np.isnan(away).all() else float(np.nanmax(away))
 
 
 def human_slowing(run: Run) -> float | None:
@@ -88,13 +98,17 @@ def human_slowing(run: Run) -> float | None:
         return None
     walks = _walkers(run)
     alone, here = run.alone[: len(run), walks], run.people[:, walks, :2]
-    gone = [distances(places[1:], places[:-1]).sum() for places in (alone, here)]
-    return float(gone[0] - gone[1]) / (took * int(walks.sum()))
+    steps = [distances(places[1:], places[:-1]) for places in (alone, here)]
+    both = ~np.isnan(steps[0] + steps[1])  # of the steps at which they are there in both runs
+    if not both.any():
+        return None
+    each = np.where(both, steps[0] - steps[1], 0.0).sum()
+    return float(each) / (float(np.where(both, run.lasted[:, None], 0.0).sum()))
 
 
 def _walkers(run: Run) -> Any:
     """(N,) of bool."""
-    return np.array([human.behaviour == "wandering" for human in run.scene.humans], dtype=bool)
+    return np.array([_walks(human) for human in run.scene.humans], dtype=bool)
 
 
 def _deviation(run: Run) -> Array | None:

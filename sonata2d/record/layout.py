@@ -95,11 +95,15 @@ def _pose(told: Tree) -> Pose:
 
 
 def _human(told: Tree) -> Human:
-    goals, velocity = told.get("goals", ()), told.get("velocity", (0.0, 0.0))  # older files have neither
-    return _made(Human, told, pose=_pose(told), goals=tuple((x, y) for x, y in goals), velocity=tuple(velocity))
+    given: Tree = {"pose": _pose(told)}
+    given |= {key: tuple((x, y) for x, y in told.get(key, ())) for key in ("goals", "track")}
+    given["velocity"] = tuple(told.get("velocity", (0.0, 0.0)))
+    lacking = [key for key in ("enters", "leaves", "exits") if key not in told]  # older files have none of them
+    return _made(Human, told, lacking, **given)
 
 
-def _made(kind: type[T], told: Tree, **given: Any) -> T:
-    """A dataclass of this kind from the keys it knows; `given` ones are ready already."""
-    known = {field.name: told[field.name] for field in fields(kind) if field.name not in given}  # type: ignore[arg-type]
+def _made(kind: type[T], told: Tree, lacking: Iterable[str] = (), **given: Any) -> T:
+    """A dataclass of this kind from the keys it knows; `given` ones are ready already, `lacking` ones as usual."""
+    names = {field.name for field in fields(kind)} - {*given, *lacking}  # type: ignore[arg-type]
+    known = {name: told[name] for name in names}
     return kind(**known, **given)

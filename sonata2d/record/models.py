@@ -100,6 +100,12 @@ class Human(Placed):
     group: int | None = Field(description="id of their group")
     goals: list[tuple[float, float]] = Field(default=[], description="m, world frame: where one who is walking goes")
     velocity: tuple[float, float] = Field(default=(0.0, 0.0), description="m/s, world frame, at the start")
+    enters: Count = Field(default=0, description="tick at which they come in; who is not recorded waits for room")
+    leaves: Count | None = Field(default=None, description="tick from which they are gone; null: they stay")
+    track: list[tuple[float, float]] = Field(
+        default=[], description="m, world frame: where one who is recorded is at each tick from `enters` on"
+    )
+    exits: bool = Field(default=False, description="whether one who is walking leaves at the last of `goals`")
 
 
 class Group(Part):

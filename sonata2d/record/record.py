@@ -207,13 +207,13 @@ class EpisodeRecord:
         return RobotState((x, y), heading(theta), (vx, vy), omega, done, guarded, self._scene.robot)
 
     def _humans(self, t: int) -> Humans:
-        """The people at a look; the state of whoever is not present is NaN."""
+        """The people who are there at a look."""
         rows, there = self.looks.humans[t], self.looks.present[t]
         state = np.full((len(rows), 9), np.nan)
         state[:, 0:2], state[:, VX : VX + 2], state[:, OMEGA] = rows[:, 0:2], rows[:, 3:5], rows[:, 5]
         state[there, HX : HX + 2] = headings(rows[there, 2])
         state[there, LX : LX + 2] = headings(rows[there, 6])
-        return Humans(frozen(state), *self._people, self.looks.activity[t])
+        return Humans(frozen(state), *self._people, self.looks.activity[t]).only(np.flatnonzero(there))
 
     @cached_property
     def _people(self) -> tuple[Any, Array]:

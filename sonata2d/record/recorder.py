@@ -112,8 +112,9 @@ class EpisodeRecorder:
         self._robot.append(
             (*robot.position, *robot.heading, *robot.velocity, robot.omega, done.vx, done.vy, done.omega)
         )
-        self._people.append(humans.state.copy())
-        self._activity.append(humans.activity_index.copy())
+        count = len(snapshot.scene.humans)
+        self._people.append(humans.among_all(humans.state, count, 0.0))
+        self._activity.append(humans.among_all(humans.activity_index, count, ABSENT))
         self._told.append((snapshot.tick, snapshot.time, robot.guarded, snapshot.interactions, snapshot.contacts))
         self._last = snapshot
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ ROUNDING = 2e-4  # m, m/s, rad/s: of numbers rounded to 1e-4
 HURRY, PUSH = 1.3, 1.0  # a person walks up to HURRY times their desired speed; shoved aside, by PUSH m/s more
 ROBOT_SLACK = 0.05  # m/s, of the robot's speed over its limits
 JERK = 0.5  # m/s and half of the top speed, between a tick's displacement over dt and the mean velocity at its ends
+REACHED = 0.1  # m, gap to one who is recorded within which they may have shoved somebody in the last tick
 TURN_SLACK = 0.05  # rad, between a turn in a tick and the mean turn rate at its ends
 
 Doubt = tuple[str, str]  # place, message
@@ -28,14 +30,16 @@ Doubt = tuple[str, str]  # place, message
 
 def doubts(record: EpisodeRecord) -> Iterator[Doubt]:
     """All that does not make sense, as place and message."""
+    shoved = shoved_in(record)
     yield from _about_numbers(record)
     yield from _about_ids(record.scene())
     yield from _about_time(record)
     yield from _about_activities(record)
-    yield from _about_speeds(record)
-    yield from _about_motion(record)
+    yield from _about_speeds(record, shoved)
+    yield from _about_motion(record, shoved)
     yield from _about_room(record)
-    yield from _about_overlaps(record)
+    yield from _about_overlaps(record, shoved)
+    yield from _about_presence(record)
     yield from _about_outcome(record)
 
 
@@ -99,7 +103,7 @@ def _about_activities(record: EpisodeRecord) -> Iterator[Doubt]:
                 return
 
 
-def _about_speeds(record: EpisodeRecord) -> Iterator[Doubt]:
+def _about_speeds(record: EpisodeRecord, shoved: Any) -> Iterator[Doubt]:
     """Nobody is faster than they can be."""
     scene = record.scene()
     robot, limits = scene.robot, scene.robot.limits
@@ -111,13 +115,16 @@ def _about_speeds(record: EpisodeRecord) -> Iterator[Doubt]:
     yield from _worst(turning, "executed", "the robot's drive", "rad/s of turning beyond its limits")
     fastest = np.array([HURRY * human.desired_speed + PUSH for human in scene.humans])
     speed = np.hypot(record.looks.humans[..., 3], record.looks.humans[..., 4])
+    speed[shoved[:, :-1]] = 0.0
     yield from _worst_person(speed - fastest, scene, "m/s faster than they can be")
 
 
-def _about_motion(record: EpisodeRecord) -> Iterator[Doubt]:
+def _about_motion(record: EpisodeRecord, shoved: Any) -> Iterator[Doubt]:
     """Velocities are what poses change by."""
     looks, dt = record.looks, record.scene().rules.dt
     people, robot = _unexplained(looks.humans, dt), _unexplained(looks.robot, dt)
+    either = shoved[1:] | shoved[:-1]
+    people[either[:, :-1]] = robot[either[:, -1]] = 0.0
     scene = record.scene()
     limits = scene.robot.limits
     fastest = np.array([HURRY * human.desired_speed + PUSH for human in scene.humans])
@@ -149,10 +156,10 @@ def _about_room(record: EpisodeRecord) -> Iterator[Doubt]:
         yield f"frames.{int(np.argmin(inside[:, -1]))}", "the robot is outside the room"
 
 
-def _about_overlaps(record: EpisodeRecord) -> Iterator[Doubt]:
+def _about_overlaps(record: EpisodeRecord, shoved: Any) -> Iterator[Doubt]:
     """Outlines do not overlap by more than `DEEPEST`."""
-    scene, looks = record.scene(), record.looks
-    places = np.concatenate((looks.humans[..., :2], looks.robot[:, None, :2]), axis=1)
+    scene = record.scene()
+    places = np.where(shoved[..., None], np.nan, _places(record))
     radii = np.array([*(human.radius for human in scene.humans), scene.robot.radius])
     names = [*(f"human {human.id}" for human in scene.humans), "the robot"]
     for k, name in enumerate(names):
@@ -168,6 +175,40 @@ def _about_overlaps(record: EpisodeRecord) -> Iterator[Doubt]:
         deep = nearest + radii[k + 1 :] - np.hypot(apart[..., 0], apart[..., 1])
         for other in range(deep.shape[1]):
             yield from _worst(deep[:, other], "humans", name, f"m too deep in {names[k + 1 + other]}")
+
+
+def _about_presence(record: EpisodeRecord) -> Iterator[Doubt]:
+    """Nobody is there before they enter or after they leave, and who is recorded is on their track."""
+    looks, ticks = record.looks, np.arange(len(record) + 1)
+    for k, human in enumerate(record.scene().humans):
+        outside = (ticks < human.enters) | (ticks >= (np.inf if human.leaves is None else human.leaves))
+        for t in np.flatnonzero(looks.present[:, k] & outside)[:1]:
+            yield f"frames.{t}.humans", f"human {human.id} is there before they enter or after they leave"
+        if human.track:
+            track = np.array([human.place_at(t) for t in ticks.tolist()])
+            off = np.hypot(*(looks.humans[:, k, :2] - track).T)
+            yield from _worst(off - ROUNDING, "humans", f"human {human.id}", "m off their track")
+
+
+def shoved_in(record: EpisodeRecord) -> Any:
+    """Who is recorded or touches one who is, who heeds nobody and may shove them anywhere; (T + 1, N + 1) of bool.
+
+    The robot comes last.
+    """
+    scene, places = record.scene(), _places(record)
+    radii = np.array([*(human.radius for human in scene.humans), scene.robot.radius])
+    shoved = np.zeros(places.shape[:2], dtype=bool)
+    for k, human in enumerate(scene.humans):
+        if human.behaviour == "recorded":
+            apart = places - places[:, k, None]
+            shoved |= np.hypot(apart[..., 0], apart[..., 1]) < radii + human.radius + REACHED
+            shoved[:, k] = True
+    return shoved
+
+
+def _places(record: EpisodeRecord) -> Array:
+    """(T + 1, N + 1, 2), m, of all, the robot last; NaN where absent."""
+    return np.concatenate((record.looks.humans[..., :2], record.looks.robot[:, None, :2]), axis=1)
 
 
 def _distance(points: Array, thing: Furniture) -> Array:

@@ -8,6 +8,7 @@ from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, field_v
 from pydantic_core import PydanticCustomError
 
 from ..errors import ConfigError
+from .people import GivenPersonConfig, refuse_twins
 from .sections import (
     SIZES,
     FurnitureConfig,
@@ -40,6 +41,7 @@ class ScenarioConfig(Settings):
         humans: both together, in place of the two; `wandering_share` of them wander.
         laptops_on_tables: one laptop on each drawn table.
         furniture: pieces at fixed places.
+        people: each with a start, goals or a track of their own, besides those who are drawn.
         sizes: m, by type of furniture: overrides, or new types. A number is the radius of a disc, a pair an oblong.
         furniture_yaw: rad, of drawn furniture.
         talking_distance: m; `talking_angle`: rad, by which the second fails to face the first.
@@ -73,6 +75,7 @@ class ScenarioConfig(Settings):
     at_plant: IntRange = IntRange(0, 0)
     at_object: IntRange = IntRange(0, 0)
     furniture: tuple[FurnitureConfig, ...] = ()
+    people: tuple[GivenPersonConfig, ...] = ()
     sizes: dict[str, Size] = Field(default_factory=lambda: dict(SIZES))
     furniture_yaw: Range = Range(0, 0)
     talking_distance: Range = Range(1.5, 3.0)
@@ -124,6 +127,12 @@ class ScenarioConfig(Settings):
     @classmethod
     def _know_every_size(cls, sizes: dict[str, Size]) -> dict[str, Size]:
         return SIZES | sizes
+
+    @field_validator("people", mode="after")
+    @classmethod
+    def _be_no_twins(cls, people: tuple[GivenPersonConfig, ...]) -> tuple[GivenPersonConfig, ...]:
+        refuse_twins(people)
+        return people
 
     @model_validator(mode="after")
     def _know_every_type(self) -> Self:

@@ -8,11 +8,12 @@ from dataclasses import replace
 from ..chance import Chance
 from ..entities import Furniture, Human, Rules, Scene
 from ..errors import SceneError
-from ..geometry import Barriers
+from ..geometry import Barriers, Pose
 from .cast import Cluster, Entity, draw_cast, fixed_furniture, shape_of
 from .config import ScenarioConfig
 from .journey import draw_journey, reserved
 from .numbering import Company, numbered
+from .people import Given, given_people, joined, refuse_outside
 from .placement import Layout, extent
 from .rooms import FloorPlan, draw_plan
 
@@ -38,10 +39,12 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
     plan = draw_plan(config.room, chance)
     fixed = _checked(fixed_furniture(config), plan)
     cast = draw_cast(config, chance)
+    given = given_people(config.people, config.person, config.rules.dt, chance)
+    refuse_outside(given, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
     for _ in range(config.max_layouts - 1):
         with suppress(SceneError):
-            return replace(_lay_out(config, plan, fixed, cast, chance), seed=seed, episode=episode)
-    return replace(_lay_out(config, plan, fixed, cast, chance), seed=seed, episode=episode)
+            return replace(_lay_out(config, plan, fixed, cast, given, chance), seed=seed, episode=episode)
+    return replace(_lay_out(config, plan, fixed, cast, given, chance), seed=seed, episode=episode)
 
 
 def _checked(fixed: tuple[Furniture, ...], plan: FloorPlan) -> tuple[Furniture, ...]:
@@ -52,10 +55,16 @@ def _checked(fixed: tuple[Furniture, ...], plan: FloorPlan) -> tuple[Furniture, 
 
 
 def _lay_out(
-    config: ScenarioConfig, plan: FloorPlan, fixed: tuple[Furniture, ...], cast: list[Cluster], chance: Chance
+    config: ScenarioConfig,
+    plan: FloorPlan,
+    fixed: tuple[Furniture, ...],
+    cast: list[Cluster],
+    given: Given,
+    chance: Chance,
 ) -> Scene:
     """One try to find a place for all: clusters first, the most demanding before the others, then robot and goal."""
     layout = Layout(plan, config, reserved(config) + [(piece.shape, piece.pose) for piece in fixed if piece.on is None])
+    layout.taken += [(shape_of(human), human.pose) for human in given.humans]
     found: dict[int, tuple[Entity, ...]] = {}
     for k in sorted(range(len(cast)), key=lambda k: (cast[k].fixed is None, -extent(cast[k]))):
         members = layout.place(cast[k], fixed, chance)
@@ -64,8 +73,8 @@ def _lay_out(
         elif not config.drop:
             raise SceneError(_no_spot(cast, k, plan, config.max_attempts))
     company = numbered([(cast[k], found[k]) for k in sorted(found)], fixed)
-    robot, goal = draw_journey(config, layout, _obstacles(plan, company), chance)
-    return Scene(
+    robot, goal = draw_journey(config, layout, _obstacles(plan, company).joined(given.standing), chance)
+    scene = Scene(
         name=config.name,
         family=f"{config.name}/{plan.kind}",
         polygon=plan.polygon,
@@ -80,6 +89,7 @@ def _lay_out(
         settings=config.settings(),
         dropped=tuple(_label(cast, k) for k in range(len(cast)) if k not in found),
     )
+    return joined(scene, given)
 
 
 def _obstacles(plan: FloorPlan, company: Company) -> Barriers:

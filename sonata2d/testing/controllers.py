@@ -11,8 +11,13 @@ from ..frame import Outcome
 from ..plugins import eye_of
 from ..record import EpisodeRecorder
 from ..scenegen import generate, load_scenario
+from ..scenegen.people import GivenPersonConfig
 
 SCENARIOS = ("empty", "sonata-2020", "sonata-2020-crowded")
+PASSERS = tuple(
+    GivenPersonConfig(x=-2.5, y=y, goals=((2.5, y),), exits=True, enters=0.3 * k, leaves=0.3 * k + 6.0)
+    for k, y in enumerate((-1.0, 1.0, 2.0))
+)  # who come and go, so that snapshots show now these and now those
 
 
 def check_controller(
@@ -22,7 +27,7 @@ def check_controller(
 
     Args:
         controller: yours.
-        scenes: where to try it; by default one of each of `SCENARIOS`.
+        scenes: where to try it; by default one of each of `SCENARIOS`, in one of which people come and go.
         time_limit: s, of each default episode.
 
     Returns:
@@ -48,12 +53,13 @@ def check_controller(
 
 
 def default_scenes(time_limit: float) -> list[Scene]:
-    """A small scene of each of `SCENARIOS`."""
+    """A small scene of each of `SCENARIOS`; people come and go in the second."""
     scenes = []
     for name in SCENARIOS:
         config = load_scenario(name)
+        people = PASSERS if name == "sonata-2020" else ()
         rules = config.rules.model_copy(update={"time_limit": time_limit})
-        scenes.append(generate(config.model_copy(update={"rules": rules}), seed=1))
+        scenes.append(generate(config.model_copy(update={"rules": rules, "people": people}), seed=1))
     return scenes
 
 

@@ -55,6 +55,17 @@ def placed_image(told: Tree) -> Tree:
     return told | {"y": flipped(told["y"]), "theta": flipped_angle(told["theta"])}
 
 
+def human_image(told: Tree) -> Tree:
+    """Of a person, with their goals, their track and their velocity; older files have none of these."""
+    image = placed_image(told)
+    for key in ("goals", "track"):
+        if key in told:
+            image[key] = [[x, flipped(y)] for x, y in told[key]]
+    if "velocity" in told:
+        image["velocity"] = [told["velocity"][0], flipped(told["velocity"][1])]
+    return image
+
+
 def objects_image(told: list[Tree], known: dict[int, Any]) -> list[Tree]:
     """Of the things in a room.
 

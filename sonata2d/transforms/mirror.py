@@ -150,7 +150,7 @@ def _image_of(document: Tree, label: LabelImage | None) -> Tree:
         "room": image.room_image,
         "walls": image.walls_image,
         "objects": lambda things: image.objects_image(things, known),
-        "humans": lambda people: [image.placed_image(human) for human in people],
+        "humans": lambda people: [image.human_image(human) for human in people],
         "robot": image.placed_image,
         "goal": image.placed_image,
         "controller": image.controller_image,

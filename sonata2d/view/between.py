@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -37,13 +38,22 @@ def between(before: Snapshot, after: Snapshot, share: float) -> Snapshot:
 
 
 def _humans_between(before: Humans, after: Humans, share: float) -> Humans:
-    state = before.state + (after.state - before.state) * share
+    if before.row is None and after.row is None:
+        was = now = np.arange(len(after))
+    else:
+        _, was, now = np.intersect1d(before.id, after.id, assume_unique=True, return_indices=True)
+        was, now = was[np.argsort(now)], np.sort(now)
+    start, end = before.state[was], after.state[now]
+    state = start + (end - start) * share
     for column in (HX, LX):
         pair = slice(column, column + 2)
-        state[:, pair] = _turned(before.state[:, pair], after.state[:, pair], share)
-    leaps = np.abs(after.position - before.position).sum(axis=1) > _LEAP
-    state[leaps] = after.state[leaps]
-    return Humans(frozen(state), after.id, after.radius, after.activity_index)
+        state[:, pair] = _turned(start[:, pair], end[:, pair], share)
+    leaps = np.abs(end[:, :2] - start[:, :2]).sum(axis=1) > _LEAP
+    state[leaps] = end[leaps]
+    row: Any = now if after.row is None else after.row[now]
+    everybody_is_there = before.row is None and after.row is None
+    told = after.id[now], after.radius[now], after.activity_index[now]
+    return Humans(frozen(state), *told, None if everybody_is_there else row)
 
 
 def _turned(start: Array, end: Array, share: float) -> Array:

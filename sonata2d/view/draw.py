@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import pygame
 
 from ..entities import Scene
@@ -176,9 +175,8 @@ def ignoring(scene: Scene) -> frozenset[int]:
 
 
 def present(snapshot: Snapshot) -> list[HumanState]:
-    """The people who are there: rows without a place are left out."""
-    there = np.isfinite(snapshot.humans.state).all(axis=1)
-    return [snapshot.humans[int(k)] for k in np.flatnonzero(there)]
+    """The people who are there."""
+    return list(snapshot.humans)
 
 
 def draw_velocities(brush: Brush, snapshot: Snapshot, people: list[HumanState]) -> None:

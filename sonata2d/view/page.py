@@ -111,12 +111,12 @@ def _room_image(scene: Scene, camera: Camera, layers: Layers) -> str:
 
 def _frame_data(looks: Sequence[Snapshot]) -> dict[str, Any]:
     """What moves, one row a tick."""
-    people = range(len(looks[0].humans))
+    rows = [_human_rows(look) for look in looks]
     seen = {int(k) for look in looks for k in look.humans.activity_index}
     return {
         "time": [_number(look.time) for look in looks],
         "robot": [_robot_row(look) for look in looks],
-        "people": [[_human_row(look, n) for look in looks] for n in people],
+        "people": [list(told) for told in zip(*rows, strict=True)],
         "links": _link_changes(looks),
         "touches": [tick for tick, look in enumerate(looks) if look.contacts],
         "clearance": [_number(_clearance(look)) for look in looks],
@@ -131,13 +131,14 @@ def _robot_row(look: Snapshot) -> list[float | None]:
     return [_number(value) for value in (pose.x, pose.y, pose.theta, twist.vx, twist.vy, twist.omega)]
 
 
-def _human_row(look: Snapshot, n: int) -> list[float | None] | None:
-    """x, y, theta, head, speed, activity; None for someone absent."""
-    if not np.isfinite(look.humans.state[n]).all():
-        return None
-    human = look.humans[n]
-    numbers = (human.pose.x, human.pose.y, human.pose.theta, human.head, math.hypot(*human.velocity))
-    return [*map(_number, numbers), int(look.humans.activity_index[n])]
+def _human_rows(look: Snapshot) -> list[list[float | None] | None]:
+    """Of each person of the scene x, y, theta, head, speed, activity; None for someone absent."""
+    rows: list[list[float | None] | None] = [None] * len(look.scene.humans)
+    where = range(len(rows)) if look.humans.row is None else look.humans.row.tolist()
+    for k, human, activity in zip(where, look.humans, look.humans.activity_index.tolist(), strict=True):
+        numbers = (human.pose.x, human.pose.y, human.pose.theta, human.head, math.hypot(*human.velocity))
+        rows[k] = [*map(_number, numbers), activity]
+    return rows
 
 
 def _link_changes(looks: Sequence[Snapshot]) -> list[tuple[int, list[tuple[int, int]]]]:

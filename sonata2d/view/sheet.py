@@ -27,15 +27,18 @@ _SHEET_WIDTH = 1600.0
 
 
 def snapshot_of(scene: Scene) -> Snapshot:
-    """The scene at tick 0, before anyone has moved: all as they were placed, eyes ahead."""
+    """The scene at tick 0, before anyone has moved: all who are there as they were placed, eyes ahead."""
     robot = scene.robot
     state = np.zeros((len(scene.humans), 9))
     for row, human in zip(state, scene.humans, strict=True):
         row[:8] = (*human.pose.position, 0.0, 0.0, *human.pose.heading, *human.pose.heading)
     radius = np.array([human.radius for human in scene.humans], dtype=float)
     still = RobotState(robot.pose.position, heading(robot.pose.theta), (0.0, 0.0), 0.0, Twist(), False, robot)
-    humans = Humans(frozen(state), human_ids(scene), frozen(radius), activities_of(scene))
-    return Snapshot(0, 0.0, scene, still, humans, scene.interactions)
+    everybody = Humans(frozen(state), human_ids(scene), frozen(radius), activities_of(scene))
+    humans = everybody.only(np.flatnonzero([human.enters == 0 for human in scene.humans]))
+    later = {human.id for human in scene.humans if human.enters > 0}
+    ties = tuple(tie for tie in scene.interactions if tie.src not in later and tie.dst not in later)
+    return Snapshot(0, 0.0, scene, still, humans, ties)
 
 
 def scene_picture(

@@ -36,7 +36,10 @@ class Trails:
     @classmethod
     def of(cls, snapshots: Iterable[Snapshot], *, is_tail: bool = False) -> Trails:
         """Gather the ways from the snapshots of one episode."""
-        rows = [(s.time, s.robot.position, s.humans.position) for s in snapshots]
+        rows = [
+            (s.time, s.robot.position, s.humans.among_all(s.humans.position, len(s.scene.humans), np.nan))
+            for s in snapshots
+        ]
         people = len(rows[0][2]) if rows else 0
         return cls(
             np.array([time for time, _, _ in rows], dtype=float),

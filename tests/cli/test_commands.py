@@ -121,3 +121,30 @@ def test_help_is_quick_because_it_loads_no_simulation() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.endswith("set()\n")
+
+
+def test_tracks_become_a_scenario_that_everything_takes(sonata2d: Run, here: Path) -> None:
+    rows = [f"{frame},{ped},{(-1) ** ped * (0.5 * frame - 3.0)},{ped}" for frame in range(12) for ped in (1, 2)]
+    (here / "street.csv").write_text("\n".join(["frame,ped,x,y", *rows]))
+    made = sonata2d(
+        "scenarios from-tracks street.csv --frame-time 0.4 --seconds 3 --robot 3,0,3.1 -o street.yaml"
+    ).output
+    assert "2 people, 2 of them replayed" in made
+    mixed = "scenarios from-tracks street.csv --frame-time 0.4 --replay 2 --goal -2,0 -o mixed.json --json"
+    assert json.loads(sonata2d(mixed).output) == {"scenario": "mixed.json", "people": 2, "replayed": 1, "walls": 0}
+    sonata2d("scenarios draw street.yaml --scenes 1 -o street.png")
+    sonata2d("generate out --scenario street.yaml --episodes 1 --workers 1 --no-picture")
+    sonata2d("check out --replay --rerun --workers 1")
+    sonata2d("evaluate out --metric all")
+    told = sonata2d("describe out/000000.json").output
+    assert "recorded people" in told
+    for suffix in ("png", "svg", "html"):
+        sonata2d(f"render out/000000.json -o picture.{suffix}")
+    sonata2d("mirror out -o image")
+    sonata2d("check image --replay --workers 1")
+
+
+@pytest.mark.parametrize("words", ["--robot 1,2", "--robot 1,2,x", "--goal 1", "--goal nan,0"])
+def test_places_are_numbers_with_commas(sonata2d: Run, here: Path, words: str) -> None:
+    told = sonata2d(f"scenarios from-tracks street.csv {words} -o street.yaml", code=2).output
+    assert "numbers with commas between" in told

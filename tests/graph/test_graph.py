@@ -9,7 +9,7 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.entities import RELATIONS as TIES
-from sonata2d.errors import RecordError, Sonata2dError
+from sonata2d.errors import Sonata2dError
 from sonata2d.geometry import Disc, wrapped
 from sonata2d.graph import (
     FEATURES,
@@ -199,7 +199,7 @@ def test_frames_are_kept_a_second_apart() -> None:
     assert kept_ticks(np.zeros(0)) == []
 
 
-def test_whoever_is_missing_is_told(runs: list[EpisodeRecord], tmp_path: Path) -> None:
+def test_whoever_is_missing_at_an_instant_is_in_no_graph_of_it(runs: list[EpisodeRecord], tmp_path: Path) -> None:
     import copy
 
     from sonata2d.record.reader import record_of
@@ -207,11 +207,14 @@ def test_whoever_is_missing_is_told(runs: list[EpisodeRecord], tmp_path: Path) -
     document = copy.deepcopy(runs[5].document)
     document["frames"][20]["humans"][0], document["frames"][20]["activity"][0] = None, -1
     record = record_of(document, tmp_path / "gap.json")
-    with pytest.raises(RecordError, match=r"gap\.json: not everybody is present at tick 20"):
-        paper_graphs(record)
-    with pytest.raises(RecordError, match="at tick 20"):
-        modern_graph(record, 30)
-    assert modern_graph(record, 25).features.size
+    gone, id = len(record.scene().humans), record.scene().humans[0].id
+    for graph in (*paper_graphs(record), *(modern_graph(record, tick) for tick in (25, 30))):
+        people = graph.entity[graph.node_type == NODE_TYPES.index("human")]
+        sees_gap = 20 in {*graph.ticks, *(tick - 1 for tick in graph.ticks if "is_robot" not in graph.feature_names)}
+        assert len(people) == (gone - sees_gap) * len(graph.ticks)
+        assert (id in people) is not sees_gap
+        assert np.isfinite(graph.features).all()
+    assert len(paper_graphs(record)) == len(paper_graphs(runs[5]))
 
 
 def test_the_modern_graph_tells_what_the_snapshot_shows(runs: list[EpisodeRecord]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -176,8 +177,7 @@ def run_and_write(of: Scene) -> bytes:
 def test_who_is_not_present_is_null(tmp_path: Path) -> None:
     of, path = scene(), tmp_path / "absent.json"
     looks = [snapshot(of, tick) for tick in range(3)]
-    looks[1].humans.state[1] = np.nan
-    looks[1].humans.activity_index[1] = -1
+    looks[1] = replace(looks[1], humans=looks[1].humans.only(np.array([0, 2])))
     with JsonRecorder(path) as recorder:
         recorder.open(of, AUTHOR)
         for look in looks[:2]:
@@ -188,7 +188,8 @@ def test_who_is_not_present_is_null(tmp_path: Path) -> None:
     record = read_episode(path)
     assert record.present.tolist() == [[True] * 3, [True, False, True]]
     assert np.isnan(record.humans[1, 1]).all()
-    assert np.isnan(record.snapshot(1).humans.state[1]).all()
+    assert record.snapshot(1).humans.id.tolist() == looks[1].humans.id.tolist()
+    assert record.snapshot(1).humans.row.tolist() == [0, 2]
 
 
 class Colour(enum.Enum):

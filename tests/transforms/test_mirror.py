@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 import sonata2d as s2
 from sonata2d.agents.teleoperation import Teleoperation
+from sonata2d.entities import Human, Rules
 from sonata2d.errors import RecordError
 from sonata2d.frame import Snapshot
-from sonata2d.geometry import Twist, canonical_angle, inside_polygon, wrapped
+from sonata2d.geometry import Pose, Twist, canonical_angle, inside_polygon, wrapped
 from sonata2d.labels import LabelSpec
 from sonata2d.proof import prove
 from sonata2d.record import EpisodeRecord, check_episode, read_bytes, read_episode
@@ -27,6 +28,7 @@ from sonata2d.transforms import image, mirror_file, mirrored
 from sonata2d.transforms.mirror import mirror_name
 from sonata2d.view.things import front_of
 
+from ..conftest import room
 from .conftest import QUICK, odd_scene, recorded
 
 GRID = st.integers(-31415, 31416).map(lambda n: n / 10_000 + 0.0)
@@ -222,3 +224,28 @@ def test_a_file_that_only_claims_to_be_an_image_is_refused_in_one_line(odd: Epis
 def test_names_of_images_lead_back() -> None:
     for name in ("000007.json", "Ada__20250102T030405Z__000001.json.zst", "-mirror.json"):
         assert mirror_name(mirror_name(name)) == name
+
+
+def test_people_who_come_and_go_are_mirrored_with_their_tracks_and_goals(tmp_path: Path) -> None:
+    people = (
+        Human(
+            1, Pose(0.0, 1.0), behaviour="walking", goals=((1.0, 2.0), (0.0, -2.0)), velocity=(0.3, -0.4), exits=True
+        ),
+        Human(
+            2, Pose(-1.0, 0.5), behaviour="recorded", track=((-1.0, 0.5), (-0.9, 0.6), (-0.8, 0.0)), enters=3, leaves=9
+        ),
+    )
+    with s2.JsonRecorder(tmp_path / "one.json") as recorder:
+        s2.Episode(room(people, rules=Rules(time_limit=2.0)), s2.StraightToGoal(), observers=[recorder]).run()
+    record = read_episode(tmp_path / "one.json")
+    twin = mirrored(record)
+    one, other = twin.scene().humans
+    assert one.goals == ((1.0, -2.0), (0.0, 2.0))
+    assert one.velocity == (0.3, 0.4)
+    assert other.track == ((-1.0, -0.5), (-0.9, -0.6), (-0.8, 0.0))
+    assert (other.enters, other.leaves) == (3, 9)
+    assert twin.present.tolist() == record.present.tolist()
+    assert written(mirrored(twin).document) == written(record.document)
+    mirror_file(tmp_path / "one.json", tmp_path / "one-mirror.json")
+    assert check_replay(tmp_path / "one-mirror.json") == []
+    assert check_episode(tmp_path / "one-mirror.json") == []
