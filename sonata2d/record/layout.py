@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, fields
 from typing import Any, TypeVar
 
-from ..entities import Furniture, Goal, Group, Human, Interaction, Limits, Robot, Rules, Scene, Wall
+from ..entities import Furniture, Goal, Group, Human, Interaction, Limits, Robot, Rules, Scene, Social, Wall
 from ..geometry import Disc, Pose, Rectangle, Shape
 from .canonical import plain
 
@@ -31,6 +31,7 @@ def layout_of(scene: Scene) -> Tree:
         "interactions": interaction_rows(scene.interactions),
         "robot": _flat(scene.robot),
         "goal": asdict(scene.goal),
+        "social": asdict(scene.social) if scene.social.is_lively else None,
         "dropped": scene.dropped,
     }
     return {key: plain(value, f"{key} of the scene", exact=True) for key, value in layout.items()}
@@ -53,6 +54,7 @@ def scene_of(document: Tree) -> Scene:
         groups=tuple(_made(Group, g, members=tuple(g["members"])) for g in document["groups"]),
         interactions=interactions_of(document["interactions"]),
         rules=_made(Rules, rules, ends_on=tuple(rules["ends_on"])),
+        social=_social(document.get("social")),
         seed=document["seed"],
         episode=document["episode"],
         settings=document["settings"],
@@ -95,8 +97,22 @@ def _pose(told: Tree) -> Pose:
 
 
 def _human(told: Tree) -> Human:
-    goals, velocity = told.get("goals", ()), told.get("velocity", (0.0, 0.0))  # older files have neither
-    return _made(Human, told, pose=_pose(told), goals=tuple((x, y) for x, y in goals), velocity=tuple(velocity))
+    goals, velocity = told.get("goals", ()), told.get("velocity", (0.0, 0.0))  # older files have none of these
+    return _made(
+        Human,
+        told,
+        pose=_pose(told),
+        goals=tuple((x, y) for x, y in goals),
+        velocity=tuple(velocity),
+        reaction=told.get("reaction", "avoids"),
+        robot_clearance=told.get("robot_clearance", 0.83),
+    )
+
+
+def _social(told: Tree | None) -> Social:
+    if told is None:
+        return Social()
+    return _made(Social, told, visit_time=tuple(told["visit_time"]), talk_time=tuple(told["talk_time"]))
 
 
 def _made(kind: type[T], told: Tree, **given: Any) -> T:

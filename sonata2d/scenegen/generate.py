@@ -15,6 +15,7 @@ from .journey import draw_journey, reserved
 from .numbering import Company, numbered
 from .placement import Layout, extent
 from .rooms import FloorPlan, draw_plan
+from .social import with_manners
 
 
 def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
@@ -40,8 +41,14 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
     cast = draw_cast(config, chance)
     for _ in range(config.max_layouts - 1):
         with suppress(SceneError):
-            return replace(_lay_out(config, plan, fixed, cast, chance), seed=seed, episode=episode)
-    return replace(_lay_out(config, plan, fixed, cast, chance), seed=seed, episode=episode)
+            return _completed(_lay_out(config, plan, fixed, cast, chance), config, seed, episode)
+    return _completed(_lay_out(config, plan, fixed, cast, chance), config, seed, episode)
+
+
+def _completed(scene: Scene, config: ScenarioConfig, seed: int, episode: int) -> Scene:
+    """The scene with what it was drawn from, and people's manners towards the robot."""
+    humans = with_manners(scene.humans, config.person.reactions, config.person.robot_clearance, seed, episode)
+    return replace(scene, humans=humans, seed=seed, episode=episode)
 
 
 def _checked(fixed: tuple[Furniture, ...], plan: FloorPlan) -> tuple[Furniture, ...]:
@@ -77,6 +84,7 @@ def _lay_out(
         groups=company.groups,
         interactions=company.interactions,
         rules=Rules(**config.rules.model_dump()),
+        social=config.social.social(),
         settings=config.settings(),
         dropped=tuple(_label(cast, k) for k in range(len(cast)) if k not in found),
     )
