@@ -15,7 +15,7 @@ from .company import Company
 AHEAD = 1.0  # s, by which the head is ahead of the way
 SHORTEST = 0.8  # m, at least that far ahead on the way
 STEADY = 0.4  # m/s, that the way one wants to go weighs beside the one one goes
-IDLE = 0.05  # m/s, below which a body stays as it is
+IDLE, MOVING = 0.3, 0.4  # m/s: below the one a body stays as it is; above the other the scared look where they go
 IN_VIEW = -0.35  # cosine of the angle from the body's direction, up to which one notices the robot
 
 
@@ -40,13 +40,13 @@ COMPANIONS = _Habit((0.8, 1.5), (4.0, 10.0))  # where people walk together
 class Attention:
     """Where everybody faces and looks. All of it is drawn from a stream of chance of each person's own.
 
-    - A walker's body turns to v + 0.4 m/s · e, of velocity v and unit vector e of the way, so that slow ones keep calm;
-      the head to the point on the way that is 1 s ahead, so that it leads a turn, and to companions now and then.
+    - A walker's body turns to v + w, of velocity v and wanted velocity w of 0.4 m/s at most, so that slow ones keep
+      calm; the head to the point on the way that is 1 s ahead, so that it leads a turn, and to companions now and then.
     - Who talks faces the partner, or the middle of the circle, and looks from face to face; who attends to a thing
       faces it.
     - Glances at the robot, where it is in sight, in view and near, are short for `avoids`, longer for `stops`, long and
       often for `curious` and `scared`; who ignores it never looks. Who is taken up with the robot looks at nothing
-      else, and the curious, and those who stop, turn their bodies to it.
+      else, and turns the body to it but while the scared walk away.
 
     Args:
         scene: who there is.
@@ -60,30 +60,31 @@ class Attention:
         self._chance = [Chance(scene.seed, scene.episode, "glances", human.id) for human in people]
         self._habit = [GLANCES.get(human.reaction) for human in people]
         self._reach = np.array([habit.reach if habit else -1.0 for habit in self._habit])
-        self._turns_to_robot = np.array([human.reaction in ("curious", "stops") for human in people], dtype=bool)
+        self._is_scared = np.array([human.reaction == "scared" for human in people], dtype=bool)
         self._bodies = np.array([human.radius + scene.robot.radius for human in people])
         self._robot_until, self._robot_next = [0] * len(people), [0] * len(people)
         self._face: list[int] = [-1] * len(people)  # whom one looks at, or -1
         self._face_until = [0] * len(people)
 
-    def facing(
-        self, snapshot: Snapshot, company: Company, direction: Array, towards_robot: Array, struck: Any
-    ) -> Array:
+    def facing(self, snapshot: Snapshot, company: Company, course: Array, towards_robot: Array, struck: Any) -> Array:
         """(N, 2), unit vectors to which the bodies turn.
 
         Args:
             snapshot: where all are.
             company: what they are about.
-            direction: (N, 2), unit vectors, where walkers want to go.
+            course: (N, 2), m/s, how walkers want to go.
             towards_robot: (N, 2), unit vectors.
             struck: (N,) of bool, who is taken up with the robot.
         """
-        humans = snapshot.humans
-        walking = _unit(humans.velocity + direction * STEADY, humans.heading, IDLE)
+        humans, velocity = snapshot.humans, snapshot.humans.velocity
+        pace = np.sqrt(course[:, 0] * course[:, 0] + course[:, 1] * course[:, 1])
+        way = course * (np.minimum(pace, STEADY) / np.maximum(pace, 1e-6))[:, None]
+        walking = _unit(velocity + way, humans.heading, IDLE)
         standing = _unit(self._fronts(company, humans.position) - humans.position, humans.heading, 0.05)
         facing = np.where(company.walks[:, None], walking, standing)
         alone = np.array([company.walks[k] or not partners for k, partners in enumerate(company.partners)], dtype=bool)
-        turns = struck & self._turns_to_robot & alone & ~company.has_thing
+        moves = velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1] > MOVING * MOVING
+        turns = struck & alone & ~company.has_thing & ~(self._is_scared & company.walks & moves)
         return np.where(turns[:, None], towards_robot, facing)
 
     def look(

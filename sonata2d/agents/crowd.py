@@ -120,8 +120,8 @@ class Crowd:
         """Where bodies face and heads look, (N, 2) each, unit vectors."""
         humans, struck = snapshot.humans, self._reactions.faces_it
         to_robot = _unit(np.array([snapshot.robot.position]) - humans.position, humans.heading)
-        direction = walkers.direction[:-1]
-        facing = self._attention.facing(snapshot, self._company, direction, to_robot, struck)
+        course = (walkers.direction * walkers.desired_speed[:, None])[:-1]
+        facing = self._attention.facing(snapshot, self._company, course, to_robot, struck)
         reach = np.maximum(walkers.desired_speed[:-1] * AHEAD, SHORTEST)
         ahead = self._wanderers.ahead(humans.position, reach)
         sees = np.where(struck, 2, np.where(self._reactions.notices, 1, 0))

@@ -2,27 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..exact import Array
+from ..geometry import Barriers
 
 HORIZON, LATEST = 5.0, 3.0  # s to the closest approach: from the one on a course is changed, from the other in full
 BEHIND = 0.25  # m/s, by which a larger change of course is preferred for passing behind
 KEEP = 0.25  # m/s, by which it is for the side chosen before
 AROUND = 0.6  # share of the pace that is kept by who is too near and goes round
+AT_WALL = 0.5  # s, in which nobody on a changed course gets to a wall
 BACK = 0.8  # 1/s, by which who is too near makes room
 
 
+def held_by_walls(position: Array, radius: Array, barriers: Barriers) -> Callable[[Array], Array]:
+    """What walls and furniture leave of velocities, (N, 2), m/s: to each of them no faster than gap / `AT_WALL`.
+
+    Two of them are minded, those that are most in the way: enough for a corner.
+    """
+    if not len(barriers):
+        return lambda velocity: velocity
+    x, y = barriers.towards(position)
+    apart = np.maximum(np.sqrt(x * x + y * y), 1e-6)
+    x, y, most = x / apart, y / apart, np.maximum(apart - barriers.radius[:, None] - radius, 0.0) / AT_WALL
+    everybody = np.arange(len(position))
+
+    def held(velocity: Array) -> Array:
+        for _ in range(2):
+            excess = velocity[:, 0] * x + velocity[:, 1] * y - most
+            worst = excess.argmax(axis=0)
+            less = np.maximum(excess[worst, everybody], 0.0)
+            velocity = velocity - np.stack((x[worst, everybody] * less, y[worst, everybody] * less), axis=1)
+        return velocity
+
+    return held
+
+
 def course_past(
-    apart: Array, wish: Array, velocity: Array, room: Array, passing: Array, side: int
+    apart: Array,
+    wish: Array,
+    velocity: Array,
+    room: Array,
+    passing: Array,
+    side: int,
+    held: Callable[[Array], Array] = lambda velocity: velocity,
 ) -> tuple[Array, Array]:
     """The velocities nearest to the wished ones that pass a moving disc at a distance.
 
     With p the vector to the disc, R the distance to keep, u the wish and v the disc's velocity, w = u − v is the way
     relative to it. It comes nearer than R where w lies within the cone round p whose half-angle has the sine R/|p|.
     Then w is projected onto one edge l of that cone: u′ = v + l (l·w). Of the two edges the one that changes u less is
-    taken, with a bonus for passing behind the disc and for the side taken before. Who is nearer than R, and would come
-    nearer still, goes round and backs off.
+    taken, with a bonus for passing behind the disc and for the side taken before, and a loss for what walls forbid.
+    Who is nearer than R, and would come nearer still, goes round and backs off.
 
     Args:
         apart: (N, 2), m, from each person to the disc.
@@ -31,6 +64,7 @@ def course_past(
         room: (N,), m, from centre to centre.
         passing: (N,), the side taken before: +1 to the left of p, -1 to the right, 0 none.
         side: +1 passes on the right where both sides are alike, -1 on the left.
+        held: what walls leave of velocities, (N, 2), m/s.
 
     Returns:
         (N, 2), m/s, and the side taken, (N,), 0 where the wish stands.
@@ -50,7 +84,11 @@ def course_past(
     behind = _cross(p, np.zeros_like(p) + velocity)  # > 0: the disc goes to the left, so the right is behind it
     edges = [_edge(p, way, cosine, sine, sign, (distance - room) * BACK, pace) for sign in (1.0, -1.0)]
     costs = [
-        _length(edge - way) + BEHIND * (sign * behind > 0.05) - KEEP * (passing == sign) + 1e-6 * (sign * side > 0.0)
+        _length(edge - way)
+        + _length(held(velocity + edge) - velocity - edge)
+        + BEHIND * (sign * behind > 0.05)
+        - KEEP * (passing == sign)
+        + 1e-6 * (sign * side > 0.0)
         for edge, sign in zip(edges, (1.0, -1.0), strict=True)
     ]
     taken = np.where(costs[0] < costs[1], 1.0, -1.0)

@@ -9,7 +9,7 @@ import numpy as np
 from ..entities import Scene
 from ..exact import Array, exp
 from ..frame import Snapshot
-from .passing import course_past
+from .passing import course_past, held_by_walls
 
 NOTICED = 8.0  # m, from outline to outline, within which the robot matters
 NEAR = 3.0  # m, within which who stops or is scared minds its coming
@@ -20,7 +20,8 @@ SPENT = {"stops": 6.0, "curious": 8.0, "scared": 6.0}  # s, after which a reacti
 RECOVERY = {"stops": 2.0, "curious": 0.25, "scared": 2.0}  # times as fast as it was spent, once its cause is gone
 SHY = 0.7  # m, that the scared add to their clearance
 STEP_BACK, AT_EASE = 0.8, 1.8  # m: how far who stands steps back at most, and from how near
-CLOSE = 0.5  # m, that the curious put up with while they look
+CLOSE = 0.5  # m, that who stops, or is curious, puts up with while they look
+ASIDE = 0.8  # of the way ahead of a coming robot, that the scared leave out when they get away
 TIGHT = 0.1  # m, which will do for who was kept from their way for long
 PATIENT, IMPATIENT = 5.0, 8.0  # s, in which a clearance is kept, and after which it is TIGHT
 _PUSH, _REACH = 3.0, 0.1  # m/s2 at the robot's skin, and m in which it falls to 1/e
@@ -88,12 +89,14 @@ class Reactions:
         if not here.any():
             return direction, speed
         wanted = direction * speed[:, None]
-        wish = np.where(walks[:, None], self._wish(wanted, speed, gap, towards), 0.0)
+        wish = np.where(walks[:, None], self._wish(snapshot, wanted, speed, gap, towards), 0.0)
         avoiding = here & walks & ~(self._is["curious"] & self.faces_it & ~self._comes(snapshot, towards, 0.2))
-        new, self._passing = course_past(
-            apart, wish, np.array(snapshot.robot.velocity), self._room(), self._passing, self._side
-        )
+        held = held_by_walls(snapshot.humans.position, self._radius, self._barriers)
+        velocity = np.array(snapshot.robot.velocity)
+        new, self._passing = course_past(apart, wish, velocity, self._room(), self._passing, self._side, held)
         new = np.where(avoiding[:, None], new, wish)
+        changed = (new != wanted).any(axis=1)
+        new = np.where(changed[:, None], held(new), new)
         self._lose_patience(snapshot.dt, avoiding, new - wish)
         new = wanted + (new - wanted) * np.where(here, self._reacts, 0.0)[:, None]
         pace = np.sqrt(new[:, 0] * new[:, 0] + new[:, 1] * new[:, 1])
@@ -146,9 +149,9 @@ class Reactions:
             self._tired = np.where(whose, tired, self._tired)
         self.faces_it = cause & ~self._tired
 
-    def _wish(self, wanted: Array, speed: Array, gap: Array, towards: Array) -> Array:
+    def _wish(self, snapshot: Snapshot, wanted: Array, speed: Array, gap: Array, towards: Array) -> Array:
         """(N, 2), m/s: what people would do about the robot if they could not run into it."""
-        struck, away = self.faces_it[:, None], speed[:, None] * towards * -1.0
+        struck, away = self.faces_it[:, None], speed[:, None] * _aside(towards, snapshot.robot.velocity)
         near = np.minimum(np.maximum((gap - SOCIAL) / 0.5, -0.4), speed)[:, None] * towards
         wish = np.where(struck & self._is["stops"][:, None], 0.0, wanted)
         wish = np.where(struck & self._is["scared"][:, None], away, wish)
@@ -157,8 +160,8 @@ class Reactions:
     def _room(self) -> Array:
         """(N,), m, from centre to centre, that each wants to pass the robot at now."""
         tolerance = np.minimum(np.maximum((IMPATIENT - self._kept) / (IMPATIENT - PATIENT), 0.0), 1.0)
-        clearance = np.where(self._is["curious"] & self.faces_it, np.minimum(self._clearance, CLOSE), self._clearance)
-        clearance = np.where(self._is["stops"] & self.faces_it, TIGHT, clearance)
+        put_up = (self._is["curious"] | self._is["stops"]) & self.faces_it
+        clearance = np.where(put_up, np.minimum(self._clearance, CLOSE), self._clearance)
         tight = np.minimum(clearance, TIGHT)
         room: Array = self._bodies + tight + (clearance - tight) * tolerance
         return room
@@ -167,3 +170,13 @@ class Reactions:
         """Count the time that people are kept from their way."""
         kept = avoiding & (change[:, 0] * change[:, 0] + change[:, 1] * change[:, 1] > 0.01)
         self._kept = np.minimum(np.maximum(self._kept + np.where(kept, dt, -0.5 * dt), 0.0), IMPATIENT)
+
+
+def _aside(towards: Array, velocity: tuple[float, float]) -> Array:
+    """(N, 2), unit vectors away from a robot that moves, rather to the side than along its way."""
+    vx, vy = velocity
+    pace = max(float(np.sqrt(vx * vx + vy * vy)), 1e-6)
+    along = np.maximum(-(towards[:, 0] * vx + towards[:, 1] * vy) / pace, 0.0) * ASIDE / pace
+    x, y = -towards[:, 0] - along * vx, -towards[:, 1] - along * vy
+    size = np.maximum(np.sqrt(x * x + y * y), 1e-6)
+    return np.stack((x / size, y / size), axis=1)
