@@ -105,6 +105,7 @@ def _episode(path: Path) -> Rows:
         ("context", record.context),
         ("people", f"{len(scene.humans)}, {wandering} of them walking"),
         ("ignore the robot", sum(human.reacts_to_robot == 0.0 for human in scene.humans)),
+        ("towards the robot", dict(sorted(Counter(human.reaction for human in scene.humans).items()))),
         ("objects", [thing.type for thing in scene.furniture]),
         ("interactions", [[tie.src, tie.relation, tie.dst] for tie in scene.interactions]),
         ("robot", f"{scene.robot.kinematics}, radius {scene.robot.radius} m"),

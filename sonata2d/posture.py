@@ -54,17 +54,20 @@ class Posture:
         """
         speed = np.sqrt(bodies[:, 2] * bodies[:, 2] + bodies[:, 3] * bodies[:, 3])
         rate = CALM_RATE + (BODY_RATE - CALM_RATE) * np.minimum(speed / BRISK, 1.0)
-        still_to_go = _right_about(_angle(self.faces, facing, self._side), self._rate)
+        angles = _angle(np.concatenate((self.faces, self.faces)), np.concatenate((facing, look)), self._side)
+        to_face, to_look = angles[: len(rate)], angles[len(rate) :]
+        still_to_go = _right_about(to_face, self._rate)
         moved, self._rate = _damped(still_to_go, self._rate, rate, BODY_TURN, self._dt)
         self.faces = _rotated(self.faces, moved, BODY_TURN * self._dt)
         self.omega = moved / self._dt
-        self._turn_heads(moved, look)
+        self._turn_heads(moved, to_look - moved)
         self.looks = _rotated(self.faces, self._neck, HEAD_LIMIT)
 
-    def _turn_heads(self, moved: Array, look: Array) -> None:
-        """Turn heads on bodies that have just turned by `moved`, rad."""
+    def _turn_heads(self, moved: Array, wanted: Array) -> None:
+        """Turn heads on bodies that have just turned by `moved`, to where they are wanted, rad, on the body."""
         before = self._neck
-        wanted = _right_about(_angle(self.faces, look, self._side), before)
+        wanted = np.where(wanted > PI, wanted - 2.0 * PI, np.where(wanted <= -PI, wanted + 2.0 * PI, wanted))
+        wanted = _right_about(wanted, before)
         wanted = np.minimum(np.maximum(wanted, -HEAD_LIMIT), HEAD_LIMIT)
         steady = before - moved
         gone, rate = _damped(wanted - steady, self._neck_rate, HEAD_RATE, HEAD_TURN, self._dt)

@@ -10,6 +10,7 @@ from ..geometry import Point
 LARGEST = 6  # people in one circle
 MEETING = 1.2  # m, between two who talk
 RADIUS = {1: 0.0, 2: 0.6, 3: 0.65, 4: 0.75, 5: 0.85, 6: 1.0}  # m, at least, of a circle of so many
+FLATTEST = 1.2  # m, from the middle of two to a third, at most
 _ASIDE = ((1.0, 0.0), (0.7071, 0.7071), (0.7071, -0.7071))  # from whom stands alone: ahead, and half left or right
 
 
@@ -31,13 +32,17 @@ def free_places(homes: list[Point], front: Point, comer: Point) -> list[tuple[Po
     """
     if len(homes) == 1:
         return _before(homes[0], front, comer)
+    if len(homes) == 2:
+        return _beside(homes[0], homes[1], comer)
     centre = _middle(homes)
     spokes = [_unit(x - centre[0], y - centre[1]) for x, y in homes]
     radius = max(*(_length(x - centre[0], y - centre[1]) for x, y in homes), RADIUS[len(homes) + 1])
     found = []
     for a, b in combinations(spokes, 2):
         x, y = a[0] + b[0], a[1] + b[1]
-        between = _unit(x, y) if _length(x, y) > 0.05 else (-a[1], a[0])
+        if _length(x, y) < 0.05:
+            continue
+        between = _unit(x, y)
         for ux, uy in (between, (-between[0], -between[1])):
             nearest = max(ux * s + uy * t for s, t in spokes)
             place = centre[0] + radius * ux, centre[1] + radius * uy
@@ -64,6 +69,19 @@ def _before(home: Point, front: Point, comer: Point) -> list[tuple[Point, Point]
         far = _length(place[0] - comer[0], place[1] - comer[1])
         found.append((min(rank, 1), far, (home[0] + x / 2, home[1] + y / 2), place))
     return [(centre, place) for _, _, centre, place in sorted(found)]
+
+
+def _beside(one: Point, other: Point, comer: Point) -> list[tuple[Point, Point]]:
+    """Places that make an even triangle of two, or a flatter one where they stand far apart; the nearer first."""
+    (ax, ay), (bx, by) = one, other
+    ux, uy = _unit(bx - ax, by - ay)
+    height = min(max(0.866 * _length(bx - ax, by - ay), 1.5 * RADIUS[3]), FLATTEST)
+    found = []
+    for side in (1.0, -1.0):
+        x, y = -uy * height * side, ux * height * side
+        place, centre = ((ax + bx) / 2 + x, (ay + by) / 2 + y), ((ax + bx) / 2 + x / 3, (ay + by) / 2 + y / 3)
+        found.append((_length(place[0] - comer[0], place[1] - comer[1]), centre, place))
+    return [(centre, place) for _, centre, place in sorted(found)]
 
 
 def _middle(places: list[Point]) -> Point:

@@ -24,12 +24,14 @@ def held_by_walls(position: Array, radius: Array, barriers: Barriers) -> Callabl
     """
     if not len(barriers):
         return lambda velocity: velocity
-    x, y = barriers.towards(position)
-    apart = np.maximum(np.sqrt(x * x + y * y), 1e-6)
-    x, y, most = x / apart, y / apart, np.maximum(apart - barriers.radius[:, None] - radius, 0.0) / AT_WALL
-    everybody = np.arange(len(position))
+    everybody, found = np.arange(len(position)), list[tuple[Array, Array, Array]]()
 
     def held(velocity: Array) -> Array:
+        if not found:  # most of the time nobody asks
+            x, y = barriers.towards(position)
+            apart = np.maximum(np.sqrt(x * x + y * y), 1e-6)
+            found.append((x / apart, y / apart, np.maximum(apart - barriers.radius[:, None] - radius, 0.0) / AT_WALL))
+        x, y, most = found[0]
         for _ in range(2):
             excess = velocity[:, 0] * x + velocity[:, 1] * y - most
             worst = excess.argmax(axis=0)
@@ -79,6 +81,8 @@ def course_past(
     miss = np.abs(across) * distance / pace
     until = closing * distance / (pace * pace)
     meets = (closing > 0.0) & (miss < room) & (until < HORIZON)
+    if not meets.any():
+        return wish, np.zeros(len(wish))
     sine = np.minimum(room / distance, 1.0)
     cosine = np.sqrt(1.0 - sine * sine)
     behind = _cross(p, np.zeros_like(p) + velocity)  # > 0: the disc goes to the left, so the right is behind it

@@ -60,6 +60,7 @@ class Reactions:
         self._reacts = np.array([human.reacts_to_robot for human in people], dtype=float)
         self._is = {kind: np.array([h.reaction == kind for h in people], dtype=bool) for kind in SPENT}
         self._alone = np.array([human.group is None for human in people], dtype=bool)
+        self._is_even = not any(whose.any() for whose in self._is.values())
         self._clearance = np.array([human.robot_clearance for human in people], dtype=float)
         self._clearance = np.where(self._is["scared"], self._clearance + SHY, self._clearance)
         self._radius = np.array([human.radius for human in people], dtype=float)
@@ -87,28 +88,37 @@ class Reactions:
         here = self.notices = self._minds & seen & (gap < NOTICED)
         self._feel(snapshot.dt, here, gap, self._comes(snapshot, towards))
         if not here.any():
+            self._kept = np.maximum(self._kept - 0.5 * snapshot.dt, 0.0)
             return direction, speed
-        wanted = direction * speed[:, None]
-        wish = np.where(walks[:, None], self._wish(snapshot, wanted, speed, gap, towards), 0.0)
-        avoiding = here & walks & ~(self._is["curious"] & self.faces_it & ~self._comes(snapshot, towards, 0.2))
+        wanted, here = direction * speed[:, None], here & walks
+        wish, avoiding = self._wish(snapshot, wanted, speed, gap, towards), here
+        if self.faces_it.any():
+            avoiding = here & ~(self._is["curious"] & self.faces_it & ~self._comes(snapshot, towards, 0.2))
+        new = self._past_it(snapshot, apart, wish, wanted, avoiding)
+        if not (here & (new != wanted).any(axis=1)).any():
+            return direction, speed
+        new = wanted + (new - wanted) * self._reacts[:, None]
+        pace = np.sqrt(new[:, 0] * new[:, 0] + new[:, 1] * new[:, 1])
+        turned = np.where((pace > 1e-3)[:, None], new / np.maximum(pace, 1e-3)[:, None], direction)
+        return np.where(here[:, None], turned, direction), np.where(here, pace, speed)
+
+    def _past_it(self, snapshot: Snapshot, apart: Array, wish: Array, wanted: Array, avoiding: Any) -> Array:
+        """(N, 2), m/s: the wish, or for those who avoid the robot the course past it; not into walls."""
         held = held_by_walls(snapshot.humans.position, self._radius, self._barriers)
         velocity = np.array(snapshot.robot.velocity)
         new, self._passing = course_past(apart, wish, velocity, self._room(), self._passing, self._side, held)
         new = np.where(avoiding[:, None], new, wish)
-        changed = (new != wanted).any(axis=1)
-        new = np.where(changed[:, None], held(new), new)
         self._lose_patience(snapshot.dt, avoiding, new - wish)
-        new = wanted + (new - wanted) * np.where(here, self._reacts, 0.0)[:, None]
-        pace = np.sqrt(new[:, 0] * new[:, 0] + new[:, 1] * new[:, 1])
-        turned = np.where((pace > 1e-3)[:, None], new / np.maximum(pace, 1e-3)[:, None], direction)
-        return np.where((here & walks)[:, None], turned, direction), np.where(here & walks, pace, speed)
+        changed = (new != wanted).any(axis=1)
+        return np.where(changed[:, None], held(new), new) if changed.any() else new
 
     def push(self, position: Array) -> Array:
         """Off the robot's skin; (N + 1, 2), m, the robot last, to (N, 2), m/s2."""
         away = position[:-1] - position[-1]
         apart = np.maximum(np.sqrt(away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1]), 1e-6)
         gap = np.maximum(apart - self._bodies, 0.0)
-        push: Array = away * (self._reacts * _PUSH * exp(gap * (-1.0 / _REACH)) / apart)[:, None]
+        minds = np.where(self.notices, self._reacts, 0.0)
+        push: Array = away * (minds * _PUSH * exp(gap * (-1.0 / _REACH)) / apart)[:, None]
         return push
 
     def stepped_back(self, snapshot: Snapshot, home: Array) -> Array:
@@ -138,6 +148,8 @@ class Reactions:
 
     def _feel(self, dt: float, here: Any, gap: Array, comes: Any) -> None:
         """Reactions wear off while they last, and people recover when their cause is gone."""
+        if self._is_even:
+            return
         cause = here & (((self._is["stops"] | self._is["scared"]) & comes & (gap < NEAR)) | self._is["curious"])
         cause &= ~self._is["curious"] | (gap < INTEREST)
         for kind, whose in self._is.items():
@@ -151,6 +163,8 @@ class Reactions:
 
     def _wish(self, snapshot: Snapshot, wanted: Array, speed: Array, gap: Array, towards: Array) -> Array:
         """(N, 2), m/s: what people would do about the robot if they could not run into it."""
+        if not self.faces_it.any():
+            return wanted
         struck, away = self.faces_it[:, None], speed[:, None] * _aside(towards, snapshot.robot.velocity)
         near = np.minimum(np.maximum((gap - SOCIAL) / 0.5, -0.4), speed)[:, None] * towards
         wish = np.where(struck & self._is["stops"][:, None], 0.0, wanted)

@@ -107,7 +107,7 @@ class SocialLife:
         left = self._company.partners[k]
         del self._tasks[k]
         self._company.walk(k)
-        self._wanderers.let_go(k)
+        self._wanderers.let_go(k, _point(self._position[k]))
         for other in left:
             if other in self._tasks and not self._company.partners[other]:
                 self._tasks[other].until = min(self._tasks[other].until, self._tick + int(ALONE / self._dt))

@@ -107,10 +107,10 @@ class Wanderers:
         if k in self._ways:
             self._ways[k], self._next[k] = np.zeros((0, 2)), 0
 
-    def let_go(self, k: int) -> None:
-        """Somebody wanders from now on, even if they stood before."""
+    def let_go(self, k: int, place: Point) -> None:
+        """Somebody wanders from now on, even if they stood before; they choose a way at once."""
         self.led.discard(k)
-        self.leader[k], self._ways[k], self._next[k] = k, np.zeros((0, 2)), 0
+        self.leader[k], self._ways[k], self._next[k] = k, np.array([place, place]), 1
         if k not in self._chance:
             self._chance[k] = Chance(self._scene.seed, self._scene.episode, "people", self._scene.humans[k].id)
 
