@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +49,7 @@ def test_ties_and_activities_agree_in_every_frame(lively: list[list[Snapshot]]) 
     kinds = {TALKING: "talking", AT_LAPTOP: "using", AT_PLANT: "looking"}
     changes = 0
     for seen in lively:
-        for before, after in zip(seen, seen[1:], strict=False):
+        for before, after in pairwise(seen):
             changes += before.interactions != after.interactions
         for snapshot in seen:
             doing = {human.id: human.activity for human in snapshot.humans}
