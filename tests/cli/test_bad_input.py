@@ -206,6 +206,8 @@ def test_a_damaged_or_newer_file(sonata2d: Run, here: Path, damage: object, said
 
 
 def test_an_edited_number_is_found_by_hash_and_by_replay(sonata2d: Run, here: Path) -> None:
+    quick = (here / "quick.yaml").read_text()
+    (here / "quick.yaml").write_text(quick.replace("time_limit: 4", "time_limit: 4, ends_on: [time]"))
     sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
     path = here / "out/000000.json"
     lines = path.read_text().splitlines(keepends=True)
