@@ -1,6 +1,6 @@
 """Who gets through a doorway between two rooms, and how long it takes: alone, in a queue, and against each other.
 
-    python benchmarks/doors.py [--widths 0.9 1.0 1.2] [--model sonata2026] [--seeds 10] [--json]
+python benchmarks/doors.py [--widths 0.9 1.0 1.2] [--model sonata2026] [--seeds 10] [--json]
 """
 
 from __future__ import annotations
@@ -78,7 +78,11 @@ def main() -> None:
         print(json.dumps(rows, indent=2))
         return
     for row in rows:
-        print("  ".join(f"{name} {value:g}" if isinstance(value, float) else f"{name} {value:7}" for name, value in row.items()))
+        print(
+            "  ".join(
+                f"{name} {value:g}" if isinstance(value, float) else f"{name} {value:7}" for name, value in row.items()
+            )
+        )
 
 
 if __name__ == "__main__":

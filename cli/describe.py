@@ -109,6 +109,7 @@ def _episode(path: Path) -> Rows:
         *([("recorded people", recorded)] if recorded else []),
         *([("people who come or go", passing)] if passing else []),
         ("ignore the robot", sum(human.reacts_to_robot == 0.0 for human in scene.humans)),
+        ("towards the robot", dict(sorted(Counter(human.reaction for human in scene.humans).items()))),
         ("objects", [thing.type for thing in scene.furniture]),
         ("interactions", [[tie.src, tie.relation, tie.dst] for tie in scene.interactions]),
         ("robot", f"{scene.robot.kinematics}, radius {scene.robot.radius} m"),

@@ -11,7 +11,7 @@ from typing import Any
 from sonata2d.frame import ACTIVITIES
 from sonata2d.record import manifest_models, models
 from sonata2d.record.sense import DEEPEST
-from sonata2d.scenegen import ScenarioConfig, sections
+from sonata2d.scenegen import ScenarioConfig, sections, social
 from sonata2d.scenegen.people import GivenPersonConfig
 from sonata2d.scenegen.settings import Settings
 from sonata2d.version import FORMAT, FORMAT_VERSION
@@ -115,7 +115,8 @@ Fixed furniture has a type of `sizes`, or a size of its own. Doors are gaps betw
 
 def scenario_page() -> str:
     """docs/scenario.md."""
-    parts = [ScenarioConfig, *(kind for kind in vars(sections).values() if _is_section(kind)), GivenPersonConfig]
+    kinds = {**vars(sections), **vars(social)}.values()
+    parts = [ScenarioConfig, *dict.fromkeys(filter(_is_section, kinds)), GivenPersonConfig]
     return "\n".join([SCENARIO_INTRO, *(_settings(part) for part in parts)])
 
 

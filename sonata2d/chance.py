@@ -14,9 +14,9 @@ import numpy as np
 from .exact import exp
 
 T = TypeVar("T")
-Child = Literal["scene", "people", "noise", "controller"]
+Child = Literal["scene", "people", "noise", "controller", "company", "glances", "manners"]
 _ULP = 1.0 / 9007199254740992.0  # of a 53-bit fraction
-_CHILDREN: tuple[Child, ...] = ("scene", "people", "noise", "controller")
+_CHILDREN: tuple[Child, ...] = ("scene", "people", "noise", "controller", "company", "glances", "manners")
 
 
 class Chance:

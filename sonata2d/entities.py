@@ -12,9 +12,12 @@ from .exact import Array
 from .geometry import Barriers, Disc, Point, Pose, Shape
 
 Behaviour = Literal["standing", "wandering", "walking", "recorded"]
+Reaction = Literal["ignores", "avoids", "stops", "curious", "scared"]
 Kinematics = Literal["holonomic", "unicycle"]
 EndsOn = Literal["goal", "time", "contact"]
-Model = Literal["sonata2026", "moussaid2009", "helbing1995", "helbing2000", "farina2017", "orca2011"]  # of walking: docs/models.md
+Model = Literal[
+    "sonata2026", "moussaid2009", "helbing1995", "helbing2000", "farina2017", "orca2011"
+]  # of walking: docs/models.md
 
 # Relations: the original toolkit's four, and one for any other thing a person attends to.
 TALKING = "two_static_person_talking"
@@ -57,7 +60,9 @@ class Human:
         behaviour: standing: stays; wandering: takes place after place in the room; walking: goes to `goals`;
             recorded: is carried along `track`.
         model: name of the walking model.
-        reacts_to_robot: 0 ignores the robot .. 1 treats it as a person.
+        reacts_to_robot: 0 ignores the robot .. 1 minds it; 0 and the reaction `ignores` are the same.
+        reaction: how they behave towards the robot.
+        robot_clearance: m, from outline to outline, that they want to pass the robot at.
         group: id of the group they belong to.
         goals: m, where one who is walking goes, one after the other; they stay at the last.
         velocity: m/s, world frame, at the start.
@@ -74,6 +79,8 @@ class Human:
     behaviour: Behaviour = "standing"
     model: str = "sonata2026"
     reacts_to_robot: float = 1.0
+    reaction: Reaction = "avoids"
+    robot_clearance: float = 0.83
     group: int | None = None
     goals: tuple[Point, ...] = ()
     velocity: Point = (0.0, 0.0)
@@ -85,6 +92,12 @@ class Human:
     def place_at(self, tick: int) -> Point:
         """Where one who is recorded is at a tick, m: the first place before they enter, the last after the end."""
         return self.track[min(max(tick - self.enters, 0), len(self.track) - 1)]
+
+    def __post_init__(self) -> None:
+        if self.reacts_to_robot == 0.0:
+            object.__setattr__(self, "reaction", "ignores")
+        elif self.reaction == "ignores":
+            object.__setattr__(self, "reacts_to_robot", 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +185,31 @@ class Rules:
         return int(self.time_limit / self.dt + 0.5)
 
 
+@dataclass(frozen=True, slots=True)
+class Social:
+    """What people take up with each other, and with things, while the episode runs. Each chance is 0..1.
+
+    Attributes:
+        visits: that a wanderer, on arrival, goes to a free plant, laptop or other object, and attends to it.
+        joins: that a wanderer, on arrival, joins somebody who stands, or a group that talks.
+        meets: that two wanderers who come near each other stop and talk.
+        leaves: that somebody who attends to a person or a thing at the start goes away, once their time is over.
+        visit_time, talk_time: s, from and to.
+    """
+
+    visits: float = 0.0
+    joins: float = 0.0
+    meets: float = 0.0
+    leaves: float = 0.0
+    visit_time: tuple[float, float] = (5.0, 20.0)
+    talk_time: tuple[float, float] = (10.0, 40.0)
+
+    @property
+    def is_lively(self) -> bool:
+        """Whether anything changes."""
+        return max(self.visits, self.joins, self.meets, self.leaves) > 0.0
+
+
 @dataclass(frozen=True)
 class Scene:
     """The layout an episode starts from. Everything that decides what happens in it is here.
@@ -197,6 +235,7 @@ class Scene:
     groups: tuple[Group, ...] = ()
     interactions: tuple[Interaction, ...] = ()
     rules: Rules = field(default_factory=Rules)
+    social: Social = field(default_factory=Social)
     seed: int = 0
     episode: int = 0
     settings: dict[str, Any] | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, Protocol
@@ -313,9 +313,14 @@ def human_ids(scene: Scene) -> Any:
 
 def activities_of(scene: Scene) -> Any:
     """(N,) of int, into `ACTIVITIES`: what people do by their interactions, else by how they behave."""
-    doing = {h.id: "standing" if h.behaviour == "standing" else "walking" for h in scene.humans}
-    for tie in scene.interactions:
+    return activities({human.id: human.behaviour != "standing" for human in scene.humans}, scene.interactions)
+
+
+def activities(walks: Mapping[int, bool], interactions: Iterable[Interaction]) -> Any:
+    """(N,) of int, into `ACTIVITIES`: what people do by their interactions, else by whether they walk; ids in order."""
+    doing = {person: "walking" if is_walking else "standing" for person, is_walking in walks.items()}
+    for tie in interactions:
         doing[tie.src] = _DOING[tie.relation]
         if tie.dst in doing:
             doing[tie.dst] = _DOING[tie.relation]
-    return frozen(np.array([ACTIVITIES.index(doing[h.id]) for h in scene.humans], dtype=np.int64))
+    return frozen(np.array([ACTIVITIES.index(kind) for kind in doing.values()], dtype=np.int64))

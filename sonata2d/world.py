@@ -17,7 +17,7 @@ from pymunk._chipmunk_cffi import ffi
 
 from .bumper import Bumper
 from .entities import Furniture, Human, Interaction, Scene
-from .exact import Array, arctan2, heading, headings, rotation
+from .exact import Array, rotation
 from .frame import (
     HX,
     HY,
@@ -35,13 +35,11 @@ from .frame import (
     human_ids,
 )
 from .geometry import Disc, Point, Twist
+from .posture import Posture
 from .presence import Presence
 from .topics import DeviceEvent
 
 MASS = 75.0  # kg, of a person and of the robot; only ratios matter
-BODY_TURN = 4.0  # rad/s, how fast a person's body turns
-HEAD_TURN = 6.0  # rad/s, relative to the body
-HEAD_LIMIT = 1.2  # rad, to either side of the body's direction
 
 _READ = batch.BodyFields.POSITION | batch.BodyFields.VELOCITY
 
@@ -78,8 +76,7 @@ class World:
         self._body = _Rows(self._people + 1, 4)  # x, y, vx, vy; the robot comes last
         self._force = _Rows(self._people + 1, 2)
         self._read()
-        self._faces = headings(np.array([h.pose.theta for h in scene.humans]))
-        self._looks, self._omega = self._faces.copy(), np.zeros(self._people)
+        self._posture = Posture(scene)
         self._heading = scene.robot.pose.heading
         self._bumper = Bumper(scene)
         self._twist = self._executed = Twist()
@@ -94,9 +91,9 @@ class World:
         """One frozen look at everything, now."""
         state = np.empty((self._people, 9))
         state[:, X : VY + 1] = self._body.rows[:-1]
-        state[:, HX : HY + 1] = self._faces
-        state[:, LX : LY + 1] = self._looks
-        state[:, OMEGA] = self._omega
+        state[:, HX : HY + 1] = self._posture.faces
+        state[:, LX : LY + 1] = self._posture.looks
+        state[:, OMEGA] = self._posture.omega
         x, y, vx, vy = self._body.rows[-1].tolist()
         bumper = self._bumper
         robot = RobotState(
@@ -140,7 +137,7 @@ class World:
             self._read()
         self._twist = twist
         self._executed = Twist(done_x / rules.substeps, done_y / rules.substeps, twist.omega)
-        self._turn_people(crowd)
+        self._posture.turn(self._body.rows[:-1], crowd.facing, crowd.look)
         self._activity, self._interactions = crowd.activity, crowd.interactions
         self.tick += 1
         self._let_come_and_go(crowd.leaving)
@@ -164,8 +161,7 @@ class World:
         """Bring in and take away whoever's tick it is; who comes looks ahead."""
         come, gone = self._presence.turn(self.tick, leaving, self._body.rows)
         for k in come:
-            self._faces[k] = self._looks[k] = heading(self.scene.humans[k].pose.theta)
-            self._omega[k] = 0.0
+            self._posture.begin(k, self.scene.humans[k].pose.heading)
         if come or gone:
             self._read()
 
@@ -177,19 +173,6 @@ class World:
         _, _, now_x, now_y = self._body.rows[-1].tolist()
         self._force.rows[-1] = ((vx - now_x) * (MASS / h), (vy - now_y) * (MASS / h))
         return vx, vy
-
-    def _turn_people(self, crowd: CrowdCommands) -> None:
-        """Turn bodies and heads towards what they want, as fast as necks and feet allow."""
-        dt, before = self.scene.rules.dt, self._faces
-        side = self.scene.rules.side
-        self._faces = _turned(before, crowd.facing, BODY_TURN * dt, side)
-        moved = _rotated(self._faces, before, -1.0)
-        self._omega = arctan2(moved[:, 1], moved[:, 0]) / dt
-        relative = _rotated(np.concatenate((crowd.look, self._looks)), np.tile(self._faces, (2, 1)), -1.0)
-        ahead = np.zeros_like(relative)
-        ahead[:, 0] = 1.0
-        target, now = np.split(_turned(ahead, relative, HEAD_LIMIT, side), 2)
-        self._looks = _rotated(_turned(now, target, HEAD_TURN * dt, side), self._faces, 1.0)
 
     def _read(self) -> None:
         """Fill the rows with where the bodies are and how they move."""
@@ -240,28 +223,3 @@ def _kind(human: Human) -> int:
 def _unit(x: float, y: float) -> tuple[float, float]:
     norm = math.sqrt(x * x + y * y)
     return x / norm, y / norm
-
-
-def _rotated(vectors: Array, by: Array, sign: float) -> Array:
-    """Vectors turned by (sign 1) or back by (sign -1) the angle of unit vectors; all (N, 2)."""
-    c, s = by[:, 0], sign * by[:, 1]
-    rotated = np.empty_like(vectors)
-    rotated[:, 0] = vectors[:, 0] * c - vectors[:, 1] * s
-    rotated[:, 1] = vectors[:, 0] * s + vectors[:, 1] * c
-    return rotated
-
-
-def _turned(now: Array, target: Array, most: float, side: int) -> Array:
-    """Unit vectors turned the short way towards others, by `most` radians at most (below pi/2); all (N, 2).
-
-    Right about is to the right for side 1, to the left for -1.
-    """
-    c = now[:, 0] * target[:, 0] + now[:, 1] * target[:, 1]
-    s = now[:, 0] * target[:, 1] - now[:, 1] * target[:, 0]
-    cos, sin = heading(most)
-    part = np.empty_like(now)
-    part[:, 0], part[:, 1] = cos, np.where(s * side <= 0.0, -side * sin, side * sin)
-    turned = np.where((c < cos)[:, None], _rotated(now, part, 1.0), target)
-    norm = np.sqrt(turned[:, 0] * turned[:, 0] + turned[:, 1] * turned[:, 1])
-    unit: Array = turned / norm[:, None]
-    return unit

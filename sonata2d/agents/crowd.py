@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ..entities import Scene
-from ..exact import Array, headings
-from ..frame import CrowdCommands, Snapshot, activities_of
+from ..exact import Array
+from ..frame import CrowdCommands, Snapshot
+from .attention import AHEAD, SHORTEST, Attention
+from .company import Company
 from .forces.drive import standing_acceleration
 from .forces.walls import Sight
 from .lineup import lined_up
 from .models.registry import HEADED, MODELS
 from .models.walkers import Walkers
+from .reactions import Reactions
+from .social_life import SocialLife
 from .wandering import Wanderers
 
 HURRY = 1.3  # times the desired speed is the fastest anyone walks (Helbing & Molnár 1995)
 EASE = 0.4  # s: who comes to a stop somewhere goes no faster than the distance left over this
-STROLLING = 0.2  # m/s, above which the body follows the way it goes
 
 
 class Crowd:
@@ -41,26 +43,27 @@ class Crowd:
         self._scene = scene
         self._there: Array | None = None
         self._wanderers = Wanderers(scene)
-        self._walks = np.array([human.behaviour != "standing" for human in people], dtype=bool)
-        self._home = np.array([human.pose.position for human in people], dtype=float).reshape(-1, 2)
-        self._faces = headings(np.array([human.pose.theta for human in people]))
+        self._company = Company(scene)
+        self._life = SocialLife(scene, self._company, self._wanderers)
+        self._reactions, self._attention = Reactions(scene), Attention(scene)
+        self._keep_to = self._company.home
         self._speed = self._group_speeds()
         radius = [*(human.radius for human in people), scene.robot.radius]
         self._radius = np.array(radius, dtype=float)
         self._weight = self._who_minds_whom()
         self._sight = Sight(scene, len(people) + 1)
         self._member = self._who_walks_with_whom()
-        self._partner = self._whom_they_face()
-        self._activity = activities_of(scene)
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """What each person wants in this tick."""
         snapshot, self._there = lined_up(snapshot)
-        humans = snapshot.humans
+        humans, company = snapshot.humans, self._company
+        self._life.update(snapshot.tick, humans)
         towards = self._wanderers.update(snapshot.tick, humans, self._there) - humans.position
-        direction = np.where(self._walks[:, None], _unit(towards, humans.heading), 0.0)
+        direction = np.where(company.walks[:, None], _unit(towards, humans.heading), 0.0)
         walkers = self._walkers(snapshot, direction, self._eased(towards))
-        partner = _unit(self._whom(walkers.position) - humans.position, self._faces)
+        self._keep_to = self._reactions.stepped_back(snapshot, company.home)
+        facing, look = self._posture(snapshot, walkers)
         often = min(self._model.evaluations, self._scene.rules.substeps)
         until_asked_again = snapshot.dt / often
 
@@ -71,10 +74,10 @@ class Crowd:
 
         return CrowdCommands(
             acceleration=self._within_reason(humans.velocity, self._acceleration(walkers), until_asked_again),
-            facing=np.where(self._walks[:, None], self._ahead(humans.velocity, direction), partner),
-            look=np.where(self._walks[:, None], direction, partner),  # heads lead the way
-            activity=self._activity,
-            interactions=snapshot.interactions,
+            facing=facing,
+            look=look,
+            activity=company.activity,
+            interactions=company.interactions,
             refresh=refresh if often > 1 else None,
             evaluations=often,
             leaving=self._wanderers.leaving,
@@ -84,6 +87,9 @@ class Crowd:
         """Everybody as the model is told of them. The robot rides along as the last row: no array is one wide."""
         humans, robot = snapshot.humans, snapshot.robot
         position = np.concatenate((humans.position, np.array([robot.position])))
+        seen = self._sight.seen(position)
+        direction, pace = self._reactions.course(snapshot, self._company.walks, direction, speed[:-1], seen[-1, :-1])
+        speed = np.concatenate((pace, speed[-1:]))
         return Walkers(
             position=position,
             velocity=np.concatenate((humans.velocity, np.array([robot.velocity]))),
@@ -91,7 +97,7 @@ class Crowd:
             heading=np.concatenate((humans.heading, np.array([robot.heading]))),
             desired_speed=speed,
             radius=self._radius,
-            weight=self._among_those_present(self._weight * self._sight.seen(position)),
+            weight=self._among_those_present(self._weight * seen),
             member=None if self._member is None else self._among_those_present(self._member),
         )
 
@@ -102,10 +108,9 @@ class Crowd:
 
     def _acceleration(self, walkers: Walkers) -> Array:
         """(N, 2), m/s2: of those who walk by the model, of those who stand back to where they stood."""
-        people = len(self._walks)
-        walking = self._model.acceleration(walkers)[:people]
-        standing = standing_acceleration(walkers.position[:people], walkers.velocity[:people], self._home)
-        return np.where(self._walks[:, None], walking, standing)
+        walking = self._model.acceleration(walkers)[:-1] + self._reactions.push(walkers.position)
+        standing = standing_acceleration(walkers.position[:-1], walkers.velocity[:-1], self._keep_to)
+        return np.where(self._company.walks[:, None], walking, standing)
 
     def _within_reason(self, velocity: Array, acceleration: Array, dt: float) -> Array:
         """Cut what would make anyone faster than their hurry within the tick."""
@@ -121,18 +126,18 @@ class Crowd:
         speed[:-1] = np.where(self._wanderers.is_last, np.minimum(speed[:-1], left), speed[:-1])
         return speed
 
-    def _ahead(self, velocity: Array, direction: Array) -> Array:
-        """Walkers face the way they go, or want to go when slow; who goes where they face, always where they want."""
-        if self._headed:
-            return direction
-        speed = np.sqrt(velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1])[:, None]
-        ahead: Array = np.where(speed > STROLLING, velocity / np.maximum(speed, 1e-6), direction)
-        return ahead
-
-    def _whom(self, position: Array) -> Array:
-        """(N, 2): the place each person attends to; a point ahead of where they stand if there is none."""
-        person, place = self._partner
-        return np.where((person >= 0)[:, None], position[person], place)
+    def _posture(self, snapshot: Snapshot, walkers: Walkers) -> tuple[Array, Array]:
+        """Where bodies face and heads look, (N, 2) each, unit vectors."""
+        humans, struck = snapshot.humans, self._reactions.faces_it
+        to_robot = _unit(np.array([snapshot.robot.position]) - humans.position, humans.heading)
+        course = (walkers.direction * walkers.desired_speed[:, None])[:-1]
+        facing = self._attention.facing(snapshot, self._company, course, to_robot, struck)
+        if self._headed:  # who goes where they face, faces where they want to go
+            facing = np.where(self._company.walks[:, None], walkers.direction[:-1], facing)
+        reach = np.maximum(walkers.desired_speed[:-1] * AHEAD, SHORTEST)
+        ahead = self._wanderers.ahead(humans.position, reach)
+        sees = np.where(struck, 2, np.where(self._reactions.notices, 1, 0))
+        return facing, self._attention.look(snapshot, self._company, facing, ahead, to_robot, sees)
 
     def _group_speeds(self) -> Array:
         """(N + 1,), m/s: who wanders in a group goes at the pace of its slowest; the robot's is 0."""
@@ -144,10 +149,10 @@ class Crowd:
         return np.array([*(speed[human.id] for human in self._scene.humans), 0.0], dtype=float)
 
     def _who_minds_whom(self) -> Array:
-        """(M, M), how much column i minds row j; the robot is the last."""
+        """(M, M), how much column i minds row j; the robot, which is the last, is left to the reactions."""
         people = self._scene.humans
         weight = 1.0 - np.eye(len(people) + 1)
-        weight[-1, :-1] = [human.reacts_to_robot for human in people]
+        weight[-1, :-1] = 0.0  # what people do about the robot is a matter of `Reactions`, whatever the law
         return weight
 
     def _who_walks_with_whom(self) -> Array | None:
@@ -159,20 +164,6 @@ class Crowd:
             member[np.ix_(rows, rows)] = 1.0
         np.fill_diagonal(member, 0.0)
         return member if member.any() else None
-
-    def _whom_they_face(self) -> tuple[Any, Array]:
-        """Of each person the index of the person they face (or -1), and the place of the thing they face."""
-        scene = self._scene
-        index = {human.id: k for k, human in enumerate(scene.humans)}
-        things = {thing.id: thing.pose.position for thing in scene.furniture}
-        person, place = np.full(len(index), -1), self._home + 3.0 * self._faces
-        for tie in scene.interactions:
-            src, dst = index[tie.src], index.get(tie.dst)
-            if dst is not None:
-                person[src], person[dst] = dst, src
-            else:
-                place[src] = things[tie.dst]
-        return person, place
 
 
 def _unit(vectors: Array, otherwise: Array) -> Array:

@@ -1,10 +1,12 @@
 """Where walkers go, and the way there.
 
-Who is wandering takes a place in the room, and another on arrival; who is walking has goals of their own, and who is
-recorded a track.
+Who is wandering takes a place in the room, and another on arrival; who is walking has goals of their own; who is
+recorded has a track; and who is led goes where they are told.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from ..chance import Chance
 from ..entities import Scene
 from ..exact import Array
 from ..frame import Humans
+from ..geometry import Barriers, Point
 from ..navigation import FreeSpace
 
 CLEARANCE = 0.10  # m, that ways keep from walls, furniture and standing people
@@ -31,6 +34,10 @@ class Wanderers:
 
     Args:
         scene: the room, and who walks.
+
+    Attributes:
+        led: who goes, or stays, where they are told, and chooses nothing.
+        errand: asked when a wanderer is about to choose a place: whether it led the one of that index at that place.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -52,10 +59,11 @@ class Wanderers:
         self._anchor: dict[int, tuple[float, float]] = {}
         self.target = np.array([human.pose.position for human in scene.humans], dtype=float).reshape(-1, 2)
         self.is_last = np.zeros(len(scene.humans), dtype=bool)  # whose target is where they will stay
-        reach = max((scene.humans[k].radius for k in walking), default=0.2) + CLEARANCE
-        solids = scene.barriers.joined(scene.standing)
-        self._space = FreeSpace(scene.outline, solids, reach)
-        self._passable = FreeSpace(scene.outline, solids, reach - CLEARANCE - SQUEEZE)
+        self.led: set[int] = set()
+        self.errand: Callable[[int, Point], bool] | None = None
+        may_walk = range(len(scene.humans)) if scene.social.is_lively else walking
+        self._reach = max((scene.humans[k].radius for k in may_walk), default=0.2) + CLEARANCE
+        self.go_round(scene.standing)
         low, high = scene.outline.min(axis=0), scene.outline.max(axis=0)
         self._box = (*low.tolist(), *high.tolist())
 
@@ -95,13 +103,61 @@ class Wanderers:
         return self.target.copy()
 
     def _is_at_last(self, k: int) -> bool:
-        """Whether somebody with goals of their own aims at the last of them."""
-        return self._goals.get(k) == [] and self._next[k] == len(self._ways[k]) - 1
+        """Whether somebody who will stay where their way ends aims at its end."""
+        stays = k in self.led or self._goals.get(k) == []
+        return stays and self._next[k] == len(self._ways[k]) - 1
+
+    def go_round(self, standing: Barriers) -> None:
+        """From now on ways lead round these people who stand."""
+        solids = self._scene.barriers.joined(standing)
+        self._space = FreeSpace(self._scene.outline, solids, self._reach)
+        self._passable = FreeSpace(self._scene.outline, solids, self._reach - CLEARANCE - SQUEEZE)
+
+    def is_open(self, start: Point, end: Point) -> bool:
+        """Whether somebody may stand at the end, with nothing on the straight way there from the start."""
+        here, there = np.array([start]), np.array([end])
+        return bool(self._space.is_free(there)[0] and self._space.is_clear(here, there)[0])
+
+    def lead(self, k: int, place: Point, goal: Point) -> bool:
+        """Send somebody to a goal, where they will stay; False if there is no way."""
+        way = self._space.path(place, goal)
+        if way is not None:
+            self._ways[k], self._next[k] = way, min(1, len(way) - 1)
+            self.led.add(k)
+        return way is not None
+
+    def rest(self, k: int) -> None:
+        """Somebody stays where they are until they are sent or let go."""
+        self.led.add(k)
+        if k in self._ways:
+            self._ways[k], self._next[k] = np.zeros((0, 2)), 0
+
+    def let_go(self, k: int, place: Point) -> None:
+        """Somebody wanders from now on, even if they stood before; they choose a way at once."""
+        self.led.discard(k)
+        self.leader[k], self._ways[k], self._next[k] = k, np.array([place, place]), 1
+        if k not in self._chance:
+            self._chance[k] = Chance(self._scene.seed, self._scene.episode, "people", self._scene.humans[k].id)
+
+    def ahead(self, position: Array, reach: Array) -> Array:
+        """Where each walker's way leads, (N, 2), m: the point `reach` (N,) m ahead on it, or its end."""
+        points = self.target.copy()
+        for k in self.leader:
+            way, n, left = self._ways[k], self._next[k], float(reach[k])
+            x, y = position[k].tolist()
+            for end_x, end_y in way[n:].tolist():
+                dx, dy = end_x - x, end_y - y
+                length = float(np.sqrt(dx * dx + dy * dy))
+                if length >= left:
+                    points[k] = x + dx * (left / length), y + dy * (left / length)
+                    break
+                points[k], left, x, y = (end_x, end_y), left - length, end_x, end_y
+        return points
 
     def _needs_a_goal(self, tick: int, k: int, place: tuple[float, float]) -> bool:
         """Whether a walker is there; who found nowhere to go looks again now and then."""
         way = self._ways[k]
-        if k in self._goals and not self._goals[k]:
+        if k in self.led or (k in self._goals and not self._goals[k]):
             return False
         if len(way) < 2:
             return not len(way) or tick % LOOK_EVERY == 0
@@ -109,7 +165,7 @@ class Wanderers:
 
     def _is_stuck(self, tick: int, k: int, place: tuple[float, float]) -> bool:
         """Whether a walker hardly moved for as long as its patience lasts."""
-        if k in self._goals or (tick + k) % PATIENCE:
+        if k in self._goals or k in self.led or (tick + k) % PATIENCE:
             return False
         before, self._anchor[k] = self._anchor.get(k), place
         return before is not None and _within(place, before, PROGRESS)
@@ -120,6 +176,8 @@ class Wanderers:
             goal = self._goals[k].pop(0)
             way = self._space.path(place, goal)
             self._ways[k], self._next[k] = np.array([place, goal]) if way is None else way, 1
+            return
+        if self.errand is not None and self.errand(k, place):
             return
         x0, y0, x1, y1 = self._box
         chance = self._chance[k]

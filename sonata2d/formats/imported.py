@@ -34,8 +34,8 @@ PERSON, ROBOT = Human(1, Pose(0.0, 0.0)), Robot(Pose(0.0, 0.0))  # stand-ins
 _LACKS = (
     "seed", "episode", "physics", "settings", "rules.substeps", "rules.iterations", "rules.time_limit", "rules.ends_on",
     "rules.guard", "rules.contact_distance", "rules.side", "robot.limits", "robot.kinematics", "humans.desired_speed",
-    "humans.model", "humans.reacts_to_robot", "controller", "contributor", "outcome", "frames.guarded",
-    "frames.contacts", "frames.events",
+    "humans.model", "humans.reacts_to_robot", "humans.reaction", "humans.robot_clearance", "controller", "contributor",
+    "outcome", "frames.guarded", "frames.contacts", "frames.events",
 )  # fmt: skip
 _DERIVED = ("frames.executed", "humans.behaviour", "humans.enters", "humans.leaves")
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, fields
 from typing import Any, TypeVar
 
-from ..entities import Furniture, Goal, Group, Human, Interaction, Limits, Robot, Rules, Scene, Wall
+from ..entities import Furniture, Goal, Group, Human, Interaction, Limits, Robot, Rules, Scene, Social, Wall
 from ..geometry import Disc, Pose, Rectangle, Shape
 from .canonical import plain
 
@@ -31,6 +31,7 @@ def layout_of(scene: Scene) -> Tree:
         "interactions": interaction_rows(scene.interactions),
         "robot": _flat(scene.robot),
         "goal": asdict(scene.goal),
+        "social": asdict(scene.social) if scene.social.is_lively else None,
         "dropped": scene.dropped,
     }
     return {key: plain(value, f"{key} of the scene", exact=True) for key, value in layout.items()}
@@ -53,6 +54,7 @@ def scene_of(document: Tree) -> Scene:
         groups=tuple(_made(Group, g, members=tuple(g["members"])) for g in document["groups"]),
         interactions=interactions_of(document["interactions"]),
         rules=_made(Rules, rules, ends_on=tuple(rules["ends_on"])),
+        social=_social(document.get("social")),
         seed=document["seed"],
         episode=document["episode"],
         settings=document["settings"],
@@ -98,8 +100,14 @@ def _human(told: Tree) -> Human:
     given: Tree = {"pose": _pose(told)}
     given |= {key: tuple((x, y) for x, y in told.get(key, ())) for key in ("goals", "track")}
     given["velocity"] = tuple(told.get("velocity", (0.0, 0.0)))
-    lacking = [key for key in ("enters", "leaves", "exits") if key not in told]  # older files have none of them
-    return _made(Human, told, lacking, **given)
+    newer = ("enters", "leaves", "exits", "reaction", "robot_clearance")  # older files have none of them
+    return _made(Human, told, [key for key in newer if key not in told], **given)
+
+
+def _social(told: Tree | None) -> Social:
+    if told is None:
+        return Social()
+    return _made(Social, told, visit_time=tuple(told["visit_time"]), talk_time=tuple(told["talk_time"]))
 
 
 def _made(kind: type[T], told: Tree, lacking: Iterable[str] = (), **given: Any) -> T:

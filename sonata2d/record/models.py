@@ -9,12 +9,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..entities import Behaviour, EndsOn, Kinematics
+from ..entities import Behaviour, EndsOn, Kinematics, Reaction
 from ..frame import Status
 from ..version import FORMAT, FORMAT_VERSION
 
 Count = Annotated[int, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
+Chance = Annotated[float, Field(ge=0, le=1)]
 Interaction = Annotated[
     tuple[int, str, int], Field(description="src (a human's id), relation, dst (id of whom or what they attend to)")
 ]
@@ -96,7 +97,11 @@ class Human(Placed):
     desired_speed: float = Field(ge=0, description="m/s")
     behaviour: Behaviour = Field(description="what they do")
     model: str = Field(description="name of the walking model")
-    reacts_to_robot: float = Field(description="0: ignores the robot .. 1: treats it as a person")
+    reacts_to_robot: float = Field(description="0: ignores the robot .. 1: minds it")
+    reaction: Reaction = Field(default="avoids", description="how they behave towards the robot")
+    robot_clearance: float = Field(
+        default=0.83, ge=0, description="m, between outlines, at which they want to pass the robot"
+    )
     group: int | None = Field(description="id of their group")
     goals: list[tuple[float, float]] = Field(default=[], description="m, world frame: where one who is walking goes")
     velocity: tuple[float, float] = Field(default=(0.0, 0.0), description="m/s, world frame, at the start")
@@ -106,6 +111,17 @@ class Human(Placed):
         default=[], description="m, world frame: where one who is recorded is at each tick from `enters` on"
     )
     exits: bool = Field(default=False, description="whether one who is walking leaves at the last of `goals`")
+
+
+class Social(Part):
+    """What people take up while the episode runs: chances, 0..1, and times."""
+
+    visits: Chance = Field(description="that a wanderer, on arrival, goes to a plant, laptop or other object")
+    joins: Chance = Field(description="that a wanderer, on arrival, joins somebody who stands, or a group that talks")
+    meets: Chance = Field(description="that two wanderers who come near each other stop and talk")
+    leaves: Chance = Field(description="that who attends to a person or a thing at the start goes away after a time")
+    visit_time: tuple[Positive, Positive] = Field(description="s, from and to")
+    talk_time: tuple[Positive, Positive] = Field(description="s, from and to")
 
 
 class Group(Part):
@@ -295,6 +311,9 @@ class Episode(Part):
     interactions: list[Interaction] = Field(description="at the start: [src, relation, dst]")
     robot: Robot
     goal: Goal
+    social: Social | None = Field(
+        default=None, description="what people take up while it runs; null or absent: nothing"
+    )
     dropped: list[str] = Field(description="what could not be placed although asked for")
     controller: Controller
     labels: dict[str, str] | None = Field(

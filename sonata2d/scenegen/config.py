@@ -22,6 +22,7 @@ from .sections import (
     Size,
 )
 from .settings import IntRange, Range, Settings, did_you_mean
+from .social import SocialConfig
 
 _TWENTY_DEGREES = 0.3490658503988659  # rad
 
@@ -88,6 +89,7 @@ class ScenarioConfig(Settings):
     robot: RobotConfig = RobotConfig()
     goal: GoalConfig = GoalConfig()
     rules: RulesConfig = RulesConfig()
+    social: SocialConfig = SocialConfig()
     label: LabelConfig = LabelConfig()
     clearance: PositiveFloat = 0.05
     max_attempts: PositiveInt = 200

@@ -16,6 +16,7 @@ from .numbering import Company, numbered
 from .people import Given, given_people, joined, refuse_outside
 from .placement import Layout, extent
 from .rooms import FloorPlan, draw_plan
+from .social import with_manners
 
 
 def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
@@ -43,8 +44,14 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
     refuse_outside(given, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
     for _ in range(config.max_layouts - 1):
         with suppress(SceneError):
-            return replace(_lay_out(config, plan, fixed, cast, given, chance), seed=seed, episode=episode)
-    return replace(_lay_out(config, plan, fixed, cast, given, chance), seed=seed, episode=episode)
+            return _completed(_lay_out(config, plan, fixed, cast, given, chance), config, seed, episode)
+    return _completed(_lay_out(config, plan, fixed, cast, given, chance), config, seed, episode)
+
+
+def _completed(scene: Scene, config: ScenarioConfig, seed: int, episode: int) -> Scene:
+    """The scene with what it was drawn from, and people's manners towards the robot."""
+    humans = with_manners(scene.humans, config.person.reactions, config.person.robot_clearance, seed, episode)
+    return replace(scene, humans=humans, seed=seed, episode=episode)
 
 
 def _checked(fixed: tuple[Furniture, ...], plan: FloorPlan) -> tuple[Furniture, ...]:
@@ -86,6 +93,7 @@ def _lay_out(
         groups=company.groups,
         interactions=company.interactions,
         rules=Rules(**config.rules.model_dump()),
+        social=config.social.social(),
         settings=config.settings(),
         dropped=tuple(_label(cast, k) for k in range(len(cast)) if k not in found),
     )

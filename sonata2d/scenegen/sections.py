@@ -8,10 +8,11 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..entities import EndsOn, Kinematics, Limits, Model, Rules
+from ..entities import EndsOn, Kinematics, Limits, Model, Reaction, Rules
 from ..geometry import Barriers, Disc, Point, Rectangle, Shape, quantised, segments_cross
 from ..labels import Kind, LabelSpec, When
 from .settings import Range, Settings
+from .social import ClearanceConfig, weighed
 
 RoomKind = Literal["square", "rectangle", "l"]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -142,6 +143,9 @@ class PersonConfig(Settings):
         model: of walking, one for everybody: moussaid2009, helbing1995, helbing2000, farina2017 or orca2011; see
             models.md.
         ignores_robot: the chance, drawn for each person, that they take no notice of the robot.
+        reactions: weights of how the others behave towards it: avoids, stops, curious, scared, ignores; a list of
+            names weighs them alike.
+        robot_clearance: m, that they want to pass it at.
     """
 
     radius: Range = Range(0.20, 0.20)
@@ -149,6 +153,20 @@ class PersonConfig(Settings):
     desired_speed: SpeedConfig = SpeedConfig()
     model: Model = "sonata2026"
     ignores_robot: Share = 0.0
+    reactions: dict[Reaction, NonNegativeFloat] = Field(default={"avoids": 1.0})
+    robot_clearance: ClearanceConfig = ClearanceConfig()
+
+    @field_validator("reactions", mode="before")
+    @classmethod
+    def _weigh_reactions(cls, given: Any) -> Any:
+        return weighed(given)
+
+    @field_validator("reactions", mode="after")
+    @classmethod
+    def _have_a_reaction(cls, reactions: dict[Reaction, float]) -> dict[Reaction, float]:
+        if not sum(reactions.values()) > 0.0:
+            raise PydanticCustomError("reactions", "at least one reaction needs a weight above 0")
+        return reactions
 
     @field_validator("radius", mode="after")
     @classmethod

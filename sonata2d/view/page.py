@@ -25,6 +25,13 @@ from .palette import ACTIVITY, GOAL, ROBOT, Colour, shaded
 from .things import half_size
 
 _DIGITS = 3  # of metres, seconds and radians on a page
+MANNERS = {
+    "ignores": "ignores the robot",
+    "avoids": "",
+    "stops": "stops for the robot",
+    "curious": "curious about the robot",
+    "scared": "scared of the robot",
+}
 _SWITCHES = ("gaze", "links", "goal", "zones", "ids")  # layers with a box on the page
 _ROOM_SIDE, _ROOM_SCALE = 1600.0, 160.0  # pixels, pixels a metre
 
@@ -81,7 +88,10 @@ def _scene_data(scene: Scene, layers: Layers) -> dict[str, Any]:
         "dt": scene.rules.dt,
         "goal": [*scene.goal.position, scene.goal.distance],
         "robotRadius": scene.robot.radius,
-        "humans": [{"id": h.id, "radius": h.radius, "ignores": h.reacts_to_robot == 0.0} for h in scene.humans],
+        "humans": [
+            {"id": h.id, "radius": h.radius, "ignores": h.reacts_to_robot == 0.0, "reaction": MANNERS[h.reaction]}
+            for h in scene.humans
+        ],
         "things": [
             {"id": f.id, "type": f.type, "x": f.pose.x, "y": f.pose.y, "radius": 0.8 * min(half_size(f))}
             for f in sorted(scene.furniture, key=lambda f: f.on is None)  # the laptop before its table

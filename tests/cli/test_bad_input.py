@@ -206,12 +206,16 @@ def test_a_damaged_or_newer_file(sonata2d: Run, here: Path, damage: object, said
 
 
 def test_an_edited_number_is_found_by_hash_and_by_replay(sonata2d: Run, here: Path) -> None:
+    quick = (here / "quick.yaml").read_text()
+    (here / "quick.yaml").write_text(quick.replace("time_limit: 4", "time_limit: 4, ends_on: [time]"))
     sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
     path = here / "out/000000.json"
     lines = path.read_text().splitlines(keepends=True)
     row = next(k for k, line in enumerate(lines) if line.startswith('{"tick":7,'))
     command = json.loads(lines[row].rstrip(",\n"))["command"]
-    lines[row] = lines[row].replace(json.dumps(command, separators=(",", ":")), f"[{command[0] - 0.01:.4f},0.0,0.0]", 1)
+    edited = [round(command[0] - 0.01, 4), 0.0, 0.0]
+    asked, instead = (json.dumps(one, separators=(",", ":")) for one in (command, edited))
+    lines[row] = lines[row].replace(asked, instead, 1)
     path.write_text("".join(lines))
     told = sonata2d("check out --replay --workers 1", code=1).output
     assert "sha256" in told

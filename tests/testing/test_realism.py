@@ -15,7 +15,9 @@ SHARED = Path(__file__).parents[3] / "shared"
 CHECK = SHARED / "realism.py"
 
 
-def walk(places: list[tuple[float, float]], goals: list[tuple[float, float]], steps: int = 30, **more: object) -> np.ndarray:
+def walk(
+    places: list[tuple[float, float]], goals: list[tuple[float, float]], steps: int = 30, **more: object
+) -> np.ndarray:
     x, g = np.array(places), np.array(goals)
     return simulate(x, np.zeros_like(x), g, np.full(len(x), 1.2), np.zeros((0, 4)), 0.1, steps, **more)  # type: ignore[arg-type]
 
@@ -65,7 +67,9 @@ def check() -> ModuleType:
 
 
 @pytest.mark.parametrize("name", ["eth", "zara01"])
-def test_people_come_nearer_to_recorded_ones_than_a_straight_line_and_touch_nobody(check: ModuleType, name: str) -> None:
+def test_people_come_nearer_to_recorded_ones_than_a_straight_line_and_touch_nobody(
+    check: ModuleType, name: str
+) -> None:
     """A few windows only; the whole table is in docs/realism.md."""
     scene, every = check.Scene(SHARED / "data" / "real" / f"{name}.csv"), check.windows
     check.windows = lambda scene, oracle: list(every(scene, oracle))[::12]

@@ -1,0 +1,178 @@
+"""Draws the small films of docs/people.md: how people walk, meet, turn, and behave towards the robot.
+
+    python docs/draw_people.py [FOLDER] [NAME ...]
+
+Needs no display. Scenes are made by hand and run by the world and the crowd that everybody gets.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT))
+
+from sonata2d import Controller, Episode, Twist  # noqa: E402
+from sonata2d.entities import (  # noqa: E402
+    TALKING,
+    WALKING_TOGETHER,
+    Furniture,
+    Goal,
+    Group,
+    Human,
+    Interaction,
+    Reaction,
+    Robot,
+    Rules,
+    Scene,
+    Social,
+    Wall,
+)
+from sonata2d.frame import Snapshot  # noqa: E402
+from sonata2d.geometry import Disc, Point, Pose, Rectangle  # noqa: E402
+from sonata2d.view import save_film  # noqa: E402
+from sonata2d.view.draw import Layers  # noqa: E402
+
+SIZE, FPS, PACE, MOST = (380, 240), 7, 1.6, 300_000  # pixels, pictures a second, times as fast as life, bytes
+AWAY = Pose(-3.6, -2.1)  # of a robot that only waits
+
+
+class Along(Controller):
+    """Drives straight ahead for a while, at a steady speed."""
+
+    def __init__(self, speed: float = 0.0, until: float = 1e9) -> None:
+        self.speed, self.until = speed, until
+
+    def act(self, snapshot: Snapshot) -> Twist:
+        return Twist(vx=self.speed) if snapshot.robot.position[0] < self.until else Twist()
+
+
+def scene(humans: Sequence[Human], seconds: float, robot: Pose = AWAY, **more: object) -> Scene:
+    """A room of 8 by 5 m."""
+    polygon: tuple[Point, ...] = ((-4.0, -2.5), (4.0, -2.5), (4.0, 2.5), (-4.0, 2.5))
+    inner = more.pop("inner", ())
+    edges = [Wall(a, b) for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True)]
+    rules = Rules(time_limit=seconds, ends_on=("time",))
+    given = {"furniture": (), "seed": 0} | more
+    return Scene(
+        "people", "people/given", polygon, (*edges, *inner), humans=tuple(humans), robot=Robot(robot),  # type: ignore[misc]
+        goal=Goal(3.5, 0.0), rules=rules, **given,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def walker(number: int, start: Point, *goals: Point, speed: float = 1.3, **more: object) -> Human:
+    """Somebody on their way, at full speed."""
+    dx, dy = goals[0][0] - start[0], goals[0][1] - start[1]
+    size = math.hypot(dx, dy)
+    return Human(
+        number, Pose(*start, math.atan2(dy, dx)), desired_speed=speed, behaviour="walking", goals=goals,
+        velocity=(speed * dx / size, speed * dy / size), **more,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def doorway() -> tuple[Scene, Controller]:
+    """Three go through a door of 1.0 m the one way, three the other."""
+    wall = (Wall((0.0, -2.5), (0.0, -0.5)), Wall((0.0, 0.5), (0.0, 2.5)))
+    there = [walker(k, (-3.0 - 0.3 * k, 1.0 - 0.9 * k), (3.2, 1.4 - 0.7 * k), speed=1.2) for k in (1, 2, 3)]
+    back = [walker(3 + k, (3.0 + 0.3 * k, 1.2 - 0.8 * k), (-3.0, 1.6 - 0.7 * k), speed=1.2) for k in (1, 2, 3)]
+    return scene([*there, *back], 11.0, Pose(-3.5, 2.0), inner=wall), Along()
+
+
+def crossing() -> tuple[Scene, Controller]:
+    """Two streams of four cross at a right angle."""
+    across = [walker(k, (-3.7 + 0.9 * (k // 3), 0.8 * (k % 2) - 0.4), (3.6, 0.8 * (k % 2) - 0.4)) for k in (1, 2, 3, 4)]
+    up = [walker(4 + k, (0.8 * (k % 2), -2.3 + 0.8 * (k // 3)), (0.8 * (k % 2), 2.2), speed=1.1) for k in (1, 2, 3, 4)]
+    return scene([*across, *up], 7.0, Pose(-3.6, 2.1)), Along()
+
+
+def turn() -> tuple[Scene, Controller]:
+    """The head turns to where the way will lead before the body does."""
+    shelf = Furniture(9, "shelf", Pose(-0.5, 0.4), Rectangle(4.5, 0.6))
+    return scene([walker(1, (-3.2, -0.8), (3.0, -0.8), (2.4, 1.6), (-3.0, 1.6))], 11.0, furniture=(shelf,)), Along()
+
+
+def group() -> tuple[Scene, Controller]:
+    """Three walk together; one more joins two who talk, who make room."""
+    pair = [Human(1, Pose(1.9, 0.3, math.pi / 2)), Human(2, Pose(1.9, 1.5, -math.pi / 2))]
+    three = [
+        Human(k, Pose(-3.2, -1.8 + 0.65 * (k - 3), 0.0), desired_speed=1.1, behaviour="wandering", group=1)
+        for k in (3, 4, 5)
+    ]
+    comer = Human(6, Pose(-3.0, 1.9, 0.0), behaviour="wandering")
+    ties = (
+        Interaction(1, TALKING, 2), Interaction(3, WALKING_TOGETHER, 4), Interaction(3, WALKING_TOGETHER, 5),
+        Interaction(4, WALKING_TOGETHER, 5),
+    )  # fmt: skip
+    company = {"interactions": ties, "groups": (Group(1, "walking", (3, 4, 5)),), "social": Social(joins=1.0)}
+    return scene([*pair, *three, comer], 16.0, Pose(3.5, -2.0), seed=3, **company), Along()
+
+
+def visit() -> tuple[Scene, Controller]:
+    """Who passes by goes to a plant and a laptop, and goes on; two who meet stop to talk."""
+    things = (
+        Furniture(10, "plant", Pose(-2.6, 1.6), Disc(0.2)), Furniture(11, "table", Pose(2.4, 1.7), Rectangle(0.8, 0.8)),
+        Furniture(12, "laptop", Pose(2.4, 1.7), Rectangle(0.35, 0.25), on=11),
+    )  # fmt: skip
+    people = [Human(k, Pose(3.0 - 2.0 * k, -1.2, 0.0), behaviour="wandering") for k in (1, 2, 3)]
+    social = Social(visits=0.8, meets=1.0, visit_time=(4.0, 6.0), talk_time=(5.0, 8.0))
+    return scene(people, 20.0, Pose(3.4, -2.0), furniture=things, social=social, seed=1), Along()
+
+
+def towards(reaction: Reaction) -> Callable[[], tuple[Scene, Controller]]:
+    """A robot drives through the room; one person crosses its way, another one stands beside it."""
+
+    def made() -> tuple[Scene, Controller]:
+        crosses = walker(1, (3.0, -2.1), (-1.5, 2.1), speed=0.9, reaction=reaction)
+        stands = Human(2, Pose(1.7, 1.3, 0.6), reaction=reaction)
+        until, seconds = (-0.3, 15.0) if reaction == "curious" else (3.3, 9.0)
+        return scene([crosses, stands], seconds, Pose(-2.3, 0.0)), Along(1.0, until)
+
+    return made
+
+
+FILMS: dict[str, Callable[[], tuple[Scene, Controller]]] = {
+    "doorway": doorway, "crossing": crossing, "turn": turn, "group": group, "visit": visit,
+    **{kind: towards(kind) for kind in ("ignores", "avoids", "stops", "curious", "scared")},  # type: ignore[arg-type]
+}  # fmt: skip
+
+
+class Watcher:
+    """Keeps every look."""
+
+    def __init__(self) -> None:
+        self.seen: list[Snapshot] = []
+
+    def open(self, *told: object) -> None: ...
+
+    def note(self, frame: object) -> None:
+        self.seen.append(frame.snapshot)  # type: ignore[attr-defined]
+
+    def close(self, *told: object) -> None: ...
+
+
+def looks(name: str) -> list[Snapshot]:
+    """What happens in a film."""
+    made, controller = FILMS[name]()
+    watcher = Watcher()
+    Episode(made, controller, observers=[watcher]).run()
+    return watcher.seen
+
+
+def main(folder: Path, names: Sequence[str]) -> None:
+    """Draw them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names or FILMS:
+        path = folder / f"people_{name}.gif"
+        layers = Layers(goal=False, grid=False, caption=False)
+        save_film(path, looks(name), fps=FPS, speed=PACE, size=SIZE, layers=layers, interpolate=False)
+        if path.stat().st_size > MOST:
+            raise SystemExit(f"{path} has {path.stat().st_size} bytes; make the film smaller or shorter")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs/images", sys.argv[2:])
