@@ -14,6 +14,7 @@ from .geometry import Barriers, Disc, Point, Pose, Shape
 Behaviour = Literal["standing", "wandering", "walking"]
 Kinematics = Literal["holonomic", "unicycle"]
 EndsOn = Literal["goal", "time", "contact"]
+Formation = Literal["abreast", "v", "face_to_face", "l", "side_by_side", "circle", "semicircle"]
 
 # Relations: the original toolkit's four, and one for any other thing a person attends to.
 TALKING = "two_static_person_talking"
@@ -74,11 +75,17 @@ class Human:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """People who belong together; `members` are human ids, the first one leads."""
+    """People who belong together; `members` are human ids, the first one leads.
+
+    Attributes:
+        formation: how they stand to each other at the start; who talks in one keeps facing as at the start. None where
+            that is left open: who talks then faces the middle of the others.
+    """
 
     id: int
     kind: Literal["talking", "walking"]
     members: tuple[int, ...]
+    formation: Formation | None = None
 
 
 @dataclass(frozen=True, slots=True)

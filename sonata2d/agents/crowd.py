@@ -48,7 +48,8 @@ class Crowd:
         self._weight = self._who_minds_whom()
         self._sight = Sight(scene, len(people) + 1)
         self._member = self._who_walks_with_whom()
-        self._partner = self._whom_they_face()
+        self._others = self._whom_they_face()
+        self._keeps_facing = self._who_stands_in_formation()
         self._activity = activities_of(scene)
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
@@ -67,7 +68,11 @@ class Crowd:
 
         return CrowdCommands(
             acceleration=self._within_reason(humans.velocity, self._acceleration(walkers), snapshot.dt),
-            facing=np.where(self._walks[:, None], self._ahead(humans.velocity, direction), partner),
+            facing=np.where(
+                self._walks[:, None],
+                self._ahead(humans.velocity, direction),
+                np.where(self._keeps_facing[:, None], self._faces, partner),
+            ),
             look=np.where(self._walks[:, None], direction, partner),  # heads lead the way
             activity=self._activity,
             interactions=snapshot.interactions,
@@ -118,9 +123,12 @@ class Crowd:
         return ahead
 
     def _whom(self, position: Array) -> Array:
-        """(N, 2): the place each person attends to; a point ahead of where they stand if there is none."""
-        person, place = self._partner
-        return np.where((person >= 0)[:, None], position[person], place)
+        """(N, 2): the place each person attends to, in a group the middle of the others; ahead if there is none."""
+        index, share, place = self._others
+        middle = place
+        for k in range(index.shape[1]):
+            middle = middle + share[:, k, None] * position[index[:, k]]
+        return middle
 
     def _group_speeds(self) -> Array:
         """(N + 1,), m/s: groups go at the pace of their slowest; the robot's is 0."""
@@ -147,19 +155,32 @@ class Crowd:
         np.fill_diagonal(member, 0.0)
         return member if member.any() else None
 
-    def _whom_they_face(self) -> tuple[Any, Array]:
-        """Of each person the index of the person they face (or -1), and the place of the thing they face."""
+    def _whom_they_face(self) -> tuple[Any, Array, Array]:
+        """Of each person the indices (N, K) and shares (N, K) of those they face, and the place (N, 2) if nobody."""
         scene = self._scene
         index = {human.id: k for k, human in enumerate(scene.humans)}
         things = {thing.id: thing.pose.position for thing in scene.furniture}
-        person, place = np.full(len(index), -1), self._home + 3.0 * self._faces
+        others: list[list[int]] = [[] for _ in scene.humans]
+        place = self._home + 3.0 * self._faces
         for tie in scene.interactions:
             src, dst = index[tie.src], index.get(tie.dst)
             if dst is not None:
-                person[src], person[dst] = dst, src
+                others[src].append(dst)
+                others[dst].append(src)
             else:
                 place[src] = things[tie.dst]
-        return person, place
+        most = max(map(len, others), default=0)
+        rows = np.array([own + [k] * (most - len(own)) for k, own in enumerate(others)], dtype=int).reshape(-1, most)
+        share = np.array([[1.0 / len(own)] * len(own) + [0.0] * (most - len(own)) for own in others]).reshape(-1, most)
+        place[[len(own) > 0 for own in others]] = 0.0
+        return rows, share, place
+
+    def _who_stands_in_formation(self) -> Any:
+        """(N,) of bool: who faces a space that a talking group shares, from the start on."""
+        placed = {
+            m for group in self._scene.groups if group.kind == "talking" and group.formation for m in group.members
+        }
+        return np.array([human.id in placed for human in self._scene.humans], dtype=bool)
 
 
 def _unit(vectors: Array, otherwise: Array) -> Array:

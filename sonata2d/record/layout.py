@@ -50,7 +50,7 @@ def scene_of(document: Tree) -> Scene:
         humans=tuple(_human(h) for h in document["humans"]),
         robot=_made(Robot, robot, pose=_pose(robot), limits=_made(Limits, robot["limits"])),
         goal=_made(Goal, document["goal"]),
-        groups=tuple(_made(Group, g, members=tuple(g["members"])) for g in document["groups"]),
+        groups=tuple(_group(g) for g in document["groups"]),
         interactions=interactions_of(document["interactions"]),
         rules=_made(Rules, rules, ends_on=tuple(rules["ends_on"])),
         seed=document["seed"],
@@ -97,6 +97,10 @@ def _pose(told: Tree) -> Pose:
 def _human(told: Tree) -> Human:
     goals, velocity = told.get("goals", ()), told.get("velocity", (0.0, 0.0))  # older files have neither
     return _made(Human, told, pose=_pose(told), goals=tuple((x, y) for x, y in goals), velocity=tuple(velocity))
+
+
+def _group(told: Tree) -> Group:
+    return _made(Group, told, members=tuple(told["members"]), formation=told.get("formation"))  # older files have none
 
 
 def _made(kind: type[T], told: Tree, **given: Any) -> T:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..entities import Behaviour, EndsOn, Kinematics
+from ..entities import Behaviour, EndsOn, Formation, Kinematics
 from ..frame import Status
 from ..version import FORMAT, FORMAT_VERSION
 
@@ -108,6 +108,7 @@ class Group(Part):
     id: int
     kind: Literal["talking", "walking"]
     members: list[int] = Field(description="ids of humans; the first one leads")
+    formation: Formation | None = Field(default=None, description="how they stand to each other at the start")
 
 
 class Limits(Part):

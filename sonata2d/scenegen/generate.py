@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 from ..chance import Chance
 from ..entities import Furniture, Human, Rules, Scene
@@ -11,10 +12,12 @@ from ..errors import SceneError
 from ..geometry import Barriers
 from .cast import Cluster, Entity, draw_cast, fixed_furniture, shape_of
 from .config import ScenarioConfig
+from .given import fixed_clusters, flipped, put, settled
 from .journey import draw_journey, reserved
 from .numbering import Company, numbered
 from .placement import Layout, extent
-from .rooms import FloorPlan, draw_plan
+from .plans import draw_plan
+from .rooms import FloorPlan
 
 
 def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
@@ -35,13 +38,16 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
     True
     """
     chance = Chance(seed, episode, "scene")
-    plan = draw_plan(config.room, chance)
-    fixed = _checked(fixed_furniture(config), plan)
-    cast = draw_cast(config, chance)
+    plan, given = draw_plan(config.room, chance), config
+    if config.flip and chance.uniform() < config.flip:
+        plan, given = plan.flipped(), flipped(config)
+    fixed = _checked(fixed_furniture(given), plan)
+    cast = draw_cast(given, chance)
+    own: dict[str, Any] = {"seed": seed, "episode": episode, "settings": config.settings()}
     for _ in range(config.max_layouts - 1):
         with suppress(SceneError):
-            return replace(_lay_out(config, plan, fixed, cast, chance), seed=seed, episode=episode)
-    return replace(_lay_out(config, plan, fixed, cast, chance), seed=seed, episode=episode)
+            return replace(_lay_out(given, plan, fixed, cast, chance), **own)
+    return replace(_lay_out(given, plan, fixed, cast, chance), **own)
 
 
 def _checked(fixed: tuple[Furniture, ...], plan: FloorPlan) -> tuple[Furniture, ...]:
@@ -54,8 +60,11 @@ def _checked(fixed: tuple[Furniture, ...], plan: FloorPlan) -> tuple[Furniture, 
 def _lay_out(
     config: ScenarioConfig, plan: FloorPlan, fixed: tuple[Furniture, ...], cast: list[Cluster], chance: Chance
 ) -> Scene:
-    """One try to find a place for all: clusters first, the most demanding before the others, then robot and goal."""
+    """One try to find a place for all: people who are given one, clusters, the most demanding first, robot and goal."""
+    config = settled(config, chance)
+    given = fixed_clusters(config, chance)
     layout = Layout(plan, config, reserved(config) + [(piece.shape, piece.pose) for piece in fixed if piece.on is None])
+    put(given, layout)
     found: dict[int, tuple[Entity, ...]] = {}
     for k in sorted(range(len(cast)), key=lambda k: (cast[k].fixed is None, -extent(cast[k]))):
         members = layout.place(cast[k], fixed, chance)
@@ -63,7 +72,7 @@ def _lay_out(
             found[k] = members
         elif not config.drop:
             raise SceneError(_no_spot(cast, k, plan, config.max_attempts))
-    company = numbered([(cast[k], found[k]) for k in sorted(found)], fixed)
+    company = numbered([*((one, one.members) for one in given), *((cast[k], found[k]) for k in sorted(found))], fixed)
     robot, goal = draw_journey(config, layout, _obstacles(plan, company), chance)
     return Scene(
         name=config.name,
@@ -77,7 +86,6 @@ def _lay_out(
         groups=company.groups,
         interactions=company.interactions,
         rules=Rules(**config.rules.model_dump()),
-        settings=config.settings(),
         dropped=tuple(_label(cast, k) for k in range(len(cast)) if k not in found),
     )
 
