@@ -95,7 +95,7 @@ def _episode(path: Path) -> Rows:
 
     record = read_episode(path)
     scene, document = record.scene(), record.document
-    wandering = sum(human.behaviour == "wandering" for human in scene.humans)
+    wandering = sum(human.behaviour != "standing" for human in scene.humans)
     return [
         ("episode", record.id),
         ("scenario", scene.family),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -221,3 +222,11 @@ class Scene:
     def standing(self) -> Barriers:
         """People who stand, as discs."""
         return Barriers.of([Disc(h.radius).edges(h.pose)[0] for h in self.humans if h.behaviour == "standing"])
+
+    @cached_property
+    def shared(self) -> Barriers:
+        """The outlines of what people in formation share as they talk: others walk round it, not through."""
+        place = {human.id: human.pose.position for human in self.humans}
+        rings = [[place[m] for m in g.members] for g in self.groups if g.kind == "talking" and g.formation]
+        closed = [[*ring, ring[0]] if len(ring) > 2 else ring for ring in rings]
+        return Barriers.of((a, b, 0.0) for ring in closed for a, b in pairwise(ring))

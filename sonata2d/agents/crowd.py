@@ -54,7 +54,7 @@ class Crowd:
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """What each person wants in this tick."""
-        humans, robot = snapshot.humans, snapshot.robot
+        humans = snapshot.humans
         towards = self._wanderers.update(snapshot.tick, humans) - humans.position
         direction = np.where(self._walks[:, None], _unit(towards, humans.heading), 0.0)
         walkers = self._walkers(snapshot, direction, self._eased(towards))
@@ -169,9 +169,11 @@ class Crowd:
                 others[dst].append(src)
             else:
                 place[src] = things[tie.dst]
-        most = max(map(len, others), default=0)
+        most = max((1, *map(len, others)))
         rows = np.array([own + [k] * (most - len(own)) for k, own in enumerate(others)], dtype=int).reshape(-1, most)
-        share = np.array([[1.0 / len(own)] * len(own) + [0.0] * (most - len(own)) for own in others]).reshape(-1, most)
+        share = np.zeros(rows.shape)
+        for k, own in enumerate(others):
+            share[k, : len(own)] = 1.0 / max(len(own), 1)
         place[[len(own) > 0 for own in others]] = 0.0
         return rows, share, place
 

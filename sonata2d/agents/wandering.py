@@ -48,7 +48,7 @@ class Wanderers:
         self.is_last = np.zeros(len(scene.humans), dtype=bool)  # whose target is where they will stay
         reach = max((scene.humans[k].radius for k in walking), default=0.2) + CLEARANCE
         solids = scene.barriers.joined(scene.standing)
-        self._space = FreeSpace(scene.outline, solids, reach)
+        self._space = FreeSpace(scene.outline, solids.joined(scene.shared), reach)
         self._passable = FreeSpace(scene.outline, solids, reach - CLEARANCE - SQUEEZE)
         low, high = scene.outline.min(axis=0), scene.outline.max(axis=0)
         self._box = (*low.tolist(), *high.tolist())

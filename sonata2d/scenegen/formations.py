@@ -13,6 +13,7 @@ from ..geometry import Pose
 
 _BESIDE = 0.6  # m, from the middle of the o-space to the line on which two stand side by side
 _WIDEST = 1.2  # m, of the o-space of an open formation
+_FARTHEST = 1.75  # m, from its middle: nobody is beyond social distance (Hall) from anybody else
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ def talking(formation: Formation, size: int, spacing: float) -> Figure:
         return Figure(formation, (Pose(-_BESIDE, -half), Pose(-_BESIDE, half)), _BESIDE - 0.1)
     whole = formation in ("circle", "face_to_face")
     step = PI / 2 if formation == "l" else 2 * PI / size if whole else PI / (size - 1)
-    radius = spacing / (2 * heading(step / 2)[1])  # a chord of the circle
+    radius = min(spacing / (2 * heading(step / 2)[1]), _FARTHEST)  # the spacing is a chord of the circle
     poses = tuple(_inward(radius, PI + step * (k - (size - 1) / 2)) for k in range(size))
     return Figure(formation, poses, min(radius, _WIDEST) if formation == "semicircle" else radius)
 

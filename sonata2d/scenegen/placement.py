@@ -13,6 +13,8 @@ from .cast import Cluster, Entity, shape_of
 from .config import ScenarioConfig
 from .rooms import FloorPlan
 
+_BEHIND = 0.4  # m, beyond the members of a talking group, that others keep off
+
 Spot = tuple[Shape, Pose]
 
 
@@ -92,7 +94,7 @@ class Layout:
 def _shared(cluster: Cluster, members: tuple[Entity, ...], origin: Pose) -> list[Spot]:
     """What people who talk share, as outlines, so that nobody stands there."""
     if cluster.space:
-        return [(Disc(cluster.space), origin)]
+        return [(Disc(cluster.space + _BEHIND), origin)]
     return [_between(members[0].pose, members[-1].pose)] if cluster.relation == TALKING else []
 
 
