@@ -42,7 +42,7 @@ def without_robot(record: EpisodeRecord) -> Array | None:
         return None if alone is None else alone * (1.0, -1.0) + 0.0
     scene = record.scene()
     is_ours = record.document["physics"] == PHYSICS_VERSION
-    if not is_ours or not any(human.behaviour != "standing" for human in scene.humans):
+    if not is_ours or not any(human.behaviour == "wandering" for human in scene.humans):
         return None
     episode = Episode(_emptied(scene), _Still())
     places = [episode.look().humans.position]
@@ -94,7 +94,7 @@ def human_slowing(run: Run) -> float | None:
 
 def _walkers(run: Run) -> Any:
     """(N,) of bool."""
-    return np.array([human.behaviour != "standing" for human in run.scene.humans], dtype=bool)
+    return np.array([human.behaviour == "wandering" for human in run.scene.humans], dtype=bool)
 
 
 def _deviation(run: Run) -> Array | None:
