@@ -65,7 +65,10 @@ def size_of(look: Snapshot) -> tuple[int, int]:
 def rooms(path: Path) -> None:
     """One room of each kind."""
     kinds = [kind for kind in RoomKind.__args__ if kind != "square"]  # type: ignore[attr-defined]
-    scenes = [generate(ScenarioConfig(humans=4, relations=0, room=RoomConfig(kinds={kind: 1.0})), 2) for kind in kinds]
+    scenes = [
+        generate(ScenarioConfig(humans=4, relations=0, room=RoomConfig(kinds={kind: 1.0}, turns=0)), 2)
+        for kind in kinds
+    ]
     save_surface(scene_picture(*scenes, scale=14, titles=kinds), path)
 
 

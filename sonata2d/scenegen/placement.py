@@ -13,7 +13,7 @@ from .cast import Cluster, Entity, shape_of
 from .config import ScenarioConfig
 from .rooms import FloorPlan
 
-_BEHIND = 0.4  # m, beyond the members of a talking group, that others keep off
+_BEHIND = 0.5  # m, round each member of a talking group, that others keep off
 
 Spot = tuple[Shape, Pose]
 
@@ -94,7 +94,7 @@ class Layout:
 def _shared(cluster: Cluster, members: tuple[Entity, ...], origin: Pose) -> list[Spot]:
     """What people who talk share, as outlines, so that nobody stands there."""
     if cluster.space:
-        return [(Disc(cluster.space + _BEHIND), origin)]
+        return [(Disc(cluster.space), origin), *((Disc(_BEHIND), member.pose) for member in members)]
     return [_between(members[0].pose, members[-1].pose)] if cluster.relation == TALKING else []
 
 
