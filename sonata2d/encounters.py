@@ -17,7 +17,7 @@ from .proxemics import SOCIAL_DISTANCE
 from .record import EpisodeRecord
 
 WINDOW = 2.0  # s, before and after the nearest moment: the way each goes while they meet
-PASSING = 6.0  # s, before and after: who was ahead, and who is
+PASSING = 10.0  # s, before and after: who was ahead, and who is
 STAYED = 0.4  # m: who got less far within the window stood
 HEAD_ON, SAME_WAY = 3 * np.pi / 4, np.pi / 4  # rad, between the ways of two who meet
 AT_DOOR, DOOR = 2.5, 1.3  # m: how near a doorway is at it; the widest that counts as narrow
