@@ -22,7 +22,7 @@ from sonata2d.view import render, save_surface, scene_picture  # noqa: E402
 SEED = 4
 WIDTH = 620  # px
 LAST = 4.0  # s
-PARTED = 3.0  # s after the nearest moment, at which a picture of two who met is taken
+PARTED = 4.5  # s after the nearest moment, at which a picture of two who met is taken
 
 
 def main(folder: Path) -> None:

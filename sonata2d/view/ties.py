@@ -1,4 +1,4 @@
-"""Which interactions are drawn: in a group of more than two those of neighbours only, or nobody could tell them apart."""
+"""Which interactions are drawn: of a group of more than two those of neighbours only, or nobody could tell them."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def test_an_unknown_preset_or_file_brings_a_suggestion(written):
     with pytest.raises(ConfigError, match="no scenario file or preset 'sonata2020'; did you mean 'sonata-2020'"):
         load_scenario("sonata2020")
     with pytest.raises(
-        ConfigError, match="presets are being-overtaken, .*, empty, .*, sonata-2020, sonata-2020-crowded"
+        ConfigError, match=r"presets are being-overtaken, .*, empty, .*, sonata-2020, sonata-2020-crowded"
     ):
         load_scenario("xyz")
     path = written("tables: 1\n")
