@@ -1,4 +1,4 @@
-"""`sonata2d scenarios list|show|draw`."""
+"""`sonata2d scenarios list|show|draw|check`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 
 import click
 
-from .output import json_option, show_json, show_table
+from .output import json_option, progress, show_json, show_table
 
 
 def _numbers(context: click.Context, option: click.Parameter, value: str | None) -> tuple[float, ...] | None:
@@ -147,3 +147,55 @@ def scenario_of_tracks(
         show_json(told)
     else:
         click.echo(f"{output}: {config.description}; {len(config.people)} people, {recorded} of them replayed")
+
+
+@command.command(
+    "check",
+    epilog="Examples:  sonata2d scenarios check blind-corner --episodes 50   ·   "
+    "sonata2d scenarios check mine.yaml --situation narrow-doorway --controller ./mine.py:Mine",
+)
+@click.argument("scenario", metavar="NAME|FILE")
+@click.option("--situation", metavar="NAME", help="What is to take place.  [default: the scenario's name]")
+@click.option(
+    "--controller",
+    default="social-planner",
+    show_default=True,
+    metavar="NAME|MODULE:CLASS|FILE:CLASS",
+    help="Drives the robot.",
+)
+@click.option("--episodes", type=click.IntRange(1), default=20, show_default=True, help="How many to run.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the scenes.")
+@json_option
+@click.pass_context
+def check_scenario(
+    context: click.Context,
+    scenario: str,
+    situation: str | None,
+    controller: str,
+    episodes: int,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Run episodes of a scenario, and see whether its situation takes place in each: who meets whom, where, when.
+
+    Ends with 1 if it does not take place in every episode. docs/scenarios.md tells the situations.
+    """  # fmt: skip
+    from sonata2d.plugins import eye_of, load_controller
+    from sonata2d.scenegen import load_scenario
+    from sonata2d.situations import named, rehearse
+
+    config = load_scenario(scenario)
+    wanted, driver = named(situation or config.name), load_controller(controller)
+    verdicts = []
+    with progress(episodes, "episodes") as advance:
+        for episode in range(episodes):
+            verdicts.append(rehearse(config, wanted, driver, seed=seed, episode=episode, renderer=eye_of(driver)))
+            advance(1)
+    took_place = sum(verdict.took_place for verdict in verdicts)
+    if as_json:
+        told = [{"episode": k, "took_place": v.took_place, "told": v.told} for k, v in enumerate(verdicts)]
+        show_json({"scenario": config.name, "situation": wanted, "took_place": took_place, "episodes": told})
+    else:
+        show_table((f"{k:6d}", f"{'yes' if v.took_place else 'NO ':3}  {v.told}") for k, v in enumerate(verdicts))
+        click.echo(f"{wanted} took place in {took_place} of {episodes} episodes of {config.name}")
+    context.exit(0 if took_place == episodes else 1)

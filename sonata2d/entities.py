@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -15,9 +16,9 @@ Behaviour = Literal["standing", "wandering", "walking", "recorded"]
 Reaction = Literal["ignores", "avoids", "stops", "curious", "scared"]
 Kinematics = Literal["holonomic", "unicycle"]
 EndsOn = Literal["goal", "time", "contact"]
-Model = Literal[
-    "sonata2026", "moussaid2009", "helbing1995", "helbing2000", "farina2017", "orca2011"
-]  # of walking: docs/models.md
+# of walking: docs/models.md
+Model = Literal["sonata2026", "moussaid2009", "helbing1995", "helbing2000", "farina2017", "orca2011"]
+Formation = Literal["abreast", "v", "face_to_face", "l", "side_by_side", "circle", "semicircle"]
 
 # Relations: the original toolkit's four, and one for any other thing a person attends to.
 TALKING = "two_static_person_talking"
@@ -102,11 +103,17 @@ class Human:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """People who belong together; `members` are human ids, the first one leads."""
+    """People who belong together; `members` are human ids, the first one leads.
+
+    Attributes:
+        formation: how they stand to each other at the start; who talks in one keeps facing as at the start. None where
+            that is left open: who talks then faces the middle of the others.
+    """
 
     id: int
     kind: Literal["talking", "walking"]
     members: tuple[int, ...]
+    formation: Formation | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,3 +285,11 @@ class Scene:
         parking = np.array(places, dtype=float).reshape(-1, 2)
         parking.flags.writeable = False
         return parking
+
+    @cached_property
+    def shared(self) -> Barriers:
+        """The outlines of what people in formation share as they talk: others walk round it, not through."""
+        place = {human.id: human.pose.position for human in self.humans}
+        rings = [[place[m] for m in g.members] for g in self.groups if g.kind == "talking" and g.formation]
+        closed = [[*ring, ring[0]] if len(ring) > 2 else ring for ring in rings]
+        return Barriers.of((a, b, 0.0) for ring in closed for a, b in pairwise(ring))

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 
 ROOT = Path(__file__).parent.parent
-PAGES = ["docs/first-steps.md", "docs/how-to.md"]
+PAGES = ["docs/first-steps.md", "docs/how-to.md", "docs/scenarios.md"]
 BLOCK = re.compile(r"^```(\w+)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 

@@ -26,6 +26,8 @@ LANDING = [
     "batch",
     "testing",
     "driving",
+    "encounters",
+    "situations",
     "session",
     "rating",
     "transforms",

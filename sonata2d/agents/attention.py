@@ -111,7 +111,7 @@ class Attention:
         """(N, 2), m: what those who stand face: the partner, the middle of the circle, the thing."""
         fronts = company.front.copy()
         for k, partners in enumerate(company.partners):
-            if partners and not company.walks[k]:
+            if partners and not company.walks[k] and not company.keeps_facing[k]:
                 rows = position[partners] if len(partners) == 1 else position[[k, *partners]]
                 fronts[k] = np.add.reduce(rows, axis=0) / len(rows)
         return fronts

@@ -24,6 +24,7 @@ class Company:
         home: (N, 2), m, where those who stand keep to.
         front: (N, 2), m, what those who stand turn their bodies to if it is nobody.
         has_thing: (N,) of bool, who attends to a thing, which is then their front.
+        keeps_facing: (N,) of bool, who stands in a formation as it was at the start, and faces what it shares.
         interactions, activity: as they stand now, for the snapshot.
         partners: of each person the indices of those they talk or walk with.
     """
@@ -38,6 +39,8 @@ class Company:
         self.home = np.array([human.pose.position for human in people], dtype=float).reshape(-1, 2)
         self.front = self.home + 3.0 * headings(np.array([human.pose.theta for human in people]))
         self.has_thing = np.zeros(len(people), dtype=bool)
+        placed = {m for group in scene.groups if group.kind == "talking" and group.formation for m in group.members}
+        self.keeps_facing = np.array([human.id in placed for human in people], dtype=bool)
         self.interactions = scene.interactions
         self.partners: list[list[int]] = []
         self.activity: Any = None
@@ -46,13 +49,16 @@ class Company:
     def stand(self, k: int, place: Point, front: Point, ties: Iterable[Interaction]) -> None:
         """Somebody stands from now on, and attends to what these say."""
         self.walks[k], self.home[k], self.front[k] = False, place, front
-        self.interactions += tuple(ties)
+        ties = tuple(ties)
+        self.keeps_facing[[self._index[tie.src] for tie in ties]] = False
+        self.interactions += ties
         self._renew()
 
     def walk(self, k: int) -> None:
         """Somebody walks from now on, and is done with whom or what they attended to."""
         me = self._ids[k]
         self.walks[k] = True
+        self.keeps_facing[[k, *self.partners[k]]] = False
         self.interactions = tuple(tie for tie in self.interactions if me not in (tie.src, tie.dst))
         self._renew()
 

@@ -110,7 +110,7 @@ class Wanderers:
     def go_round(self, standing: Barriers) -> None:
         """From now on ways lead round these people who stand."""
         solids = self._scene.barriers.joined(standing)
-        self._space = FreeSpace(self._scene.outline, solids, self._reach)
+        self._space = FreeSpace(self._scene.outline, solids.joined(self._scene.shared), self._reach)
         self._passable = FreeSpace(self._scene.outline, solids, self._reach - CLEARANCE - SQUEEZE)
 
     def is_open(self, start: Point, end: Point) -> bool:

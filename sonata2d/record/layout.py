@@ -51,7 +51,7 @@ def scene_of(document: Tree) -> Scene:
         humans=tuple(_human(h) for h in document["humans"]),
         robot=_made(Robot, robot, pose=_pose(robot), limits=_made(Limits, robot["limits"])),
         goal=_made(Goal, document["goal"]),
-        groups=tuple(_made(Group, g, members=tuple(g["members"])) for g in document["groups"]),
+        groups=tuple(_group(g) for g in document["groups"]),
         interactions=interactions_of(document["interactions"]),
         rules=_made(Rules, rules, ends_on=tuple(rules["ends_on"])),
         social=_social(document.get("social")),
@@ -108,6 +108,10 @@ def _social(told: Tree | None) -> Social:
     if told is None:
         return Social()
     return _made(Social, told, visit_time=tuple(told["visit_time"]), talk_time=tuple(told["talk_time"]))
+
+
+def _group(told: Tree) -> Group:
+    return _made(Group, told, members=tuple(told["members"]), formation=told.get("formation"))  # older files have none
 
 
 def _made(kind: type[T], told: Tree, lacking: Iterable[str] = (), **given: Any) -> T:

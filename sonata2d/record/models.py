@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..entities import Behaviour, EndsOn, Kinematics, Reaction
+from ..entities import Behaviour, EndsOn, Formation, Kinematics, Reaction
 from ..frame import Status
 from ..version import FORMAT, FORMAT_VERSION
 
@@ -130,6 +130,7 @@ class Group(Part):
     id: int
     kind: Literal["talking", "walking"]
     members: list[int] = Field(description="ids of humans; the first one leads")
+    formation: Formation | None = Field(default=None, description="how they stand to each other at the start")
 
 
 class Limits(Part):

@@ -6,11 +6,22 @@ from collections import Counter
 from dataclasses import dataclass
 
 from ..chance import Chance
-from ..entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Behaviour, Furniture, Human
+from ..entities import (
+    AT_LAPTOP,
+    AT_OBJECT,
+    AT_PLANT,
+    TALKING,
+    WALKING_TOGETHER,
+    Behaviour,
+    Formation,
+    Furniture,
+    Human,
+)
 from ..exact import PI
-from ..geometry import Disc, Pose, Shape, quantised, shape_gap
+from ..geometry import Disc, Point, Pose, Shape, quantised, shape_gap
 from .config import ScenarioConfig
-from .sections import outline_of
+from .formations import Figure, talking, walking
+from .sections import PersonConfig, outline_of
 from .settings import Range
 
 Entity = Human | Furniture
@@ -51,8 +62,10 @@ class Cluster:
         name: for messages.
         members: poses are in the cluster's frame; `Furniture.on` is an index into the members.
         yaw: how the whole may be turned.
-        relation: of the first member with the last, or with the fixed piece.
+        relation: of the first member with the last, or with the fixed piece; in a group of each with each.
         fixed: index of the fixed piece that the only member attends to, from a `distance` drawn with each attempt.
+        formation: of a group; `space`: radius of what its members share, round the cluster's origin, m.
+        place: of the origin, m, if it is given.
     """
 
     name: str
@@ -61,6 +74,9 @@ class Cluster:
     relation: str | None = None
     fixed: int | None = None
     distance: Range | None = None
+    formation: Formation | None = None
+    space: float = 0.0
+    place: Point | None = None
 
 
 def shape_of(entity: Entity) -> Shape:
@@ -96,6 +112,7 @@ def draw_cast(config: ScenarioConfig, chance: Chance) -> list[Cluster]:
     for relation, count in counts.items():
         for _ in range(count):
             casting.add(relation)
+    casting.add_groups()
     for _ in range(config.relations.draw(chance)):
         first = chance.integer(0, len(_CYCLE) - 1)
         casting.add_first_possible(_CYCLE[first:] + _CYCLE[:first])
@@ -129,6 +146,20 @@ class _Casting:
         else:
             self._add_at_thing(relation)
 
+    def add_groups(self) -> None:
+        """Groups of two and more, who come along with them. Where none may be, chance is left as it is."""
+        config, groups, chance = self.config, self.config.groups, self.chance
+        for _ in range(config.walking_groups.draw(chance) if config.walking_groups.max else 0):
+            name = chance.choice(list(groups.walking_formations), list(groups.walking_formations.values()))
+            size, spacing = groups.walking_size.draw(chance), groups.walking_spacing.draw(chance)
+            figure = walking(name, size, spacing, groups.v_angle.draw(chance))
+            self._add_group("walking group", WALKING_TOGETHER, figure, None)
+        for k in range(config.talking_groups.draw(chance) if config.talking_groups.max else 0):
+            size, spacing = groups.talking_size.draw(chance), groups.talking_spacing.draw(chance)
+            weights = groups.weights(size)
+            figure = talking(chance.choice(list(weights), list(weights.values())), size, spacing)
+            self._add_group("talking group", TALKING, figure, groups.places[k] if k < len(groups.places) else None)
+
     def add_first_possible(self, relations: tuple[str, ...]) -> None:
         """The first relation that there are free people and things for, of these people."""
         for relation in relations:
@@ -158,6 +189,12 @@ class _Casting:
         members = (self._human(kind.behaviour, _ORIGIN), self._human(kind.behaviour, other))
         self.clusters.append(Cluster(kind.name, members, _ANY_YAW, relation))
 
+    def _add_group(self, name: str, relation: str, figure: Figure, place: Point | None) -> None:
+        members = tuple(self._human(_KINDS[relation].behaviour, pose) for pose in figure.poses)
+        self.clusters.append(
+            Cluster(name, members, _ANY_YAW, relation, formation=figure.formation, space=figure.space, place=place)
+        )
+
     def _add_at_fixed(self, relation: str, fixed: int) -> None:
         kind = _KINDS[relation]
         members = (self._human(kind.behaviour, _ORIGIN),)
@@ -181,16 +218,40 @@ class _Casting:
         return piece, Furniture(0, "laptop", _ORIGIN, outline_of(self.config.sizes["laptop"]), on=index)
 
     def _human(self, behaviour: Behaviour, pose: Pose) -> Human:
-        person, speed = self.config.person, self.config.person.desired_speed
-        return Human(
-            id=0,
-            pose=pose,
-            radius=quantised(person.radius.draw(self.chance)),
-            desired_speed=quantised(self.chance.normal(speed.mean, speed.sd, speed.min, speed.max)),
-            behaviour=behaviour,
-            model=person.model,
-            reacts_to_robot=0.0 if self.chance.uniform() < person.ignores_robot else 1.0,
-        )
+        return draw_human(self.config.person, behaviour, pose, self.chance)
+
+
+def draw_human(
+    config: PersonConfig,
+    behaviour: Behaviour,
+    pose: Pose,
+    chance: Chance,
+    *,
+    speed: Range | None = None,
+    radius: Range | None = None,
+    reacts: float | None = None,
+    goals: tuple[Point, ...] = (),
+    velocity: Point = (0.0, 0.0),
+) -> Human:
+    """Somebody like everybody, but for what is given; their id comes with the numbering."""
+    usual = config.desired_speed
+    return Human(
+        id=0,
+        pose=pose,
+        radius=quantised((radius or config.radius).draw(chance)),
+        desired_speed=quantised(
+            speed.draw(chance) if speed else chance.normal(usual.mean, usual.sd, usual.min, usual.max)
+        ),
+        behaviour=behaviour,
+        model=config.model,
+        reacts_to_robot=_reaction(config, chance) if reacts is None else reacts,
+        goals=goals,
+        velocity=velocity,
+    )
+
+
+def _reaction(config: PersonConfig, chance: Chance) -> float:
+    return 0.0 if chance.uniform() < config.ignores_robot else 1.0
 
 
 def _draw_people(config: ScenarioConfig, chance: Chance) -> tuple[int, int]:

@@ -13,6 +13,7 @@ from .sections import (
     SIZES,
     FurnitureConfig,
     GoalConfig,
+    GroupConfig,
     LabelConfig,
     PersonConfig,
     RobotConfig,
@@ -34,6 +35,7 @@ class ScenarioConfig(Settings):
     among them, at most as many as there are people and things for; each is of a random kind (talking, at a laptop, at a
     plant, walking together) or, if nobody is free for that, of the next. `talking_pairs` to `at_object` bring their own
     people, and use a free laptop, plant or other object, a fixed one first, before they bring one of their own.
+    `people` are there besides all of these.
 
     Attributes:
         name: of the scenario; scenes are grouped by it. Unless given: sonata-2020, or custom if anything is set.
@@ -41,6 +43,7 @@ class ScenarioConfig(Settings):
         standing, wandering: people who stand alone, or walk about.
         humans: both together, in place of the two; `wandering_share` of them wander.
         laptops_on_tables: one laptop on each drawn table.
+        talking_groups, walking_groups: see `groups`; the pairs are those of the original, farther apart.
         furniture: pieces at fixed places.
         people: each with a start, goals or a track of their own, besides those who are drawn.
         sizes: m, by type of furniture: overrides, or new types. A number is the radius of a disc, a pair an oblong.
@@ -51,8 +54,9 @@ class ScenarioConfig(Settings):
         pair_spacing: m, side by side, of people who walk together.
         clearance: m, between outlines at the start.
         max_attempts: poses tried for each thing; `max_layouts`: fresh starts with the same people and things.
-        drop: leave out what finds no place, and list it in `Scene.dropped`, instead of raising a SceneError; robot and
-            goal are never left out.
+        drop: leave out what finds no place, and list it in `Scene.dropped`, instead of raising a SceneError; robot,
+            goal and `people` are never left out.
+        flip: the chance that a scene is laid out as its mirror image, with all that is given: y changes its sign.
     """
 
     name: str = Field(default="sonata-2020", min_length=1)
@@ -72,6 +76,8 @@ class ScenarioConfig(Settings):
     relations: IntRange = IntRange(0, 4)
     talking_pairs: IntRange = IntRange(0, 0)
     walking_pairs: IntRange = IntRange(0, 0)
+    talking_groups: IntRange = IntRange(0, 0)
+    walking_groups: IntRange = IntRange(0, 0)
     at_laptop: IntRange = IntRange(0, 0)
     at_plant: IntRange = IntRange(0, 0)
     at_object: IntRange = IntRange(0, 0)
@@ -85,6 +91,7 @@ class ScenarioConfig(Settings):
     plant_distance: Range = Range(1.0, 4.0)
     object_distance: Range = Range(1.0, 2.0)
     pair_spacing: Range = Range(0.5, 0.5)
+    groups: GroupConfig = GroupConfig()
     person: PersonConfig = PersonConfig()
     robot: RobotConfig = RobotConfig()
     goal: GoalConfig = GoalConfig()
@@ -95,6 +102,7 @@ class ScenarioConfig(Settings):
     max_attempts: PositiveInt = 200
     max_layouts: PositiveInt = 10
     drop: bool = False
+    flip: Share = 0.0
 
     @model_validator(mode="before")
     @classmethod

@@ -11,11 +11,12 @@ from ..errors import SceneError
 from ..geometry import Barriers, Pose
 from .cast import Cluster, Entity, draw_cast, fixed_furniture, shape_of
 from .config import ScenarioConfig
+from .given import flipped, given_people, joined, put, refuse_outside, settled
 from .journey import draw_journey, reserved
 from .numbering import Company, numbered
-from .people import Given, given_people, joined, refuse_outside
 from .placement import Layout, extent
-from .rooms import FloorPlan, draw_plan
+from .plans import draw_plan
+from .rooms import FloorPlan
 from .social import with_manners
 
 
@@ -37,21 +38,21 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
     True
     """
     chance = Chance(seed, episode, "scene")
-    plan = draw_plan(config.room, chance)
-    fixed = _checked(fixed_furniture(config), plan)
-    cast = draw_cast(config, chance)
-    given = given_people(config.people, config.person, config.rules.dt, chance)
-    refuse_outside(given, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
+    plan, given = draw_plan(config.room, chance), config
+    if config.flip and chance.uniform() < config.flip:
+        plan, given = plan.flipped(), flipped(config)
+    fixed = _checked(fixed_furniture(given), plan)
+    cast = draw_cast(given, chance)
     for _ in range(config.max_layouts - 1):
         with suppress(SceneError):
-            return _completed(_lay_out(config, plan, fixed, cast, given, chance), config, seed, episode)
-    return _completed(_lay_out(config, plan, fixed, cast, given, chance), config, seed, episode)
+            return _completed(_lay_out(given, plan, fixed, cast, chance), config, seed, episode)
+    return _completed(_lay_out(given, plan, fixed, cast, chance), config, seed, episode)
 
 
 def _completed(scene: Scene, config: ScenarioConfig, seed: int, episode: int) -> Scene:
     """The scene with what it was drawn from, and people's manners towards the robot."""
     humans = with_manners(scene.humans, config.person.reactions, config.person.robot_clearance, seed, episode)
-    return replace(scene, humans=humans, seed=seed, episode=episode)
+    return replace(scene, humans=humans, seed=seed, episode=episode, settings=config.settings())
 
 
 def _checked(fixed: tuple[Furniture, ...], plan: FloorPlan) -> tuple[Furniture, ...]:
@@ -66,12 +67,14 @@ def _lay_out(
     plan: FloorPlan,
     fixed: tuple[Furniture, ...],
     cast: list[Cluster],
-    given: Given,
     chance: Chance,
 ) -> Scene:
-    """One try to find a place for all: clusters first, the most demanding before the others, then robot and goal."""
+    """One try to find a place for all: people who are given one, clusters, the most demanding first, robot and goal."""
+    config = settled(config, chance)
+    given = given_people(config.people, config.person, config.rules.dt, chance)
+    refuse_outside(given, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
     layout = Layout(plan, config, reserved(config) + [(piece.shape, piece.pose) for piece in fixed if piece.on is None])
-    layout.taken += [(shape_of(human), human.pose) for human in given.humans]
+    put(config, given, layout)
     found: dict[int, tuple[Entity, ...]] = {}
     for k in sorted(range(len(cast)), key=lambda k: (cast[k].fixed is None, -extent(cast[k]))):
         members = layout.place(cast[k], fixed, chance)
@@ -94,7 +97,6 @@ def _lay_out(
         interactions=company.interactions,
         rules=Rules(**config.rules.model_dump()),
         social=config.social.social(),
-        settings=config.settings(),
         dropped=tuple(_label(cast, k) for k in range(len(cast)) if k not in found),
     )
     return joined(scene, given)

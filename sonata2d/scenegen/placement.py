@@ -8,10 +8,12 @@ from dataclasses import replace
 from ..chance import Chance
 from ..entities import TALKING, Furniture, Human
 from ..exact import PI, angle_of
-from ..geometry import Pose, Rectangle, Shape, shape_gap
+from ..geometry import Disc, Pose, Rectangle, Shape, shape_gap
 from .cast import Cluster, Entity, shape_of
 from .config import ScenarioConfig
 from .rooms import FloorPlan
+
+_BEHIND = 0.5  # m, round each member of a talking group, that others keep off
 
 Spot = tuple[Shape, Pose]
 
@@ -36,20 +38,27 @@ class Layout:
         """
         target = None if cluster.fixed is None else fixed[cluster.fixed].pose
         for _ in range(self.config.max_attempts):
-            members = _posed(cluster, target or self._draw_pose(cluster, chance), chance)
+            pose = target or self._draw_pose(cluster, chance)
+            members = _posed(cluster, pose, chance)
             spots = self._spots(cluster, members, target)
-            if spots is not None:
-                self.taken += spots
-                if cluster.relation == TALKING:
-                    self.taken.append(_between(members[0].pose, members[-1].pose))
+            if spots is not None and self._can_be_shared(cluster, members, pose):
+                self.taken += spots + _shared(cluster, members, pose)
                 return members
         return None
+
+    def take(self, cluster: Cluster) -> bool:
+        """Put a cluster where its members are; whether there was room."""
+        spots = self._spots(cluster, cluster.members, None)
+        self.taken += spots or []
+        return spots is not None
 
     def is_free(self, shape: Shape, pose: Pose, gap: float, wall_gap: float) -> bool:
         """Whether an outline keeps `gap` from all that stands, and `wall_gap` from walls."""
         return self.plan.holds(shape, pose, wall_gap) and _keeps_clear(shape, pose, gap, self.taken)
 
     def _draw_pose(self, cluster: Cluster, chance: Chance) -> Pose:
+        if cluster.place is not None:
+            return Pose(*cluster.place, cluster.yaw.draw(chance))
         return Pose(*self.plan.sample(chance), cluster.yaw.draw(chance))
 
     def _spots(self, cluster: Cluster, members: tuple[Entity, ...], target: Pose | None) -> list[Spot] | None:
@@ -68,10 +77,25 @@ class Layout:
             spots.append((shape, member.pose))
         return spots
 
+    def _can_be_shared(self, cluster: Cluster, members: tuple[Entity, ...], origin: Pose) -> bool:
+        """Whether all members see the middle of their o-space, and nothing stands in it."""
+        if not cluster.space:
+            return True
+        o_space = Disc(cluster.space - max(shape_of(member).reach for member in members))
+        in_sight = all(self.plan.is_in_sight(member.pose, origin) for member in members)
+        return in_sight and self.is_free(o_space, origin, self.config.clearance, self.config.clearance)
+
     def _wall_gap(self, member: Entity) -> float:
         if isinstance(member, Human):
             return max(self.config.person.wall_distance - member.radius, self.config.clearance)
         return self.config.clearance
+
+
+def _shared(cluster: Cluster, members: tuple[Entity, ...], origin: Pose) -> list[Spot]:
+    """What people who talk share, as outlines, so that nobody stands there."""
+    if cluster.space:
+        return [(Disc(cluster.space), origin), *((Disc(_BEHIND), member.pose) for member in members)]
+    return [_between(members[0].pose, members[-1].pose)] if cluster.relation == TALKING else []
 
 
 def _between(one: Pose, other: Pose) -> Spot:

@@ -18,11 +18,9 @@ from ..geometry import (
     Rectangle,
     Shape,
     inside_polygon,
-    quantised,
     segment_distances,
     segments_cross,
 )
-from .sections import RoomConfig
 
 
 @dataclass(frozen=True)
@@ -81,43 +79,16 @@ class FloorPlan:
             isinstance(shape, Rectangle) and segments_cross(*_sides(shape, pose), self.barriers).any()
         )
 
+    def flipped(self) -> FloorPlan:
+        """Its mirror image, left for right: y changes its sign."""
+        corners = tuple((x, 0.0 - y) for x, y in self.polygon[::-1])
+        inner = (Wall((w.start[0], 0.0 - w.start[1]), (w.end[0], 0.0 - w.end[1])) for w in self.inner)
+        return FloorPlan(self.kind, corners, tuple(inner))
+
     def is_in_sight(self, place: Pose, other: Pose) -> bool:
         """Whether no wall stands between two places."""
         start, end = (np.array([pose.position], dtype=float) for pose in (place, other))
         return not segments_cross(start, end, self.barriers).any()
-
-
-def draw_plan(config: RoomConfig, chance: Chance) -> FloorPlan:
-    """One of the kinds of room, or the given one."""
-    inner = tuple(Wall(_rounded(x1, y1), _rounded(x2, y2)) for x1, y1, x2, y2 in config.walls)
-    if config.polygon is not None:
-        return FloorPlan("given", _counter_clockwise(config.polygon), inner)
-    kind = chance.choice(list(config.kinds), list(config.kinds.values()))
-    if kind == "l":
-        return FloorPlan(kind, _l_shape(config.unit.draw(chance), chance.integer(0, 3)), inner)
-    breadth = config.side.draw(chance) if kind == "square" else config.breadth.draw(chance)
-    length = breadth if kind == "square" else config.length.at_least(breadth).draw(chance)
-    x, y = length / 2, breadth / 2
-    return FloorPlan(kind, _counter_clockwise(((-x, -y), (x, -y), (x, y), (-x, y))), inner)
-
-
-def _l_shape(unit: float, quarters: int) -> tuple[Point, ...]:
-    """An L in a square of three units centred at the origin, turned by quarters of a circle."""
-    corners: tuple[Point, ...] = ((-1.5, -0.5), (0.5, -0.5), (0.5, -1.5), (1.5, -1.5), (1.5, 1.5), (-1.5, 1.5))
-    for _ in range(quarters):
-        corners = tuple((-y, x) for x, y in corners)
-    return _counter_clockwise(tuple((x * unit, y * unit) for x, y in corners))
-
-
-def _counter_clockwise(corners: tuple[Point, ...]) -> tuple[Point, ...]:
-    """The corners at a file's precision, counter-clockwise."""
-    following = (*corners[1:], corners[0])
-    doubled_area = sum(x1 * y2 - x2 * y1 for (x1, y1), (x2, y2) in zip(corners, following, strict=True))
-    return tuple(_rounded(x, y) for x, y in (corners if doubled_area > 0.0 else corners[::-1]))
-
-
-def _rounded(x: float, y: float) -> Point:
-    return quantised(x), quantised(y)
 
 
 def _sides(shape: Rectangle, pose: Pose) -> tuple[Array, Array]:

@@ -4,20 +4,32 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..entities import EndsOn, Kinematics, Limits, Model, Reaction, Rules
-from ..geometry import Barriers, Disc, Point, Rectangle, Shape, quantised, segments_cross
+from ..geometry import Disc, Point, Rectangle, Shape, quantised
 from ..labels import Kind, LabelSpec, When
-from .settings import Range, Settings
+from .group_config import GroupConfig
+from .room_config import RoomConfig
+from .settings import Jitter, Range, Settings
 from .social import ClearanceConfig, weighed
 
-RoomKind = Literal["square", "rectangle", "l"]
+__all__ = [  # every section, in the order of docs/scenario.md
+    "FurnitureConfig",
+    "GoalConfig",
+    "GroupConfig",
+    "LabelConfig",
+    "LimitsConfig",
+    "PersonConfig",
+    "RobotConfig",
+    "RoomConfig",
+    "RulesConfig",
+    "SpeedConfig",
+]
+
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Size = PositiveFloat | tuple[PositiveFloat, PositiveFloat]  # radius of a disc, or length (x) and width (y), m
-WallEnds = tuple[float, float, float, float]  # x1, y1, x2, y2, m
 
 SIZES: dict[str, Size] = {
     "table": (0.8, 0.8),
@@ -32,72 +44,6 @@ SIZES: dict[str, Size] = {
 def outline_of(size: Size) -> Shape:
     """The outline that a size stands for."""
     return Rectangle(quantised(size[0]), quantised(size[1])) if isinstance(size, tuple) else Disc(quantised(size))
-
-
-class RoomConfig(Settings):
-    """The floor plan: one of three kinds, drawn by weight and centred at the origin, or a given polygon.
-
-    Attributes:
-        kinds: weight of each kind; a list of names, or one name, weighs them alike.
-        side: of the square.
-        breadth, length: of the rectangle, along y and x; the length is at least the breadth.
-        unit: of the L: a rectangle of 3 x 2 units with a square of 1 x 1 below one end, in any of four orientations.
-        polygon: corners of a given room, in order, without edges that cross; takes the place of the kinds.
-        walls: inner walls, as x1, y1, x2, y2.
-    """
-
-    kinds: dict[RoomKind, NonNegativeFloat] = Field(default={"square": 1.0, "rectangle": 1.0, "l": 1.0})
-    side: Range = Range(6, 10, 1)
-    breadth: Range = Range(5, 10, 1)
-    length: Range = Range(5, 10, 1)
-    unit: Range = Range(3, 4, 1)
-    polygon: Annotated[tuple[Point, ...], Field(min_length=3)] | None = None
-    walls: tuple[WallEnds, ...] = ()
-
-    @field_validator("kinds", mode="before")
-    @classmethod
-    def _weigh_alike(cls, given: Any) -> Any:
-        names = [given] if isinstance(given, str) else given
-        return dict.fromkeys(names, 1.0) if isinstance(names, list | tuple) else names
-
-    @field_validator("kinds", mode="after")
-    @classmethod
-    def _leave_some(cls, kinds: dict[RoomKind, float]) -> dict[RoomKind, float]:
-        if not sum(kinds.values()) > 0.0:
-            raise PydanticCustomError("kinds", "at least one kind of room needs a weight above 0")
-        return kinds
-
-    @field_validator("side", "breadth", "length", "unit", mode="after")
-    @classmethod
-    def _be_positive(cls, size: Range) -> Range:
-        if not size.min > 0.0:
-            raise PydanticCustomError("size", "a room's size must be above 0")
-        return size
-
-    @field_validator("polygon", mode="after")
-    @classmethod
-    def _be_simple(cls, corners: tuple[Point, ...] | None) -> tuple[Point, ...] | None:
-        if corners is not None and not _is_simple(corners):
-            raise PydanticCustomError("polygon", "the room's edges cross or touch each other")
-        return corners
-
-    @field_validator("walls", mode="after")
-    @classmethod
-    def _have_length(cls, walls: tuple[WallEnds, ...]) -> tuple[WallEnds, ...]:
-        for wall in walls:
-            if wall[:2] == wall[2:]:
-                raise PydanticCustomError("wall", "wall {wall} has no length", {"wall": list(wall)})
-        return walls
-
-
-def _is_simple(corners: tuple[Point, ...]) -> bool:
-    """Whether edges meet at their common corners only."""
-    following = [*corners[1:], corners[0]]
-    edges = Barriers.of((a, b, 0.0) for a, b in zip(corners, following, strict=True))
-    gaps = edges.gaps(edges.start)  # of each edge from each corner
-    own = np.eye(len(corners), dtype=bool)
-    gaps[own | np.roll(own, 1, axis=1)] = np.inf
-    return not (segments_cross(edges.start, edges.end, edges).any() or (gaps < 1e-3).any())
 
 
 class FurnitureConfig(Settings):
@@ -193,6 +139,7 @@ class RobotConfig(Settings):
     Attributes:
         clearance: of a drawn start from everything, m.
         pose: x, y, theta of the start, if it is not to be drawn.
+        jitter: how far from that pose a scene may move it, in x, y and theta, either way; m, rad.
     """
 
     kinematics: Kinematics = "holonomic"
@@ -200,6 +147,7 @@ class RobotConfig(Settings):
     limits: LimitsConfig = LimitsConfig()
     clearance: PositiveFloat = 0.2
     pose: tuple[float, float, float] | None = None
+    jitter: Jitter = (0.0, 0.0, 0.0)
 
 
 class GoalConfig(Settings):
@@ -209,6 +157,7 @@ class GoalConfig(Settings):
         distance, angle: of the robot from the goal's centre (m) and heading (rad) that count as reached.
         min_distance: from the robot's start, m, of a drawn goal.
         position: x, y, m, if the goal is not to be drawn.
+        jitter: how far from that position a scene may move it, in x and y, either way; m.
         theta: rad, if the heading is not to be drawn.
     """
 
@@ -216,6 +165,7 @@ class GoalConfig(Settings):
     angle: PositiveFloat = 3.1416
     min_distance: PositiveFloat = 2.0
     position: Point | None = None
+    jitter: tuple[NonNegativeFloat, NonNegativeFloat] = (0.0, 0.0)
     theta: float | None = None
 
 

@@ -10,6 +10,7 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     GetJsonSchemaHandler,
+    NonNegativeFloat,
     NonNegativeInt,
     PositiveFloat,
     model_serializer,
@@ -19,6 +20,8 @@ from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError
 
 from ..chance import Chance
+
+Jitter = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]  # m, m, rad
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

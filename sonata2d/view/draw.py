@@ -34,6 +34,7 @@ from .people import (
 from .room import Plan, draw_furniture, draw_room
 from .smooth import Smooth
 from .things import half_size
+from .ties import circles, draw_circle, drawn_ties
 from .trails import Trails, draw_trails
 
 FINE, QUICK = 4, 2  # times the pixels a side; powers of two, since pygame's smoothscale darkens others by a shade
@@ -155,9 +156,14 @@ def draw_all(brush: Brush, snapshot: Snapshot, layers: Layers, trails: Trails | 
 def draw_under(brush: Brush, snapshot: Snapshot, people: list[HumanState], layers: Layers) -> None:
     """Draw what lies below people and robot: shared spaces, links."""
     ends = link_ends(snapshot, people)
+    talking = circles(snapshot, "talking") if layers.zones else []
+    for ring, _ in talking:
+        draw_circle(brush, [ends[member][0] for member in ring if member in ends])
+    in_circle = {member for ring, _ in talking for member in ring}
     for link in snapshot.interactions if layers.zones else ():
-        draw_shared(brush, link, ends)
-    for link in snapshot.interactions if layers.links else ():
+        if link.src not in in_circle:
+            draw_shared(brush, link, ends)
+    for link in drawn_ties(snapshot) if layers.links else ():
         draw_link(brush, link, ends)
 
 

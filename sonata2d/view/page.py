@@ -23,6 +23,7 @@ from .caption import origin
 from .draw import QUICK, Layers, backdrop, camera_for
 from .palette import ACTIVITY, GOAL, ROBOT, Colour, shaded
 from .things import half_size
+from .ties import drawn_ties
 
 _DIGITS = 3  # of metres, seconds and radians on a page
 MANNERS = {
@@ -155,7 +156,7 @@ def _link_changes(looks: Sequence[Snapshot]) -> list[tuple[int, list[tuple[int, 
     """(tick, links from then on), whenever they change."""
     changes: list[tuple[int, list[tuple[int, int]]]] = []
     for tick, look in enumerate(looks):
-        links = [(link.src, link.dst) for link in look.interactions]
+        links = [(link.src, link.dst) for link in drawn_ties(look)]
         if not changes or changes[-1][1] != links:
             changes.append((tick, links))
     return changes

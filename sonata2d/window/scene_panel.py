@@ -17,6 +17,8 @@ COUNTS = (
     ("wandering", "People who walk"),
     ("talking_pairs", "Pairs who talk"),
     ("walking_pairs", "Pairs who walk"),
+    ("talking_groups", "Groups who talk"),
+    ("walking_groups", "Groups who walk"),
     ("at_laptop", "People at a laptop"),
     ("at_plant", "People at a plant"),
     ("relations", "Relations among them"),

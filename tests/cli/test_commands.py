@@ -84,6 +84,14 @@ def test_render_makes_pictures_and_pages(sonata2d: Run, here: Path) -> None:
         assert (here / name).read_bytes().startswith(start)
 
 
+def test_a_situation_is_checked_and_a_wrong_one_is_found(sonata2d: Run) -> None:
+    right = sonata2d("scenarios check overtaking --episodes 2 --controller straight-to-goal").output
+    assert "overtaking took place in 2 of 2 episodes of overtaking" in right
+    told = sonata2d("scenarios check overtaking --situation blind-corner --episodes 1 --json", code=1).output
+    assert json.loads(told)["took_place"] == 0
+    assert "no situation is named 'quick'" in sonata2d("scenarios check quick.yaml --episodes 1", code=1).output
+
+
 def test_scenarios_can_be_listed_shown_drawn_and_used_again(sonata2d: Run, here: Path) -> None:
     assert "sonata-2020-crowded" in sonata2d("scenarios list").output
     shown = sonata2d("scenarios show sonata-2020").output

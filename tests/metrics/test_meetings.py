@@ -65,6 +65,14 @@ def test_group_intrusion_of_three_is_being_among_them() -> None:
     assert value("group_intrusion", scene, stay(-1.4, 0.0, 4), people) == 0.0
 
 
+def test_group_intrusion_of_six_in_a_circle_is_being_within_it() -> None:
+    """A hexagon of 1 m: its edge is at x = 0.866, so that the rim of 0.3 m is within up to 1.166 m."""
+    corners = [(math.sin(k * math.pi / 3), math.cos(k * math.pi / 3)) for k in range(6)]
+    scene, people = talking(*corners)
+    assert value("group_intrusion", scene, line((0.0, 0.0), (0.35, 0.0), 4), people) == 1.0
+    assert value("group_intrusion", scene, stay(1.18, 0.0, 4), people) == 0.0
+
+
 def test_members_further_apart_than_social_distance_are_no_group() -> None:
     scene, people = talking((0.0, -1.9), (0.0, 1.9))
     assert value("group_intrusion", scene, stay(0.0, 0.0, 4), people) == 0.0

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sonata2d.entities import Group
 from sonata2d.errors import RecordError
 from sonata2d.frame import Outcome
 from sonata2d.record import EpisodeRecorder, JsonRecorder, read_episode, reader
@@ -55,6 +56,15 @@ def test_reading_and_recording_again_gives_the_same_bytes(episode: Path) -> None
         recorder.note(frame)
     recorder.close(record.snapshot(-1), record.outcome)
     assert recorder.document() == episode.read_bytes()
+
+
+def test_formations_are_kept_and_older_files_without_them_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "groups.json"
+    with JsonRecorder(path) as recorder:
+        run(recorder, scene(groups=(Group(1, "talking", (1, 2), "l"),)))
+    assert read_episode(path).scene().groups == (Group(1, "talking", (1, 2), "l"),)
+    older = rewritten(path, lambda document: document["groups"][0].pop("formation"))
+    assert read_episode(older).scene().groups == (Group(1, "talking", (1, 2)),)
 
 
 def test_arrays_have_a_row_for_each_frame(episode: Path) -> None:

@@ -24,8 +24,8 @@ from .by_hand import AUTHOR, robot_state, run, scene, snapshot
 
 KEYS = (
     "format version id name family seed episode physics precision settings rules room walls objects humans groups"
-    " interactions robot goal social dropped controller labels contributor context branched_from columns activities outcome"
-    " frames final software"
+    " interactions robot goal social dropped controller labels contributor context branched_from columns activities"
+    " outcome frames final software"
 )
 FRAME_KEYS = "tick time robot command executed guarded humans activity interactions contacts events"
 

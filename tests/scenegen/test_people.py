@@ -74,7 +74,7 @@ def test_the_same_group_walks_together() -> None:
     rows = [{"x": 0.5 * k, "y": 0.0, "goals": [[3.0, 3.0]], "group": 7} for k in range(3)]
     made = scene(*rows, {"x": -2.0, "y": -2.0, "goals": [[0.0, 3.0]], "group": 8})
     assert made.groups == (Group(7, "walking", (1, 2, 3)),)
-    assert made.interactions == tuple(Interaction(1, WALKING_TOGETHER, k) for k in (2, 3))
+    assert made.interactions == tuple(Interaction(a, WALKING_TOGETHER, b) for a, b in ((1, 2), (1, 3), (2, 3)))
     assert [human.group for human in made.humans] == [7, 7, 7, None]
 
 
@@ -127,7 +127,6 @@ def test_a_scenario_file_holds_people(tmp_path: Path) -> None:
         ({"x": 1.0, "y": 1.0, "behaviour": "standing", "goals": [[0, 0]]}, "who is walking has goals, and nobody else"),
         ({"x": 1.0, "y": 1.0, "exits": True}, "no goals to leave at"),
         ({"x": 1.0, "y": 1.0, "enters": 3.0, "leaves": 2.0}, "leave before they enter"),
-        ({"x": 1.0, "y": 1.0, "group": 1}, "who stands is in no walking group"),
         ({"x": 1.0, "y": 1.0, "group": 1, "behaviour": "wandering", "enters": 1.0}, "can neither enter nor leave"),
     ],
 )

@@ -61,7 +61,8 @@ class Sonata2026Model:
             weight = weight * (1.0 - (1.0 - law.among_group) * walkers.member)
         way, speed = steered(
             dx, dy, walkers.direction, walkers.desired_speed, touching, weight, side=self._side * law.bias,
-            decision=law.decision, queueing=law.queueing, breadth=law.breadth, distance=law.standstill, time=law.headway,
+            decision=law.decision, queueing=law.queueing, breadth=law.breadth, distance=law.standstill,
+            time=law.headway,
         )  # fmt: skip
         total = desired_acceleration(velocity, way, speed, relaxation_time=law.relaxation_time)
         if walkers.member is not None:

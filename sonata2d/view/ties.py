@@ -1,0 +1,50 @@
+"""Which interactions are drawn: of a group of more than two those of neighbours only, or nobody could tell them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from ..entities import Group, Interaction
+from ..frame import Snapshot
+from ..geometry import Point
+from .brush import Brush
+from .palette import PURPLE
+
+
+def drawn_ties(snapshot: Snapshot) -> list[Interaction]:
+    """The interactions of a look without those across a group of more than two."""
+    rings = circles(snapshot)
+    across = {pair for ring, closed in rings for pair in _across(ring, closed=closed)}
+    return [tie for tie in snapshot.interactions if frozenset((tie.src, tie.dst)) not in across]
+
+
+def circles(snapshot: Snapshot, kind: str | None = None) -> list[tuple[list[int], bool]]:
+    """Members who interact now, in their order, and whether the last stands beside the first; groups of three and more.
+
+    Args:
+        kind: of the groups; any unless given.
+    """
+    busy = {id for tie in snapshot.interactions for id in (tie.src, tie.dst)}
+    groups = [group for group in snapshot.scene.groups if kind in (None, group.kind)]
+    rings = [([m for m in group.members if m in busy], _is_closed(group)) for group in groups]
+    return [(ring, closed) for ring, closed in rings if len(ring) > 2]
+
+
+def draw_circle(brush: Brush, places: Sequence[Point]) -> None:
+    """The space that a talking group shares, its o-space (A. Kendon, Conducting Interaction, 1990)."""
+    if len(places) < 3:
+        return
+    x, y = (sum(place[k] for place in places) / len(places) for k in (0, 1))
+    for share in (1.0, 0.72):
+        brush.wash(PURPLE, 26, [(x + share * (px - x), y + share * (py - y)) for px, py in places])
+
+
+def _is_closed(group: Group) -> bool:
+    return group.formation == "circle"
+
+
+def _across(ring: Sequence[int], *, closed: bool) -> set[frozenset[int]]:
+    """The pairs of a group that do not stand beside each other."""
+    beside = {frozenset(pair) for pair in pairwise([*ring, ring[0]] if closed else ring)}
+    return {pair for a in ring for b in ring if a != b and (pair := frozenset((a, b))) not in beside}
