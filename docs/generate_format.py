@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from sonata2d.frame import ACTIVITIES
-from sonata2d.record import manifest_models, models
+from sonata2d.humans import ACTIVITIES
+from sonata2d.record import manifest_models, models, scene_models
 from sonata2d.record.sense import DEEPEST
 from sonata2d.scenegen import ScenarioConfig, sections, social
 from sonata2d.scenegen.people import GivenPersonConfig
@@ -20,7 +20,7 @@ DOCS = Path(__file__).parent
 BASE = "https://json-schema.org/draft/2020-12/schema"
 
 INTRO = f"""\
-<!-- written by docs/generate_format.py from sonata2d/record/models.py -->
+<!-- written by docs/generate_format.py from sonata2d/record/models.py and scene_models.py -->
 # The episode file, version {FORMAT_VERSION}
 
 One JSON document per episode, `.json`, `.json.gz` or `.json.zst`; [JSON Schema](schema/episode-v1.schema.json). Every
@@ -54,7 +54,7 @@ A data set is a folder of these, named `{{episode:06d}}.json`, with a `manifest.
 """
 
 
-def schema_of(model: type[models.Part], name: str) -> dict[str, Any]:
+def schema_of(model: type[scene_models.Part], name: str) -> dict[str, Any]:
     """The JSON Schema of a model."""
     return {"$schema": BASE, "$id": f"{name}.schema.json", **model.model_json_schema()}
 
@@ -66,13 +66,15 @@ def format_page() -> str:
     return "\n".join([INTRO, *(_section(part) for part in unique)])
 
 
-def _parts(model: type[models.Part]) -> list[type[models.Part]]:
+def _parts(model: type[scene_models.Part]) -> list[type[scene_models.Part]]:
     """The models that a model is made of, in the order of the code."""
     names = model.model_json_schema()["$defs"]
-    return [kind for name, kind in {**vars(models), **vars(manifest_models)}.items() if name in names]
+    return [
+        kind for name, kind in {**vars(scene_models), **vars(models), **vars(manifest_models)}.items() if name in names
+    ]
 
 
-def _section(model: type[models.Part]) -> str:
+def _section(model: type[scene_models.Part]) -> str:
     schema = model.model_json_schema()
     rows = [
         f"| `{key}` | {_kind(told)} | {told.get('description', '')} |" for key, told in schema["properties"].items()

@@ -18,23 +18,9 @@ from pymunk._chipmunk_cffi import ffi
 from .bumper import Bumper
 from .entities import Furniture, Human, Interaction, Scene
 from .exact import Array, rotation
-from .frame import (
-    HX,
-    HY,
-    LX,
-    LY,
-    OMEGA,
-    VY,
-    CrowdCommands,
-    Humans,
-    RobotState,
-    Snapshot,
-    X,
-    activities_of,
-    frozen,
-    human_ids,
-)
+from .frame import CrowdCommands, RobotState, Snapshot
 from .geometry import Disc, Point, Twist
+from .humans import HX, HY, LX, LY, OMEGA, VY, Humans, X, activities_of, frozen, human_ids
 from .posture import Posture
 from .presence import Presence
 from .topics import DeviceEvent

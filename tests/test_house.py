@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).parent.parent / "sonata2d"
 
 # Each storey may import what is in it and below; a room only itself and the ground floor.
 GROUND = [
-    "version", "errors", "exact", "geometry", "chance", "entities", "labels", "topics", "frame", "corners",
+    "version", "errors", "exact", "geometry", "chance", "entities", "labels", "topics", "humans", "frame", "corners",
     "navigation", "proxemics",
 ]  # fmt: skip
 ROOMS = ["world", "agents", "scenegen", "record", "view"]

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..entities import TALKING, Interaction, Scene
 from ..exact import headings
-from ..frame import activities
 from ..geometry import Barriers, Disc, Point, Pose
+from ..humans import activities
 
 
 class Company:

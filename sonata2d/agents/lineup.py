@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..exact import Array
-from ..frame import HX, LX, Humans, Snapshot, X, Y, activities_of, frozen, human_ids
+from ..frame import Snapshot
+from ..humans import HX, LX, Humans, X, Y, activities_of, frozen, human_ids
 
 
 def lined_up(snapshot: Snapshot) -> tuple[Snapshot, Array | None]:

@@ -10,8 +10,8 @@ import numpy as np
 from ..chance import Chance
 from ..entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, Furniture, Interaction, Scene
 from ..exact import Array
-from ..frame import Humans
 from ..geometry import Disc, Point, Rectangle
+from ..humans import Humans
 from .circles import LARGEST, MEETING, free_places, widened
 from .company import Company
 from .wandering import Wanderers

@@ -13,8 +13,8 @@ import numpy as np
 from ..chance import Chance
 from ..entities import Scene
 from ..exact import Array
-from ..frame import Humans
 from ..geometry import Barriers, Point
+from ..humans import Humans
 from ..navigation import FreeSpace
 
 CLEARANCE = 0.10  # m, that ways keep from walls, furniture and standing people

@@ -19,8 +19,8 @@ import numpy as np
 
 from ..entities import Goal, Human, Robot, Rules
 from ..exact import Array
-from ..frame import ACTIVITIES
 from ..geometry import PRECISION, Barriers, Pose
+from ..humans import ACTIVITIES
 from ..record.canonical import rounded, rounded_rows
 from ..record.columns import HUMAN_ANGLES, ROBOT_ANGLES, columns
 from ..record.layout import Tree

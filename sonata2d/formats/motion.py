@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..exact import Array
-from ..frame import ACTIVITIES
+from ..humans import ACTIVITIES
 
 MOVES = 0.1  # m/s; whoever is slower stands
 _MEETS = 0.05  # m, ends of walls that are one corner
@@ -62,7 +62,7 @@ def headings_along(velocity: Array) -> Array:
 
 
 def activity_of(velocity: Array) -> Any:
-    """(T, N) of int into `frame.ACTIVITIES`, by speed alone; -1 where not present."""
+    """(T, N) of int into `humans.ACTIVITIES`, by speed alone; -1 where not present."""
     speed = np.hypot(velocity[..., 0], velocity[..., 1])
     moves = np.where(speed > MOVES, ACTIVITIES.index("walking"), ACTIVITIES.index("standing"))
     return np.where(np.isnan(speed), -1, moves)

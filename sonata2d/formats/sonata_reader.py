@@ -13,7 +13,7 @@ import numpy as np
 
 from ..entities import AT_LAPTOP, AT_PLANT, RELATIONS
 from ..exact import Array
-from ..frame import ACTIVITIES
+from ..humans import ACTIVITIES
 from ..record.canonical import rounded, rounded_rows
 from ..record.layout import Tree
 from .form import Options, parsing

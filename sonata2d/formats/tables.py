@@ -22,7 +22,7 @@ import numpy as np
 import orjson
 
 from ..errors import RecordError
-from ..frame import ACTIVITIES
+from ..humans import ACTIVITIES
 from ..record import EpisodeRecord, write_atomically
 from ..record.columns import COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES
 from ..record.files import TEMPORARY, stem_of

@@ -8,8 +8,9 @@ import numpy as np
 
 from ..entities import Interaction
 from ..exact import Array, arctan2
-from ..frame import HX, HY, LX, LY, OMEGA, VX, VY, Contact, X, Y
+from ..frame import Contact
 from ..geometry import quantised
+from ..humans import HX, HY, LX, LY, OMEGA, VX, VY, X, Y
 from ..topics import DeviceEvent
 from .canonical import plain, refuse_unfinite, rounded, rounded_rows
 from .columns import COMMAND_NAMES, HUMAN_ANGLES, HUMAN_NAMES, ROBOT_ANGLES, ROBOT_NAMES

@@ -7,7 +7,8 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ..frame import Status
-from .models import Controller, Count, Part, Positive, Software
+from .models import Controller, Software
+from .scene_models import Count, Part, Positive
 
 
 class ManifestFile(Part):

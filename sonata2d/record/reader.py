@@ -11,7 +11,8 @@ import orjson
 
 from ..errors import NewerFormatError, RecordError
 from ..exact import Array
-from ..frame import Outcome, frozen
+from ..frame import Outcome
+from ..humans import frozen
 from ..version import FORMAT, FORMAT_VERSION
 from .columns import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES
 from .files import read_bytes

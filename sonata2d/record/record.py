@@ -14,22 +14,9 @@ import numpy as np
 from ..entities import Scene
 from ..errors import RecordError
 from ..exact import Array, heading, headings
-from ..frame import (
-    HX,
-    LX,
-    OMEGA,
-    VX,
-    Author,
-    Contact,
-    Frame,
-    Humans,
-    Outcome,
-    RobotState,
-    Snapshot,
-    frozen,
-    human_ids,
-)
+from ..frame import Author, Contact, Frame, Outcome, RobotState, Snapshot
 from ..geometry import Twist
+from ..humans import HX, LX, OMEGA, VX, Humans, frozen, human_ids
 from ..labels import LabelSpec
 from ..topics import DeviceEvent
 from .layout import Tree, interactions_of, scene_of
@@ -44,7 +31,7 @@ class Looks:
         robot: (T + 1, 6), columns x, y, theta, vx, vy, omega.
         humans: (T + 1, N, 7), the same and head; NaN where not present.
         present: (T + 1, N) of bool.
-        activity: (T + 1, N) of int, into `frame.ACTIVITIES`; -1 where not present.
+        activity: (T + 1, N) of int, into `humans.ACTIVITIES`; -1 where not present.
     """
 
     tick: Any
@@ -158,7 +145,7 @@ class EpisodeRecord:
 
     @property
     def activity(self) -> Any:
-        """(T, N) of int, into `frame.ACTIVITIES`; -1 where not present."""
+        """(T, N) of int, into `humans.ACTIVITIES`; -1 where not present."""
         return self.looks.activity[:-1]
 
     @property

@@ -12,8 +12,9 @@ import numpy as np
 from ..entities import Scene
 from ..errors import RecordError
 from ..exact import Array
-from ..frame import ACTIVITIES, Author, Frame, Outcome, Snapshot, Status
+from ..frame import Author, Frame, Outcome, Snapshot, Status
 from ..geometry import PRECISION, quantised
+from ..humans import ACTIVITIES
 from ..labels import LabelSpec
 from ..version import FORMAT, FORMAT_VERSION, PHYSICS_VERSION
 from .canonical import plain, refuse_unfinite, rounded, written

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..entities import RELATIONS, ROBOT_ID, Furniture, Scene
 from ..exact import Array
-from ..frame import ACTIVITIES
 from ..geometry import Barriers, Disc, inside_polygon, wrapped
+from ..humans import ACTIVITIES
 from .canonical import rounded_rows
 from .columns import HUMAN_ANGLES, ROBOT_ANGLES
 from .record import EpisodeRecord

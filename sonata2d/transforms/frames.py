@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..exact import Array, arctan2, headings
-from ..frame import frozen
+from ..humans import frozen
 from .motion import Motion, Reference
 
 _TURN = 2 * np.pi

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..entities import Interaction
 from ..exact import Array
-from ..frame import frozen
+from ..humans import frozen
 from ..record.layout import interactions_of
 from ..record.record import EpisodeRecord
 
@@ -29,7 +29,7 @@ class Motion:
         robot: (T + 1, 6), columns x, y, theta, vx, vy, omega.
         humans: (T + 1, N, 7), the same and head; NaN where not present.
         present: (T + 1, N) of bool.
-        activity: (T + 1, N) of int, into `frame.ACTIVITIES`; -1 where not present.
+        activity: (T + 1, N) of int, into `humans.ACTIVITIES`; -1 where not present.
         goal: (T + 1, 3), columns x, y, theta.
         walls: (T + 1, W, 4), columns x1, y1, x2, y2.
         objects: (T + 1, O, 3), columns x, y, theta, in the scene's order.

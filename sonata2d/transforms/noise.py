@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..exact import Array
-from ..frame import frozen
+from ..humans import frozen
 from .frames import wrapped_angles
 from .motion import Motion
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..frame import frozen
+from ..humans import frozen
 from .motion import Motion
 
 _LOOKS = ("time", "robot", "humans", "present", "activity", "goal", "walls", "objects", "interactions")

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..exact import Array
-from ..frame import HX, LX, Humans, RobotState, Snapshot, frozen
+from ..frame import RobotState, Snapshot
 from ..geometry import Point
+from ..humans import HX, LX, Humans, frozen
 
 _LEAP = 1.0  # m between two ticks: who came back elsewhere, and did not walk there
 

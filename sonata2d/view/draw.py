@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import pygame
 
 from ..entities import Scene
-from ..frame import HumanState, Snapshot
+from ..frame import Snapshot
 from ..geometry import Point
+from ..humans import HumanState
 from .brush import Brush
 from .camera import Camera
 from .canvas import Canvas, Pixels

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..entities import Scene
 from ..exact import Array
-from ..frame import HumanState
 from ..geometry import Barriers
+from ..humans import HumanState
 from .people import FAN, FAN_REACH
 
 Reaches = dict[int, list[float]]  # by id: how far each ray goes, m

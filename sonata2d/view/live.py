@@ -9,7 +9,8 @@ from typing import Any
 import pygame
 
 from ..entities import Scene
-from ..frame import HumanState, Snapshot
+from ..frame import Snapshot
+from ..humans import HumanState
 from ..topics import View
 from .brush import Brush
 from .camera import Camera

@@ -16,7 +16,8 @@ from jinja2 import Environment, PackageLoader
 
 from ..entities import Scene
 from ..errors import RenderError
-from ..frame import ACTIVITIES, Snapshot
+from ..frame import Snapshot
+from ..humans import ACTIVITIES
 from ..proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, obstacle_clearance
 from .camera import Camera
 from .caption import origin

@@ -10,8 +10,9 @@ import math
 from collections.abc import Sequence
 
 from ..entities import ROBOT_ID, Goal, Interaction
-from ..frame import HumanState, RobotState, Snapshot
+from ..frame import RobotState, Snapshot
 from ..geometry import Point
+from ..humans import HumanState
 from ..proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from .brush import Brush
 from .palette import ACTIVITY, BLUE, DARK, FAINT, FLOOR, GOAL, HAIR, INK, PAPER, PURPLE, ROBOT, Colour, mixed, shaded

@@ -12,8 +12,9 @@ import pygame
 from ..entities import Scene
 from ..errors import RenderError
 from ..exact import heading
-from ..frame import Humans, RobotState, Snapshot, activities_of, frozen, human_ids
+from ..frame import RobotState, Snapshot
 from ..geometry import Twist
+from ..humans import Humans, activities_of, frozen, human_ids
 from .canvas import Pixels
 from .caption import STRIP, TEXT, draw_strip, origin, summary
 from .draw import Layers, camera_for, picture

@@ -22,8 +22,9 @@ from sonata2d.entities import (
     Wall,
 )
 from sonata2d.exact import heading, headings
-from sonata2d.frame import Author, Contact, Frame, Humans, Outcome, RobotState, Snapshot, human_ids
+from sonata2d.frame import Author, Contact, Frame, Outcome, RobotState, Snapshot
 from sonata2d.geometry import Disc, Pose, Rectangle, Twist
+from sonata2d.humans import Humans, human_ids
 from sonata2d.record import EpisodeRecorder
 from sonata2d.topics import DeviceEvent
 

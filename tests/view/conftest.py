@@ -19,8 +19,9 @@ from sonata2d.entities import (
     Wall,
 )
 from sonata2d.exact import heading, headings
-from sonata2d.frame import ACTIVITIES, Humans, RobotState, Snapshot, human_ids
+from sonata2d.frame import RobotState, Snapshot
 from sonata2d.geometry import Disc, Pose, Rectangle, Twist
+from sonata2d.humans import ACTIVITIES, Humans, human_ids
 
 CORNERS = ((0.0, 0.0), (6.0, 0.0), (6.0, 2.5), (3.0, 2.5), (3.0, 5.0), (0.0, 5.0))
 
