@@ -17,10 +17,11 @@ from .proxemics import SOCIAL_DISTANCE
 from .record import EpisodeRecord
 
 WINDOW = 2.0  # s, before and after the nearest moment: the way each goes while they meet
-PASSING = 10.0  # s, before and after: who was ahead, and who is
+PASSING = 20.0  # s, before and after: who was ahead, and who is
 STAYED = 0.4  # m: who got less far within the window stood
 HEAD_ON, SAME_WAY = 3 * np.pi / 4, np.pi / 4  # rad, between the ways of two who meet
 AT_DOOR, DOOR = 2.5, 1.3  # m: how near a doorway is at it; the widest that counts as narrow
+TOGETHER = SOCIAL_DISTANCE / 2  # m, mean distance from the middle, up to which a group has not broken up
 JOINED = 0.4  # m, that somebody who joins may stand farther out than the members do
 
 Kind = Literal["head-on", "overtaking", "overtaken", "alongside", "crossing", "standing", "waiting"]
@@ -40,8 +41,9 @@ class Course:
         if isinstance(episode, EpisodeRecord):
             return cls(episode.scene(), episode.looks.robot[:, :2], episode.looks.humans[:, :, :2])
         looks = list(episode)
-        robot = np.array([look.robot.position for look in looks], dtype=float)
-        return cls(looks[0].scene, robot, np.stack([look.humans.position for look in looks]))
+        robot, count = np.array([look.robot.position for look in looks], dtype=float), len(looks[0].scene.humans)
+        people = [look.humans.among_all(look.humans.position, count, np.nan) for look in looks]
+        return cls(looks[0].scene, robot, np.stack(people))
 
     @property
     def dt(self) -> float:
@@ -78,7 +80,7 @@ class Meeting:
 
 @dataclass(frozen=True, slots=True)
 class GroupMeeting:
-    """How the robot and a group came near each other.
+    """How the robot and a group came near each other, while all of its members were there and together.
 
     Attributes:
         group: id.
@@ -103,7 +105,7 @@ class Encounter:
         meetings: with everybody, nearest first.
         groups: with those who walk or talk together.
         company: people within 3.6 m of the robot's outline, on average over looks.
-        density: people per m2 of the room's outline.
+        density: people per m2 of the room's outline, on average over looks.
     """
 
     meetings: tuple[Meeting, ...]
@@ -123,9 +125,9 @@ def encounter(episode: EpisodeRecord | Iterable[Snapshot]) -> Encounter:
     area = abs(float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())) / 2
     return Encounter(
         tuple(meetings),
-        tuple(_group_meeting(course, group) for group in scene.groups),
+        tuple(meeting for group in scene.groups if (meeting := _group_meeting(course, group)) is not None),
         float((gaps < SOCIAL_DISTANCE).sum(axis=0).mean()),
-        len(there) / area,
+        float(np.isfinite(gaps).sum(axis=0).mean()) / area,
     )
 
 
@@ -141,15 +143,16 @@ def _meeting(course: Course, k: int) -> Meeting:
     gaps = _gaps(course, k)
     nearest = int(np.argmin(gaps))
     reach, far = round(WINDOW / course.dt), round(PASSING / course.dt)
-    first, last = max(nearest - reach, 0), min(nearest + reach, len(gaps) - 1)
     robot, person = course.robot, course.people[:, k]
+    came, went = np.flatnonzero(np.isfinite(gaps))[[0, -1]].tolist()
+    first, last = max(nearest - reach, came), min(nearest + reach, went)
     ways = robot[last] - robot[first], person[last] - person[first]
     angle = _angle(*ways)
     offset = person - robot
     cross = ways[0][0] * offset[nearest][1] - ways[0][1] * offset[nearest][0]
     return Meeting(
         person=course.scene.humans[k].id,
-        kind=_kind(ways, angle, offset[max(nearest - far, 0)], offset[min(nearest + far, len(gaps) - 1)]),
+        kind=_kind(ways, angle, offset[max(nearest - far, came)], offset[min(nearest + far, went)]),
         time=round(nearest * course.dt, 4),
         gap=float(gaps[nearest]),
         angle=angle,
@@ -186,10 +189,12 @@ def _kind(ways: tuple[Array, Array], angle: float, before: Array, after: Array) 
 def _sight(course: Course, k: int) -> float | None:
     """m, at the first look at which they see each other; None if they do from the start, or never."""
     walls = Barriers.of((wall.start, wall.end, 0.0) for wall in course.scene.walls)
-    hidden: Any = np.any(segments_cross(course.robot, course.people[:, k], walls), axis=0)
+    there = np.isfinite(course.people[:, k, 0])
+    robot, person = course.robot[there], course.people[there, k]
+    hidden: Any = np.any(segments_cross(robot, person, walls), axis=0)
     if not hidden[0] or hidden.all():
         return None
-    return float(_length(course.people[:, k] - course.robot)[int(np.argmin(hidden))])
+    return float(_length(person - robot)[int(np.argmin(hidden))])
 
 
 def _missed(course: Course, k: int) -> float | None:
@@ -216,13 +221,16 @@ def _at_door(course: Course, k: int) -> float | None:
     return None
 
 
-def _group_meeting(course: Course, group: Group) -> GroupMeeting:
+def _group_meeting(course: Course, group: Group) -> GroupMeeting | None:
+    """None for a group that is never together."""
     index = {human.id: k for k, human in enumerate(course.scene.humans)}
     places = course.people[:, [index[m] for m in group.members]]
     middle = _middles(places, in_circle=group.kind == "talking" and len(group.members) > 2)
-    away = _length(middle - course.robot)
-    nearest = int(np.nanargmin(away)) if np.isfinite(away).any() else 0
     reach = _length(places - middle[:, None]).mean(axis=1)
+    away = np.where(reach < TOGETHER, _length(middle - course.robot), np.nan)
+    if not np.isfinite(away).any():
+        return None
+    nearest = int(np.nanargmin(away))
     goal = np.array([course.scene.goal.position])
     straight = Barriers(course.robot[:1], goal, np.zeros(1))
     return GroupMeeting(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -89,6 +90,11 @@ class Human:
     leaves: int | None = None
     track: tuple[Point, ...] = ()
     exits: bool = False
+
+    @property
+    def stays(self) -> bool:
+        """Whether they are there from the start to the end, unless they exit."""
+        return self.enters == 0 and self.leaves is None
 
     def place_at(self, tick: int) -> Point:
         """Where one who is recorded is at a tick, m: the first place before they enter, the last after the end."""
@@ -274,8 +280,7 @@ class Scene:
     @cached_property
     def standing(self) -> Barriers:
         """People who stand, as discs; those only who are there throughout."""
-        throughout = (h for h in self.humans if h.enters == 0 and h.leaves is None)
-        return Barriers.of([Disc(h.radius).edges(h.pose)[0] for h in throughout if h.behaviour == "standing"])
+        return standing_throughout(self.humans)
 
     @cached_property
     def parking(self) -> Array:
@@ -290,6 +295,15 @@ class Scene:
     def shared(self) -> Barriers:
         """The outlines of what people in formation share as they talk: others walk round it, not through."""
         place = {human.id: human.pose.position for human in self.humans}
-        rings = [[place[m] for m in g.members] for g in self.groups if g.kind == "talking" and g.formation]
-        closed = [[*ring, ring[0]] if len(ring) > 2 else ring for ring in rings]
-        return Barriers.of((a, b, 0.0) for ring in closed for a, b in pairwise(ring))
+        return outlines([place[m] for m in g.members] for g in self.groups if g.kind == "talking" and g.formation)
+
+
+def standing_throughout(humans: Iterable[Human]) -> Barriers:
+    """Those who stand and are there from the start to the end, as discs."""
+    return Barriers.of(Disc(h.radius).edges(h.pose)[0] for h in humans if h.stays and h.behaviour == "standing")
+
+
+def outlines(rings: Iterable[Sequence[Point]]) -> Barriers:
+    """The lines from place to place round each ring, m; of two places the one between them."""
+    closed = ([*ring, ring[0]] if len(ring) > 2 else ring for ring in rings)
+    return Barriers.of((a, b, 0.0) for ring in closed for a, b in pairwise(ring))

@@ -24,6 +24,9 @@ _DOING = {
     AT_PLANT: "looking",
     AT_OBJECT: "looking",
 }
+_ALONE = np.array(
+    [ACTIVITIES.index({"talking": "standing", "walking together": "walking"}.get(k, k)) for k in ACTIVITIES]
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +153,19 @@ def human_ids(scene: Scene) -> Any:
 def activities_of(scene: Scene) -> Any:
     """(N,) of int, into `ACTIVITIES`: what people do by their interactions, else by how they behave."""
     return activities({human.id: human.behaviour != "standing" for human in scene.humans}, scene.interactions)
+
+
+def activities_among(activity: Any, ids: Any, ties: Iterable[Interaction]) -> Any:
+    """(N,) of int, into `ACTIVITIES`: what people do once those they do it with are absent.
+
+    Args:
+        activity: (N,) of int, what they do if everybody is there.
+        ids: (N,) of int.
+        ties: the interactions between those who are there.
+    """
+    busy = {end for tie in ties for end in (tie.src, tie.dst)}
+    is_alone = np.array([id not in busy for id in ids.tolist()], dtype=bool)
+    return frozen(np.where(is_alone, _ALONE[activity], activity))
 
 
 def activities(walks: Mapping[int, bool], interactions: Iterable[Interaction]) -> Any:

@@ -20,7 +20,7 @@ from .entities import Furniture, Human, Interaction, Scene
 from .exact import Array, rotation
 from .frame import CrowdCommands, RobotState, Snapshot
 from .geometry import Disc, Point, Twist
-from .humans import HX, HY, LX, LY, OMEGA, VY, Humans, X, activities_of, frozen, human_ids
+from .humans import HX, HY, LX, LY, OMEGA, VY, Humans, X, activities_among, activities_of, frozen, human_ids
 from .posture import Posture
 from .presence import Presence
 from .topics import DeviceEvent
@@ -85,13 +85,14 @@ class World:
         robot = RobotState(
             (x, y), self._heading, (vx, vy), self._twist.omega, self._executed, bumper.stepped_in, self.scene.robot
         )
+        ties = self._interactions if self._presence.is_full else self._ties_of_those_present()
         return Snapshot(
             tick=self.tick,
             time=round(self.tick * self.scene.rules.dt, 4),
             scene=self.scene,
             robot=robot,
-            humans=self._humans(state),
-            interactions=self._interactions if self._presence.is_full else self._ties_of_those_present(),
+            humans=self._humans(state, ties),
+            interactions=ties,
             contacts=bumper.contacts(),
             events=events,
         )
@@ -128,10 +129,12 @@ class World:
         self.tick += 1
         self._let_come_and_go(crowd.leaving)
 
-    def _humans(self, state: Array) -> Humans:
-        """Those who are there, of the (N, 9) state of everybody."""
-        everybody = Humans(frozen(state), self._ids, self._radius, self._activity)
-        return everybody if self._presence.is_full else everybody.only(self._presence.row)
+    def _humans(self, state: Array, ties: tuple[Interaction, ...]) -> Humans:
+        """Those who are there, of the (N, 9) state of everybody, and with whom."""
+        if self._presence.is_full:
+            return Humans(frozen(state), self._ids, self._radius, self._activity)
+        activity = activities_among(self._activity, self._ids, ties)
+        return Humans(frozen(state), self._ids, self._radius, activity).only(self._presence.row)
 
     def _ties_of_those_present(self) -> tuple[Interaction, ...]:
         absent = self._presence.absent

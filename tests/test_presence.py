@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.entities import WALKING_TOGETHER, Group, Human, Interaction, Robot, Rules, Scene
+from sonata2d.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction, Robot, Rules, Scene
 from sonata2d.episode import Episode
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Pose
@@ -114,6 +114,28 @@ def test_whoever_is_absent_is_felt_by_nobody() -> None:
     for one, other in zip(alone, haunted, strict=True):
         assert one.humans.state.tolist() == other.humans.state.tolist()
         assert one.robot.pose == other.robot.pose
+
+
+def test_nobody_turns_to_or_talks_with_a_partner_who_is_absent() -> None:
+    pair = [Human(1, Pose(0.0, 0.0), group=1), Human(2, Pose(1.2, 0.0, 3.0), group=1, enters=10, leaves=30)]
+    ties, own = (Interaction(1, TALKING, 2),), (Group(1, "talking", (1, 2)),)
+    turned = [replace(pair[0], pose=Pose(0.0, 0.0, 1.0)), pair[1]]
+    seen = looks(room(turned, rules=RULES, groups=own, interactions=ties))
+    doing = [look.humans[0].activity for look in seen]
+    assert doing == ["talking" if look.interactions else "standing" for look in seen]
+    assert [bool(look.interactions) for look in seen] == [10 <= tick < 30 for tick in range(len(seen))]
+    assert seen[10].humans[0].pose.theta == pytest.approx(1.0)
+    assert seen[30].humans[0].pose.theta == pytest.approx(0.0, abs=0.1)
+    assert seen[-1].humans[0].pose.theta == pytest.approx(1.0, abs=0.05)  # as they stood before
+
+
+@pytest.mark.parametrize("leader", [recorded(1, group=1), passer(1, (0.0, 3.0), (0.0, 0.0), group=1)])
+def test_whoever_follows_one_who_has_no_way_or_is_gone_goes_their_own(leader: Human) -> None:
+    follower = walker(2, 1.0, 2.0, group=1)
+    seen = looks(room([leader, follower], rules=RULES, groups=(Group(1, "walking", (1, 2)),)))
+    ways = np.array([look.humans.position[-1] for look in seen])
+    assert np.abs(ways).max() < 4.0
+    assert np.hypot(*(ways[-1] - ways[-21])) > 0.5
 
 
 def test_who_finds_no_room_to_enter_waits() -> None:

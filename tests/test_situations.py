@@ -91,6 +91,23 @@ def test_a_person_far_off_is_not_met() -> None:
     assert "nobody came the other way (person 1 head-on, " in verdict.told
 
 
+def test_people_who_come_and_go_are_met_while_they_are_there(tmp_path: Path) -> None:
+    config = load_scenario("frontal-approach")
+    passer = {"x": -5.0, "y": 0.8, "goals": [[5.0, 0.8]], "enters": 2.0, "exits": True, "group": 1}
+    late = {"x": 5.0, "y": -0.8, "goals": [[-5.0, -0.8]], "enters": 50.0, "exits": True, "group": 1}
+    people = [person.model_dump(mode="json", exclude_unset=True) for person in config.people]
+    scene = generate(config.changed(people=[*people, passer, late]), 1)
+    looker = Looker()
+    with JsonRecorder(tmp_path / "one.json") as recorder:
+        Episode(scene, SocialPlanner(), observers=[looker, recorder]).run()
+    live, recorded = encounter(looker.snapshots), encounter(read_episode(tmp_path / "one.json"))
+    assert live.groups == recorded.groups == ()  # never whole
+    assert [m.person for m in live.meetings] == [m.person for m in recorded.meetings] == [1, 2]
+    assert live.meetings[1].kind in ("overtaken", "alongside")
+    assert live.density * 13 * 2.2 < 3
+    assert judge("frontal-approach", looker.snapshots).took_place
+
+
 def test_a_recorded_episode_is_judged_like_the_live_one(tmp_path: Path) -> None:
     with JsonRecorder(tmp_path / "corner.json") as recorder:
         Episode(generate(load_scenario("blind-corner"), 2), SocialPlanner(), observers=[recorder]).run()

@@ -79,8 +79,8 @@ class Attention:
         humans, velocity = snapshot.humans, snapshot.humans.velocity
         pace = np.sqrt(course[:, 0] * course[:, 0] + course[:, 1] * course[:, 1])
         way = course * (np.minimum(pace, STEADY) / np.maximum(pace, 1e-6))[:, None]
-        walking = _unit(velocity + way, humans.heading, IDLE)
-        standing = _unit(self._fronts(company, humans.position) - humans.position, humans.heading, 0.05)
+        walking = directed(velocity + way, humans.heading, IDLE)
+        standing = directed(self._fronts(company, humans.position) - humans.position, humans.heading, 0.05)
         facing = np.where(company.walks[:, None], walking, standing)
         alone = np.array([company.walks[k] or not partners for k, partners in enumerate(company.partners)], dtype=bool)
         moves = velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1] > MOVING * MOVING
@@ -105,7 +105,7 @@ class Attention:
             if other >= 0:
                 aim[k] = position[other] - position[k]
         glances = self._glances(snapshot, towards_robot, sees)
-        return np.where(glances[:, None], towards_robot, _unit(aim, facing, 0.3))
+        return np.where(glances[:, None], towards_robot, directed(aim, facing, 0.3))
 
     def _fronts(self, company: Company, position: Array) -> Array:
         """(N, 2), m: what those who stand face: the partner, the middle of the circle, the thing."""
@@ -152,7 +152,7 @@ def _gap(snapshot: Snapshot, bodies: Array) -> Array:
     return gap
 
 
-def _unit(vectors: Array, otherwise: Array, least: float) -> Array:
+def directed(vectors: Array, otherwise: Array, least: float = 1e-3) -> Array:
     """Unit vectors along (N, 2) vectors, or the others where these are shorter than `least`."""
     x, y = vectors[:, 0], vectors[:, 1]
     size = np.sqrt(x * x + y * y)

@@ -46,7 +46,7 @@ def free_places(homes: list[Point], front: Point, comer: Point) -> list[tuple[Po
         for ux, uy in (between, (-between[0], -between[1])):
             nearest = max(ux * s + uy * t for s, t in spokes)
             place = centre[0] + radius * ux, centre[1] + radius * uy
-            far = _length(place[0] - comer[0], place[1] - comer[1])
+            far = apart(place, comer)
             found.append((round(nearest, 1), far, place))
     return [(centre, place) for _, _, place in sorted(found)]
 
@@ -54,8 +54,7 @@ def free_places(homes: list[Point], front: Point, comer: Point) -> list[tuple[Po
 def widened(home: Point, centre: Point, count: int) -> Point:
     """Where a member of a circle of so many stands: no nearer to its centre than such a circle wants."""
     dx, dy = home[0] - centre[0], home[1] - centre[1]
-    apart = _length(dx, dy)
-    share = RADIUS[min(count, LARGEST)] / max(apart, 1e-6)
+    share = RADIUS[min(count, LARGEST)] / max(_length(dx, dy), 1e-6)
     return home if share <= 1.0 else (centre[0] + dx * share, centre[1] + dy * share)
 
 
@@ -66,7 +65,7 @@ def _before(home: Point, front: Point, comer: Point) -> list[tuple[Point, Point]
     for rank, (c, s) in enumerate(_ASIDE):
         x, y = MEETING * (ux * c - uy * s), MEETING * (uy * c + ux * s)
         place = home[0] + x, home[1] + y
-        far = _length(place[0] - comer[0], place[1] - comer[1])
+        far = apart(place, comer)
         found.append((min(rank, 1), far, (home[0] + x / 2, home[1] + y / 2), place))
     return [(centre, place) for _, _, centre, place in sorted(found)]
 
@@ -80,7 +79,7 @@ def _beside(one: Point, other: Point, comer: Point) -> list[tuple[Point, Point]]
     for side in (1.0, -1.0):
         x, y = -uy * height * side, ux * height * side
         place, centre = ((ax + bx) / 2 + x, (ay + by) / 2 + y), ((ax + bx) / 2 + x / 3, (ay + by) / 2 + y / 3)
-        found.append((_length(place[0] - comer[0], place[1] - comer[1]), centre, place))
+        found.append((apart(place, comer), centre, place))
     return [(centre, place) for _, centre, place in sorted(found)]
 
 
@@ -89,6 +88,11 @@ def _middle(places: list[Point]) -> Point:
     for place in places:
         x, y = x + place[0], y + place[1]
     return x / len(places), y / len(places)
+
+
+def apart(one: Point, other: Point) -> float:
+    """m, between two places."""
+    return _length(one[0] - other[0], one[1] - other[1])
 
 
 def _length(x: float, y: float) -> float:

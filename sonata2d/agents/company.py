@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..entities import TALKING, Interaction, Scene
-from ..exact import headings
+from ..entities import TALKING, Interaction, Scene, outlines
+from ..exact import Array, headings
 from ..geometry import Barriers, Disc, Point, Pose
 from ..humans import activities
 
@@ -26,7 +26,8 @@ class Company:
         has_thing: (N,) of bool, who attends to a thing, which is then their front.
         keeps_facing: (N,) of bool, who stands in a formation as it was at the start, and faces what it shares.
         interactions, activity: as they stand now, for the snapshot.
-        partners: of each person the indices of those they talk or walk with.
+        partners: of each person the indices of those they talk or walk with, and who are there.
+        stays: of each person whether they are there from the start to the end.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -39,12 +40,24 @@ class Company:
         self.home = np.array([human.pose.position for human in people], dtype=float).reshape(-1, 2)
         self.front = self.home + 3.0 * headings(np.array([human.pose.theta for human in people]))
         self.has_thing = np.zeros(len(people), dtype=bool)
-        placed = {m for group in scene.groups if group.kind == "talking" and group.formation for m in group.members}
-        self.keeps_facing = np.array([human.id in placed for human in people], dtype=bool)
+        self._circles = [
+            [self._index[m] for m in g.members] for g in scene.groups if g.kind == "talking" and g.formation
+        ]
+        self.keeps_facing = np.zeros(len(people), dtype=bool)
+        self.keeps_facing[[k for circle in self._circles for k in circle]] = True
+        self.stays = [human.stays for human in people]
+        self._absent: frozenset[int] = frozenset()
         self.interactions = scene.interactions
         self.partners: list[list[int]] = []
         self.activity: Any = None
         self._renew()
+
+    def attend(self, there: Array | None) -> None:
+        """Only who is there is company for others; (N + 1,), 0 for who is absent; None: nobody is."""
+        away = [] if there is None else np.flatnonzero(there[:-1] == 0.0).tolist()
+        if self._absent != frozenset(away):
+            self._absent = frozenset(away)
+            self._renew()
 
     def stand(self, k: int, place: Point, front: Point, ties: Iterable[Interaction]) -> None:
         """Somebody stands from now on, and attends to what these say."""
@@ -59,6 +72,7 @@ class Company:
         me = self._ids[k]
         self.walks[k] = True
         self.keeps_facing[[k, *self.partners[k]]] = False
+        self._circles = [[member for member in circle if member != k] for circle in self._circles]
         self.interactions = tuple(tie for tie in self.interactions if me not in (tie.src, tie.dst))
         self._renew()
 
@@ -71,9 +85,13 @@ class Company:
         return all(tie.dst != thing for tie in self.interactions)
 
     def standing(self) -> Barriers:
-        """All who stand now, as discs."""
-        stand = np.flatnonzero(~self.walks).tolist()
+        """All who stand now and are there to the end, as discs."""
+        stand = [k for k in np.flatnonzero(~self.walks).tolist() if self.stays[k]]
         return Barriers.of([Disc(self._radius[k]).edges(Pose(*self.home[k].tolist()))[0] for k in stand])
+
+    def shared(self) -> Barriers:
+        """The outlines of what is shared by those who have talked in formation from the start."""
+        return outlines([(float(x), float(y)) for x, y in self.home[circle].tolist()] for circle in self._circles)
 
     def _renew(self) -> None:
         """Work out anew who does what with whom."""
@@ -83,8 +101,8 @@ class Company:
         self.has_thing[:] = False
         for tie in self.interactions:
             src, dst = self._index[tie.src], self._index.get(tie.dst)
-            if dst is not None:
+            if dst is not None and not {src, dst} & self._absent:
                 self.partners[src].append(dst)
                 self.partners[dst].append(src)
-            else:
+            elif dst is None:
                 self.front[src], self.has_thing[src] = self._things[tie.dst], True

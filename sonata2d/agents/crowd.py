@@ -9,7 +9,7 @@ import numpy as np
 from ..entities import Scene
 from ..exact import Array
 from ..frame import CrowdCommands, Snapshot
-from .attention import AHEAD, SHORTEST, Attention
+from .attention import AHEAD, SHORTEST, Attention, directed
 from .company import Company
 from .forces.drive import standing_acceleration
 from .forces.walls import Sight
@@ -21,6 +21,7 @@ from .social_life import SocialLife
 from .wandering import Wanderers
 
 HURRY = 1.3  # times the desired speed is the fastest anyone walks (Helbing & Molnár 1995)
+OWN_WAY = 0.1  # of the bond of a group's members who wander is that of those who have goals of their own
 EASE = 0.4  # s: who comes to a stop somewhere goes no faster than the distance left over this
 
 
@@ -53,14 +54,16 @@ class Crowd:
         self._weight = self._who_minds_whom()
         self._sight = Sight(scene, len(people) + 1)
         self._member = self._who_walks_with_whom()
+        self._bond = np.array([*(OWN_WAY if human.goals else 1.0 for human in people), 0.0])
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """What each person wants in this tick."""
         snapshot, self._there = lined_up(snapshot)
         humans, company = snapshot.humans, self._company
+        company.attend(self._there)
         self._life.update(snapshot.tick, humans)
         towards = self._wanderers.update(snapshot.tick, humans, self._there) - humans.position
-        direction = np.where(company.walks[:, None], _unit(towards, humans.heading), 0.0)
+        direction = np.where(company.walks[:, None], directed(towards, humans.heading), 0.0)
         walkers = self._walkers(snapshot, direction, self._eased(towards))
         self._keep_to = self._reactions.stepped_back(snapshot, company.home)
         facing, look = self._posture(snapshot, walkers)
@@ -99,6 +102,7 @@ class Crowd:
             radius=self._radius,
             weight=self._among_those_present(self._weight * seen),
             member=None if self._member is None else self._among_those_present(self._member),
+            bond=self._bond,
         )
 
     def _among_those_present(self, pairs: Array) -> Array:
@@ -129,7 +133,7 @@ class Crowd:
     def _posture(self, snapshot: Snapshot, walkers: Walkers) -> tuple[Array, Array]:
         """Where bodies face and heads look, (N, 2) each, unit vectors."""
         humans, struck = snapshot.humans, self._reactions.faces_it
-        to_robot = _unit(np.array([snapshot.robot.position]) - humans.position, humans.heading)
+        to_robot = directed(np.array([snapshot.robot.position]) - humans.position, humans.heading)
         course = (walkers.direction * walkers.desired_speed[:, None])[:-1]
         facing = self._attention.facing(snapshot, self._company, course, to_robot, struck)
         if self._headed:  # who goes where they face, faces where they want to go
@@ -164,10 +168,3 @@ class Crowd:
             member[np.ix_(rows, rows)] = 1.0
         np.fill_diagonal(member, 0.0)
         return member if member.any() else None
-
-
-def _unit(vectors: Array, otherwise: Array) -> Array:
-    """Unit vectors along (N, 2) vectors, or the others where there is no length to speak of."""
-    x, y = vectors[:, 0], vectors[:, 1]
-    size = np.sqrt(x * x + y * y)
-    return np.where((size > 1e-3)[:, None], vectors / np.maximum(size, 1e-3)[:, None], otherwise)

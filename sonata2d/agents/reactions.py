@@ -122,13 +122,13 @@ class Reactions:
         return push
 
     def stepped_back(self, snapshot: Snapshot, home: Array) -> Array:
-        """Where those who stand keep to while the robot is there, (N, 2), m: the scared a step from home."""
-        scared = np.flatnonzero(self._is["scared"] & self._minds)
+        """Where those who stand keep to while they notice the robot, (N, 2), m: the scared a step from home."""
+        scared = np.flatnonzero(self._is["scared"] & self.notices)
         if not len(scared):
             return home
         away = home[scared] - np.array([snapshot.robot.position])
         apart = np.maximum(np.sqrt(away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1]), 1e-6)
-        room = self._barriers.gaps(home[scared]).min(axis=0) - self._radius[scared] - 0.05
+        room = self._barriers.gaps(home[scared]).min(axis=0, initial=np.inf) - self._radius[scared] - 0.05
         step = np.minimum(np.maximum(AT_EASE - (apart - self._bodies[scared]), 0.0), STEP_BACK)
         step = np.minimum(step, np.maximum(room, 0.0))
         moved = home.copy()

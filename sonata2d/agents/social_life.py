@@ -12,7 +12,7 @@ from ..entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, Furniture, Interaction, S
 from ..exact import Array
 from ..geometry import Disc, Point, Rectangle
 from ..humans import Humans
-from .circles import LARGEST, MEETING, free_places, widened
+from .circles import LARGEST, MEETING, apart, free_places, widened
 from .company import Company
 from .wandering import Wanderers
 
@@ -54,10 +54,9 @@ class SocialLife:
         self._social, self._dt = scene.social, scene.rules.dt
         self._chance = [Chance(scene.seed, scene.episode, "company", human.id) for human in scene.humans]
         grouped = {member for group in scene.groups if group.kind == "walking" for member in group.members}
-        self._stays = [h.enters == 0 and h.leaves is None for h in scene.humans]  # who comes and goes has no time
         own_way = ("walking", "recorded")
         self._free = [h.id not in grouped and h.behaviour not in own_way for h in scene.humans]
-        self._free = [free and stays for free, stays in zip(self._free, self._stays, strict=True)]
+        self._free = [free and stays for free, stays in zip(self._free, company.stays, strict=True)]
         self._tasks: dict[int, _Task] = {}
         self._rested = set(range(len(scene.humans)))  # who may take up something when they next choose a way
         self._met = np.ones((len(scene.humans), len(scene.humans)), dtype=bool)
@@ -77,13 +76,13 @@ class SocialLife:
         if self._social.meets > 0.0:
             self._meet(humans)
         if (before != self._company.walks).any():
-            self._wanderers.go_round(self._company.standing())
+            self._wanderers.go_round(self._company.standing(), self._company.shared())
 
     def _plan_to_leave(self) -> None:
-        """Some of those who attend to somebody or something at the start will go."""
+        """Some of those who attend to somebody or something at the start will go; who comes and goes has no time."""
         for k in np.flatnonzero(~self._company.walks).tolist():
             busy = self._company.has_thing[k] or self._company.partners[k]
-            if busy and self._chance[k].uniform() < self._social.leaves:
+            if busy and self._company.stays[k] and self._chance[k].uniform() < self._social.leaves:
                 is_talk = not self._company.has_thing[k]
                 home = _point(self._company.home[k])
                 self._tasks[k] = _Task(home, home, until=self._time(k, is_talk), is_there=True)
@@ -102,7 +101,7 @@ class SocialLife:
         gone = task.person is not None and self._company.walks[task.person]
         if gone or self._tick >= task.until:
             self._leave(k)
-        elif _apart(_point(self._position[k]), task.place) < THERE:
+        elif apart(_point(self._position[k]), task.place) < THERE:
             self._arrive(k, task)
 
     def _leave(self, k: int) -> None:
@@ -174,8 +173,7 @@ class SocialLife:
         carrier = next((other for other in self._scene.furniture if other.id == thing.on), thing)
         if isinstance(thing.shape, Disc):
             x, y = thing.pose.position
-            apart = max(_apart(place, (x, y)), 1e-6)
-            share = (thing.shape.radius + BEFORE + radius) / apart
+            share = (thing.shape.radius + BEFORE + radius) / max(apart(place, (x, y)), 1e-6)
             return x + (place[0] - x) * share, y + (place[1] - y) * share
         deep = carrier.shape.width / 2 if isinstance(carrier.shape, Rectangle) else carrier.shape.reach
         dx, dy = carrier.pose.x - thing.pose.x, carrier.pose.y - thing.pose.y
@@ -188,7 +186,7 @@ class SocialLife:
         for other in np.flatnonzero(~self._company.walks & ~self._company.has_thing).tolist():
             circle = [other, *self._company.partners[other]]
             coming = sum(task.person in circle and not task.is_there for task in self._tasks.values())
-            if not self._stays[other] or other != min(circle) or len(circle) + coming >= LARGEST:
+            if not self._company.stays[other] or other != min(circle) or len(circle) + coming >= LARGEST:
                 continue
             homes = [_point(self._company.home[member]) for member in circle]
             for centre, spot in free_places(homes, _point(self._company.front[other]), place):
@@ -198,7 +196,7 @@ class SocialLife:
 
     def _is_free(self, place: Point) -> bool:
         """Whether nobody else is on their way to there."""
-        return all(_apart(place, task.place) > ELBOW for task in self._tasks.values() if not task.is_there)
+        return all(apart(place, task.place) > ELBOW for task in self._tasks.values() if not task.is_there)
 
     def _meet(self, humans: Humans) -> None:
         """Wanderers who have come near each other may stop and talk."""
@@ -221,8 +219,8 @@ class SocialLife:
     def _stop(self, i: int, j: int) -> bool:
         """Two stop where they meet and talk, if there is room."""
         (ax, ay), (bx, by) = _point(self._position[i]), _point(self._position[j])
-        middle, apart = ((ax + bx) / 2, (ay + by) / 2), max(_apart((ax, ay), (bx, by)), 1e-6)
-        ux, uy = (ax - bx) * MEETING / (2 * apart), (ay - by) * MEETING / (2 * apart)
+        middle, double = ((ax + bx) / 2, (ay + by) / 2), 2 * max(apart((ax, ay), (bx, by)), 1e-6)
+        ux, uy = (ax - bx) * MEETING / double, (ay - by) * MEETING / double
         places = (middle[0] + ux, middle[1] + uy), (middle[0] - ux, middle[1] - uy)
         if not all(self._wanderers.is_open(middle, place) for place in places):
             return False
@@ -238,8 +236,3 @@ class SocialLife:
 
 def _point(row: Array) -> Point:
     return float(row[0]), float(row[1])
-
-
-def _apart(one: Point, other: Point) -> float:
-    dx, dy = one[0] - other[0], one[1] - other[1]
-    return float(np.sqrt(dx * dx + dy * dy))

@@ -26,6 +26,7 @@ NEAREST_GOAL = 2.0  # m, closer places are not worth a walk
 LOOK_EVERY = 5  # ticks between looks whether the way is still open
 PATIENCE = 30  # ticks in which a walker wants to have got on, else it goes elsewhere
 PROGRESS = 0.4  # m
+ROOM_AHEAD = 1.5  # m, that a follower wants to be free to walk beside the leader
 _ATTEMPTS = 30
 
 
@@ -51,7 +52,7 @@ class Wanderers:
         self._goals = {k: list(scene.humans[k].goals) for k in walking if scene.humans[k].behaviour == "walking"}
         index = {human.id: k for k, human in enumerate(scene.humans)}
         follows = {m: index[g.members[0]] for g in scene.groups if g.kind == "walking" for m in g.members}
-        follows = {m: leader for m, leader in follows.items() if index[m] not in self._goals}
+        follows = {m: led for m, led in follows.items() if index[m] not in self._goals and led in walking}
         self.leader = {k: follows.get(scene.humans[k].id, k) for k in walking}  # in the scene's order
         self._ways: dict[int, Array] = {k: np.zeros((0, 2)) for k in walking}
         self._followed: dict[int, Array] = {}  # the leader's way that a follower took over
@@ -60,10 +61,11 @@ class Wanderers:
         self.target = np.array([human.pose.position for human in scene.humans], dtype=float).reshape(-1, 2)
         self.is_last = np.zeros(len(scene.humans), dtype=bool)  # whose target is where they will stay
         self.led: set[int] = set()
+        self._beside: set[int] = set()  # followers with room beside their leader's way
         self.errand: Callable[[int, Point], bool] | None = None
         may_walk = range(len(scene.humans)) if scene.social.is_lively else walking
         self._reach = max((scene.humans[k].radius for k in may_walk), default=0.2) + CLEARANCE
-        self.go_round(scene.standing)
+        self.go_round(scene.standing, scene.shared)
         low, high = scene.outline.min(axis=0), scene.outline.max(axis=0)
         self._box = (*low.tolist(), *high.tolist())
 
@@ -84,6 +86,7 @@ class Wanderers:
         if tick == 0:
             self._set_out_straight(humans.position, list(walking))
         for k, leader in walking.items():
+            leader = leader if leader in walking else k  # whose leader is gone goes their own way
             place = (places[k][0], places[k][1])
             if leader == k and (self._needs_a_goal(tick, k, place) or self._is_stuck(tick, k, place)):
                 self._set_out(k, place)
@@ -94,7 +97,11 @@ class Wanderers:
         for k in walking:
             if len(self._ways[k]):
                 self.target[k] = self._ways[k][self._next[k]]
-                self.is_last[k] = self._is_at_last(k) and k not in self._exits
+        beside = [k for k in walking if k in self._beside and walking[k] in walking]
+        for k in beside:  # they go where their leader goes, side by side
+            self.target[k] = self.target[walking[k]] + humans.position[k] - humans.position[walking[k]]
+        for k in walking:
+            self.is_last[k] = len(self._ways[k]) > 0 and self._is_at_last(k) and k not in self._exits
         self.leaving = tuple(
             k
             for k in walking
@@ -107,10 +114,10 @@ class Wanderers:
         stays = k in self.led or self._goals.get(k) == []
         return stays and self._next[k] == len(self._ways[k]) - 1
 
-    def go_round(self, standing: Barriers) -> None:
-        """From now on ways lead round these people who stand."""
+    def go_round(self, standing: Barriers, shared: Barriers) -> None:
+        """From now on ways lead round these people who stand, and round what they share as they talk."""
         solids = self._scene.barriers.joined(standing)
-        self._space = FreeSpace(self._scene.outline, solids.joined(self._scene.shared), self._reach)
+        self._space = FreeSpace(self._scene.outline, solids.joined(shared), self._reach)
         self._passable = FreeSpace(self._scene.outline, solids, self._reach - CLEARANCE - SQUEEZE)
 
     def is_open(self, start: Point, end: Point) -> bool:
@@ -210,6 +217,7 @@ class Wanderers:
                 self._next[k] = n + 1
         if not looking:
             return
+        self._look_beside(position, walking)
         after = [min(self._next[k] + 1, len(self._ways[k]) - 1) for k in looking]
         ahead = np.array([self._ways[k][n] for k, n in zip(looking, after, strict=True)])
         aim = np.array([self._ways[k][self._next[k]] for k in looking])
@@ -220,6 +228,20 @@ class Wanderers:
                 self._next[k] = n
             elif not may_go_on:
                 self._find_back(k, position[k].tolist())
+
+    def _look_beside(self, position: Array, walking: list[int]) -> None:
+        """Which followers have room to go where their leader goes, beside them."""
+        there = set(walking)
+        pairs = [(k, self.leader[k]) for k in walking if self.leader[k] != k and self.leader[k] in there]
+        if not pairs:
+            self._beside = set()
+            return
+        followers, leaders = ([pair[side] for pair in pairs] for side in (0, 1))
+        ahead = self.target[leaders] - position[leaders]
+        far = np.maximum(np.sqrt(ahead[:, 0] * ahead[:, 0] + ahead[:, 1] * ahead[:, 1]), 1e-6)
+        step = ahead * (np.minimum(far, ROOM_AHEAD) / far)[:, None]
+        clear = self._space.is_clear(position[followers], position[followers] + step)
+        self._beside = {k for k, has_room in zip(followers, clear.tolist(), strict=True) if has_room}
 
     def _find_back(self, k: int, place: list[float]) -> None:
         """A new way to the same goal for one who was pushed off the old one."""

@@ -66,6 +66,8 @@ def read_tracks(path: Path, options: Options) -> Tracks:
         for name in COLUMNS:
             if name not in names:
                 raise ValueError(f"it has no column {name}; its columns are {', '.join(names)}")
+        if not len(cells):
+            raise ValueError("nobody is in it: it has no rows")
         columns = {name: cells[:, k] for k, name in enumerate(names)}
         tracks = Tracks(
             frame=columns["frame"],

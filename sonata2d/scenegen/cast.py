@@ -21,7 +21,7 @@ from ..exact import PI
 from ..geometry import Disc, Point, Pose, Shape, quantised, shape_gap
 from .config import ScenarioConfig
 from .formations import Figure, talking, walking
-from .sections import PersonConfig, outline_of
+from .sections import outline_of
 from .settings import Range
 
 Entity = Human | Furniture
@@ -218,40 +218,18 @@ class _Casting:
         return piece, Furniture(0, "laptop", _ORIGIN, outline_of(self.config.sizes["laptop"]), on=index)
 
     def _human(self, behaviour: Behaviour, pose: Pose) -> Human:
-        return draw_human(self.config.person, behaviour, pose, self.chance)
-
-
-def draw_human(
-    config: PersonConfig,
-    behaviour: Behaviour,
-    pose: Pose,
-    chance: Chance,
-    *,
-    speed: Range | None = None,
-    radius: Range | None = None,
-    reacts: float | None = None,
-    goals: tuple[Point, ...] = (),
-    velocity: Point = (0.0, 0.0),
-) -> Human:
-    """Somebody like everybody, but for what is given; their id comes with the numbering."""
-    usual = config.desired_speed
-    return Human(
-        id=0,
-        pose=pose,
-        radius=quantised((radius or config.radius).draw(chance)),
-        desired_speed=quantised(
-            speed.draw(chance) if speed else chance.normal(usual.mean, usual.sd, usual.min, usual.max)
-        ),
-        behaviour=behaviour,
-        model=config.model,
-        reacts_to_robot=_reaction(config, chance) if reacts is None else reacts,
-        goals=goals,
-        velocity=velocity,
-    )
-
-
-def _reaction(config: PersonConfig, chance: Chance) -> float:
-    return 0.0 if chance.uniform() < config.ignores_robot else 1.0
+        """Somebody like everybody; their id comes with the numbering."""
+        usual, chance = self.config.person, self.chance
+        speed = usual.desired_speed
+        return Human(
+            id=0,
+            pose=pose,
+            radius=quantised(usual.radius.draw(chance)),
+            desired_speed=quantised(chance.normal(speed.mean, speed.sd, speed.min, speed.max)),
+            behaviour=behaviour,
+            model=usual.model,
+            reacts_to_robot=0.0 if chance.uniform() < usual.ignores_robot else 1.0,
+        )
 
 
 def _draw_people(config: ScenarioConfig, chance: Chance) -> tuple[int, int]:

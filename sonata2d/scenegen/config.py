@@ -19,10 +19,9 @@ from .sections import (
     RobotConfig,
     RoomConfig,
     RulesConfig,
-    Share,
     Size,
 )
-from .settings import IntRange, Range, Settings, did_you_mean
+from .settings import IntRange, Range, Settings, Share, did_you_mean
 from .social import SocialConfig
 
 _TWENTY_DEGREES = 0.3490658503988659  # rad

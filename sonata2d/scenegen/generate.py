@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from ..chance import Chance
-from ..entities import Furniture, Human, Rules, Scene
+from ..entities import Furniture, Human, Rules, Scene, standing_throughout
 from ..errors import SceneError
 from ..geometry import Barriers, Pose
 from .cast import Cluster, Entity, draw_cast, fixed_furniture, shape_of
@@ -51,7 +51,8 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
 
 def _completed(scene: Scene, config: ScenarioConfig, seed: int, episode: int) -> Scene:
     """The scene with what it was drawn from, and people's manners towards the robot."""
-    humans = with_manners(scene.humans, config.person.reactions, config.person.robot_clearance, seed, episode)
+    chosen = [person.reaction for person in config.people]  # who is given comes first
+    humans = with_manners(scene.humans, chosen, config.person.reactions, config.person.robot_clearance, seed, episode)
     return replace(scene, humans=humans, seed=seed, episode=episode, settings=config.settings())
 
 
@@ -83,7 +84,9 @@ def _lay_out(
         elif not config.drop:
             raise SceneError(_no_spot(cast, k, plan, config.max_attempts))
     company = numbered([(cast[k], found[k]) for k in sorted(found)], fixed)
-    robot, goal = draw_journey(config, layout, _obstacles(plan, company).joined(given.standing), chance)
+    robot, goal = draw_journey(
+        config, layout, _obstacles(plan, company).joined(standing_throughout(given.humans)), chance
+    )
     scene = Scene(
         name=config.name,
         family=f"{config.name}/{plan.kind}",

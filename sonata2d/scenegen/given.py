@@ -12,16 +12,18 @@ from ..chance import Chance
 from ..entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction, Scene
 from ..errors import SceneError
 from ..exact import PI, angle_of
-from ..geometry import Barriers, Disc, Point, Pose, canonical_angle, inside_polygon, quantised
+from ..geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
 from .config import ScenarioConfig
+from .journey import reserved
 from .people import GivenPersonConfig, Track
-from .placement import Layout
+from .placement import Layout, Spot, keeps_clear
 from .sections import PersonConfig
 from .settings import Jitter
 from .track import sampled
 
 _SLOW = 0.1  # m/s, below which a velocity tells nothing of where somebody faces
 _TOLERANCE = 1e-6  # ticks
+_OVERLAP, _TOUCH = 0.09, 1e-6  # m, of outlines at a start that is given: the physics soon parts them
 
 
 def settled(config: ScenarioConfig, chance: Chance) -> ScenarioConfig:
@@ -66,12 +68,6 @@ class Given:
     groups: tuple[Group, ...] = ()
     interactions: tuple[Interaction, ...] = ()
 
-    @property
-    def standing(self) -> Barriers:
-        """Those who stand throughout, as discs."""
-        throughout = (h for h in self.humans if h.behaviour == "standing" and h.enters == 0 and h.leaves is None)
-        return Barriers.of(edge for human in throughout for edge in Disc(human.radius).edges(human.pose))
-
 
 def given_people(people: tuple[GivenPersonConfig, ...], usual: PersonConfig, dt: float, chance: Chance) -> Given:
     """The people of `people`; what is not said of them is drawn.
@@ -107,6 +103,8 @@ def _human(given: GivenPersonConfig, id: int, usual: PersonConfig, dt: float, ch
     drawn_speed = chance.normal(speed.mean, speed.sd, speed.min, speed.max)
     drawn_radius, ignores = usual.radius.draw(chance), chance.uniform() < usual.ignores_robot
     reacts = given.reacts_to_robot
+    if reacts is None:
+        reacts = float(given.reaction != "ignores" if given.reaction else not ignores)
     enters = int(given.enters / dt + 1.0 - _TOLERANCE)
     human = Human(
         id=id,
@@ -115,7 +113,7 @@ def _human(given: GivenPersonConfig, id: int, usual: PersonConfig, dt: float, ch
         desired_speed=quantised(given.desired_speed.draw(chance) if given.desired_speed else drawn_speed),
         behaviour=given.does,
         model=usual.model,
-        reacts_to_robot=quantised(reacts) if reacts is not None else 0.0 if ignores else 1.0,
+        reacts_to_robot=quantised(reacts),
         group=given.group,
         goals=tuple((quantised(x), quantised(y)) for x, y in given.goals),
         enters=enters,
@@ -210,17 +208,32 @@ def put(config: ScenarioConfig, given: Given, layout: Layout) -> None:
     """Take the places of the people who are given and there at the start.
 
     Raises:
-        SceneError: one who may be moved would stand in a wall, in a thing or in somebody else.
+        SceneError: one who is not recorded would stand in a wall, in a thing or in somebody else.
     """
+    solid = layout.taken[len(reserved(config)) :]
     for person, human in zip(config.people, given.humans, strict=True):
-        shape, gap = Disc(human.radius), config.clearance
-        if any(person.jitter) and not layout.is_free(shape, human.pose, gap, gap):
+        if human.behaviour != "recorded" and not _fits(person, human, layout, solid):
             x, y = human.pose.position
             raise SceneError(
                 f"person {human.id} at ({x:g}, {y:g}) does not fit there; move it, lessen its jitter, or widen the room"
             )
         if human.enters == 0:
-            layout.taken.append((shape, human.pose))
+            spot = Disc(human.radius), human.pose
+            layout.taken.append(spot)
+            solid.append(spot)
+
+
+def _fits(person: GivenPersonConfig, human: Human, layout: Layout, solid: list[Spot]) -> bool:
+    """Whether there is room at the start: with all clearances for one who is moved, with an overlap for others.
+
+    Recorded crowds squeeze together: among people it is enough that nobody's middle is within somebody else.
+    """
+    if any(person.jitter):
+        gap = layout.config.clearance
+        return layout.is_free(Disc(human.radius), human.pose, gap, gap)
+    body, middle = Disc(human.radius - _OVERLAP), Disc(_TOUCH)
+    in_room = layout.plan.holds(body, human.pose, _TOUCH)
+    return in_room and (human.enters > 0 or keeps_clear(middle, human.pose, _TOUCH, solid))
 
 
 def _settled_person(person: GivenPersonConfig, chance: Chance) -> GivenPersonConfig:

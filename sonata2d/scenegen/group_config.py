@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from ..entities import Formation
 from ..geometry import Point
-from .settings import IntRange, Range, Settings
+from .settings import IntRange, Range, Settings, weighed
 
 WALKING: tuple[Formation, ...] = ("abreast", "v")
 PAIRS: tuple[Formation, ...] = ("face_to_face", "l", "side_by_side")
@@ -45,8 +45,7 @@ class GroupConfig(Settings):
     @field_validator("walking_formations", "formations", mode="before")
     @classmethod
     def _weigh_alike(cls, given: Any) -> Any:
-        names = [given] if isinstance(given, str) else given
-        return dict.fromkeys(names, 1.0) if isinstance(names, list | tuple) else names
+        return weighed(given)
 
     @field_validator("walking_size", "talking_size", mode="after")
     @classmethod

@@ -8,10 +8,9 @@ from typing import Annotated, Self
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..entities import Behaviour
+from ..entities import Behaviour, Reaction
 from ..geometry import Point
-from .sections import Share
-from .settings import Jitter, Range, Settings
+from .settings import Jitter, Range, Settings, Share
 from .track import Sighting
 
 Track = Annotated[tuple[Sighting, ...], Field(min_length=2)]
@@ -38,6 +37,7 @@ class GivenPersonConfig(Settings):
             and the first one leads.
         desired_speed, radius, reacts_to_robot: m/s, m, and from 0 (ignores the robot) to 1; unless given, drawn as
             `person` says.
+        reaction: how they behave towards the robot; unless given, drawn as well.
     """
 
     id: PositiveInt | None = None
@@ -56,6 +56,7 @@ class GivenPersonConfig(Settings):
     desired_speed: Range | None = None
     radius: Range | None = None
     reacts_to_robot: Share | None = None
+    reaction: Reaction | None = None
 
     @property
     def does(self) -> Behaviour:
@@ -86,6 +87,11 @@ class GivenPersonConfig(Settings):
             if (self.does == behaviour) != bool(getattr(self, key)):
                 told = {"behaviour": behaviour, "key": key, "path": (key,)}
                 raise PydanticCustomError("behaviour", "who is {behaviour} has {key}, and nobody else", told)
+        if None not in (self.reaction, self.reacts_to_robot) and (self.reaction == "ignores") != (
+            not self.reacts_to_robot
+        ):
+            said = {"path": ("reaction",)}
+            raise PydanticCustomError("reaction", "who ignores the robot has reacts_to_robot 0, and nobody else", said)
         if self.exits and not self.goals:
             raise PydanticCustomError("exits", "they have no goals to leave at", {"path": ("exits",)})
         if self.desired_speed is not None and not self.desired_speed.min > 0.0:

@@ -54,7 +54,7 @@ class Layout:
 
     def is_free(self, shape: Shape, pose: Pose, gap: float, wall_gap: float) -> bool:
         """Whether an outline keeps `gap` from all that stands, and `wall_gap` from walls."""
-        return self.plan.holds(shape, pose, wall_gap) and _keeps_clear(shape, pose, gap, self.taken)
+        return self.plan.holds(shape, pose, wall_gap) and keeps_clear(shape, pose, gap, self.taken)
 
     def _draw_pose(self, cluster: Cluster, chance: Chance) -> Pose:
         if cluster.place is not None:
@@ -72,7 +72,7 @@ class Layout:
                 continue
             if not self.is_free(shape, member.pose, gap, self._wall_gap(member)):
                 return None
-            if not _keeps_clear(shape, member.pose, gap, spots):
+            if not keeps_clear(shape, member.pose, gap, spots):
                 return None
             spots.append((shape, member.pose))
         return spots
@@ -119,7 +119,7 @@ def _posed(cluster: Cluster, pose: Pose, chance: Chance) -> tuple[Entity, ...]:
     return tuple(replace(member, pose=place) for member, place in zip(cluster.members, poses, strict=True))
 
 
-def _keeps_clear(shape: Shape, pose: Pose, gap: float, others: list[Spot]) -> bool:
+def keeps_clear(shape: Shape, pose: Pose, gap: float, others: list[Spot]) -> bool:
     """Whether an outline is at least `gap` from all the others; those far off are told by their reach."""
     for other, place in others:
         dx, dy, near = pose.x - place.x, pose.y - place.y, shape.reach + other.reach + gap

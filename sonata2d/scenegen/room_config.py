@@ -9,7 +9,7 @@ from pydantic import Field, NonNegativeFloat, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..geometry import Barriers, Point, segments_cross
-from .settings import IntRange, Range, Settings
+from .settings import IntRange, Range, Settings, weighed
 
 RoomKind = Literal["square", "rectangle", "l", "t", "u", "corridor", "doorway", "crossing", "hall"]
 WallEnds = tuple[float, float, float, float]  # x1, y1, x2, y2, m
@@ -58,8 +58,7 @@ class RoomConfig(Settings):
     @field_validator("kinds", mode="before")
     @classmethod
     def _weigh_alike(cls, given: Any) -> Any:
-        names = [given] if isinstance(given, str) else given
-        return dict.fromkeys(names, 1.0) if isinstance(names, list | tuple) else names
+        return weighed(given)
 
     @field_validator("kinds", mode="after")
     @classmethod

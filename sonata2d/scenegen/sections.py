@@ -12,8 +12,8 @@ from ..geometry import Disc, Point, Rectangle, Shape, quantised
 from ..labels import Kind, LabelSpec, When
 from .group_config import GroupConfig
 from .room_config import RoomConfig
-from .settings import Jitter, Range, Settings
-from .social import ClearanceConfig, weighed
+from .settings import Jitter, Range, Settings, Share, weighed
+from .social import ClearanceConfig
 
 __all__ = [  # every section, in the order of docs/scenario.md
     "FurnitureConfig",
@@ -28,7 +28,6 @@ __all__ = [  # every section, in the order of docs/scenario.md
     "SpeedConfig",
 ]
 
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Size = PositiveFloat | tuple[PositiveFloat, PositiveFloat]  # radius of a disc, or length (x) and width (y), m
 
 SIZES: dict[str, Size] = {
@@ -86,8 +85,8 @@ class PersonConfig(Settings):
     Attributes:
         radius: of the solid outline, m.
         wall_distance: of a person's centre from walls at the start, m.
-        model: of walking, one for everybody: moussaid2009, helbing1995, helbing2000, farina2017 or orca2011; see
-            models.md.
+        model: of walking, one for everybody: sonata2026, moussaid2009, helbing1995, helbing2000, farina2017 or
+            orca2011; see models.md.
         ignores_robot: the chance, drawn for each person, that they take no notice of the robot.
         reactions: weights of how the others behave towards it: avoids, stops, curious, scared, ignores; a list of
             names weighs them alike.

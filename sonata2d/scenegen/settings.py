@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from pydantic import (
     BaseModel,
     ConfigDict,
+    Field,
     GetJsonSchemaHandler,
     NonNegativeFloat,
     NonNegativeInt,
@@ -22,6 +23,7 @@ from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError
 from ..chance import Chance
 
 Jitter = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]  # m, m, rad
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -32,6 +34,12 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """
     close = get_close_matches(word, known, n=1)
     return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def weighed(given: Any) -> Any:
+    """Weights by name; a list of names, or one name, weighs them alike."""
+    names = [given] if isinstance(given, str) else given
+    return dict.fromkeys(names, 1.0) if isinstance(names, list | tuple) else names
 
 
 class Settings(BaseModel):

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Any
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator, model_validator
+from pydantic import NonNegativeFloat, PositiveFloat, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..chance import Chance
 from ..entities import Human, Reaction, Social
 from ..geometry import quantised
-from .settings import Range, Settings
-
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
+from .settings import Range, Settings, Share
 
 
 class ClearanceConfig(Settings):
@@ -75,23 +72,35 @@ class SocialConfig(Settings):
         return Social(self.visits, self.joins, self.meets, self.leaves, **times)
 
 
-def weighed(given: Any) -> Any:
-    """Weights of reactions; a list of names, or one name, weighs them alike."""
-    names = [given] if isinstance(given, str) else given
-    return dict.fromkeys(names, 1.0) if isinstance(names, list | tuple) else names
-
-
 def with_manners(
-    humans: tuple[Human, ...], reactions: dict[Reaction, float], clearance: ClearanceConfig, seed: int, episode: int
+    humans: tuple[Human, ...],
+    chosen: list[Reaction | None],
+    reactions: dict[Reaction, float],
+    clearance: ClearanceConfig,
+    seed: int,
+    episode: int,
 ) -> tuple[Human, ...]:
-    """The people with a reaction to the robot, drawn by weight, and a clearance; who ignores it goes on doing so.
+    """The people with a reaction to the robot, and a clearance; who ignores it goes on doing so.
 
     Each draws from a stream of their own, so that the rest of the scene does not depend on it.
+
+    Args:
+        humans: in the scene's order.
+        chosen: reactions of the first of them; None: drawn, as those of the others.
+        reactions: by weight.
+        clearance: to be drawn.
+        seed, episode: of the streams.
     """
-    return tuple(_mannered(human, reactions, clearance, Chance(seed, episode, "manners", human.id)) for human in humans)
+    told = [*chosen, *[None] * (len(humans) - len(chosen))]
+    return tuple(
+        _mannered(human, own, reactions, clearance, Chance(seed, episode, "manners", human.id))
+        for human, own in zip(humans, told, strict=True)
+    )
 
 
-def _mannered(human: Human, reactions: dict[Reaction, float], clearance: ClearanceConfig, chance: Chance) -> Human:
+def _mannered(
+    human: Human, own: Reaction | None, reactions: dict[Reaction, float], clearance: ClearanceConfig, chance: Chance
+) -> Human:
     room = quantised(chance.normal(clearance.mean, clearance.sd, clearance.min, clearance.max))
-    reaction = chance.choice(list(reactions), list(reactions.values()))
+    reaction = chance.choice(list(reactions), list(reactions.values())) if own is None else own
     return replace(human, reaction=reaction, robot_clearance=room)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,12 @@ import numpy as np
 from ..agents.crowd import Crowd
 from ..entities import Goal, Group, Human, Robot, Rules, Scene, Wall
 from ..exact import Array
-from ..geometry import Pose, Twist
+from ..geometry import Barriers, Pose, Twist, segment_distances
 from ..world import World
 
 MARGIN = 30.0  # m, round everything: the room's own walls are far away
+BEYOND = 1.0  # m, beyond what can be walked in the time, that people look ahead for walls
+BESIDE = 0.02  # m, from a wall, where one may still walk along it
 STANDS = 1e-6  # m: a goal nearer than this is where one is
 
 
@@ -31,6 +34,10 @@ def simulate(
 ) -> Array:
     """Let people walk from a given state.
 
+    A goal tells where to: it often lies far beyond what can be walked in the time, and may lie behind a wall that
+    nobody gets to. So who has nothing in the way for as far as they can get goes straight on, and only the others look
+    for a way round.
+
     Args:
         initial_positions, initial_velocities: (N, 2), m and m/s.
         goals: (N, 2), m, one place for each; who is there already stands.
@@ -45,6 +52,7 @@ def simulate(
     Returns:
         (steps, N, 2), m, the first one dt after the start.
     """
+    goals = within_reach(initial_positions, goals, desired_speeds * (dt * steps) + BEYOND, obstacles)
     scene = scene_of_state(initial_positions, initial_velocities, goals, desired_speeds, obstacles, dt, groups,
                            model=model, radius=radius)  # fmt: skip
     world, crowd = World(scene), Crowd(scene)
@@ -53,6 +61,16 @@ def simulate(
         world.step(Twist(), crowd.act(world.snapshot()))
         path[step] = world.snapshot().humans.position
     return path
+
+
+def within_reach(positions: Array, goals: Array, reach: Array, obstacles: Array) -> Array:
+    """Goals (N, 2), m, no farther than their reach (N,), m, for those who have no wall (M, 4) on the way to there."""
+    way = goals - positions
+    far = np.maximum(np.sqrt((way * way).sum(axis=1)), 1e-9)
+    nearer = positions + way * (np.minimum(reach, far) / far)[:, None]
+    walls = Barriers.of(((a, b), (c, d), 0.0) for a, b, c, d in obstacles.tolist())
+    is_clear: Any = segment_distances(positions, nearer, walls).min(axis=0, initial=np.inf) > BESIDE
+    return np.where(is_clear[:, None], nearer, goals)
 
 
 def scene_of_state(
@@ -96,3 +114,11 @@ def scene_of_state(
         groups=tuple(Group(g, "walking", tuple(humans)) for g, humans in members.items() if len(humans) > 1),
         rules=Rules(dt=dt),
     )
+
+
+# The same people under the laws of the literature.
+moussaid2009 = partial(simulate, model="moussaid2009")
+helbing1995 = partial(simulate, model="helbing1995")
+helbing2000 = partial(simulate, model="helbing2000")
+farina2017 = partial(simulate, model="farina2017")
+orca2011 = partial(simulate, model="orca2011")

@@ -14,7 +14,7 @@ from ..errors import RenderError
 from ..exact import heading
 from ..frame import RobotState, Snapshot
 from ..geometry import Twist
-from ..humans import Humans, activities_of, frozen, human_ids
+from ..humans import Humans, activities_among, activities_of, frozen, human_ids
 from .canvas import Pixels
 from .caption import STRIP, TEXT, draw_strip, origin, summary
 from .draw import Layers, camera_for, picture
@@ -35,10 +35,11 @@ def snapshot_of(scene: Scene) -> Snapshot:
         row[:8] = (*human.pose.position, 0.0, 0.0, *human.pose.heading, *human.pose.heading)
     radius = np.array([human.radius for human in scene.humans], dtype=float)
     still = RobotState(robot.pose.position, heading(robot.pose.theta), (0.0, 0.0), 0.0, Twist(), False, robot)
-    everybody = Humans(frozen(state), human_ids(scene), frozen(radius), activities_of(scene))
-    humans = everybody.only(np.flatnonzero([human.enters == 0 for human in scene.humans]))
     later = {human.id for human in scene.humans if human.enters > 0}
     ties = tuple(tie for tie in scene.interactions if tie.src not in later and tie.dst not in later)
+    activity = activities_among(activities_of(scene), human_ids(scene), ties) if later else activities_of(scene)
+    everybody = Humans(frozen(state), human_ids(scene), frozen(radius), activity)
+    humans = everybody.only(np.flatnonzero([human.enters == 0 for human in scene.humans]))
     return Snapshot(0, 0.0, scene, still, humans, ties)
 
 

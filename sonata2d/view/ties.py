@@ -25,9 +25,9 @@ def circles(snapshot: Snapshot, kind: str | None = None) -> list[tuple[list[int]
     Args:
         kind: of the groups; any unless given.
     """
-    busy = {id for tie in snapshot.interactions for id in (tie.src, tie.dst)}
+    pairs = {frozenset((tie.src, tie.dst)) for tie in snapshot.interactions}
     groups = [group for group in snapshot.scene.groups if kind in (None, group.kind)]
-    rings = [([m for m in group.members if m in busy], _is_closed(group)) for group in groups]
+    rings = [([m for m in g.members if _is_with(m, g.members, pairs)], _is_closed(g)) for g in groups]
     return [(ring, closed) for ring, closed in rings if len(ring) > 2]
 
 
@@ -38,6 +38,11 @@ def draw_circle(brush: Brush, places: Sequence[Point]) -> None:
     x, y = (sum(place[k] for place in places) / len(places) for k in (0, 1))
     for share in (1.0, 0.72):
         brush.wash(PURPLE, 26, [(x + share * (px - x), y + share * (py - y)) for px, py in places])
+
+
+def _is_with(member: int, members: Sequence[int], pairs: set[frozenset[int]]) -> bool:
+    """Whether somebody interacts with others of their group, and not with a thing or somebody else alone."""
+    return any(frozenset((member, other)) in pairs for other in members if other != member)
 
 
 def _is_closed(group: Group) -> bool:

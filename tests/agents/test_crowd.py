@@ -74,7 +74,9 @@ def accelerations(scene: Scene, towards: tuple[float, float]) -> Array:
 
 
 def test_a_lone_walker_reaches_the_desired_speed_and_faces_the_way() -> None:
-    seen = watched(room([walker(1, 0.0, -3.0, desired_speed=1.2)], robot=Pose(-3.5, 3.5)), 20.0)
+    there_and_back = ((3.0, -1.0), (-3.0, -1.0)) * 3
+    alone = walker(1, -3.0, -1.0, desired_speed=1.2, behaviour="walking", goals=there_and_back)
+    seen = watched(room([alone], robot=Pose(-3.5, 3.5)), 20.0)
     speed = [math.hypot(*s.humans[0].velocity) for s in seen[20:]]
     assert np.median(speed) == pytest.approx(1.2, abs=0.05)
     straight = [s.humans[0] for s in seen[20:] if math.hypot(*s.humans[0].velocity) > 1.1]
@@ -101,35 +103,24 @@ def test_a_doorway_is_passed_by_a_lone_walker(width: float) -> None:
 
 def test_people_who_meet_head_on_pass_without_touching() -> None:
     for y in (0.0, 0.1, -0.2):
-        scene = room([walker(1, -3.0, y), walker(2, 3.0, 0.0, math.pi)], robot=Pose(0.0, 3.6))
-        crowd = Crowd(scene)
-        for k, goal in ((0, (3.5, 0.0)), (1, (-3.5, 0.0))):
-            crowd._wanderers._ways[k] = np.array([scene.humans[k].pose.position, goal])
-            crowd._wanderers._next[k] = 1
-        world, gaps = World(scene), []
-        for _ in range(42):
-            snapshot = world.snapshot()
-            gaps.append(np.linalg.norm(snapshot.humans.position[0] - snapshot.humans.position[1]) - 0.4)
-            world.step(Twist(), crowd.act(snapshot))
-        assert min(gaps) > 0.05
-        assert world.snapshot().humans.position[0, 0] > 0.8
-        assert world.snapshot().humans.position[1, 0] < -0.8
+        seen = watched(meeting(y), 4.2)
+        apart = [np.linalg.norm(s.humans.position[0] - s.humans.position[1]) for s in seen]
+        assert min(apart) - seen[0].humans.radius.sum() > 0.05
+        assert seen[-1].humans.position[0, 0] > 0.8
+        assert seen[-1].humans.position[1, 0] < -0.8
+
+
+def meeting(y: float = 0.0, side: int = 1) -> Scene:
+    """Two who meet head-on."""
+    one = walker(1, -3.0, y, behaviour="walking", goals=((3.5, y),))
+    other = walker(2, 3.0, 0.0, math.pi, behaviour="walking", goals=((-3.5, 0.0),))
+    return room([one, other], robot=Pose(0.0, 3.6), rules=Rules(side=side))  # type: ignore[arg-type]
 
 
 def test_the_side_of_evasion_is_the_rules() -> None:
-    passed = {}
-    for side in (1, -1):
-        scene = room([walker(1, -3.0, 0.0), walker(2, 3.0, 0.0, math.pi)], robot=Pose(0.0, 3.6), rules=Rules(side=side))  # type: ignore[arg-type]
-        crowd = Crowd(scene)
-        for k, goal in ((0, (3.5, 0.0)), (1, (-3.5, 0.0))):
-            crowd._wanderers._ways[k] = np.array([scene.humans[k].pose.position, goal])
-            crowd._wanderers._next[k] = 1
-        world = World(scene)
-        for _ in range(22):
-            world.step(Twist(), crowd.act(world.snapshot()))
-        passed[side] = world.snapshot().humans.position[0, 1]
+    passed = {side: watched(meeting(side=side), 2.6)[-1].humans.position[0, 1] for side in (1, -1)}
     assert passed[1] < -0.05
-    assert passed[-1] == pytest.approx(-passed[1], abs=0.02)
+    assert passed[-1] == pytest.approx(-passed[1], abs=1e-6)
 
 
 def test_who_stands_faces_the_partner_and_keeps_the_place_though_pushed_past() -> None:

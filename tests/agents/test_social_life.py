@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import combinations, pairwise
 from pathlib import Path
 
@@ -11,8 +12,9 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.circles import free_places, widened
+from sonata2d.agents.company import Company
 from sonata2d.agents.crowd import Crowd
-from sonata2d.entities import AT_LAPTOP, AT_PLANT, TALKING, Furniture, Human, Interaction, Scene, Social
+from sonata2d.entities import AT_LAPTOP, AT_PLANT, TALKING, Furniture, Group, Human, Interaction, Scene, Social
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Disc, Pose, Rectangle, Twist
 from sonata2d.humans import ACTIVITIES
@@ -172,6 +174,26 @@ def test_who_is_to_leave_leaves_and_wanders_and_the_other_stays() -> None:
     far = [np.linalg.norm(s.humans.position - seen[0].humans.position, axis=1).max() for s in seen]
     assert max(far) > 2.0
     assert max(far[: len(when(seen, TALKING))]) < 0.1
+
+
+def test_who_comes_later_or_is_to_go_takes_up_nothing() -> None:
+    pair = [Human(1, Pose(0.0, 0.0), leaves=150), Human(2, Pose(1.5, 0.0), enters=60)]
+    social = Social(leaves=1.0, talk_time=(2.0, 3.0))
+    seen = watched(room(pair, interactions=(Interaction(1, TALKING, 2),), social=social, robot=CORNER, seed=1), 20.0)
+    for snapshot in seen:
+        home = np.array([pair[id - 1].pose.position for id in snapshot.humans.id.tolist()])
+        assert np.abs(snapshot.humans.position - home).max() < 0.05
+
+
+def test_ways_no_longer_lead_round_what_a_group_shared_once_it_has_broken_up() -> None:
+    ring = [Human(k, Pose(math.cos(k), math.sin(k), k + math.pi), group=1) for k in (0.5, 1.5, 2.5, 3.5)]
+    ring = [replace(human, id=k) for k, human in enumerate(ring, 1)]
+    scene = replace(room(ring, robot=CORNER), groups=(Group(1, "talking", (1, 2, 3, 4), "circle"),))
+    company = Company(scene)
+    assert company.shared().start.tolist() == scene.shared.start.tolist()
+    company.walk(1)
+    assert len(company.shared()) == 3
+    assert scene.humans[1].pose.position not in map(tuple, company.shared().start.tolist())
 
 
 def test_a_lively_episode_is_the_same_again_and_its_file_proves_it(tmp_path: Path) -> None:

@@ -10,9 +10,9 @@ import pytest
 
 from sonata2d.agents.forces.anticipation import anticipation_acceleration
 from sonata2d.agents.forces.company import company_acceleration
-from sonata2d.agents.forces.headway import free_speed
+from sonata2d.agents.forces.headway import Strip, free_speed
 from sonata2d.agents.forces.nearness import nearness_acceleration
-from sonata2d.agents.forces.steering import steered
+from sonata2d.agents.forces.steering import Choice, steered
 from sonata2d.agents.models.registry import MODELS
 from sonata2d.agents.models.walkers import Walkers
 from sonata2d.entities import Group, Human, Rules, Scene, Wall
@@ -22,7 +22,7 @@ from sonata2d.geometry import Pose
 from ..conftest import room
 from .test_crowd import turned, watched
 
-LIMITS = {"breadth": 0.4, "distance": 0.1, "time": 1.0}
+STRIP = Strip(breadth=0.4, distance=0.1, time=1.0)
 
 
 def pair(x: float, y: float) -> tuple[Array, Array]:
@@ -38,7 +38,7 @@ EAST_AND_WEST, BOTH_EAST = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([[1.0, 
     ("x", "y", "weight", "speed"),
     [
         (2.0, 0.0, 1.0, 1.5),  # (2 - 0.4 - 0.1) / 1
-        (2.0, 0.2, 1.0, 2.0),  # half-way to the edge of the strip counts 3/4
+        (2.0, 0.2, 1.0, 1.6),  # half-way to the edge of the strip counts 15/16
         (2.0, 0.0, 0.5, 3.0),
         (2.0, 0.4, 1.0, math.inf),
         (-2.0, 0.0, 1.0, math.inf),
@@ -47,13 +47,14 @@ EAST_AND_WEST, BOTH_EAST = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([[1.0, 
 )
 def test_the_gap_ahead_sets_the_speed(x: float, y: float, weight: float, speed: float) -> None:
     dx, dy = pair(x, y)
-    assert free_speed(dx, dy, TOUCHING, weight * OTHERS, **LIMITS)[0] == pytest.approx(speed)
+    assert free_speed(dx, dy, TOUCHING, weight * OTHERS, STRIP)[0] == pytest.approx(speed)
 
 
 def way_of(x: float, y: float, direction: Array, side: float = 0.06, queueing: float = 1.0) -> tuple[Array, Array]:
     dx, dy = pair(x, y)
-    given = {"side": side, "decision": 0.1, "queueing": queueing, **LIMITS}
-    return steered(dx, dy, direction, np.array([1.3, 1.3]), TOUCHING, OTHERS, **given)
+    choice = Choice(outlook=0.5, side=side, habit=0.0, decision=0.1, queueing=queueing)
+    speed = np.array([1.3, 1.3])
+    return steered(dx, dy, 0.0 * direction, direction, speed, TOUCHING, OTHERS, choice=choice, strip=STRIP)
 
 
 def test_a_free_way_is_gone_straight_at_the_desired_speed() -> None:
@@ -122,11 +123,11 @@ def test_nearness_as_worked_out_by_hand() -> None:
 
 def test_who_is_behind_hurries_as_much_as_who_is_ahead_waits() -> None:
     dx, dy = pair(0.6, 0.5)
-    felt = company_acceleration(dx, dy, BOTH_EAST, OTHERS, cohesion=0.2, spacing=0.9, abreast=0.1)
+    felt = company_acceleration(dx, dy, BOTH_EAST, OTHERS, np.ones(2), cohesion=0.2, spacing=0.9, abreast=0.1)
     assert felt[0] == pytest.approx((0.06, 0.0))
     assert felt[1] == pytest.approx((-0.06, 0.0))
     dx, dy = pair(0.0, 1.4)
-    felt = company_acceleration(dx, dy, BOTH_EAST, OTHERS, cohesion=0.2, spacing=0.9, abreast=0.1)
+    felt = company_acceleration(dx, dy, BOTH_EAST, OTHERS, np.ones(2), cohesion=0.2, spacing=0.9, abreast=0.1)
     assert felt[0] == pytest.approx((0.0, 0.1))
 
 
@@ -139,7 +140,7 @@ def some_people(count: int = 12) -> Walkers:
     return Walkers(
         position=chance.uniform(-2.0, 2.0, (count, 2)), velocity=chance.uniform(-1.0, 1.0, (count, 2)),
         direction=direction, heading=direction, desired_speed=np.full(count, 1.3), radius=np.full(count, 0.2),
-        weight=1.0 - np.eye(count), member=member,
+        weight=1.0 - np.eye(count), member=member, bond=np.full(count, 0.5),
     )  # fmt: skip
 
 

@@ -74,7 +74,7 @@ def test_everyone_simulated_starts_as_recorded_and_wants_to_go_where_they_went(t
     assert (late.does, late.enters, late.exits) == ("walking", 4.0, True)
     assert late.start == pytest.approx((4.0, -0.5 + 0.2 * math.sin(4.0)), abs=1e-4)
     assert late.goals[0] == pytest.approx((4.0 - 0.9 * 7.6, -0.5 + 0.2 * math.sin(11.6)), abs=1e-4)
-    assert late.desired_speed == pytest.approx(0.9, abs=0.05)
+    assert late.desired_speed.min == late.desired_speed.max == pytest.approx(0.9, abs=0.05)
     assert late.velocity[0] == pytest.approx(-0.9, abs=1e-3)
     assert person(config, 4).does == "standing"
     assert [person(config, k).group for k in (1, 2, 3)] == [5, 5, None]
@@ -130,10 +130,10 @@ def test_speeds_come_from_tracks_that_show_them(tmp_path: Path) -> None:
     short = [(k, 1, 0.4 * k, 0.0, 0) for k in range(3)]
     path = written(tmp_path, [*short, *((k, 2, 0.6 * k, 3.0, 0) for k in range(10))])
     told = scenario_from_tracks(path, people="simulated", speed=1.1)
-    assert [one.desired_speed for one in told.people] == [1.1, pytest.approx(1.5)]
+    assert [one.desired_speed.min for one in told.people] == [1.1, pytest.approx(1.5)]
     assert scenario_from_tracks(path, people="simulated").people[0].desired_speed is None
     (tmp_path / "street.json").write_text('{"desired_speed": 1.34}')
-    assert {one.desired_speed for one in scenario_from_tracks(path, people="simulated").people} == {1.34}
+    assert {one.desired_speed.max for one in scenario_from_tracks(path, people="simulated").people} == {1.34}
 
 
 @pytest.mark.parametrize("suffix", ["yaml", "json"])

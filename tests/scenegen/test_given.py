@@ -26,6 +26,13 @@ def test_a_person_is_where_and_how_they_are_given() -> None:
     assert (human.desired_speed, human.radius, human.reacts_to_robot) == (0.7, 0.25, 0.5)
 
 
+def test_a_person_may_have_manners_of_their_own() -> None:
+    person = {"ignores_robot": 1.0, "reactions": ["ignores"]}
+    people = [{"x": 0, "y": k, "reaction": kind} for k, kind in enumerate(("curious", "ignores", None))]
+    humans = generate(ScenarioConfig(**HALL, person=person, people=people), 1).humans
+    assert [(h.reaction, h.reacts_to_robot) for h in humans] == [("curious", 1.0), ("ignores", 0.0), ("ignores", 0.0)]
+
+
 def test_what_is_not_given_is_drawn_as_for_everybody() -> None:
     speeds = {generate(one(), seed).humans[0].desired_speed for seed in range(20)}
     assert len(speeds) == 20
@@ -92,6 +99,14 @@ def test_who_is_moved_into_a_wall_is_an_error_that_names_the_place() -> None:
         generate(one(x=3.9, jitter=(0.05, 0.0, 0.0)), 1)
 
 
+@pytest.mark.parametrize("place", [(3.95, 0.0), (0.0, 0.3), (-2.0, 0.1)])
+def test_who_is_given_a_place_in_a_wall_a_thing_or_somebody_is_an_error(place: tuple[float, float]) -> None:
+    people = [{"x": -2.0, "y": 0.0}, {"x": place[0], "y": place[1]}]
+    config = ScenarioConfig(**HALL, people=people, furniture=[{"type": "table", "x": 0, "y": 0}])
+    with pytest.raises(SceneError, match=r"person 2 at .* does not fit there; move it"):
+        generate(config, 1)
+
+
 @pytest.mark.parametrize(
     ("given", "told"),
     [
@@ -100,6 +115,7 @@ def test_who_is_moved_into_a_wall_is_an_error_that_names_the_place() -> None:
         ({"desired_speed": 0}, "a desired speed must be above 0"),
         ({"radius": 0.01}, "a person's radius must be 0.1 m or more"),
         ({"jitter": (-1, 0, 0)}, "greater than or equal to 0"),
+        ({"reaction": "scared", "reacts_to_robot": 0}, "who ignores the robot has reacts_to_robot 0"),
         ({"haste": 1}, "unknown key 'haste'"),
     ],
 )

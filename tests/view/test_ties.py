@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import combinations
 
-from sonata2d.entities import TALKING, Group, Interaction, Scene
+from sonata2d.entities import AT_OBJECT, TALKING, Group, Interaction, Scene
 from sonata2d.frame import Snapshot
 from sonata2d.view import Layers, picture
-from sonata2d.view.ties import drawn_ties
+from sonata2d.view.ties import circles, drawn_ties
 
 from .conftest import look
 
@@ -38,6 +38,15 @@ def test_who_left_a_circle_leaves_no_gap_in_it(scene: Scene) -> None:
     drawn = drawn_ties(replace(snapshot, interactions=stay))
     assert len(drawn) == 5
     assert not any(gone in (tie.src, tie.dst) for tie in drawn)
+
+
+def test_who_left_a_circle_for_a_thing_is_no_longer_in_it(scene: Scene) -> None:
+    snapshot, (gone, *_) = six(scene, "circle"), (human.id for human in scene.humans)
+    stay = tuple(tie for tie in snapshot.interactions if gone not in (tie.src, tie.dst))
+    ties = (*stay, Interaction(gone, AT_OBJECT, scene.furniture[0].id))
+    ((ring, _),) = circles(replace(snapshot, interactions=ties), "talking")
+    assert gone not in ring
+    assert len(ring) == 5
 
 
 def test_ties_of_two_and_to_things_are_drawn_as_they_are(scene: Scene) -> None:

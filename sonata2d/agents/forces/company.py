@@ -10,16 +10,18 @@ FURTHEST = 1.0  # m, beyond which a lag or a distance pulls no harder
 
 
 def company_acceleration(
-    dx: Array, dy: Array, direction: Array, member: Array, *, cohesion: float, spacing: float, abreast: float
-) -> Array:
+    dx: Array, dy: Array, direction: Array, member: Array, bond: Array,
+    *, cohesion: float, spacing: float, abreast: float,
+) -> Array:  # fmt: skip
     """Draw level with the others of one's group, and close up to them.
 
     Args:
         dx, dy: (M, M), m, from column i to row j.
         direction: (M, 2), unit vectors to where each wants to go, or zero.
         member: (M, M), 1 where row j walks in column i's group (not i itself), else 0.
-        cohesion: 1/s2, pull to the centre of the others for each metre beyond the spacing.
-        spacing: m, to the centre of the others, that is left as it is.
+        bond: (M,), 0..1, how much each keeps to the group.
+        cohesion: 1/s2, pull to the centre of the others for each metre beyond where it would be if all were abreast.
+        spacing: m, between neighbours abreast.
         abreast: 1/s2, pull along the way for each metre that they are ahead, or behind.
 
     Returns:
@@ -29,9 +31,10 @@ def company_acceleration(
     much as who is ahead waits, so that a group keeps its pace.
     """
     count = np.maximum(np.add.reduce(member, axis=0), 1.0)
+    wide = spacing * 0.5 * (count + 1.0)
     cx, cy = np.add.reduce(member * dx, axis=0) / count, np.add.reduce(member * dy, axis=0) / count
     ex, ey = direction[:, 0], direction[:, 1]
-    lag = abreast * np.minimum(np.maximum(cx * ex + cy * ey, -FURTHEST), FURTHEST)
+    lag = bond * abreast * np.minimum(np.maximum(cx * ex + cy * ey, -FURTHEST), FURTHEST)
     apart = np.sqrt(cx * cx + cy * cy)
-    pull = cohesion * np.minimum(np.maximum(apart - spacing, 0.0), FURTHEST) / np.maximum(apart, 1e-6)
+    pull = bond * cohesion * np.minimum(np.maximum(apart - wide, 0.0), FURTHEST) / np.maximum(apart, 1e-6)
     return np.stack((lag * ex + pull * cx, lag * ey + pull * cy), axis=1)

@@ -10,9 +10,10 @@ from ...entities import Scene
 from ...exact import Array
 from ..forces.anticipation import anticipation_acceleration
 from ..forces.company import company_acceleration
-from ..forces.drive import desired_acceleration
+from ..forces.drive import Gait, paced_acceleration
+from ..forces.headway import Strip
 from ..forces.nearness import nearness_acceleration
-from ..forces.steering import steered
+from ..forces.steering import Choice, steered
 from ..forces.walls import wall_acceleration
 from .walkers import Walkers
 
@@ -21,26 +22,31 @@ from .walkers import Walkers
 class Sonata2026:
     """Its parameters, as `benchmarks/calibrate.py` found them."""
 
-    relaxation_time: float = 0.6  # s
-    breadth: float = 0.37  # m
-    standstill: float = -0.05  # m
-    headway: float = 0.75  # s
-    decision: float = 0.25  # m/s
-    queueing: float = 0.73
-    bias: float = 0.06  # m/s
-    foresight: float = 0.5  # m/s2
+    relaxation_time: float = 0.62  # s
+    following_time: float = 1.6  # s
+    starting_time: float = 0.2  # s
+    turning_time: float = 0.35  # s
+    breadth: float = 0.31  # m
+    standstill: float = -0.1  # m
+    headway: float = 0.88  # s
+    decision: float = 0.08  # m/s
+    habit: float = 0.5  # m/s
+    outlook: float = 1.0  # s
+    queueing: float = 1.0
+    bias: float = 0.08  # m/s
+    foresight: float = 0.8  # m/s2
     foresight_reach: float = 0.55  # m
-    horizon: float = 0.9  # s
+    horizon: float = 1.0  # s
     side: float = 0.05  # m
-    nearness: float = 0.2  # m/s2
-    nearness_reach: float = 0.3  # m
-    anisotropy: float = 0.7
-    wall_strength: float = 0.8  # m/s2
-    wall_reach: float = 0.08  # m
-    abreast: float = 0.03  # 1/s2
-    cohesion: float = 0.06  # 1/s2
-    spacing: float = 1.1  # m
-    among_group: float = 0.3  # how much members mind each other
+    nearness: float = 0.45  # m/s2
+    nearness_reach: float = 0.2  # m
+    anisotropy: float = 0.5
+    wall_strength: float = 0.2  # m/s2
+    wall_reach: float = 0.05  # m
+    abreast: float = 0.25  # 1/s2
+    cohesion: float = 0.4  # 1/s2
+    spacing: float = 0.85  # m
+    among_group: float = 0.4  # how much members mind each other who have goals of their own
 
 
 class Sonata2026Model:
@@ -51,23 +57,27 @@ class Sonata2026Model:
     def __init__(self, scene: Scene, law: Sonata2026 | None = None) -> None:
         self._barriers, self._side, self._law = scene.barriers, scene.rules.side, law or PARAMETERS
         radius = np.array([*(human.radius for human in scene.humans), scene.robot.radius], dtype=float)
+        law = self._law
+        self._gait = Gait(law.relaxation_time, law.following_time, law.starting_time, law.turning_time)
+        self._strip = Strip(law.breadth, law.standstill, law.headway)
+        self._choice = Choice(law.outlook, self._side * law.bias, law.habit, law.decision, law.queueing)
         self._touching = radius[:, None] + radius[None, :]
 
     def acceleration(self, walkers: Walkers) -> Array:
         law, position, velocity, touching = self._law, walkers.position, walkers.velocity, self._touching
         dx, dy = (position[:, None, k] - position[None, :, k] for k in (0, 1))  # from i (column) to j (row)
         weight = walkers.weight
-        if walkers.member is not None:
-            weight = weight * (1.0 - (1.0 - law.among_group) * walkers.member)
+        if walkers.member is not None and walkers.bond is not None:
+            less = (1.0 - law.among_group) * (1.0 - walkers.bond)
+            weight = weight * (1.0 - less * walkers.member)
         way, speed = steered(
-            dx, dy, walkers.direction, walkers.desired_speed, touching, weight, side=self._side * law.bias,
-            decision=law.decision, queueing=law.queueing, breadth=law.breadth, distance=law.standstill,
-            time=law.headway,
+            dx, dy, velocity, walkers.direction, walkers.desired_speed, touching, weight,
+            choice=self._choice, strip=self._strip,
         )  # fmt: skip
-        total = desired_acceleration(velocity, way, speed, relaxation_time=law.relaxation_time)
-        if walkers.member is not None:
+        total = paced_acceleration(velocity, way, speed, walkers.desired_speed, self._gait)
+        if walkers.member is not None and walkers.bond is not None:
             total += company_acceleration(
-                dx, dy, walkers.direction, walkers.member, cohesion=law.cohesion, spacing=law.spacing,
+                dx, dy, walkers.direction, walkers.member, walkers.bond, cohesion=law.cohesion, spacing=law.spacing,
                 abreast=law.abreast,
             )  # fmt: skip
         total += anticipation_acceleration(

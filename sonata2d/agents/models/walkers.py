@@ -21,6 +21,7 @@ class Walkers:
         radius: (M,), m.
         weight: (M, M), how much column i minds row j, 0..1: nobody minds themselves, or whom a wall hides.
         member: (M, M), 1 where row j walks in column i's group, else 0; None where nobody walks in one.
+        bond: (M,), 0..1, how much they keep to their group: less where they have goals of their own.
     """
 
     position: Array
@@ -31,6 +32,7 @@ class Walkers:
     radius: Array
     weight: Array
     member: Array | None = None
+    bond: Array | None = None
 
 
 class WalkingModel(Protocol):
