@@ -17,9 +17,9 @@ import numpy as np
 
 import sonata2d as s2
 from sonata2d.chance import Chance
-from sonata2d.entities import Scene
 from sonata2d.frame import Author, Frame, Outcome, Snapshot
 from sonata2d.geometry import inside_polygon
+from sonata2d.scene import Scene
 
 WINDOW = 200  # ticks, 20 s, in which a walker should get on
 STUCK = 0.5  # m

@@ -28,13 +28,11 @@ from sonata2d.entities import (  # noqa: E402
     Interaction,
     Reaction,
     Robot,
-    Rules,
-    Scene,
-    Social,
     Wall,
 )
 from sonata2d.frame import Snapshot  # noqa: E402
 from sonata2d.geometry import Disc, Point, Pose, Rectangle  # noqa: E402
+from sonata2d.scene import Rules, Scene, Social  # noqa: E402
 from sonata2d.view import save_film  # noqa: E402
 from sonata2d.view.draw import Layers  # noqa: E402
 

@@ -8,9 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from .entities import Human, Scene
+from .entities import Human
 from .exact import Array
 from .frame import Contact
+from .scene import Scene
 
 FASTEST_PERSON = 2.5  # m/s, counted on at least when looking for who may come near within a tick
 CLOSING = 0.01  # m/s, from which a velocity towards the other counts as closing the gap

@@ -7,13 +7,13 @@ from typing import Any, Literal
 
 from .agents import Hand, Teleoperation
 from .agents.teleoperation import STOP
-from .entities import Scene
 from .episode import Episode, Moment, ending
 from .frame import Author, Outcome, Snapshot
 from .geometry import Twist
 from .labels import DEVICE, LabelSpec
 from .record import EpisodeRecorder
 from .record.journal import Journal, OpenRun
+from .scene import Scene
 from .scenegen import ScenarioConfig, generate
 from .topics import DeviceEvent
 

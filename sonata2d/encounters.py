@@ -9,12 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .entities import Group, Scene
+from .entities import Group
 from .exact import Array
 from .frame import Snapshot
 from .geometry import Barriers, Point, segments_cross
 from .proxemics import SOCIAL_DISTANCE
 from .record import EpisodeRecord
+from .scene import Scene
 
 WINDOW = 2.0  # s, before and after the nearest moment: the way each goes while they meet
 PASSING = 20.0  # s, before and after: who was ahead, and who is

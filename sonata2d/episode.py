@@ -12,10 +12,10 @@ from typing import Any
 from .agents.controller import Controller, Regenerate, Stop
 from .agents.crowd import Crowd
 from .agents.kinematics import executable
-from .entities import Scene
 from .errors import ControllerError, Sonata2dError
 from .frame import Author, Contact, Frame, Observer, Outcome, Snapshot, Status
 from .geometry import Twist, wrapped
+from .scene import Scene
 from .topics import DeviceEvent, ImageRequest
 from .world import World
 

@@ -6,17 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
-from .entities import (
-    Furniture,
-    Goal,
-    Interaction,
-    Robot,
-    Scene,
-    Wall,
-)
+from .entities import Furniture, Goal, Interaction, Robot, Wall
 from .exact import Array, angle_of
 from .geometry import Point, Pose, Twist
 from .humans import Humans
+from .scene import Scene
 from .topics import DeviceEvent
 
 Status = Literal["goal", "timeout", "contact", "stopped", "regenerate", "error"]

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Interaction, Scene
+from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Interaction
 from .exact import Array, angle_of, arctan2
 from .geometry import Point, Pose
+from .scene import Scene
 
 # Columns of the one array that holds the people: (N, 9), world frame.
 X, Y, VX, VY, HX, HY, LX, LY, OMEGA = range(9)  # place, velocity, body's direction, look's direction, turn rate

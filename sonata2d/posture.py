@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from .entities import Scene
 from .exact import PI, Array, arctan2, exp, headings, rotation
 from .geometry import Point
+from .scene import Scene
 
 BODY_TURN = 2.6  # rad/s, the fastest that a body turns
 HEAD_TURN = 4.5  # rad/s, the fastest that a head turns on the body

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pymunk
 
-from .entities import Scene
 from .exact import Array
+from .scene import Scene
 
 ENTRY_OVERLAP = 0.04  # m, by which outlines may overlap when somebody comes in; who would overlap more waits
 

@@ -12,11 +12,11 @@ from typing import Any
 
 from .agents import HANDS, Hand, Teleoperation
 from .driving import Run
-from .entities import Scene
 from .errors import RecordError, SceneError, Sonata2dError
 from .record import read_episode
 from .record.collection import Collection
 from .record.journal import Journal, OpenRun, read_journal
+from .scene import Scene
 from .scenegen import ScenarioConfig, generate
 from .version import PHYSICS_VERSION
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 from .agents.controller import Controller
 from .encounters import HEAD_ON, SAME_WAY, Encounter, Kind, Meeting, encounter
-from .entities import Scene
 from .episode import Episode, Renderer
 from .errors import ConfigError
 from .frame import Author, Frame, Outcome, Snapshot
 from .proxemics import SOCIAL_DISTANCE
 from .record import EpisodeRecord
+from .scene import Scene
 from .scenegen import ScenarioConfig, generate
 
 MET = 2.0  # m, between outlines: nearer is a meeting

@@ -16,13 +16,14 @@ from pymunk import batch
 from pymunk._chipmunk_cffi import ffi
 
 from .bumper import Bumper
-from .entities import Furniture, Human, Interaction, Scene
+from .entities import Furniture, Human, Interaction
 from .exact import Array, rotation
 from .frame import CrowdCommands, RobotState, Snapshot
 from .geometry import Disc, Point, Twist
 from .humans import HX, HY, LX, LY, OMEGA, VY, Humans, X, activities_among, activities_of, frozen, human_ids
 from .posture import Posture
 from .presence import Presence
+from .scene import Scene
 from .topics import DeviceEvent
 
 MASS = 75.0  # kg, of a person and of the robot; only ratios matter

@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import pytest
 
-from sonata2d.entities import Furniture, Goal, Human, Limits, Robot, Rules, Scene, Wall
+from sonata2d.entities import Furniture, Goal, Human, Limits, Robot, Wall
 from sonata2d.geometry import Point, Pose
+from sonata2d.scene import Rules, Scene
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.entities import Goal, Human, Rules, Scene
+from sonata2d.entities import Goal, Human
 from sonata2d.errors import ControllerError
 from sonata2d.frame import Author, Frame, Outcome, Snapshot
 from sonata2d.geometry import Pose, Twist
 from sonata2d.record import EpisodeRecorder
+from sonata2d.scene import Rules, Scene
 
 from .conftest import room
 

@@ -14,8 +14,8 @@ PACKAGE = Path(__file__).parent.parent / "sonata2d"
 
 # Each storey may import what is in it and below; a room only itself and the ground floor.
 GROUND = [
-    "version", "errors", "exact", "geometry", "chance", "entities", "labels", "topics", "humans", "frame", "corners",
-    "navigation", "proxemics",
+    "version", "errors", "exact", "geometry", "chance", "entities", "scene", "labels", "topics", "humans", "frame",
+    "corners", "navigation", "proxemics",
 ]  # fmt: skip
 ROOMS = ["world", "agents", "scenegen", "record", "view"]
 STAIRS = {"episode": ["world", "agents"]}

@@ -12,12 +12,12 @@ import pytest
 
 from sonata2d.agents import Controller, StraightToGoal
 from sonata2d.batch import generate_dataset
-from sonata2d.entities import Scene
 from sonata2d.episode import Episode
 from sonata2d.errors import ControllerError
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Twist
 from sonata2d.proof import prove
+from sonata2d.scene import Scene
 from sonata2d.scenegen import ScenarioConfig
 from sonata2d.testing import check_controller
 from sonata2d.topics import ImageRequest

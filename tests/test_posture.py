@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from sonata2d.entities import Rules
 from sonata2d.exact import Array, headings
 from sonata2d.posture import BODY_TURN, HEAD_LIMIT, HEAD_TURN, Posture
+from sonata2d.scene import Rules
 
 from .conftest import room, walker
 

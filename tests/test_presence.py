@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction, Robot, Rules, Scene
+from sonata2d.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction, Robot
 from sonata2d.episode import Episode
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Pose
@@ -19,6 +19,7 @@ from sonata2d.metrics.disturbance import without_robot
 from sonata2d.presence import ENTRY_OVERLAP
 from sonata2d.record import JsonRecorder, check_episode, read_episode
 from sonata2d.replay import check_replay
+from sonata2d.scene import Rules, Scene
 from sonata2d.view.between import between
 from sonata2d.view.trails import Trails
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import sonata2d as s2
-from sonata2d.entities import Rules, Scene
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Twist
 from sonata2d.proof import prove
 from sonata2d.record import read_episode
 from sonata2d.replay import branch, check_replay, check_rerun
+from sonata2d.scene import Rules, Scene
 from sonata2d.topics import DeviceEvent
 
 

@@ -7,11 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from sonata2d.entities import Furniture, Human, Limits, Rules, Wall
+from sonata2d.entities import Furniture, Human, Limits, Wall
 from sonata2d.exact import Array
 from sonata2d.frame import CrowdCommands, Snapshot
 from sonata2d.geometry import Disc, Pose, Rectangle, Twist
 from sonata2d.posture import BODY_TURN, HEAD_LIMIT
+from sonata2d.scene import Rules
 from sonata2d.world import World
 
 from .conftest import room, walker

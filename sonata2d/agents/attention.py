@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..chance import Chance
-from ..entities import Scene
 from ..exact import Array
 from ..frame import Snapshot
+from ..scene import Scene
 from .company import Company
 
 AHEAD = 1.0  # s, by which the head is ahead of the way

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ..entities import TALKING, Interaction, Scene, outlines
+from ..entities import TALKING, Interaction
 from ..exact import Array, headings
 from ..geometry import Barriers, Disc, Point, Pose
 from ..humans import activities
+from ..scene import Scene, outlines
 
 
 class Company:

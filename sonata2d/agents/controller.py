@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
-from ..entities import Scene
 from ..frame import Snapshot
 from ..geometry import Twist
+from ..scene import Scene
 from ..topics import ImageRequest
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..entities import TALKING, WALKING_TOGETHER, Scene
+from ..entities import TALKING, WALKING_TOGETHER
 from ..exact import Array
 from ..geometry import Barriers, inside_polygon
 from ..proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ..scene import Scene
 
 CELL = 0.1  # m
 BLOCKED = 40.0  # times the price of open ground

@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..entities import Scene
 from ..exact import Array
 from ..frame import CrowdCommands, Snapshot
+from ..scene import Scene
 from .attention import AHEAD, SHORTEST, Attention, directed
 from .company import Company
 from .forces.drive import standing_acceleration
 from .forces.walls import Sight
 from .lineup import lined_up
 from .models.registry import HEADED, MODELS
-from .models.walkers import Walkers
+from .models.walkers import Walkers, times_a_tick
 from .reactions import Reactions
 from .social_life import SocialLife
 from .wandering import Wanderers
@@ -67,7 +67,7 @@ class Crowd:
         walkers = self._walkers(snapshot, direction, self._eased(towards))
         self._keep_to = self._reactions.stepped_back(snapshot, company.home)
         facing, look = self._posture(snapshot, walkers)
-        often = min(self._model.evaluations, self._scene.rules.substeps)
+        often = min(times_a_tick(self._model.evaluations, snapshot.dt), self._scene.rules.substeps)
         until_asked_again = snapshot.dt / often
 
         def refresh(rows: Array) -> Array:

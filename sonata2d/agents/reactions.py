@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..entities import Scene
 from ..exact import Array, exp
 from ..frame import Snapshot
+from ..scene import Scene
 from .passing import course_past, held_by_walls
 
 NOTICED = 8.0  # m, from outline to outline, within which the robot matters

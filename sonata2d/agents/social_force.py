@@ -9,14 +9,15 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..entities import Human, Scene
+from ..entities import Human
 from ..exact import angle_of
 from ..frame import Snapshot
 from ..geometry import Point, Twist
 from ..navigation import FreeSpace
+from ..scene import Scene
 from .controller import Controller
 from .models.registry import HEADED, MODELS
-from .models.walkers import Walkers
+from .models.walkers import Walkers, times_a_tick
 
 LOOK_EVERY = 5  # ticks between looks for the way
 
@@ -74,7 +75,7 @@ class SocialForce(Controller):
 
     def _next_velocity(self, snapshot: Snapshot, towards: Point) -> Point:
         """What the law makes of the robot's velocity by the next look, m/s, world frame; the others keep theirs."""
-        walkers, often = self._walkers(snapshot, towards), self._law.evaluations
+        walkers, often = self._walkers(snapshot, towards), times_a_tick(self._law.evaluations, snapshot.dt)
         h = snapshot.dt / often
         for _ in range(often):
             velocity = walkers.velocity.copy()

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..chance import Chance
-from ..entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, Furniture, Interaction, Scene
+from ..entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, Furniture, Interaction
 from ..exact import Array
 from ..geometry import Disc, Point, Rectangle
 from ..humans import Humans
+from ..scene import Scene
 from .circles import LARGEST, MEETING, apart, free_places, widened
 from .company import Company
 from .wandering import Wanderers

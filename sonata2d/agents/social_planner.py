@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ..entities import Goal, Scene
+from ..entities import Goal
 from ..exact import Array
 from ..frame import Snapshot
 from ..geometry import Barriers, Twist
 from ..proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ..scene import Scene
 from .controller import Controller
 from .cost_field import CostField
 from .rollout import Ways, candidates, rolled_out, twist_of

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, Self
 
-from ..entities import Scene
 from ..frame import Snapshot
 from ..geometry import Twist, quantised
 from ..labels import DEVICE, LabelSpec
+from ..scene import Scene
 from ..topics import DeviceEvent
 from .controller import Controller, Stop
 

@@ -11,11 +11,11 @@ from collections.abc import Callable
 import numpy as np
 
 from ..chance import Chance
-from ..entities import Scene
 from ..exact import Array
 from ..geometry import Barriers, Point
 from ..humans import Humans
 from ..navigation import FreeSpace
+from ..scene import Scene
 
 CLEARANCE = 0.10  # m, that ways keep from walls, furniture and standing people
 SQUEEZE = 0.05  # m, by which a body may seem to be in a wall before its way counts as shut

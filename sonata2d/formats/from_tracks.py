@@ -113,9 +113,9 @@ def _refuse_unknown(replay: set[int], ids: list[int], path: Path) -> None:
 
 def _scenario(told: Tree, path: Path) -> ScenarioConfig:
     try:
-        config = ScenarioConfig(**{**_NOBODY, **told})
-    except ValueError as error:  # pydantic's, of several lines
-        raise ConfigError(f"{path} makes no scenario: {' '.join(str(error).split()):.200}") from None
+        config = ScenarioConfig(**_NOBODY).changed(**told)
+    except ConfigError as error:
+        raise ConfigError(f"{path} makes no scenario: {error}") from None
     generate(config, seed=0)  # what cannot be laid out is told now
     return config
 

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ..entities import Furniture, Scene
+from ..entities import Furniture
 from ..exact import Array
 from ..geometry import Disc, inside_polygon
 from ..record.layout import Tree
+from ..scene import Scene
 
 CELL = 0.05  # m
 _RIM = 5  # unknown cells round the room

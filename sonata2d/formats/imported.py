@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..entities import Goal, Human, Robot, Rules
+from ..entities import Goal, Human, Robot
 from ..exact import Array
 from ..geometry import PRECISION, Barriers, Pose
 from ..humans import ACTIVITIES
@@ -25,6 +25,7 @@ from ..record.canonical import rounded, rounded_rows
 from ..record.columns import HUMAN_ANGLES, ROBOT_ANGLES, columns
 from ..record.layout import Tree
 from ..record.software import software
+from ..scene import Rules
 from ..version import FORMAT, FORMAT_VERSION
 from .motion import turned_by
 

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 import orjson
 
-from ..entities import AT_LAPTOP, RELATIONS, Scene
+from ..entities import AT_LAPTOP, RELATIONS
 from ..errors import RecordError
 from ..exact import Array
 from ..geometry import Disc, Shape
 from ..record import EpisodeRecord
 from ..record.layout import Tree
+from ..scene import Scene
 from .clock import exact_stamps
 from .form import Options
 from .motion import turned_by

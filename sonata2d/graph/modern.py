@@ -9,10 +9,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..entities import Scene
 from ..exact import Array, headings
 from ..geometry import Disc
 from ..record.record import EpisodeRecord
+from ..scene import Scene
 from ..transforms.frames import goal_frame, seen_from
 from ..transforms.motion import Motion, motion_of
 from .graph import INTERVAL, NODE_TYPES, Cast, Graph, edges_of, there_at, wall_pieces

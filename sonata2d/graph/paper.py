@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from ..entities import Scene
 from ..exact import Array
 from ..geometry import Disc
 from ..record.record import EpisodeRecord
+from ..scene import Scene
 from ..transforms.frames import wrapped_angles
 from ..transforms.motion import Motion, motion_of
 from .graph import INTERVAL, NODE_TYPES, ROUNDING, Cast, Graph, edges_of, there_at, wall_pieces

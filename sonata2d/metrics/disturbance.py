@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from ..agents.controller import Controller
-from ..entities import Human, Robot, Scene
+from ..entities import Human, Robot
 from ..episode import Episode
 from ..exact import Array
 from ..frame import Snapshot
 from ..geometry import Pose, Twist
 from ..record import EpisodeRecord
 from ..record.canonical import rounded
+from ..scene import Scene
 from ..transforms.mirror import mirrored
 from ..version import PHYSICS_VERSION
 from .definition import OURS, Metric

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..entities import Scene
 from ..exact import Array
 from ..geometry import Point
 from ..navigation import FreeSpace
 from ..record import EpisodeRecord
+from ..scene import Scene
 
 if TYPE_CHECKING:
     from .touch import Touch

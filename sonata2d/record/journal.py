@@ -17,10 +17,10 @@ from typing import Any, BinaryIO
 
 import orjson
 
-from ..entities import Scene
 from ..errors import RecordError
 from ..frame import Author, Frame, Outcome, Snapshot
 from ..geometry import Twist
+from ..scene import Scene
 from ..topics import DeviceEvent
 from .canonical import plain
 from .layout import Tree

@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from dataclasses import asdict, fields
 from typing import Any, TypeVar
 
-from ..entities import Furniture, Goal, Group, Human, Interaction, Limits, Robot, Rules, Scene, Social, Wall
+from ..entities import Furniture, Goal, Group, Human, Interaction, Limits, Robot, Wall
 from ..geometry import Disc, Pose, Rectangle, Shape
+from ..scene import Rules, Scene, Social
 from .canonical import plain
 
 T = TypeVar("T")

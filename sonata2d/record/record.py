@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ..entities import Scene
 from ..errors import RecordError
 from ..exact import Array, heading, headings
 from ..frame import Author, Contact, Frame, Outcome, RobotState, Snapshot
 from ..geometry import Twist
 from ..humans import HX, LX, OMEGA, VX, Humans, frozen, human_ids
 from ..labels import LabelSpec
+from ..scene import Scene
 from ..topics import DeviceEvent
 from .layout import Tree, interactions_of, scene_of
 

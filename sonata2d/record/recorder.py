@@ -9,13 +9,13 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..entities import Scene
 from ..errors import RecordError
 from ..exact import Array
 from ..frame import Author, Frame, Outcome, Snapshot, Status
 from ..geometry import PRECISION, quantised
 from ..humans import ACTIVITIES
 from ..labels import LabelSpec
+from ..scene import Scene
 from ..version import FORMAT, FORMAT_VERSION, PHYSICS_VERSION
 from .canonical import plain, refuse_unfinite, rounded, written
 from .columns import ABSENT, COMMAND_NAMES, columns

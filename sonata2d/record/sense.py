@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..entities import RELATIONS, ROBOT_ID, Furniture, Scene
+from ..entities import RELATIONS, ROBOT_ID, Furniture
 from ..exact import Array
 from ..geometry import Barriers, Disc, inside_polygon, wrapped
 from ..humans import ACTIVITIES
+from ..scene import Scene
 from .canonical import rounded_rows
 from .columns import HUMAN_ANGLES, ROBOT_ANGLES
 from .record import EpisodeRecord

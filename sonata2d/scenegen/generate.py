@@ -6,9 +6,10 @@ from contextlib import suppress
 from dataclasses import replace
 
 from ..chance import Chance
-from ..entities import Furniture, Human, Rules, Scene, standing_throughout
+from ..entities import Furniture, Human
 from ..errors import SceneError
 from ..geometry import Barriers, Pose
+from ..scene import Rules, Scene, standing_throughout
 from .cast import Cluster, Entity, draw_cast, fixed_furniture, shape_of
 from .config import ScenarioConfig
 from .given import flipped, given_people, joined, put, refuse_outside, settled

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from ..chance import Chance
-from ..entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction, Scene
+from ..entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction
 from ..errors import SceneError
 from ..exact import PI, angle_of
 from ..geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
+from ..scene import Scene
 from .config import ScenarioConfig
 from .journey import reserved
 from .people import GivenPersonConfig, Track

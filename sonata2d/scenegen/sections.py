@@ -7,9 +7,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..entities import EndsOn, Kinematics, Limits, Model, Reaction, Rules
+from ..entities import EndsOn, Kinematics, Limits, Model, Reaction
 from ..geometry import Disc, Point, Rectangle, Shape, quantised
 from ..labels import Kind, LabelSpec, When
+from ..scene import Rules
 from .group_config import GroupConfig
 from .room_config import RoomConfig
 from .settings import Jitter, Range, Settings, Share, weighed

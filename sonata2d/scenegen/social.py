@@ -8,8 +8,9 @@ from pydantic import NonNegativeFloat, PositiveFloat, field_validator, model_val
 from pydantic_core import PydanticCustomError
 
 from ..chance import Chance
-from ..entities import Human, Reaction, Social
+from ..entities import Human, Reaction
 from ..geometry import quantised
+from ..scene import Social
 from .settings import Range, Settings, Share
 
 

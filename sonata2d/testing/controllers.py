@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ..agents.controller import Controller
-from ..entities import Scene
 from ..episode import Episode
 from ..frame import Outcome
 from ..plugins import eye_of
 from ..record import EpisodeRecorder
+from ..scene import Scene
 from ..scenegen import generate, load_scenario
 from ..scenegen.people import GivenPersonConfig
 

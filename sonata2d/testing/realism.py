@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from ..agents.crowd import Crowd
-from ..entities import Goal, Group, Human, Robot, Rules, Scene, Wall
+from ..entities import Goal, Group, Human, Robot, Wall
 from ..exact import Array
 from ..geometry import Barriers, Pose, Twist, segment_distances
+from ..scene import Rules, Scene
 from ..world import World
 
 MARGIN = 30.0  # m, round everything: the room's own walls are far away

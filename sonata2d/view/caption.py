@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pygame
 
-from ..entities import Scene
 from ..frame import Snapshot
 from ..geometry import Point
+from ..scene import Scene
 from .canvas import Canvas
 from .fonts import shortened, width_of
 from .palette import FAINT, INK, PAPER, WALL, time_colour

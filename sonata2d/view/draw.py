@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import pygame
 
-from ..entities import Scene
 from ..frame import Snapshot
 from ..geometry import Point
 from ..humans import HumanState
+from ..scene import Scene
 from .brush import Brush
 from .camera import Camera
 from .canvas import Canvas, Pixels

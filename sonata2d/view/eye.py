@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pygame
 
-from ..entities import Scene
 from ..errors import RenderError
 from ..frame import Snapshot
+from ..scene import Scene
 from ..topics import ImageRequest
 from .camera import LARGEST
 from .live import Painter

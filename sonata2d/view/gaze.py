@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..entities import Scene
 from ..exact import Array
 from ..geometry import Barriers
 from ..humans import HumanState
+from ..scene import Scene
 from .people import FAN, FAN_REACH
 
 Reaches = dict[int, list[float]]  # by id: how far each ray goes, m

@@ -8,9 +8,9 @@ from typing import Any
 
 import pygame
 
-from ..entities import Scene
 from ..frame import Snapshot
 from ..humans import HumanState
+from ..scene import Scene
 from ..topics import View
 from .brush import Brush
 from .camera import Camera

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..entities import Scene
 from ..frame import Contact, Snapshot
 from ..labels import LabelSpec
 from ..record import EpisodeRecord
+from ..scene import Scene
 from ..topics import DeviceEvent
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pygame
 
-from ..entities import Scene
 from ..frame import Snapshot
+from ..scene import Scene
 from ..topics import View
 from ..view import Hud, Layers, Painter, draw_hud
 from .actions import Action

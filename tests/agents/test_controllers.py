@@ -11,11 +11,12 @@ from sonata2d.agents import STOCK, Controller, SocialPlanner
 from sonata2d.agents.cost_field import CostField
 from sonata2d.agents.kinematics import executable
 from sonata2d.agents.rollout import rolled_out
-from sonata2d.entities import TALKING, Furniture, Human, Interaction, Robot, Scene
+from sonata2d.entities import TALKING, Furniture, Human, Interaction, Robot
 from sonata2d.episode import Episode
 from sonata2d.frame import Author, Frame, Outcome, Snapshot
 from sonata2d.geometry import Pose, Rectangle, Twist
 from sonata2d.proxemics import clearance
+from sonata2d.scene import Scene
 from sonata2d.world import World
 
 from ..conftest import L_SHAPE, room, walker

@@ -10,21 +10,11 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.crowd import Crowd
-from sonata2d.entities import (
-    AT_LAPTOP,
-    TALKING,
-    WALKING_TOGETHER,
-    Furniture,
-    Group,
-    Human,
-    Interaction,
-    Rules,
-    Scene,
-    Wall,
-)
+from sonata2d.entities import AT_LAPTOP, TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction, Wall
 from sonata2d.exact import Array
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Pose, Rectangle, Twist
+from sonata2d.scene import Rules, Scene
 from sonata2d.world import World
 
 from ..conftest import L_SHAPE, room, walker

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from sonata2d.agents.crowd import Crowd
-from sonata2d.entities import TALKING, Formation, Group, Human, Interaction, Scene
+from sonata2d.entities import TALKING, Formation, Group, Human, Interaction
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Pose, Twist, inside_polygon
+from sonata2d.scene import Scene
 from sonata2d.scenegen.formations import talking
 from sonata2d.world import World
 

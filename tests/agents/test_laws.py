@@ -17,10 +17,11 @@ from sonata2d.agents.forces.helbing2000 import Helbing2000, pressing_acceleratio
 from sonata2d.agents.forces.orca2011 import reciprocal_half_planes, wall_half_planes
 from sonata2d.agents.models.registry import HEADED, MODELS
 from sonata2d.agents.models.walkers import Walkers
-from sonata2d.entities import Model, Rules, Scene
+from sonata2d.entities import Model
 from sonata2d.episode import Episode
 from sonata2d.exact import Array
 from sonata2d.geometry import Barriers, Pose, Twist
+from sonata2d.scene import Rules, Scene
 from sonata2d.world import World
 
 from ..conftest import room, walker

@@ -11,10 +11,11 @@ import pytest
 
 from sonata2d.agents.crowd import Crowd
 from sonata2d.chance import Chance
-from sonata2d.entities import Human, Limits, Reaction, Rules, Scene, Wall
+from sonata2d.entities import Human, Limits, Reaction, Wall
 from sonata2d.exact import Array
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Pose, Twist
+from sonata2d.scene import Rules, Scene
 from sonata2d.scenegen.social import ClearanceConfig
 from sonata2d.world import World
 

@@ -14,12 +14,13 @@ import sonata2d as s2
 from sonata2d.agents.circles import free_places, widened
 from sonata2d.agents.company import Company
 from sonata2d.agents.crowd import Crowd
-from sonata2d.entities import AT_LAPTOP, AT_PLANT, TALKING, Furniture, Group, Human, Interaction, Scene, Social
+from sonata2d.entities import AT_LAPTOP, AT_PLANT, TALKING, Furniture, Group, Human, Interaction
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Disc, Pose, Rectangle, Twist
 from sonata2d.humans import ACTIVITIES
 from sonata2d.record import JsonRecorder, read_episode
 from sonata2d.replay import check_replay
+from sonata2d.scene import Scene, Social
 from sonata2d.world import World
 
 from ..conftest import room, walker

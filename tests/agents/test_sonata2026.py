@@ -15,9 +15,10 @@ from sonata2d.agents.forces.nearness import nearness_acceleration
 from sonata2d.agents.forces.steering import Choice, steered
 from sonata2d.agents.models.registry import MODELS
 from sonata2d.agents.models.walkers import Walkers
-from sonata2d.entities import Group, Human, Rules, Scene, Wall
+from sonata2d.entities import Group, Human, Wall
 from sonata2d.exact import Array
 from sonata2d.geometry import Pose
+from sonata2d.scene import Rules, Scene
 
 from ..conftest import room
 from .test_crowd import turned, watched

@@ -12,10 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sonata2d.agents.teleoperation import HANDS, STOP, Hand, Teleoperation
-from sonata2d.entities import Kinematics, Scene
+from sonata2d.entities import Kinematics
 from sonata2d.episode import Episode
 from sonata2d.geometry import Twist
 from sonata2d.labels import LabelSpec
+from sonata2d.scene import Scene
 from sonata2d.topics import DeviceEvent
 
 from ..conftest import room

@@ -14,13 +14,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonata2d.entities import Furniture, Goal, Human, Interaction, Robot, Scene
+from sonata2d.entities import Furniture, Goal, Human, Interaction, Robot
 from sonata2d.errors import RecordError
 from sonata2d.formats import Options, sonata, sonata_reader
 from sonata2d.formats.clock import exact_stamps
 from sonata2d.geometry import Pose, Rectangle
 from sonata2d.record import EpisodeRecord, JsonRecorder, read_episode
 from sonata2d.record.layout import Tree
+from sonata2d.scene import Scene
 
 from ..record import by_hand
 from . import reader_2020

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from sonata2d.entities import Scene
 from sonata2d.exact import Array
 from sonata2d.frame import Outcome, Status
 from sonata2d.metrics import ALL, Run
 from sonata2d.record import EpisodeRecord
 from sonata2d.record.layout import layout_of
 from sonata2d.record.record import Looks
+from sonata2d.scene import Scene
 
 Places = Sequence[Sequence[float]]
 NOTHING: Mapping[int, list[Any]] = {}

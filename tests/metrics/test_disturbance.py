@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.entities import Human, Rules, Scene
+from sonata2d.entities import Human
 from sonata2d.geometry import Pose
 from sonata2d.metrics import Run, measure, without_robot
 from sonata2d.record import EpisodeRecord, EpisodeRecorder
 from sonata2d.record.reader import record_of
+from sonata2d.scene import Rules, Scene
 from sonata2d.transforms.mirror import mirrored
 
 from ..conftest import room, walker

@@ -10,9 +10,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sonata2d.entities import TALKING, Furniture, Goal, Group, Human, Scene, Wall
+from sonata2d.entities import TALKING, Furniture, Goal, Group, Human, Wall
 from sonata2d.geometry import Disc, Point, Pose, Rectangle
 from sonata2d.metrics import ALL, Run
+from sonata2d.scene import Scene
 
 from ..conftest import L_SHAPE, room
 from .by_hand import record

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from sonata2d.entities import Furniture, Goal, Human, Rules
+from sonata2d.entities import Furniture, Goal, Human
 from sonata2d.geometry import Disc, Pose, Rectangle
 from sonata2d.metrics import Run
+from sonata2d.scene import Rules
 
 from ..conftest import room
 from .by_hand import line, record, stay, value

@@ -17,8 +17,6 @@ from sonata2d.entities import (
     Interaction,
     Limits,
     Robot,
-    Rules,
-    Scene,
     Wall,
 )
 from sonata2d.exact import heading, headings
@@ -26,6 +24,7 @@ from sonata2d.frame import Author, Contact, Frame, Outcome, RobotState, Snapshot
 from sonata2d.geometry import Disc, Pose, Rectangle, Twist
 from sonata2d.humans import Humans, human_ids
 from sonata2d.record import EpisodeRecorder
+from sonata2d.scene import Rules, Scene
 from sonata2d.topics import DeviceEvent
 
 SQUARE = ((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0))

@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonata2d.entities import Scene
 from sonata2d.errors import RecordError
 from sonata2d.frame import Author, Frame, Outcome, Snapshot
 from sonata2d.geometry import Twist, canonical_angle, quantised
 from sonata2d.record import EpisodeRecorder, JsonRecorder, read_episode
 from sonata2d.record.canonical import plain, rounded, rounded_rows
+from sonata2d.scene import Scene
 
 from .by_hand import AUTHOR, robot_state, run, scene, snapshot
 

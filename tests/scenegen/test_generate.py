@@ -17,10 +17,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sonata2d.entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Human, Scene
+from sonata2d.entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Human
 from sonata2d.errors import SceneError
 from sonata2d.geometry import Disc, Pose, canonical_angle, inside_polygon, quantised, shape_gap, wrapped
 from sonata2d.navigation import FreeSpace
+from sonata2d.scene import Scene
 from sonata2d.scenegen import ScenarioConfig, generate, load_scenario
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scenarios"

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sonata2d.entities import TALKING, WALKING_TOGETHER, Group, Human, Scene
+from sonata2d.entities import TALKING, WALKING_TOGETHER, Group, Human
 from sonata2d.geometry import Pose, wrapped
+from sonata2d.scene import Scene
 from sonata2d.scenegen import ScenarioConfig, generate
 from sonata2d.scenegen.formations import talking, walking
 

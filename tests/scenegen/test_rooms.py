@@ -9,9 +9,9 @@ import pytest
 from pydantic import ValidationError
 
 from sonata2d.chance import Chance
-from sonata2d.entities import Scene
 from sonata2d.geometry import inside_polygon
 from sonata2d.navigation import FreeSpace
+from sonata2d.scene import Scene
 from sonata2d.scenegen import ScenarioConfig, generate
 from sonata2d.scenegen.plans import draw_plan
 from sonata2d.scenegen.room_config import RoomConfig

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 import sonata2d as s2
-from sonata2d.entities import AT_LAPTOP, Furniture, Human, Interaction, Rules, Scene
+from sonata2d.entities import AT_LAPTOP, Furniture, Human, Interaction
 from sonata2d.geometry import Disc, Pose, Rectangle, Twist
 from sonata2d.record import EpisodeRecord, read_episode
+from sonata2d.scene import Rules, Scene
 
 from ..conftest import L_SHAPE, room, walker
 

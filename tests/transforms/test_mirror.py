@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import sonata2d as s2
 from sonata2d.agents.teleoperation import Teleoperation
-from sonata2d.entities import Human, Rules
+from sonata2d.entities import Human
 from sonata2d.errors import RecordError
 from sonata2d.frame import Snapshot
 from sonata2d.geometry import Pose, Twist, canonical_angle, inside_polygon, wrapped
@@ -23,6 +23,7 @@ from sonata2d.record import EpisodeRecord, check_episode, read_bytes, read_episo
 from sonata2d.record.canonical import written
 from sonata2d.record.reader import record_of
 from sonata2d.replay import branch, check_replay, check_rerun
+from sonata2d.scene import Rules
 from sonata2d.topics import DeviceEvent
 from sonata2d.transforms import image, mirror_file, mirrored
 from sonata2d.transforms.mirror import mirror_name

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import combinations
 
-from sonata2d.entities import AT_OBJECT, TALKING, Group, Interaction, Scene
+from sonata2d.entities import AT_OBJECT, TALKING, Group, Interaction
 from sonata2d.frame import Snapshot
+from sonata2d.scene import Scene
 from sonata2d.view import Layers, picture
 from sonata2d.view.ties import circles, drawn_ties
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ...entities import Scene
 from ...exact import Array, exp
 from ...geometry import Barriers, Point, segments_cross
+from ...scene import Scene
 
 
 def wall_acceleration(position: Array, radius: Array, barriers: Barriers, *, strength: float, reach: float) -> Array:

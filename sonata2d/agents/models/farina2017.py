@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ...entities import Scene
 from ...exact import Array
+from ...scene import Scene
 from ..forces.drive import desired_acceleration
 from ..forces.farina2017 import Farina2017, headed_acceleration, headed_group_acceleration
 from ..forces.helbing2000 import pressing_acceleration, pressing_wall_acceleration

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...entities import Scene
 from ...exact import Array
+from ...scene import Scene
 from ..forces.drive import desired_acceleration
 from ..forces.helbing1995 import Helbing1995, step_acceleration
 from ..forces.side import leaning

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ...entities import Scene
 from ...exact import Array
+from ...scene import Scene
 from ..forces.drive import desired_acceleration
 from ..forces.helbing2000 import Helbing2000, pressing_acceleration, pressing_wall_acceleration
 from ..forces.side import leaning

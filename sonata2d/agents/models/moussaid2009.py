@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...entities import Scene
 from ...exact import Array
+from ...scene import Scene
 from ..forces.drive import desired_acceleration
 from ..forces.groups import Moussaid2010, group_acceleration
 from ..forces.moussaid2009 import Moussaid2009, bulk_of, interaction_acceleration

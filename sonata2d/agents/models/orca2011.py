@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...entities import Scene
 from ...exact import Array
+from ...scene import Scene
 from ..forces.linear_program import HalfPlane, chosen_velocity
 from ..forces.orca2011 import HalfPlanes, Orca2011, reciprocal_half_planes, wall_half_planes
 from ..forces.side import leaning

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...entities import Scene
 from ...exact import Array
+from ...scene import Scene
 from ..forces.anticipation import anticipation_acceleration
 from ..forces.company import company_acceleration
 from ..forces.drive import Gait, paced_acceleration

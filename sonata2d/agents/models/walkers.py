@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from ...entities import Scene
 from ...exact import Array
+from ...scene import Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +33,11 @@ class Walkers:
     weight: Array
     member: Array | None = None
     bond: Array | None = None
+
+
+def times_a_tick(evaluations: int, dt: float) -> int:
+    """In a tick of dt, s, of a law that needs so many evaluations in 0.1 s; of one that is not stiff, one."""
+    return 1 if evaluations == 1 else max(int(evaluations * dt / 0.1 + 0.999), 1)
 
 
 class WalkingModel(Protocol):
