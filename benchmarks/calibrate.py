@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 import sonata2d.agents.models.sonata2026 as model
+from sonata2d.entities import PERSON_RADIUS
 from sonata2d.testing.realism import simulate
 
 # name: least and most that makes sense; searched on a logarithmic scale where both are above 0
@@ -140,7 +141,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--state", type=Path, default=Path("calibration.pickle"))
     given = parser.parse_args()
-    start = {k: getattr(model.PARAMETERS, k, 0.157) for k in RANGES}
+    start = {k: getattr(model.PARAMETERS, k, PERSON_RADIUS) for k in RANGES}
     options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "popsize": 12}
     search = cma.CMAEvolutionStrategy(encoded(start), given.sigma, options)
     if given.state.exists():

@@ -32,7 +32,7 @@ PACKAGES = (
     "platformdirs",
 )
 DIGEST = (
-    "e2eebcebaa54329478c23460a7f5d61b"  # of the trial episode's numbers: the same wherever sonata2d works as it should
+    "2e7c4c1f4c439cf83f1f1d268c5af21f"  # of the trial episode's numbers: the same wherever sonata2d works as it should
 )
 
 Finding = tuple[bool | None, str]  # whether it holds (None: optional and absent), and what was found

@@ -24,6 +24,8 @@ AT_OBJECT = "human_object_interaction"
 RELATIONS = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER, AT_OBJECT)
 
 ROBOT_ID = 0
+PERSON_RADIUS = 0.157  # m, as calibrated with the default walking model: half the depth of a body, not its breadth
+DEFAULT_MODEL: Model = "sonata2026"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +71,10 @@ class Human:
 
     id: int
     pose: Pose
-    radius: float = 0.20
+    radius: float = PERSON_RADIUS
     desired_speed: float = 1.3
     behaviour: Behaviour = "standing"
-    model: str = "sonata2026"
+    model: str = DEFAULT_MODEL
     reacts_to_robot: float = 1.0
     reaction: Reaction = "avoids"
     robot_clearance: float = 0.83

@@ -51,7 +51,7 @@ def room(
 
 def walker(number: int, x: float, y: float, theta: float = 0.0, **more: object) -> Human:
     """A person who wanders."""
-    return replace(Human(number, Pose(x, y, theta), behaviour="wandering"), **more)  # type: ignore[arg-type]
+    return replace(Human(number, Pose(x, y, theta), 0.2, behaviour="wandering"), **more)  # type: ignore[arg-type]
 
 
 @pytest.fixture

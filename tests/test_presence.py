@@ -30,11 +30,11 @@ ALONG = tuple((round(-3.0 + 0.12 * k, 4), round(0.3 * math.sin(0.1 * k), 4)) for
 
 
 def recorded(number: int, track: tuple[tuple[float, float], ...] = ALONG, **more: object) -> Human:
-    return replace(Human(number, Pose(*track[0]), behaviour="recorded", track=track), **more)  # type: ignore[arg-type]
+    return replace(Human(number, Pose(*track[0]), 0.2, behaviour="recorded", track=track), **more)  # type: ignore[arg-type]
 
 
 def passer(number: int, start: tuple[float, float], goal: tuple[float, float], **more: object) -> Human:
-    human = Human(number, Pose(*start), behaviour="walking", goals=(goal,), exits=True, velocity=(0.0, -0.5))
+    human = Human(number, Pose(*start), 0.2, behaviour="walking", goals=(goal,), exits=True, velocity=(0.0, -0.5))
     return replace(human, **more)  # type: ignore[arg-type]
 
 
@@ -42,7 +42,7 @@ def busy() -> Scene:
     """Somebody who stands, a recorded one, two who walk through together, one who comes late, one who wanders."""
     pair = [passer(k, (0.4 * k - 1.0, 3.0), (0.4 * k - 1.0, -3.2), enters=2 * k, group=1) for k in (3, 4)]
     people = (
-        Human(1, Pose(2.0, 2.0)),
+        Human(1, Pose(2.0, 2.0), 0.2),
         recorded(2, enters=5, leaves=30),
         *pair,
         walker(5, 2.5, -2.5),
@@ -118,7 +118,7 @@ def test_whoever_is_absent_is_felt_by_nobody() -> None:
 
 
 def test_nobody_turns_to_or_talks_with_a_partner_who_is_absent() -> None:
-    pair = [Human(1, Pose(0.0, 0.0), group=1), Human(2, Pose(1.2, 0.0, 3.0), group=1, enters=10, leaves=30)]
+    pair = [Human(1, Pose(0.0, 0.0), 0.2, group=1), Human(2, Pose(1.2, 0.0, 3.0), 0.2, group=1, enters=10, leaves=30)]
     ties, own = (Interaction(1, TALKING, 2),), (Group(1, "talking", (1, 2)),)
     turned = [replace(pair[0], pose=Pose(0.0, 0.0, 1.0)), pair[1]]
     seen = looks(room(turned, rules=RULES, groups=own, interactions=ties))
@@ -201,7 +201,7 @@ def test_a_mirrored_scene_moves_as_the_mirror_image() -> None:
 
 def test_who_is_recorded_needs_a_track() -> None:
     with pytest.raises(ValueError, match="human 1 is recorded, but has no track"):
-        looks(room([Human(1, Pose(0.0, 0.0), behaviour="recorded")]))
+        looks(room([Human(1, Pose(0.0, 0.0), 0.2, behaviour="recorded")]))
 
 
 def test_the_robot_feels_who_is_recorded_however_fast_they_are() -> None:

@@ -17,7 +17,7 @@ from .test_world import drive
 
 
 def test_clearance_is_from_outline_to_outline() -> None:
-    scene = room([Human(1, Pose(-1.0, 0.0)), Human(2, Pose(-3.0, 3.0), radius=0.25)])
+    scene = room([Human(1, Pose(-1.0, 0.0), 0.2), Human(2, Pose(-3.0, 3.0), radius=0.25)])
     snapshot = World(scene).snapshot()
     assert clearances(snapshot) == pytest.approx([2.0 - 0.5, 3.0 - 0.55])
     assert s2.clearance(snapshot) == pytest.approx(1.5)
@@ -31,7 +31,7 @@ def test_obstacles_are_walls_and_furniture() -> None:
 
 
 def test_time_to_collision_at_constant_velocity() -> None:
-    people = [Human(1, Pose(0.0, 0.0)), Human(2, Pose(0.0, 2.0)), Human(3, Pose(-3.9, 0.0))]
+    people = [Human(1, Pose(0.0, 0.0), 0.2), Human(2, Pose(0.0, 2.0), 0.2), Human(3, Pose(-3.9, 0.0), 0.2)]
     snapshot = drive(World(room(people)), Twist(vx=1.0), 5)
     ahead, beside, behind = times_to_collision(snapshot)
     assert ahead == pytest.approx((0.0 - snapshot.robot.position[0] - 0.5) / 1.0, abs=1e-3)

@@ -127,7 +127,7 @@ def test_another_scene_than_seed_and_settings_give_is_told(tmp_path: Path) -> No
 
 def test_a_file_of_another_physics_version_is_told_and_not_replayed(tmp_path: Path, busy: Scene) -> None:
     path = recorded(tmp_path / "one.json", busy, Labels())
-    path.write_text(path.read_text().replace('"physics":1', '"physics":99'))
+    path.write_text(path.read_text().replace(f'"physics":{PHYSICS_VERSION}', '"physics":99'))
     (problem,) = check_replay(path)
     assert "physics version 99" in problem.message
 

@@ -76,7 +76,7 @@ def test_forty_people_push_nobody_into_furniture_or_wall(furniture: Rectangle | 
 
 def test_the_guard_stops_a_racing_robot_at_the_skin() -> None:
     fast = Limits(ahead=3.5, acceleration=100.0)
-    human = Human(1, Pose(1.0, 0.0))
+    human = Human(1, Pose(1.0, 0.0), 0.2)
     guarded = World(room([human], limits=fast))
     seen = drive(guarded, Twist(vx=3.5), 20)
     gap = 1.0 - 0.2 - 0.3 - seen.robot.position[0]

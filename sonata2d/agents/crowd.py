@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..entities import DEFAULT_MODEL
 from ..exact import Array
 from ..frame import CrowdCommands, Snapshot
 from ..scene import Scene
@@ -37,7 +38,7 @@ class Crowd:
 
     def __init__(self, scene: Scene) -> None:
         people = scene.humans
-        names = sorted({human.model for human in people} or {"sonata2026"})
+        names = sorted({human.model for human in people} or {DEFAULT_MODEL})
         if len(names) > 1 or names[0] not in MODELS:
             raise ValueError(f"people must share one walking model of {', '.join(MODELS)}; got {', '.join(names)}")
         self._model, self._headed = MODELS[names[0]](scene), names[0] in HEADED

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..chance import Chance
+from ..entities import PERSON_RADIUS
 from ..exact import Array
 from ..geometry import Barriers, Point
 from ..humans import Humans
@@ -64,7 +65,7 @@ class Wanderers:
         self._beside: set[int] = set()  # followers with room beside their leader's way
         self.errand: Callable[[int, Point], bool] | None = None
         may_walk = range(len(scene.humans)) if scene.social.is_lively else walking
-        self._reach = max((scene.humans[k].radius for k in may_walk), default=0.2) + CLEARANCE
+        self._reach = max((scene.humans[k].radius for k in may_walk), default=PERSON_RADIUS) + CLEARANCE
         self.go_round(scene.standing, scene.shared)
         low, high = scene.outline.min(axis=0), scene.outline.max(axis=0)
         self._box = (*low.tolist(), *high.tolist())

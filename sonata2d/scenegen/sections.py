@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..entities import EndsOn, Kinematics, Limits, Model, Reaction
+from ..entities import DEFAULT_MODEL, PERSON_RADIUS, EndsOn, Kinematics, Limits, Model, Reaction
 from ..geometry import Disc, Point, Rectangle, Shape, quantised
 from ..labels import Kind, LabelSpec, When
 from ..scene import Rules
@@ -94,10 +94,10 @@ class PersonConfig(Settings):
         robot_clearance: m, that they want to pass it at.
     """
 
-    radius: Range = Range(0.20, 0.20)
+    radius: Range = Range(PERSON_RADIUS, PERSON_RADIUS)
     wall_distance: NonNegativeFloat = 0.4
     desired_speed: SpeedConfig = SpeedConfig()
-    model: Model = "sonata2026"
+    model: Model = DEFAULT_MODEL
     ignores_robot: Share = 0.0
     reactions: dict[Reaction, NonNegativeFloat] = Field(default={"avoids": 1.0})
     robot_clearance: ClearanceConfig = ClearanceConfig()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..agents.crowd import Crowd
-from ..entities import Goal, Group, Human, Robot, Wall
+from ..entities import DEFAULT_MODEL, PERSON_RADIUS, Goal, Group, Human, Robot, Wall
 from ..exact import Array
 from ..geometry import Barriers, Pose, Twist, segment_distances
 from ..scene import Rules, Scene
@@ -30,8 +30,8 @@ def simulate(
     steps: int,
     groups: Any = None,
     *,
-    model: str = "sonata2026",
-    radius: float = 0.155,
+    model: str = DEFAULT_MODEL,
+    radius: float = PERSON_RADIUS,
 ) -> Array:
     """Let people walk from a given state.
 

@@ -92,7 +92,7 @@ def test_places_are_free_and_in_reach(lively: list[list[Snapshot]]) -> None:
         things = {thing.id: thing.pose.position for thing in scene.furniture}
         began = {(tie.src, tie.dst) for tie in scene.interactions}
         for snapshot in seen[::10]:
-            assert scene.barriers.gaps(snapshot.humans.position).min() > 0.18
+            assert (scene.barriers.gaps(snapshot.humans.position) > snapshot.humans.radius - 0.02).all()
             place = dict(zip(snapshot.humans.id.tolist(), snapshot.humans.position.tolist(), strict=True)) | things
             for tie in snapshot.interactions:
                 if (tie.src, tie.dst) not in began and tie.relation != "wandering_human_interacting":
@@ -130,7 +130,7 @@ def test_who_uses_a_laptop_stands_before_the_table() -> None:
 
 
 def test_a_comer_takes_the_free_place_of_a_pair_and_they_make_a_circle() -> None:
-    pair = [Human(1, Pose(-0.5, 1.0)), Human(2, Pose(0.5, 1.0))]
+    pair = [Human(1, Pose(-0.5, 1.0), 0.2), Human(2, Pose(0.5, 1.0), 0.2)]
     social = Social(joins=1.0, talk_time=(15.0, 15.0))
     ties = (Interaction(1, TALKING, 2),)
     seen = watched(room([*pair, walker(3, 0.0, -3.0)], interactions=ties, social=social, robot=CORNER, seed=1), 30.0)
@@ -168,7 +168,7 @@ def test_two_who_meet_stop_talk_and_part() -> None:
 
 
 def test_who_is_to_leave_leaves_and_wanders_and_the_other_stays() -> None:
-    pair, ties = [Human(1, Pose(0.0, 0.0)), Human(2, Pose(1.5, 0.0))], (Interaction(1, TALKING, 2),)
+    pair, ties = [Human(1, Pose(0.0, 0.0), 0.2), Human(2, Pose(1.5, 0.0), 0.2)], (Interaction(1, TALKING, 2),)
     social = Social(leaves=1.0, talk_time=(5.0, 15.0))
     seen = watched(room(pair, interactions=ties, social=social, robot=CORNER, seed=1), 40.0)
     assert 45 < len(when(seen, TALKING)) < 155
@@ -178,7 +178,7 @@ def test_who_is_to_leave_leaves_and_wanders_and_the_other_stays() -> None:
 
 
 def test_who_comes_later_or_is_to_go_takes_up_nothing() -> None:
-    pair = [Human(1, Pose(0.0, 0.0), leaves=150), Human(2, Pose(1.5, 0.0), enters=60)]
+    pair = [Human(1, Pose(0.0, 0.0), 0.2, leaves=150), Human(2, Pose(1.5, 0.0), 0.2, enters=60)]
     social = Social(leaves=1.0, talk_time=(2.0, 3.0))
     seen = watched(room(pair, interactions=(Interaction(1, TALKING, 2),), social=social, robot=CORNER, seed=1), 20.0)
     for snapshot in seen:
@@ -187,7 +187,7 @@ def test_who_comes_later_or_is_to_go_takes_up_nothing() -> None:
 
 
 def test_ways_no_longer_lead_round_what_a_group_shared_once_it_has_broken_up() -> None:
-    ring = [Human(k, Pose(math.cos(k), math.sin(k), k + math.pi), group=1) for k in (0.5, 1.5, 2.5, 3.5)]
+    ring = [Human(k, Pose(math.cos(k), math.sin(k), k + math.pi), 0.2, group=1) for k in (0.5, 1.5, 2.5, 3.5)]
     ring = [replace(human, id=k) for k, human in enumerate(ring, 1)]
     scene = replace(room(ring, robot=CORNER), groups=(Group(1, "talking", (1, 2, 3, 4), "circle"),))
     company = Company(scene)

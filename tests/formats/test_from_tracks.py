@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
+from sonata2d.entities import PERSON_RADIUS
 from sonata2d.errors import ConfigError, RecordError, SceneError
 from sonata2d.formats import save_scenario, scenario_from_tracks
 from sonata2d.record import JsonRecorder, check_episode, read_episode
@@ -25,7 +26,7 @@ def rows() -> list[tuple[int, int, float, float, int]]:
     told = []
     for frame in range(30):
         t = STEP * frame
-        told += [(frame, ped, 1.2 * t - 6.0, 0.3 * ped, 5) for ped in (1, 2) if frame < 25]
+        told += [(frame, ped, 1.2 * t - 6.0, 0.2 + 0.2 * ped, 5) for ped in (1, 2) if frame < 25]
         told += [(frame, 3, 4.0 - 0.9 * (t - 4.0), -0.5 + 0.2 * math.sin(t), 0)] if frame >= 10 else []
         told += [(frame, 4, 0.0, 2.5 + 0.05 * (frame % 2), 0)]
     return told
@@ -79,7 +80,8 @@ def test_everyone_simulated_starts_as_recorded_and_wants_to_go_where_they_went(t
     assert person(config, 4).does == "standing"
     assert [person(config, k).group for k in (1, 2, 3)] == [5, 5, None]
     near = [person(config, k).start[1] for k in (1, 2)]
-    assert near == pytest.approx([0.3 - 0.035, 0.6 + 0.035], abs=2e-3)  # bodies would overlap by 10 cm
+    apart = 2 * PERSON_RADIUS - 0.03  # bodies would overlap by 11 cm
+    assert near == pytest.approx([0.5 - apart / 2, 0.5 + apart / 2], abs=2e-3)
     record = run(config, tmp_path)
     assert record.present[-1].sum() < 4 or len(record) < 100
 
@@ -93,7 +95,7 @@ def test_one_is_replayed_among_simulated_ones(tmp_path: Path) -> None:
 def test_who_was_recorded_in_a_wall_starts_beside_it(tmp_path: Path) -> None:
     path = written(tmp_path, [(k, 1, 0.4 * k, 0.05, 0) for k in range(10)], walls="x1,y1,x2,y2\n-3,0,3,0\n")
     config = scenario_from_tracks(path, people="simulated", seconds=3.0)
-    assert config.people[0].start == pytest.approx((0.0, 0.17), abs=1e-3)
+    assert config.people[0].start == pytest.approx((0.0, PERSON_RADIUS - 0.03), abs=1e-3)
     run(config, tmp_path)
 
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sonata2d.entities import PERSON_RADIUS
 from sonata2d.formats.imported import radii_that_fit
 from sonata2d.formats.motion import headings_along, polygon_of, turned_by, velocities
 from sonata2d.record import EpisodeRecord
@@ -60,4 +61,4 @@ def test_radii_that_nobody_told_never_overlap() -> None:
     one, two, far = radii_that_fit(places, np.array([(8.9, 0.0, 8.9, 9.0)]))
     assert one == two == pytest.approx(0.15)
     assert far == pytest.approx(0.12)
-    assert radii_that_fit(places[:1], np.zeros((0, 4))) == [0.2, 0.2, 0.2]
+    assert radii_that_fit(places[:1], np.zeros((0, 4))) == [PERSON_RADIUS] * 3

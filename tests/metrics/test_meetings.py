@@ -14,7 +14,7 @@ from sonata2d.metrics.meetings import times_to_collision
 from ..conftest import room
 from .by_hand import line, record, stay, value
 
-ONE = room([Human(1, Pose(0.0, 0.0))])
+ONE = room([Human(1, Pose(0.0, 0.0), 0.2)])
 
 
 def test_time_to_collision_of_a_robot_that_goes_straight_at_one_who_stands() -> None:
@@ -44,7 +44,7 @@ def test_who_touch_just_so_and_stand_have_met() -> None:
 
 
 def talking(*places: tuple[float, float]) -> tuple[object, list[list[list[float]]]]:
-    people = [Human(k, Pose(*place), group=9) for k, place in enumerate(places, 1)]
+    people = [Human(k, Pose(*place), 0.2, group=9) for k, place in enumerate(places, 1)]
     group = Group(9, "talking", tuple(range(1, len(places) + 1)))
     return room(people, groups=(group,)), [stay(*place, 4) for place in places]
 
@@ -81,14 +81,14 @@ def test_members_further_apart_than_social_distance_are_no_group() -> None:
 
 def test_interactions_count_while_they_last() -> None:
     """Persons 1 and 2 talk at looks 0 and 1 only; the robot stands between them all the time."""
-    scene = room([Human(1, Pose(-1.0, 0.0)), Human(2, Pose(1.0, 0.0))])
+    scene = room([Human(1, Pose(-1.0, 0.0), 0.2), Human(2, Pose(1.0, 0.0), 0.2)])
     told = (scene, stay(0.0, 0.2, 4), [stay(-1.0, 0.0, 4), stay(1.0, 0.0, 4)])
     assert value("interaction_intrusion", *told, ties={0: [[1, TALKING, 2]], 1: [[1, TALKING, 2]]}) == 0.5
     assert value("interaction_intrusion", *told) is None
 
 
 def test_one_interaction_that_is_not_cut_does_not_make_up_for_one_that_is() -> None:
-    scene = room([Human(k, Pose(0.0, 0.0)) for k in (1, 2, 3)])
+    scene = room([Human(k, Pose(0.0, 0.0), 0.2) for k in (1, 2, 3)])
     told = (scene, stay(0.0, 0.0, 1), [stay(-1.0, 0.0, 1), stay(1.0, 0.0, 1), stay(1.0, 3.0, 1)])
     for ties in ([[1, TALKING, 2], [2, TALKING, 3]], [[2, TALKING, 3], [1, TALKING, 2]]):
         assert value("interaction_intrusion", *told, ties={0: ties}) == 1.0
@@ -96,7 +96,7 @@ def test_one_interaction_that_is_not_cut_does_not_make_up_for_one_that_is() -> N
 
 def test_an_interaction_with_a_thing_is_cut_too() -> None:
     laptop = Furniture(7, "laptop", Pose(2.0, 0.0), Disc(0.2), on=6)
-    scene = room([Human(1, Pose(0.0, 0.0))], [laptop])
+    scene = room([Human(1, Pose(0.0, 0.0), 0.2)], [laptop])
     ties = {0: [[1, AT_LAPTOP, 7]]}
     assert value("interaction_intrusion", scene, stay(1.0, 0.29, 1), [stay(0.0, 0.0, 1)], ties=ties) == 1.0
     assert value("interaction_intrusion", scene, stay(1.0, 0.31, 1), [stay(0.0, 0.0, 1)], ties=ties) == 0.0

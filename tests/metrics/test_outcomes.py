@@ -50,7 +50,7 @@ def test_timeout_is_running_out_of_time_before_the_goal() -> None:
 
 
 def test_a_touch_of_many_looks_is_one_collision_and_a_second_touch_another() -> None:
-    person = room([Human(1, Pose(0.0, 3.0))])
+    person = room([Human(1, Pose(0.0, 3.0), 0.2)])
     contacts = {look: [robot_at_fault(1)] for look in (3, 4, 5, 9)}
     told = (person, stay(0, 0, 12), [stay(0, 3, 12)])
     assert value("human_collisions", *told, contacts=contacts) == 2.0
@@ -65,7 +65,7 @@ def test_a_look_without_contact_parts_touches_and_fault_at_any_look_is_fault() -
     """Looks 3 and 4 are one touch, in which the robot pushes on once it was hit; look 6 another, by nobody's fault."""
     hit = {"kind": "human", "id": 1, "robot_at_fault": False, "other_at_fault": True}
     rest = {"kind": "human", "id": 1, "robot_at_fault": False, "other_at_fault": False}
-    told = (room([Human(1, Pose(0.0, 3.0))]), stay(0, 0, 12), [stay(0, 3, 12)])
+    told = (room([Human(1, Pose(0.0, 3.0), 0.2)]), stay(0, 0, 12), [stay(0, 3, 12)])
     contacts = {3: [hit], 4: [robot_at_fault(1)], 6: [rest]}
     assert value("human_collisions", *told, contacts=contacts) == 2.0
     assert value("robot_on_person", *told, contacts=contacts) == 1.0
@@ -90,7 +90,7 @@ def test_who_hit_whom_is_told_by_velocities_where_no_contact_is_recorded(
     robot_moves: bool, person_moves: bool, by_robot: float, by_person: float, by_both: float
 ) -> None:
     """The outlines meet at the last look: centres 0.5 m apart."""
-    scene = room([Human(1, Pose(1.0, 0.0))])
+    scene = room([Human(1, Pose(1.0, 0.0), 0.2)])
     robot = line((-0.4, 0.0), (0.1, 0.0), 5) if robot_moves else stay(0.0, 0.0, 5)
     person = line((0.9, 0.0), (-0.1, 0.0), 5) if person_moves else stay(0.5, 0.0, 5)
     if not robot_moves or not person_moves:
@@ -115,9 +115,12 @@ def test_gaps_alone_tell_of_walls_and_things() -> None:
 
 
 def test_contact_distance_is_the_scenes_own() -> None:
-    scene = room([Human(1, Pose(0.0, 0.0))], rules=Rules(contact_distance=0.2))
+    scene = room([Human(1, Pose(0.0, 0.0), 0.2)], rules=Rules(contact_distance=0.2))
     assert value("human_collisions", scene, stay(-0.65, 0.0, 3), [stay(0.0, 0.0, 3)]) == 1.0
-    assert value("human_collisions", room([Human(1, Pose(0.0, 0.0))]), stay(-0.65, 0.0, 3), [stay(0.0, 0.0, 3)]) == 0.0
+    assert (
+        value("human_collisions", room([Human(1, Pose(0.0, 0.0), 0.2)]), stay(-0.65, 0.0, 3), [stay(0.0, 0.0, 3)])
+        == 0.0
+    )
 
 
 def test_stalled_time_is_that_of_neither_going_nor_turning() -> None:

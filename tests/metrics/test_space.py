@@ -15,7 +15,7 @@ from ..conftest import room
 from .by_hand import stay, value
 
 # Centres 0.4, 0.8, 1.0, 1.5, 4.0, 4.2 m apart: d = 0 (overlap), 0.3, 0.5, 1.0, 3.5, 3.7 m.
-ONE = room([Human(1, Pose(0.0, 0.0))])
+ONE = room([Human(1, Pose(0.0, 0.0), 0.2)])
 AWAY = [[[x, 0.0, 0.0] for x in (0.4, 0.8, 1.0, 1.5, 4.0, 4.2)]]
 STILL = stay(0.0, 0.0, 6)
 
@@ -39,7 +39,7 @@ def test_zones_share_out_all_looks() -> None:
 
 def test_the_nearest_person_counts_and_each_with_their_own_radius() -> None:
     """d = 1.5 - 0.3 - 0.2 = 1.0 and 1.6 - 0.3 - 0.4 = 0.9."""
-    two = room([Human(1, Pose(0.0, 0.0)), Human(2, Pose(0.0, 0.0), radius=0.4)])
+    two = room([Human(1, Pose(0.0, 0.0), 0.2), Human(2, Pose(0.0, 0.0), radius=0.4)])
     told = value("human_clearance_min", two, stay(0, 0, 2), [stay(1.5, 0, 2), stay(0, 1.6, 2)])
     assert told == pytest.approx(0.9)
 

@@ -13,7 +13,7 @@ from sonata2d.metrics import ALL, METRICS, VARIANTS
 from ..conftest import room
 from .by_hand import Places, line, stay, value
 
-ONE = room([Human(1, Pose(0.0, 0.0))])
+ONE = room([Human(1, Pose(0.0, 0.0), 0.2)])
 AWAY = [[[x, 0.0, 0.0] for x in (0.4, 0.8, 1.05, 1.5, 4.0, 4.2)]]  # between centres; our d is 0.5 m less
 STILL = stay(0.0, 0.0, 6)
 JOLT = [[x, 0.0, 0.0] for x in (0.0, 0.0, 0.1, 0.4, 0.7)]  # 0, 0, 1, 3, 3 m/s
@@ -87,7 +87,7 @@ def test_hunavsim_counts_looks_and_goes_by_bearings(facing: float, by_robot: flo
 def test_hunavsim_groups_have_their_middle_ahead_of_their_members() -> None:
     """Two who face each other over 2 m: 1.5 m ahead of each, on average the middle. The robot's rim is 0.4 m off."""
     people: list[Places] = [stay(0.0, -1.0, 2, math.pi / 2), stay(0.0, 1.0, 2, -math.pi / 2)]
-    pair = room([Human(1, Pose(0, 0)), Human(2, Pose(0, 0))], groups=(Group(5, "talking", (1, 2)),))
+    pair = room([Human(1, Pose(0, 0), 0.2), Human(2, Pose(0, 0), 0.2)], groups=(Group(5, "talking", (1, 2)),))
     told = {name: value(f"hunavsim.group_{name}_space_intrusions", pair, stay(-0.7, 0.0, 2), people)
             for name in ("intimate", "personal", "social")}  # fmt: skip
     assert told == {"intimate": 100.0, "personal": 0.0, "social": 0.0}

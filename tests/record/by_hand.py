@@ -45,9 +45,11 @@ def scene(**changes: Any) -> Scene:
             Furniture(12, "plant", Pose(-3.5, 3.5), Disc(0.2)),
         ),
         "humans": (
-            Human(1, Pose(2.0, 2.0, 1.5708)),
-            Human(2, Pose(-2.0, -2.0, 3.1416), desired_speed=1.1, behaviour="wandering", group=5, reacts_to_robot=0.0),
-            Human(3, Pose(-2.0, -2.6, 3.1416), behaviour="wandering", group=5),
+            Human(1, Pose(2.0, 2.0, 1.5708), 0.2),
+            Human(
+                2, Pose(-2.0, -2.0, 3.1416), 0.2, desired_speed=1.1, behaviour="wandering", group=5, reacts_to_robot=0.0
+            ),
+            Human(3, Pose(-2.0, -2.6, 3.1416), 0.2, behaviour="wandering", group=5),
         ),
         "robot": Robot(Pose(-1.0, 0.0, 0.0), limits=Limits(ahead=0.8)),
         "goal": Goal(3.0, 0.0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import runpy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from sonata2d.record.models import Episode
 from .by_hand import run, scene
 
 GOLDEN = Path(__file__).with_name("golden.json")
+PHYSICS_1 = Path(__file__).with_name("physics_1.json")
 GENERATOR = Path(__file__).parents[2] / "docs" / "generate_format.py"
 
 
@@ -34,6 +36,13 @@ def test_the_golden_file_is_still_what_is_written() -> None:
 def test_the_golden_file_reads_and_makes_sense() -> None:
     assert read_episode(GOLDEN).scene() == scene()
     assert check_episode(GOLDEN) == []
+
+
+def test_a_file_of_physics_1_still_reads_and_makes_sense() -> None:
+    """It has none of the keys that were added since."""
+    humans = tuple(replace(human, model="moussaid2009") for human in scene().humans)
+    assert read_episode(PHYSICS_1).scene() == replace(scene(), humans=humans)
+    assert check_episode(PHYSICS_1) == []
 
 
 def test_published_pages_are_those_of_the_models() -> None:

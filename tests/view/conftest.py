@@ -27,7 +27,7 @@ def _scene() -> Scene:
         Furniture(9, "table", Pose(5.5, 2.0), Disc(0.3)),
     )
     humans = tuple(
-        Human(20 + k, Pose(1.2 + 0.7 * k, 1.6, 0.4 * k), behaviour="standing" if k % 2 else "wandering",
+        Human(20 + k, Pose(1.2 + 0.7 * k, 1.6, 0.4 * k), 0.2, behaviour="standing" if k % 2 else "wandering",
               reacts_to_robot=0.0 if k == 1 else 1.0)
         for k in range(6)
     )  # fmt: skip

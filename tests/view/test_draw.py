@@ -93,7 +93,7 @@ def test_the_robots_arrow_points_ahead(scene, camera):
 
 def test_a_mirrored_scene_gives_the_mirrored_picture(scene):
     room = replace(scene, polygon=((-2, -2), (2, -2), (2, 2), (-2, 2)), walls=(), furniture=(), interactions=())
-    humans = tuple(Human(k, Pose(-1.2 + k, 0.7 * k - 0.5, 0.6 * k)) for k in range(3))
+    humans = tuple(Human(k, Pose(-1.2 + k, 0.7 * k - 0.5, 0.6 * k), 0.2) for k in range(3))
     mirrored = tuple(replace(h, pose=Pose(h.pose.x, -h.pose.y, -h.pose.theta)) for h in humans)
     one = snapshot_of(replace(room, humans=humans, robot=replace(room.robot, pose=Pose(-1, 1, 0.5))))
     two = snapshot_of(replace(room, humans=mirrored, robot=replace(room.robot, pose=Pose(-1, -1, -0.5))))
@@ -114,7 +114,7 @@ def test_a_person_looks_as_large_as_their_radius(scene, camera, radius):
 
 
 def test_who_ignores_the_robot_looks_different(scene, camera):
-    person = Human(5, Pose(2.0, 3.4))
+    person = Human(5, Pose(2.0, 3.4), 0.2)
     alike = [
         pixels(picture(snapshot_of(replace(scene, interactions=(), humans=(h,))), camera=camera, layers=BARE))
         for h in (person, replace(person, reacts_to_robot=0.5), replace(person, reacts_to_robot=0.0))

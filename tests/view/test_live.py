@@ -137,7 +137,7 @@ def test_an_unknown_thing_bears_its_name(scene, shape):
 
 
 def test_nobody_looks_through_a_wall(scene):
-    human = Human(5, Pose(3.0 - 0.3, 4.0, 0.0))
+    human = Human(5, Pose(3.0 - 0.3, 4.0, 0.0), 0.2)
     snapshot = snapshot_of(replace(scene, humans=(human,), interactions=(), furniture=()))
     for surface, camera in (
         drawn(snapshot, view="top", layers=replace(BARE, gaze=True)),
@@ -148,7 +148,7 @@ def test_nobody_looks_through_a_wall(scene):
 
 
 def test_shared_space_lies_between_a_person_and_what_they_look_at(scene):
-    humans = (Human(5, Pose(1.0, 1.5)),)
+    humans = (Human(5, Pose(1.0, 1.5), 0.2),)
     things = (Furniture(2, "plant", Pose(2.6, 1.5), Disc(0.2)),)
     alone = replace(scene, humans=humans, furniture=things, interactions=())
     joined = replace(alone, interactions=(Interaction(5, AT_OBJECT, 2),))

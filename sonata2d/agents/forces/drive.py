@@ -10,6 +10,7 @@ from ...exact import Array
 
 BRISK = 1.0  # m/s, from which the starting time counts for nothing
 HELD = 0.8
+HARDEST = 4.0  # m/s2, at which people start or brake
 
 
 def desired_acceleration(velocity: Array, direction: Array, desired_speed: Array, *, relaxation_time: float) -> Array:
@@ -73,7 +74,8 @@ def paced_acceleration(velocity: Array, direction: Array, speed: Array, desired_
     held = np.minimum(np.maximum(lost / (1.0 - HELD), 0.0), 1.0)
     tau = gait.relaxation_time + (gait.following_time - gait.relaxation_time) * held
     tau = gait.starting_time + (tau - gait.starting_time) * np.minimum(np.maximum(ahead / BRISK, 0.0), 1.0)
-    return (direction * speed[:, None] - along) / tau[:, None] - (velocity - along) / gait.turning_time
+    wanted = np.minimum(np.maximum((speed - ahead) / tau, -HARDEST), HARDEST)
+    return direction * wanted[:, None] - (velocity - along) / gait.turning_time
 
 
 def standing_acceleration(position: Array, velocity: Array, home: Array, *, rate: float = 2.0) -> Array:

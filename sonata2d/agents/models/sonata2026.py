@@ -22,31 +22,31 @@ from .walkers import Walkers
 class Sonata2026:
     """Its parameters, as `benchmarks/calibrate.py` found them."""
 
-    relaxation_time: float = 0.62  # s
-    following_time: float = 1.6  # s
-    starting_time: float = 0.2  # s
-    turning_time: float = 0.35  # s
-    breadth: float = 0.31  # m
-    standstill: float = -0.1  # m
-    headway: float = 0.88  # s
+    relaxation_time: float = 0.61  # s
+    following_time: float = 2.0  # s
+    starting_time: float = 0.16  # s
+    turning_time: float = 0.36  # s
+    breadth: float = 0.3  # m
+    standstill: float = -0.13  # m
+    headway: float = 0.95  # s
     decision: float = 0.08  # m/s
     habit: float = 0.5  # m/s
-    outlook: float = 1.0  # s
+    outlook: float = 1.18  # s
     queueing: float = 1.0
     bias: float = 0.08  # m/s
-    foresight: float = 0.8  # m/s2
-    foresight_reach: float = 0.55  # m
-    horizon: float = 1.0  # s
-    side: float = 0.05  # m
+    foresight: float = 1.01  # m/s2
+    foresight_reach: float = 0.47  # m
+    horizon: float = 0.9  # s
+    side: float = 0.1  # m
     nearness: float = 0.45  # m/s2
-    nearness_reach: float = 0.2  # m
-    anisotropy: float = 0.5
+    nearness_reach: float = 0.22  # m
+    anisotropy: float = 0.47
     wall_strength: float = 0.2  # m/s2
     wall_reach: float = 0.05  # m
     abreast: float = 0.25  # 1/s2
     cohesion: float = 0.4  # 1/s2
     spacing: float = 0.85  # m
-    among_group: float = 0.4  # how much members mind each other who have goals of their own
+    among_group: float = 0.42  # how much members mind each other who have goals of their own
 
 
 class Sonata2026Model:
