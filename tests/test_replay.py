@@ -16,6 +16,7 @@ from sonata2d.record import read_episode
 from sonata2d.replay import branch, check_replay, check_rerun
 from sonata2d.scene import Rules, Scene
 from sonata2d.topics import DeviceEvent
+from sonata2d.version import PHYSICS_VERSION
 
 
 class Labels(s2.StraightToGoal):

@@ -13,6 +13,7 @@ import pytest
 from sonata2d import Episode, JsonRecorder, SocialPlanner, StraightToGoal, generate, load_scenario
 from sonata2d.agents import Controller
 from sonata2d.encounters import Course, Encounter, doorways, encounter
+from sonata2d.entities import PERSON_RADIUS
 from sonata2d.errors import ConfigError
 from sonata2d.frame import Snapshot
 from sonata2d.record import read_episode
@@ -126,7 +127,7 @@ def test_who_meets_whom_where_and_when_is_told() -> None:
     gaps = [math.dist(s.robot.position, s.humans.position[0]) for s in there]
     assert meeting.person == 1
     assert min(gaps) == pytest.approx(gaps[nearest])
-    assert meeting.gap == pytest.approx(gaps[nearest] - 0.5)
+    assert meeting.gap == pytest.approx(gaps[nearest] - 0.3 - PERSON_RADIUS)
     assert 2.0 < meeting.sight < 4.0
 
 
