@@ -27,6 +27,7 @@ NEAREST_GOAL = 2.0  # m, closer places are not worth a walk
 LOOK_EVERY = 5  # ticks between looks whether the way is still open
 PATIENCE = 30  # ticks in which a walker wants to have got on, else it goes elsewhere
 PROGRESS = 0.4  # m
+ELBOW_ROOM = 0.4  # m, half of what each of a group takes up where it goes
 ROOM_AHEAD = 1.5  # m, that a follower wants to be free to walk beside the leader
 _ATTEMPTS = 30
 
@@ -189,10 +190,14 @@ class Wanderers:
             return
         x0, y0, x1, y1 = self._box
         chance = self._chance[k]
-        for _ in range(_ATTEMPTS):
+        wide = ELBOW_ROOM * sum(leader == k for leader in self.leader.values())
+        for attempt in range(_ATTEMPTS):
             goal = (chance.uniform(x0, x1), chance.uniform(y0, y1))
-            if _within(place, goal, NEAREST_GOAL) or not self._space.is_free(np.array([goal]))[0]:
+            there = np.array([goal])
+            if _within(place, goal, NEAREST_GOAL) or not self._space.is_free(there)[0]:
                 continue
+            if wide > ELBOW_ROOM and attempt < _ATTEMPTS // 2 and self._scene.barriers.gaps(there).min() < wide:
+                continue  # a group looks for a place with room for all
             way = self._space.path(place, goal)
             if way is not None:
                 self._ways[k], self._next[k] = way, min(1, len(way) - 1)

@@ -90,13 +90,35 @@ def given_people(people: tuple[GivenPersonConfig, ...], usual: PersonConfig, dt:
         if human.group is not None:
             members.setdefault(human.group, []).append(human.id)
     groups = {number: ids for number, ids in members.items() if len(ids) > 1}
+    humans = [_in_company(human, person, humans) for human, person in zip(humans, people, strict=True)]
     stands = {human.group for human in humans if human.behaviour == "standing"}
     pairs = ((number, pair) for number, ids in groups.items() for pair in combinations(ids, 2))
     return Given(
         tuple(human if human.group in groups else replace(human, group=None) for human in humans),
-        tuple(Group(n, "talking" if n in stands else "walking", tuple(ids)) for n, ids in sorted(groups.items())),
+        tuple(_group(number, ids, number in stands) for number, ids in sorted(groups.items())),
         tuple(Interaction(a, TALKING if n in stands else WALKING_TOGETHER, b) for n, (a, b) in pairs),
     )
+
+
+def _group(number: int, ids: list[int], stands: bool) -> Group:
+    if not stands:
+        return Group(number, "walking", tuple(ids))
+    return Group(number, "talking", tuple(ids), "circle" if len(ids) > 2 else None)
+
+
+def _in_company(human: Human, given: GivenPersonConfig, humans: list[Human]) -> Human:
+    """Who walks in a group goes at its slowest's pace, and who talks in one faces its middle, unless told otherwise."""
+    members = [other for other in humans if human.group is not None and other.group == human.group]
+    if len(members) < 2:
+        return human
+    if human.behaviour != "standing":
+        slowest = min(other.desired_speed for other in members)
+        return human if given.desired_speed else replace(human, desired_speed=slowest)
+    if given.theta is not None:
+        return human
+    x, y = (np.add.reduce(np.array([m.pose.position for m in members]), axis=0) / len(members)).tolist()
+    theta = angle_of(y - human.pose.y, x - human.pose.x)
+    return replace(human, pose=Pose(human.pose.x, human.pose.y, canonical_angle(theta)))
 
 
 def _human(given: GivenPersonConfig, id: int, usual: PersonConfig, dt: float, chance: Chance) -> Human:

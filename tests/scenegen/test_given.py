@@ -69,7 +69,9 @@ def test_people_of_one_number_are_a_group(behaviour: str, kind: str, relation: s
     people = [{"x": k, "y": 0, "behaviour": behaviour, "group": 4} for k in range(3)]
     scene = generate(ScenarioConfig(**HALL, people=[*people, {"x": 0, "y": 2}]), 1)
     (group,) = scene.groups
-    assert (group.kind, len(group.members), group.formation) == (kind, 3, None)
+    formation = "circle" if kind == "talking" else None
+    assert (group.kind, len(group.members), group.formation) == (kind, 3, formation)
+    assert len({human.desired_speed for human in scene.humans if human.group and kind == "walking"}) <= 1
     assert [tie.relation for tie in scene.interactions] == [relation] * 3
     assert sum(human.group is None for human in scene.humans) == 1
 
