@@ -1,6 +1,6 @@
 """Frames per CPU second, all in, beside the bare engine step of the same world in the same run.
 
-    python benchmarks/throughput.py [--people 5 10 20 50 100] [--repeats 5] [--json]
+    python benchmarks/throughput.py [--people 5 10 20 50 100] [--model sonata2026 ...] [--repeats 5] [--json]
 
 Episodes of 200 frames in a room of 8 walls and 8 pieces of furniture, 4 m2 or more a person: scene, snapshot,
 controller, crowd, physics, recording and the JSON file on disk are all counted. "engine" is the sum, over the steps
@@ -26,7 +26,7 @@ import sonata2d as s2
 FRAMES = 200
 
 
-def scenario(people: int) -> s2.ScenarioConfig:
+def scenario(people: int, model: str) -> s2.ScenarioConfig:
     """An L-shaped room with two inner walls that grows with the number of people."""
     a = math.sqrt(max(4.0 * people, 60.0) / 3.0)
     polygon = [[-a, -a], [a, -a], [a, 0], [0, 0], [0, a], [-a, a]]
@@ -34,6 +34,7 @@ def scenario(people: int) -> s2.ScenarioConfig:
         name="throughput",
         room={"polygon": polygon, "walls": [[-a, 0, -a + 1, 0], [0, -a, 0, -a + 1]]},
         standing=0, wandering=people, tables=4, plants=4, relations=0, laptops_on_tables=False,
+        person={"model": model},
         rules={"time_limit": FRAMES / 10, "ends_on": ["time"]},
     )  # fmt: skip
 
@@ -70,9 +71,9 @@ def calls_of(owner: Any, name: str, work: Callable[[], Any]) -> list[float]:
     return seconds
 
 
-def measure(people: int, repeats: int, folder: Path) -> dict[str, float]:
+def measure(people: int, model: str, repeats: int, folder: Path) -> dict[str, float | str]:
     """One row of the table, microseconds a frame."""
-    config, path = scenario(people), folder / "episode.json"
+    config, path = scenario(people, model), folder / "episode.json"
     run(config, s2.StraightToGoal(), path)
     total, steps = [], []
     for _ in range(repeats):
@@ -83,6 +84,7 @@ def measure(people: int, repeats: int, folder: Path) -> dict[str, float]:
     frame = statistics.median(total) / FRAMES
     return {
         "people": people,
+        "model": model,
         "frames per CPU second": round(1 / frame),
         "frame (us)": round(frame * 1e6, 1),
         "engine (us)": round(engine / FRAMES * 1e6, 1),
@@ -95,11 +97,16 @@ def measure(people: int, repeats: int, folder: Path) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--people", type=int, nargs="+", default=[5, 10, 20, 50, 100])
+    parser.add_argument("--model", nargs="+", default=["sonata2026"])
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        rows = [measure(people, arguments.repeats, Path(folder)) for people in arguments.people]
+        rows = [
+            measure(people, model, arguments.repeats, Path(folder))
+            for people in arguments.people
+            for model in arguments.model
+        ]
     if arguments.json:
         print(json.dumps(rows, indent=2))
         return
