@@ -180,11 +180,17 @@ def check_scenario(
 
     Ends with 1 if it does not take place in every episode. docs/scenarios.md tells the situations.
     """  # fmt: skip
+    from sonata2d.errors import ConfigError
     from sonata2d.plugins import eye_of, load_controller
     from sonata2d.scenegen import load_scenario
-    from sonata2d.situations import named, rehearse
+    from sonata2d.situations import SITUATIONS, named, rehearse
 
     config = load_scenario(scenario)
+    if situation is None and config.name not in SITUATIONS:
+        raise ConfigError(
+            f"no situation is named {config.name!r}; say which it is with --situation NAME; "
+            f"situations are {', '.join(SITUATIONS)}"
+        )
     wanted, driver = named(situation or config.name), load_controller(controller)
     verdicts = []
     with progress(episodes, "episodes") as advance:

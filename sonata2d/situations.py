@@ -18,6 +18,7 @@ from .proxemics import SOCIAL_DISTANCE
 from .record import EpisodeRecord
 from .scene import Scene
 from .scenegen import ScenarioConfig, generate
+from .scenegen.settings import did_you_mean
 
 MET = 2.0  # m, between outlines: nearer is a meeting
 SUDDEN = 5.0  # m, between centres: who comes in sight at less was hidden by a corner
@@ -49,7 +50,8 @@ def named(situation: str) -> str:
         ConfigError: there is none.
     """
     if situation not in SITUATIONS:
-        raise ConfigError(f"no situation is named {situation!r}; situations are {', '.join(SITUATIONS)}")
+        hint = did_you_mean(situation, SITUATIONS)
+        raise ConfigError(f"no situation is named {situation!r}; situations are {', '.join(SITUATIONS)}{hint}")
     return situation
 
 

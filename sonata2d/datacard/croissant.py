@@ -12,7 +12,7 @@ from ..record.dataset import CROISSANT, MANIFEST, METRICS, SCENARIO
 from ..record.files import suffix_of
 from ..record.layout import Tree
 
-LICENCE = "https://creativecommons.org/licenses/by/4.0/"
+LICENCES = {"cc-by-4.0": "https://creativecommons.org/licenses/by/4.0/"}
 _CONTEXT = {
     "@language": "en",
     "@vocab": "https://schema.org/",
@@ -49,13 +49,14 @@ _FIELDS = (  # of the manifest's list of files
 )
 
 
-def croissant(manifest: Tree, sha256: str, *, title: str, description: str) -> dict[str, Any]:
+def croissant(manifest: Tree, sha256: str, *, title: str, description: str, licence: str) -> dict[str, Any]:
     """Croissant metadata: the manifest as a file, the episodes as a set of files, and a record for each episode.
 
     Args:
         manifest: of the data set.
         sha256: of the manifest's file.
         title, description: of the data set.
+        licence: as Hugging Face names it.
     """
     suffixes = sorted({suffix_of(Path(file["name"])) for file in manifest["files"]}) or [".json"]
     manifest_file = {"@id": "manifest.json"}
@@ -65,7 +66,7 @@ def croissant(manifest: Tree, sha256: str, *, title: str, description: str) -> d
         "name": title,
         "description": description,
         "conformsTo": "http://mlcommons.org/croissant/1.0",
-        "license": LICENCE,
+        "license": LICENCES.get(licence, licence),
         "keywords": ["social navigation", "robotics", "pedestrians", "simulation", "sonata2d"],
         "distribution": [
             {

@@ -11,10 +11,11 @@ import numpy as np
 
 from ..errors import ConfigError, RecordError
 from ..exact import Array
-from ..geometry import Point
+from ..geometry import Barriers, Point
 from ..record import write_atomically
 from ..record.layout import Tree
 from ..scenegen import ScenarioConfig, generate
+from ..scenegen.people import ways_of
 from ..scenegen.sections import GoalConfig
 from . import csv_tracks, trajnet
 from .form import Options, parsing
@@ -25,6 +26,8 @@ from .walkers import Track, replayed, simulated, tracks_of
 
 MARGIN = 1.5  # m, of the room round tracks and walls: people come in and leave this far from its edges
 SUFFIXES = (".yaml", ".yml", ".json")
+ON_WAYS = 1.0  # m, of a drawn start or goal from somebody's way: not behind walls where nobody goes
+FAR = 10.0  # m, of a given start or goal from all tracks and walls: a slip, or other units
 _NOBODY: Tree = {"standing": 0, "wandering": 0, "tables": 0, "plants": 0, "relations": 0}
 _TIDY = 3  # digits, m, of the room's corners
 
@@ -55,15 +58,16 @@ def scenario_from_tracks(
         start: s from the first frame, from which on people are taken; the nearest frame.
         seconds: how long, s; also the time limit of episodes.
         walls: a file of x1, y1, x2, y2; unless given, NAME.obstacles.csv beside NAME.csv, if there is one.
-        robot: its start x, y, theta; unless given, drawn for each episode.
-        goal: x, y of its goal; unless given, drawn.
+        robot: its start x, y, theta; unless given, drawn for each episode, within 1 m of somebody's way.
+        goal: x, y of its goal; unless given, drawn likewise.
         frame_time: s that a frame number stands for, in files that do not say it.
         speed: m/s, desired by those whose tracks are too short to show it; unless given, the file NAME.json beside it
             may tell that of everybody, else it is drawn.
 
     Raises:
         RecordError: a file is damaged, or people in it are lost, jump, or are two in one.
-        ConfigError: nobody is there in that time, or nobody has a number of `replay`.
+        ConfigError: nobody is there in that time, nobody has a number of `replay`, or the robot's start or goal is
+            more than 10 m from all tracks and walls.
         SceneError: the robot would start on somebody, or there is no way from its start to its goal.
     """
     path = Path(path)
@@ -87,7 +91,7 @@ def scenario_from_tracks(
             "name": f"{path.name.split('.')[0]}-{how}",
             "description": f"people of {path.name}, {begin:g} to {begin + seconds:g} s, {how}",
             "room": {"polygon": _room(rows, edges, robot, goal), "walls": edges.tolist()},
-            "robot": {} if robot is None else {"pose": robot},
+            "robot": ({} if robot is None else {"pose": robot}) | ({} if robot and goal else {"on_ways": ON_WAYS}),
             "goal": {"min_distance": _far(rows)} if goal is None else {"position": goal},
             "rules": {"time_limit": seconds},
             "people": rows,
@@ -116,8 +120,25 @@ def _scenario(told: Tree, path: Path) -> ScenarioConfig:
         config = ScenarioConfig(**_NOBODY).changed(**told)
     except ConfigError as error:
         raise ConfigError(f"{path} makes no scenario: {error}") from None
+    _refuse_far(config, path)
     generate(config, seed=0)  # what cannot be laid out is told now
     return config
+
+
+def _refuse_far(config: ScenarioConfig, path: Path) -> None:
+    """A given start and a given goal must be near tracks or walls."""
+    walls = Barriers.of(((x, y), (u, v), 0.0) for x, y, u, v in config.room.walls)
+    near = ways_of(config.people).joined(walls)
+    for what, place in (("start", config.robot.pose), ("goal", config.goal.position)):
+        if place is None:
+            continue
+        x, y, *_ = place
+        gap = float(near.gaps(np.array([(x, y)], dtype=float)).min())
+        if gap > FAR:
+            raise ConfigError(
+                f"{path}: the robot's {what} ({x:g}, {y:g}) is {gap:.1f} m from all tracks and walls; "
+                f"give one within {FAR:g} m"
+            )
 
 
 def _people(path: Path, frame_time: float | None) -> tuple[list[Track], float, float | None]:

@@ -12,21 +12,20 @@ _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000
 _CARD = """\
 ---
 pretty_name: {quoted}
-license: cc-by-4.0
+license: {licence}
 task_categories:
 - robotics
 tags:
 - social-navigation
 - pedestrians
 - simulation
-- synthetic
-- sonata2d
+{synthetic}- sonata2d
 size_categories:
 - {size}
 ---
 # {title}
 
-{made}
+{made}{recorded}
 ## Contents
 | outcome | episodes |
 | --- | ---: |
@@ -45,7 +44,7 @@ body-frame twists: ahead, left, counter-clockwise. Each file names the columns o
 rounded to {precision}.
 
 ## Known limits
-The people are simulated: social forces, discs for bodies, no gestures, faces or intentions beyond what the file says.
+{who} simulated: social forces, discs for bodies, no gestures, faces or intentions beyond what the file says.
 Use it to train and to compare; do not take it as evidence of how people feel about a robot.
 """
 
@@ -62,7 +61,7 @@ version ({physics}) give the same bytes: `sonata2d check` with `--replay` proves
 """
 
 _COLLECTED = """\
-{count} runs of a robot among simulated people, driven by {people} in the window of sonata2d {sonata2d}, and kept by
+{count} runs of a robot among {others}, driven by {people} in the window of sonata2d {sonata2d}, and kept by
 whoever drove.
 
 ## Made by
@@ -77,6 +76,12 @@ and what they did to the devices, so that `sonata2d check` with `--replay` prove
 _MIRRORED = """
 Every episode here is the mirror image, left for right, of one of these: the commands above give the originals.
 `sonata2d mirror` gives them too, from these files, to the byte.
+"""
+
+_RECORDED = """
+## Recorded people
+{count} of the {given} people that the {scenario} are recorded: they are carried along their tracks and heed nobody. The
+recording's own terms apply to them, and so to these files.
 """
 
 _MERGED = """\
@@ -100,9 +105,35 @@ def title_of(manifest: Tree) -> str:
     return f"{title}, mirrored" if manifest.get("mirrored") else title
 
 
-def card(manifest: Tree) -> str:
-    """The card of a data set, from its manifest alone."""
+def recorded_people(manifest: Tree) -> tuple[int, int]:
+    """How many people the scenarios of a data set carry along a track, and how many they list in all."""
+    told = manifest.get("sources") or [manifest]
+    people = [person for one in told for person in (one["settings"] or {}).get("people", ())]
+    return sum(bool(person.get("track")) for person in people), len(people)
+
+
+def licence_of(manifest: Tree) -> str:
+    """As Hugging Face names it, unless somebody chose one; recorded people come with terms of their own."""
+    return "other" if recorded_people(manifest)[0] else "cc-by-4.0"
+
+
+def others_of(manifest: Tree) -> str:
+    """Who the robot is among."""
+    recorded, given = recorded_people(manifest)
+    if not recorded:
+        return "simulated people"
+    return "recorded people" if recorded == given else "recorded and simulated people"
+
+
+def card(manifest: Tree, licence: str | None = None) -> str:
+    """The card of a data set, from its manifest alone.
+
+    Args:
+        manifest: of the data set.
+        licence: as Hugging Face names it; unless given, CC BY 4.0, or `other` where people are recorded.
+    """
     counts, files, title = manifest["counts"], manifest["files"], title_of(manifest)
+    recorded = recorded_people(manifest)[0]
     made = _COLLECTED if manifest.get("collected") else _GENERATED
     if manifest.get("sources"):
         made = _MERGED
@@ -116,6 +147,7 @@ def card(manifest: Tree) -> str:
         "sonata2d": manifest["software"]["sonata2d"],
         "controller": (manifest["controller"] or {}).get("path"),
         "physics": manifest["physics"],
+        "others": others_of(manifest),
         "people": _people(len(counts.get("contributor") or ())),
         "sources": len(manifest.get("sources") or ()),
         "table": _sources(manifest.get("sources") or ()),
@@ -125,11 +157,22 @@ def card(manifest: Tree) -> str:
         quoted=json.dumps(title, ensure_ascii=False),
         size=next((name for most, name in _SIZES if len(files) < most), "n>1M"),
         made=made.format(**told),
+        licence=licence or licence_of(manifest),
+        synthetic="" if recorded else "- synthetic\n",
+        recorded=_recorded(manifest),
+        who="Who is not recorded is" if recorded else "The people are",
         precision=manifest["precision"],
         outcomes=_lines(counts["outcome"]),
         families=_lines(counts["family"]),
         frames=sum(file["ticks"] for file in files),
     )
+
+
+def _recorded(manifest: Tree) -> str:
+    """The section on recorded people, if there are any."""
+    count, given = recorded_people(manifest)
+    scenario = "scenarios list" if manifest.get("sources") else "scenario lists"
+    return _RECORDED.format(count=count, given=given, scenario=scenario) if count else ""
 
 
 def _sources(sources: Iterable[Tree]) -> str:

@@ -127,7 +127,8 @@ def _human(given: GivenPersonConfig, id: int, usual: PersonConfig, dt: float, ch
     drawn_radius, ignores = usual.radius.draw(chance), chance.uniform() < usual.ignores_robot
     reacts = given.reacts_to_robot
     if reacts is None:
-        reacts = float(given.reaction != "ignores" if given.reaction else not ignores)
+        heeds = given.does != "recorded" and not ignores  # nothing holds up who is recorded
+        reacts = float(given.reaction != "ignores" if given.reaction else heeds)
     enters = int(given.enters / dt + 1.0 - _TOLERANCE)
     human = Human(
         id=id,

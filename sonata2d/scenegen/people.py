@@ -9,7 +9,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_
 from pydantic_core import PydanticCustomError
 
 from ..entities import Behaviour, Reaction
-from ..geometry import Point
+from ..geometry import Barriers, Point
 from .settings import Jitter, Range, Settings, Share
 from .track import Sighting
 
@@ -115,6 +115,17 @@ class GivenPersonConfig(Settings):
         assert self.x is not None
         assert self.y is not None
         return self.x, self.y
+
+    @property
+    def way(self) -> tuple[Point, ...]:
+        """m, their track, or their start and their goals."""
+        return tuple((x, y) for _, x, y in self.track) if self.track else (self.start, *self.goals)
+
+
+def ways_of(people: tuple[GivenPersonConfig, ...]) -> Barriers:
+    """The ways of people as thin segments; a point for who goes nowhere."""
+    legs = (leg for person in people for leg in pairwise((person.start, *person.way)))  # from start to start first
+    return Barriers.of((a, b, 0.0) for a, b in legs)
 
 
 def refuse_twins(people: tuple[GivenPersonConfig, ...]) -> None:

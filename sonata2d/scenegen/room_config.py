@@ -12,6 +12,7 @@ from ..geometry import Barriers, Point, segments_cross
 from .settings import IntRange, Range, Settings, weighed
 
 RoomKind = Literal["square", "rectangle", "l", "t", "u", "corridor", "doorway", "crossing", "hall"]
+NARROWEST = 0.7  # m, of a doorway: a robot of the usual size, with what its ways keep off walls
 WallEnds = tuple[float, float, float, float]  # x1, y1, x2, y2, m
 
 
@@ -30,7 +31,7 @@ class RoomConfig(Settings):
             included, and how wide bar, stem and arms are.
         corridor_length, corridor_width: of the corridor, and of each of the two that cross.
         chamber: the sides of the two rooms that a doorway joins; each has a length of its own.
-        door: width of the doorway; `door_offset`: of its middle from the middle of the wall.
+        door: width of the doorway, 0.7 m or more; `door_offset`: of its middle from the middle of the wall.
         hall: both sides of the hall.
         turns: quarters of a circle by which a plan other than square, rectangle and hall is turned.
         polygon: corners of a given room, in order, without edges that cross; takes the place of the kinds.
@@ -77,6 +78,13 @@ class RoomConfig(Settings):
         if not size.min > 0.0:
             raise PydanticCustomError("size", "a room's size must be above 0")
         return size
+
+    @field_validator("door", mode="after")
+    @classmethod
+    def _be_passable(cls, door: Range) -> Range:
+        if not door.min >= NARROWEST:
+            raise PydanticCustomError("door", "a door must be {least} m wide or more", {"least": NARROWEST})
+        return door
 
     @field_validator("polygon", mode="after")
     @classmethod

@@ -140,6 +140,8 @@ class RobotConfig(Settings):
         clearance: of a drawn start from everything, m.
         pose: x, y, theta of the start, if it is not to be drawn.
         jitter: how far from that pose a scene may move it, in x, y and theta, either way; m, rad.
+        on_ways: m: a drawn start and a drawn goal lie no farther than this from a way of `people`: their track, or the
+            line from their start through their goals. Unless given, anywhere.
     """
 
     kinematics: Kinematics = "holonomic"
@@ -148,6 +150,7 @@ class RobotConfig(Settings):
     clearance: PositiveFloat = 0.2
     pose: tuple[float, float, float] | None = None
     jitter: Jitter = (0.0, 0.0, 0.0)
+    on_ways: PositiveFloat | None = None
 
 
 class GoalConfig(Settings):

@@ -89,7 +89,10 @@ def test_a_situation_is_checked_and_a_wrong_one_is_found(sonata2d: Run) -> None:
     assert "overtaking took place in 2 of 2 episodes of overtaking" in right
     told = sonata2d("scenarios check overtaking --situation blind-corner --episodes 1 --json", code=1).output
     assert json.loads(told)["took_place"] == 0
-    assert "no situation is named 'quick'" in sonata2d("scenarios check quick.yaml --episodes 1", code=1).output
+    unnamed = sonata2d("scenarios check quick.yaml --episodes 1", code=1).output
+    assert "no situation is named 'quick'; say which it is with --situation NAME" in unnamed
+    misnamed = sonata2d("scenarios check quick.yaml --situation overtakin", code=1).output
+    assert "did you mean 'overtaking'?" in misnamed
 
 
 def test_scenarios_can_be_listed_shown_drawn_and_used_again(sonata2d: Run, here: Path) -> None:

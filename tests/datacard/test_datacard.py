@@ -79,6 +79,23 @@ def test_metadata_names_the_manifest_by_its_hash(made: Path) -> None:
     assert set(fields) <= set(listed)
 
 
+def test_recorded_people_leave_the_licence_to_whoever_knows_it(tmp_path: Path) -> None:
+    person = {"track": [[0.0, 0.0, 1.0], [2.0, 2.0, 1.0]]}
+    config = ScenarioConfig(humans=0, relations=0, tables=0, people=[person], rules={"time_limit": 1.0})
+    generate_dataset(tmp_path / "set", config, "straight-to-goal", episodes=1, seed=2)
+
+    def told(*options: str) -> tuple[str, str]:
+        done = CliRunner().invoke(main, ["card", str(tmp_path / "set"), "--no-figures", *options])
+        assert done.exit_code == 0, done.output
+        tree = json.loads((tmp_path / "set" / "croissant.json").read_text())
+        return tree["license"], tree["description"]
+
+    assert told() == ("other", "1 episodes of a robot among recorded people, made with sonata2d.")
+    assert told("--licence", "cc-by-4.0")[0] == "https://creativecommons.org/licenses/by/4.0/"
+    assert "license: cc-by-4.0" in (tmp_path / "set" / "README.md").read_text()
+    assert CliRunner().invoke(main, ["card", str(tmp_path / "set"), "--licence", "My terms"]).exit_code == 1
+
+
 def test_the_same_data_give_the_same_card(made: Path) -> None:
     write_card(made)
     first = {name: (made / name).read_bytes() for name in ("README.md", "croissant.json", "card.png")}

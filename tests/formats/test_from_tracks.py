@@ -187,6 +187,18 @@ def test_a_robot_that_finds_no_place_is_told_at_once(tmp_path: Path) -> None:
         scenario_from_tracks(written(tmp_path), robot=(0.1, 2.4, 0.0))
 
 
+def test_a_drawn_start_or_goal_lies_on_somebodys_way(tmp_path: Path) -> None:
+    assert scenario_from_tracks(written(tmp_path)).robot.on_ways == 1.0
+    assert scenario_from_tracks(written(tmp_path), robot=(3, 3, 0)).robot.on_ways == 1.0
+    assert scenario_from_tracks(written(tmp_path), robot=(3, 3, 0), goal=(-5, 3)).robot.on_ways is None
+
+
+@pytest.mark.parametrize("far", [{"robot": (100.0, 2.0, 0.0)}, {"goal": (100.0, 2.0)}])
+def test_a_robot_far_from_everybody_is_refused(tmp_path: Path, far: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match=r"\(100, 2\) is \d+\.\d m from all tracks and walls; give one within 10 m"):
+        scenario_from_tracks(written(tmp_path), **far)
+
+
 @pytest.mark.parametrize("walls", ["x1,y1,x2\n1,2,3\n", "x1,y1,x2,y2\n1,2,3,oh\n", "x1,y1,x2,y2\n1,2,3\n", ""])
 def test_bad_walls_get_one_clear_line(tmp_path: Path, walls: str) -> None:
     (tmp_path / "walls.csv").write_text(walls)

@@ -12,6 +12,7 @@ import yaml
 
 from sonata2d.errors import RecordError
 from sonata2d.record import EpisodeRecorder, dataset, read_bytes
+from sonata2d.record.card import card
 from sonata2d.record.dataset import Entry, Plan
 
 from .by_hand import AUTHOR, run, scene
@@ -130,6 +131,23 @@ def test_the_card_has_front_matter_and_tells_how_it_was_made(tmp_path: Path) -> 
     assert "social-navigation" in told["tags"]
     assert "sonata2d generate" in body
     assert "| stopped | 3 |" in body
+
+
+def test_the_card_tells_who_is_recorded_and_leaves_the_licence_open(tmp_path: Path) -> None:
+    people = [{"track": [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]}, {"x": 1.0, "y": 2.0, "track": None}]
+    made(tmp_path, plan())
+    manifest = dataset.read_manifest(tmp_path) | {"settings": {"people": people}}
+    _, front, body = card(manifest).split("---\n", 2)
+    told = yaml.safe_load(front)
+    assert told["license"] == "other"
+    assert "synthetic" not in told["tags"]
+    assert "1 of the 2 people that the scenario lists are recorded" in body
+    assert "The people are simulated" not in body
+    simulated = card(manifest | {"settings": {"people": people[1:]}})
+    assert "- synthetic" in simulated
+    assert "recorded" not in simulated
+    assert "among recorded and simulated people" in card(manifest | {"collected": True})
+    assert "among simulated people" in card(manifest | {"collected": True, "settings": None})
 
 
 def test_the_log_only_grows_and_is_no_part_of_the_set(tmp_path: Path) -> None:

@@ -54,6 +54,14 @@ def test_goals_make_a_walker_and_a_track_one_who_is_recorded() -> None:
     assert recorded.velocity == (1.0, 0.0)
 
 
+def test_who_is_recorded_heeds_no_robot_unless_told_to() -> None:
+    track = [[0.0, 0.0, 0.0], [2.0, 1.0, 0.0]]
+    recorded, told = alone(track=track), alone(track=track, reacts_to_robot=0.5)
+    assert (recorded.reacts_to_robot, recorded.reaction) == (0.0, "ignores")
+    assert (told.reacts_to_robot, told.reaction) == (0.5, "avoids")
+    assert alone(x=0.0, y=0.0, goals=[[2.0, 0.0]]).reaction == "avoids"
+
+
 def test_a_track_is_a_smooth_way_through_its_places() -> None:
     places = [(0.4 * k, 1.2 * k + 0.3 * math.sin(k), 0.5 * math.cos(k)) for k in range(12)]
     first, way = sampled(tuple(places), 0.1)

@@ -107,6 +107,7 @@ def test_a_flipped_plan_is_the_mirror_image() -> None:
         ({"arm": 5}, "5 m is not less than half the span, 4 m at least"),
         ({"corridor_width": 12}, "12 m is not less than the corridor's length, 10 m at least"),
         ({"door": 4.5}, "4.5 m is not less than a chamber's side, 4 m at least"),
+        ({"door": 0.3}, "a door must be 0.7 m wide or more"),
         ({"hall": 0}, "a room's size must be above 0"),
         ({"kinds": "circle"}, "Input should be"),
     ],
