@@ -8,15 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sonata2d.agents.crowd import Crowd
 from sonata2d.entities import TALKING, Formation, Group, Human, Interaction
-from sonata2d.frame import Snapshot
-from sonata2d.geometry import Pose, Twist, inside_polygon
+from sonata2d.geometry import Pose, inside_polygon
 from sonata2d.scene import Scene
 from sonata2d.scenegen.formations import talking
-from sonata2d.world import World
 
 from ..conftest import room, walker
+from .test_crowd import watched
 
 
 def group(formation: Formation, size: int, *, told: bool = True, others: tuple[Human, ...] = ()) -> Scene:
@@ -26,14 +24,6 @@ def group(formation: Formation, size: int, *, told: bool = True, others: tuple[H
     ties = tuple(Interaction(a, TALKING, b) for a in ids for b in ids if a < b)
     own = Group(1, "talking", ids, formation if told else None)
     return room([*people, *others], groups=(own,), interactions=ties, robot=Pose(-3.5, -3.5))
-
-
-def watched(scene: Scene, seconds: float) -> list[Snapshot]:
-    world, crowd, seen = World(scene), Crowd(scene), []
-    for _ in range(int(seconds * 10)):
-        seen.append(world.snapshot())
-        world.step(Twist(), crowd.act(seen[-1]))
-    return seen
 
 
 @pytest.mark.parametrize(("formation", "size"), [("l", 2), ("side_by_side", 2), ("circle", 5), ("semicircle", 4)])

@@ -20,21 +20,13 @@ from sonata2d.geometry import Disc, Pose, Rectangle, Twist
 from sonata2d.humans import ACTIVITIES
 from sonata2d.record import JsonRecorder, read_episode
 from sonata2d.replay import check_replay
-from sonata2d.scene import Scene, Social
+from sonata2d.scene import Social
 from sonata2d.world import World
 
 from ..conftest import room, walker
+from .test_crowd import watched
 
 CORNER = Pose(-3.5, -3.5)
-
-
-def watched(scene: Scene, seconds: float) -> list[Snapshot]:
-    """What happens while the robot stands."""
-    world, crowd, seen = World(scene), Crowd(scene), []
-    for _ in range(int(seconds * 10)):
-        seen.append(world.snapshot())
-        world.step(Twist(), crowd.act(seen[-1]))
-    return seen
 
 
 def when(seen: list[Snapshot], relation: str) -> list[int]:
