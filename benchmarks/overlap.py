@@ -19,12 +19,14 @@ import sonata2d as s2
 from sonata2d.chance import Chance
 from sonata2d.frame import Author, Frame, Outcome, Snapshot
 from sonata2d.geometry import inside_polygon
+from sonata2d.humans import ACTIVITIES
 from sonata2d.scene import Scene
 
 WINDOW = 200  # ticks, 20 s, in which a walker should get on
 STUCK = 0.5  # m
 JERK = 3.1416  # rad/s, of a walking person's body
 WALKING = 0.3  # m/s
+WALKS = [ACTIVITIES.index("walking"), ACTIVITIES.index("walking together")]
 DEEP = 0.01  # m, an overlap that is counted
 
 
@@ -48,9 +50,11 @@ class Meter:
         self.pairs = self.deep = self.walking = self.jerks = 0
         self.deepest = {"person-person": 0.0, "person-solid": 0.0, "robot-person": 0.0, "robot-solid": 0.0}
         self._places: list[s2.Array] = []
+        self._goes: list[s2.Array] = []
 
     def open(self, scene: Scene, author: Author) -> None:
-        self._places, self._walks = [], [h.behaviour == "wandering" for h in scene.humans]
+        self._places, self._goes = [], []
+        self._walks = [h.behaviour == "wandering" for h in scene.humans]
         self._apart = np.triu_indices(len(scene.humans), 1)
 
     def note(self, frame: Frame) -> None:
@@ -74,12 +78,14 @@ class Meter:
         self._keep("person-solid", solid[:-1])
         self._keep("robot-solid", solid[-1:])
         self._places.append(people.position[self._walks])
+        self._goes.append(np.isin(people.activity_index[self._walks], WALKS))
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
         places = np.array(self._places)
         for start in range(0, len(places) - WINDOW + 1, WINDOW):
             window = places[start : start + WINDOW]
-            far = np.linalg.norm(window - window[0], axis=2).max(axis=0)
+            goes = np.array(self._goes[start : start + WINDOW]).all(axis=0)  # who talks for a while is not stuck
+            far = np.linalg.norm(window - window[0], axis=2).max(axis=0)[goes]
             self.windows += len(far)
             self.stuck += int((far < STUCK).sum())
 

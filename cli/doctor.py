@@ -32,7 +32,7 @@ PACKAGES = (
     "platformdirs",
 )
 DIGEST = (
-    "2e7c4c1f4c439cf83f1f1d268c5af21f"  # of the trial episode's numbers: the same wherever sonata2d works as it should
+    "fa69ca01d021e9e09ab297d39f0ef070"  # of the trial episode's numbers: the same wherever sonata2d works as it should
 )
 
 Finding = tuple[bool | None, str]  # whether it holds (None: optional and absent), and what was found

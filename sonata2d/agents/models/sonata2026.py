@@ -18,6 +18,9 @@ from ..forces.walls import wall_acceleration
 from .walkers import Walkers
 
 
+BACKWARDS = 0.2  # of the speed ahead, that is gone backwards
+
+
 @dataclass(frozen=True, slots=True)
 class Sonata2026:
     """Its parameters, as `benchmarks/calibrate.py` found them."""
@@ -74,6 +77,8 @@ class Sonata2026Model:
             dx, dy, velocity, walkers.direction, walkers.desired_speed, touching, weight,
             choice=self._choice, strip=self._strip,
         )  # fmt: skip
+        faces = walkers.heading[:, 0] * way[:, 0] + walkers.heading[:, 1] * way[:, 1]
+        speed = speed * np.minimum(np.maximum(1.0 + faces, BACKWARDS), 1.0)  # who faces away turns before they walk
         total = paced_acceleration(velocity, way, speed, walkers.desired_speed, self._gait)
         if walkers.member is not None and walkers.bond is not None:
             total += company_acceleration(
