@@ -17,7 +17,6 @@ from ..forces.steering import Choice, steered
 from ..forces.walls import wall_acceleration
 from .walkers import Walkers
 
-
 BACKWARDS = 0.2  # of the speed ahead, that is gone backwards
 
 
