@@ -45,14 +45,14 @@ def command(as_json: bool) -> None:
 
     Exit code 1 if anything that data sets need is broken; what is only missing is told.
     """
-    rows = [{"check": name, "ok": ok, "found": found} for name, (ok, found) in findings().items()]
+    rows = [(name, ok, found) for name, (ok, found) in findings().items()]
     if as_json:
-        show_json(rows)
+        show_json([{"check": name, "ok": ok, "found": found} for name, ok, found in rows])
     else:
         marks = {True: "ok", False: "FAIL", None: "-"}
-        for row in rows:
-            click.echo(f"{marks[row['ok']]:<5} {row['check']:<14} {row['found']}")  # type: ignore[index]
-    if any(row["ok"] is False for row in rows):
+        for name, ok, found in rows:
+            click.echo(f"{marks[ok]:<5} {name:<14} {found}")
+    if any(ok is False for _, ok, _ in rows):
         sys.exit(1)
 
 

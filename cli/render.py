@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -48,7 +48,7 @@ def command(
             raise click.UsageError("--graph takes none of --strip, --fps, --speed, --size, --zones, --ids")
         _graph(record, output, as_json)
         return
-    given = {"strip": strip, "fps": fps, "speed": speed, "size": size}
+    given: dict[str, Any] = {"strip": strip, "fps": fps, "speed": speed, "size": size}
     render(
         list(record.snapshots()),
         output,
@@ -56,7 +56,7 @@ def command(
         outcome=record.outcome.status,
         commands=record.command.tolist(),
         labels=record.labels,
-        **{name: value for name, value in given.items() if value is not None},  # type: ignore[arg-type]
+        **{name: value for name, value in given.items() if value is not None},
     )
     if as_json:
         show_json({"output": str(output), "frames": len(record)})

@@ -8,17 +8,12 @@ Needs no display. Scenes are made by hand and run by the world and the crowd tha
 from __future__ import annotations
 
 import math
-import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
-ROOT = Path(__file__).parent.parent
-sys.path.insert(0, str(ROOT))
-
-from sonata2d import Controller, Episode, Twist  # noqa: E402
-from sonata2d.entities import (  # noqa: E402
+from sonata2d import Controller, Episode, Twist
+from sonata2d.entities import (
     TALKING,
     WALKING_TOGETHER,
     Furniture,
@@ -30,11 +25,13 @@ from sonata2d.entities import (  # noqa: E402
     Robot,
     Wall,
 )
-from sonata2d.frame import Snapshot  # noqa: E402
-from sonata2d.geometry import Disc, Point, Pose, Rectangle  # noqa: E402
-from sonata2d.scene import Rules, Scene, Social  # noqa: E402
-from sonata2d.view import save_film  # noqa: E402
-from sonata2d.view.draw import Layers  # noqa: E402
+from sonata2d.frame import Snapshot
+from sonata2d.geometry import Disc, Point, Pose, Rectangle
+from sonata2d.scene import Rules, Scene, Social
+from sonata2d.view import save_film
+from sonata2d.view.draw import Layers
+
+ROOT = Path(__file__).parent.parent
 
 SIZE, FPS, PACE, MOST = (380, 240), 7, 1.6, 300_000  # pixels, pictures a second, times as fast as life, bytes
 AWAY = Pose(-3.6, -2.1)  # of a robot that only waits
@@ -58,8 +55,8 @@ def scene(humans: Sequence[Human], seconds: float, robot: Pose = AWAY, **more: o
     rules = Rules(time_limit=seconds, ends_on=("time",))
     given = {"furniture": (), "seed": 0} | more
     return Scene(
-        "people", "people/given", polygon, (*edges, *inner), humans=tuple(humans), robot=Robot(robot),  # type: ignore[misc]
-        goal=Goal(3.5, 0.0), rules=rules, **given,  # type: ignore[arg-type]
+        "people", "people/given", polygon, (*edges, *inner), humans=tuple(humans), robot=Robot(robot),
+        goal=Goal(3.5, 0.0), rules=rules, **given,
     )  # fmt: skip
 
 
@@ -69,7 +66,7 @@ def walker(number: int, start: Point, *goals: Point, speed: float = 1.3, **more:
     size = math.hypot(dx, dy)
     return Human(
         number, Pose(*start, math.atan2(dy, dx)), desired_speed=speed, behaviour="walking", goals=goals,
-        velocity=(speed * dx / size, speed * dy / size), **more,  # type: ignore[arg-type]
+        velocity=(speed * dx / size, speed * dy / size), **more,
     )  # fmt: skip
 
 
@@ -135,7 +132,7 @@ def towards(reaction: Reaction) -> Callable[[], tuple[Scene, Controller]]:
 
 FILMS: dict[str, Callable[[], tuple[Scene, Controller]]] = {
     "doorway": doorway, "crossing": crossing, "turn": turn, "group": group, "visit": visit,
-    **{kind: towards(kind) for kind in ("ignores", "avoids", "stops", "curious", "scared")},  # type: ignore[arg-type]
+    **{kind: towards(kind) for kind in ("ignores", "avoids", "stops", "curious", "scared")},
 }  # fmt: skip
 
 
@@ -148,7 +145,7 @@ class Watcher:
     def open(self, *told: object) -> None: ...
 
     def note(self, frame: object) -> None:
-        self.seen.append(frame.snapshot)  # type: ignore[attr-defined]
+        self.seen.append(frame.snapshot)
 
     def close(self, *told: object) -> None: ...
 

@@ -5,19 +5,16 @@ python docs/draw_situations.py [FOLDER]
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 
-os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
-ROOT = Path(__file__).parent.parent
-sys.path.insert(0, str(ROOT))
+from sonata2d import Episode, ScenarioConfig, SocialPlanner, generate, load_scenario
+from sonata2d.frame import Snapshot
+from sonata2d.scenegen.room_config import RoomConfig, RoomKind
+from sonata2d.situations import SITUATIONS, Looker, judge
+from sonata2d.view import render, save_surface, scene_picture
 
-from sonata2d import Episode, ScenarioConfig, SocialPlanner, generate, load_scenario  # noqa: E402
-from sonata2d.frame import Snapshot  # noqa: E402
-from sonata2d.scenegen.room_config import RoomConfig, RoomKind  # noqa: E402
-from sonata2d.situations import SITUATIONS, Looker, judge  # noqa: E402
-from sonata2d.view import render, save_surface, scene_picture  # noqa: E402
+ROOT = Path(__file__).parent.parent
 
 SEED = 4
 WIDTH = 620  # px
@@ -64,7 +61,7 @@ def size_of(look: Snapshot) -> tuple[int, int]:
 
 def rooms(path: Path) -> None:
     """One room of each kind."""
-    kinds = [kind for kind in RoomKind.__args__ if kind != "square"]  # type: ignore[attr-defined]
+    kinds = [kind for kind in RoomKind.__args__ if kind != "square"]
     scenes = [
         generate(ScenarioConfig(humans=4, relations=0, room=RoomConfig(kinds={kind: 1.0}, turns=0)), 2)
         for kind in kinds

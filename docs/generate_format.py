@@ -13,7 +13,7 @@ from sonata2d.record import manifest_models, models, scene_models
 from sonata2d.record.sense import DEEPEST
 from sonata2d.scenegen import ScenarioConfig, sections, social
 from sonata2d.scenegen.people import GivenPersonConfig
-from sonata2d.scenegen.settings import Settings
+from sonata2d.scenegen.settings import Normal, Settings
 from sonata2d.version import FORMAT, FORMAT_VERSION
 
 DOCS = Path(__file__).parent
@@ -123,7 +123,7 @@ def scenario_page() -> str:
 
 
 def _is_section(kind: object) -> bool:
-    return isinstance(kind, type) and issubclass(kind, Settings) and kind is not Settings
+    return isinstance(kind, type) and issubclass(kind, Settings) and kind not in (Settings, Normal)
 
 
 def _settings(model: type[Settings]) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .corners import lengths
 from .exact import PI, Array, arctan2, exp, headings, rotation
 from .geometry import Point
 from .scene import Scene
@@ -58,7 +59,7 @@ class Posture:
             bodies: (N, 4), x, y, vx, vy, m and m/s, world frame.
             facing, look: (N, 2), unit vectors to which bodies and heads shall turn, world frame.
         """
-        speed = np.sqrt(bodies[:, 2] * bodies[:, 2] + bodies[:, 3] * bodies[:, 3])
+        speed = lengths(bodies[:, 2:])
         rate = CALM_RATE + (BODY_RATE - CALM_RATE) * np.minimum(speed / BRISK, 1.0)
         angles = _angle(np.concatenate((self.faces, self.faces)), np.concatenate((facing, look)), self._side)
         to_face, to_look = angles[: len(rate)], angles[len(rate) :]
@@ -113,6 +114,5 @@ def _rotated(vectors: Array, angle: Array, largest: float) -> Array:
     c, s = rotation(angle / parts)
     for _ in range(parts):
         vectors = np.stack((vectors[:, 0] * c - vectors[:, 1] * s, vectors[:, 0] * s + vectors[:, 1] * c), axis=1)
-    norm = np.sqrt(vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1])
-    unit: Array = vectors / norm[:, None]
+    unit: Array = vectors / lengths(vectors)[:, None]
     return unit

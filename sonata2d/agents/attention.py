@@ -7,10 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..chance import Chance
+from ..corners import lengths
 from ..exact import Array
 from ..frame import Snapshot
 from ..scene import Scene
 from .company import Company
+from .reactions import Reactions
 
 AHEAD = 1.0  # s, by which the head is ahead of the way
 SHORTEST = 0.8  # m, at least that far ahead on the way
@@ -61,42 +63,37 @@ class Attention:
         self._habit = [GLANCES.get(human.reaction) for human in people]
         self._reach = np.array([habit.reach if habit else -1.0 for habit in self._habit])
         self._is_scared = np.array([human.reaction == "scared" for human in people], dtype=bool)
-        self._bodies = np.array([human.radius + scene.robot.radius for human in people])
         self._robot_until, self._robot_next = [0] * len(people), [0] * len(people)
         self._face: list[int] = [-1] * len(people)  # whom one looks at, or -1
         self._face_until = [0] * len(people)
 
-    def facing(self, snapshot: Snapshot, company: Company, course: Array, towards_robot: Array, struck: Any) -> Array:
+    def facing(self, snapshot: Snapshot, company: Company, course: Array, reactions: Reactions) -> Array:
         """(N, 2), unit vectors to which the bodies turn.
 
         Args:
             snapshot: where all are.
             company: what they are about.
             course: (N, 2), m/s, how walkers want to go.
-            towards_robot: (N, 2), unit vectors.
-            struck: (N,) of bool, who is taken up with the robot.
+            reactions: to the robot.
         """
         humans, velocity = snapshot.humans, snapshot.humans.velocity
-        pace = np.sqrt(course[:, 0] * course[:, 0] + course[:, 1] * course[:, 1])
+        pace = lengths(course)
         way = course * (np.minimum(pace, STEADY) / np.maximum(pace, 1e-6))[:, None]
         walking = directed(velocity + way, humans.heading, IDLE)
         standing = directed(self._fronts(company, humans.position) - humans.position, humans.heading, 0.05)
         facing = np.where(company.walks[:, None], walking, standing)
         alone = np.array([company.walks[k] or not partners for k, partners in enumerate(company.partners)], dtype=bool)
         moves = velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1] > MOVING * MOVING
-        turns = struck & alone & ~company.has_thing & ~(self._is_scared & company.walks & moves)
-        return np.where(turns[:, None], towards_robot, facing)
+        turns = reactions.faces_it & alone & ~company.has_thing & ~(self._is_scared & company.walks & moves)
+        return np.where(turns[:, None], reactions.towards, facing)
 
-    def look(
-        self, snapshot: Snapshot, company: Company, facing: Array, ahead: Array, towards_robot: Array, sees: Any
-    ) -> Array:
+    def look(self, snapshot: Snapshot, company: Company, facing: Array, ahead: Array, reactions: Reactions) -> Array:
         """(N, 2), unit vectors to which the heads turn.
 
         Args:
-            snapshot, company, towards_robot: as above.
+            snapshot, company, reactions: as above.
             facing: (N, 2), unit vectors to which the bodies turn.
             ahead: (N, 2), m, where the way leads.
-            sees: (N,) of int: 2 who is taken up with the robot, 1 who has it in sight, 0 who has not.
         """
         position = snapshot.humans.position
         aim = np.where(company.walks[:, None], ahead - position, facing)
@@ -104,8 +101,8 @@ class Attention:
             other = self._whom(k, partners, bool(company.walks[k]), snapshot) if partners else -1
             if other >= 0:
                 aim[k] = position[other] - position[k]
-        glances = self._glances(snapshot, towards_robot, sees)
-        return np.where(glances[:, None], towards_robot, directed(aim, facing, 0.3))
+        glances = self._glances(snapshot, reactions)
+        return np.where(glances[:, None], reactions.towards, directed(aim, facing, 0.3))
 
     def _fronts(self, company: Company, position: Array) -> Array:
         """(N, 2), m: what those who stand face: the partner, the middle of the circle, the thing."""
@@ -127,33 +124,27 @@ class Attention:
             self._face_until[k] = tick + self._ticks(k, habit.pause if pauses else habit.look, snapshot.dt)
         return self._face[k]
 
-    def _glances(self, snapshot: Snapshot, towards_robot: Array, sees: Any) -> Any:
+    def _glances(self, snapshot: Snapshot, reactions: Reactions) -> Any:
         """(N,) of bool: who looks at the robot now."""
         humans, tick = snapshot.humans, snapshot.tick
-        gap = _gap(snapshot, self._bodies)
-        in_view = humans.heading[:, 0] * towards_robot[:, 0] + humans.heading[:, 1] * towards_robot[:, 1] > IN_VIEW
+        x, y = reactions.towards[:, 0], reactions.towards[:, 1]
+        in_view = humans.heading[:, 0] * x + humans.heading[:, 1] * y > IN_VIEW
         looks = np.zeros(len(humans), dtype=bool)
-        for k in np.flatnonzero((sees == 1) & (gap < self._reach) & in_view).tolist():
+        for k in np.flatnonzero(
+            reactions.notices & ~reactions.faces_it & (reactions.gap < self._reach) & in_view
+        ).tolist():
             habit = self._habit[k]
             if habit is not None and tick >= self._robot_next[k]:
                 self._robot_until[k] = tick + self._ticks(k, habit.look, snapshot.dt)
                 self._robot_next[k] = self._robot_until[k] + self._ticks(k, habit.pause, snapshot.dt)
             looks[k] = tick < self._robot_until[k]
-        return looks | (sees == 2)
+        return looks | reactions.faces_it
 
     def _ticks(self, k: int, seconds: tuple[float, float], dt: float) -> int:
         return max(int(self._chance[k].uniform(*seconds) / dt + 0.5), 1)
 
 
-def _gap(snapshot: Snapshot, bodies: Array) -> Array:
-    """(N,), m, between the outlines of each person and the robot."""
-    apart = snapshot.humans.position - np.array([snapshot.robot.position])
-    gap: Array = np.sqrt(apart[:, 0] * apart[:, 0] + apart[:, 1] * apart[:, 1]) - bodies
-    return gap
-
-
 def directed(vectors: Array, otherwise: Array, least: float = 1e-3) -> Array:
     """Unit vectors along (N, 2) vectors, or the others where these are shorter than `least`."""
-    x, y = vectors[:, 0], vectors[:, 1]
-    size = np.sqrt(x * x + y * y)
+    size = lengths(vectors)
     return np.where((size > least)[:, None], vectors / np.maximum(size, 1e-6)[:, None], otherwise)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..corners import lengths
 from ..entities import DEFAULT_MODEL
 from ..exact import Array
 from ..frame import CrowdCommands, Snapshot
@@ -126,23 +127,20 @@ class Crowd:
 
     def _eased(self, towards: Array) -> Array:
         """(N + 1,), m/s: desired speeds, less where the way ends."""
-        left = np.sqrt(towards[:, 0] * towards[:, 0] + towards[:, 1] * towards[:, 1]) / EASE
+        left = lengths(towards) / EASE
         speed = self._speed.copy()
         speed[:-1] = np.where(self._wanderers.is_last, np.minimum(speed[:-1], left), speed[:-1])
         return speed
 
     def _posture(self, snapshot: Snapshot, walkers: Walkers) -> tuple[Array, Array]:
         """Where bodies face and heads look, (N, 2) each, unit vectors."""
-        humans, struck = snapshot.humans, self._reactions.faces_it
-        to_robot = directed(np.array([snapshot.robot.position]) - humans.position, humans.heading)
         course = (walkers.direction * walkers.desired_speed[:, None])[:-1]
-        facing = self._attention.facing(snapshot, self._company, course, to_robot, struck)
+        facing = self._attention.facing(snapshot, self._company, course, self._reactions)
         if self._headed:  # who goes where they face, faces where they want to go
             facing = np.where(self._company.walks[:, None], walkers.direction[:-1], facing)
         reach = np.maximum(walkers.desired_speed[:-1] * AHEAD, SHORTEST)
-        ahead = self._wanderers.ahead(humans.position, reach)
-        sees = np.where(struck, 2, np.where(self._reactions.notices, 1, 0))
-        return facing, self._attention.look(snapshot, self._company, facing, ahead, to_robot, sees)
+        ahead = self._wanderers.ahead(snapshot.humans.position, reach)
+        return facing, self._attention.look(snapshot, self._company, facing, ahead, self._reactions)
 
     def _group_speeds(self) -> Array:
         """(N + 1,), m/s: who wanders in a group goes at the pace of its slowest; the robot's is 0."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..corners import lengths
 from ..exact import Array
 from ..geometry import Barriers
 
@@ -74,10 +75,10 @@ def course_past(
     Source: Fiorini & Shiller, Int. J. Robotics Research 17 (1998) 760, for the velocity obstacle.
     """
     way = wish - velocity
-    distance = np.maximum(_length(apart), 1e-6)
+    distance = np.maximum(lengths(apart), 1e-6)
     p = apart / distance[:, None]
     closing, across = _dot(way, p), _cross(p, way)
-    pace = np.maximum(_length(way), 1e-6)
+    pace = np.maximum(lengths(way), 1e-6)
     miss = np.abs(across) * distance / pace
     until = closing * distance / (pace * pace)
     meets = (closing > 0.0) & (miss < room) & (until < HORIZON)
@@ -88,8 +89,8 @@ def course_past(
     behind = _cross(p, np.zeros_like(p) + velocity)  # > 0: the disc goes to the left, so the right is behind it
     edges = [_edge(p, way, cosine, sine, sign, (distance - room) * BACK, pace) for sign in (1.0, -1.0)]
     costs = [
-        _length(edge - way)
-        + _length(held(velocity + edge) - velocity - edge)
+        lengths(edge - way)
+        + lengths(held(velocity + edge) - velocity - edge)
         + BEHIND * (sign * behind > 0.05)
         - KEEP * (passing == sign)
         + 1e-6 * (sign * side > 0.0)
@@ -119,8 +120,3 @@ def _dot(a: Array, b: Array) -> Array:
 
 def _cross(a: Array, b: Array) -> Array:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-
-
-def _length(a: Array) -> Array:
-    length: Array = np.sqrt(_dot(a, a))
-    return length

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..corners import lengths
 from ..exact import Array, exp
 from ..frame import Snapshot
 from ..scene import Scene
@@ -49,6 +50,8 @@ class Reactions:
     Attributes:
         notices: (N,) of bool, who minds the robot and has it in sight.
         faces_it: (N,) of bool, who is taken up with it.
+        gap, towards: from each person to the robot when they were last asked: between outlines, (N,), m, and the unit
+            vector, (N, 2).
 
     Source: Vassallo et al., Gait & Posture 51 (2017) 97, for the clearance and for walkers passing behind a robot; the
         rest are rules of our own.
@@ -70,6 +73,7 @@ class Reactions:
         self._passing = np.zeros(len(people))  # +1 who passes the robot on the left of the way to it, -1 on the right
         self._minds = self._reacts > 0.0
         self.faces_it = self.notices = np.zeros(len(people), dtype=bool)
+        self.gap, self.towards = np.zeros(len(people)), np.zeros((len(people), 2))
 
     def course(self, snapshot: Snapshot, walks: Any, direction: Array, speed: Array, seen: Any) -> tuple[Array, Array]:
         """The way people go, with the robot in mind.
@@ -85,6 +89,7 @@ class Reactions:
             Direction and speed, the same shapes.
         """
         apart, gap, towards = self._to_robot(snapshot)
+        self.gap, self.towards = gap, towards
         here = self.notices = self._minds & seen & (gap < NOTICED)
         self._feel(snapshot.dt, here, gap, self._comes(snapshot, towards))
         if not here.any():
@@ -98,7 +103,7 @@ class Reactions:
         if not (here & (new != wanted).any(axis=1)).any():
             return direction, speed
         new = wanted + (new - wanted) * self._reacts[:, None]
-        pace = np.sqrt(new[:, 0] * new[:, 0] + new[:, 1] * new[:, 1])
+        pace = lengths(new)
         turned = np.where((pace > 1e-3)[:, None], new / np.maximum(pace, 1e-3)[:, None], direction)
         return np.where(here[:, None], turned, direction), np.where(here, pace, speed)
 
@@ -115,7 +120,7 @@ class Reactions:
     def push(self, position: Array) -> Array:
         """Off the robot's skin; (N + 1, 2), m, the robot last, to (N, 2), m/s2."""
         away = position[:-1] - position[-1]
-        apart = np.maximum(np.sqrt(away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1]), 1e-6)
+        apart = np.maximum(lengths(away), 1e-6)
         gap = np.maximum(apart - self._bodies, 0.0)
         minds = np.where(self.notices, self._reacts, 0.0)
         push: Array = away * (minds * _PUSH * exp(gap * (-1.0 / _REACH)) / apart)[:, None]
@@ -127,7 +132,7 @@ class Reactions:
         if not len(scared):
             return home
         away = home[scared] - np.array([snapshot.robot.position])
-        apart = np.maximum(np.sqrt(away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1]), 1e-6)
+        apart = np.maximum(lengths(away), 1e-6)
         room = self._barriers.gaps(home[scared]).min(axis=0, initial=np.inf) - self._radius[scared] - 0.05
         step = np.minimum(np.maximum(AT_EASE - (apart - self._bodies[scared]), 0.0), STEP_BACK)
         step = np.minimum(step, np.maximum(room, 0.0))
@@ -138,7 +143,7 @@ class Reactions:
     def _to_robot(self, snapshot: Snapshot) -> tuple[Array, Array, Array]:
         """From each person to the robot: the vector (N, 2), the gap (N,), both m, and the unit vector (N, 2)."""
         to = np.array([snapshot.robot.position]) - snapshot.humans.position
-        apart = np.maximum(np.sqrt(to[:, 0] * to[:, 0] + to[:, 1] * to[:, 1]), 1e-6)
+        apart = np.maximum(lengths(to), 1e-6)
         return to, apart - self._bodies, to / apart[:, None]
 
     def _comes(self, snapshot: Snapshot, towards: Array, least: float = COMING) -> Any:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..chance import Chance
+from ..corners import lengths
 from ..entities import PERSON_RADIUS
 from ..exact import Array
 from ..geometry import Barriers, Point
@@ -244,7 +245,7 @@ class Wanderers:
             return
         followers, leaders = ([pair[side] for pair in pairs] for side in (0, 1))
         ahead = self.target[leaders] - position[leaders]
-        far = np.maximum(np.sqrt(ahead[:, 0] * ahead[:, 0] + ahead[:, 1] * ahead[:, 1]), 1e-6)
+        far = np.maximum(lengths(ahead), 1e-6)
         step = ahead * (np.minimum(far, ROOM_AHEAD) / far)[:, None]
         clear = self._space.is_clear(position[followers], position[followers] + step)
         self._beside = {k for k, has_room in zip(followers, clear.tolist(), strict=True) if has_room}

@@ -225,7 +225,7 @@ class _Casting:
             id=0,
             pose=pose,
             radius=quantised(usual.radius.draw(chance)),
-            desired_speed=quantised(chance.normal(speed.mean, speed.sd, speed.min, speed.max)),
+            desired_speed=quantised(speed.draw(chance)),
             behaviour=behaviour,
             model=usual.model,
             reacts_to_robot=0.0 if chance.uniform() < usual.ignores_robot else 1.0,

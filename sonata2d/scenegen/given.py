@@ -122,8 +122,7 @@ def _in_company(human: Human, given: GivenPersonConfig, humans: list[Human]) -> 
 
 
 def _human(given: GivenPersonConfig, id: int, usual: PersonConfig, dt: float, chance: Chance) -> Human:
-    speed = usual.desired_speed
-    drawn_speed = chance.normal(speed.mean, speed.sd, speed.min, speed.max)
+    drawn_speed = usual.desired_speed.draw(chance)
     drawn_radius, ignores = usual.radius.draw(chance), chance.uniform() < usual.ignores_robot
     reacts = given.reacts_to_robot
     if reacts is None:

@@ -46,12 +46,6 @@ class Layout:
                 return members
         return None
 
-    def take(self, cluster: Cluster) -> bool:
-        """Put a cluster where its members are; whether there was room."""
-        spots = self._spots(cluster, cluster.members, None)
-        self.taken += spots or []
-        return spots is not None
-
     def is_free(self, shape: Shape, pose: Pose, gap: float, wall_gap: float) -> bool:
         """Whether an outline keeps `gap` from all that stands, and `wall_gap` from walls."""
         return self.plan.holds(shape, pose, wall_gap) and keeps_clear(shape, pose, gap, self.taken)

@@ -141,3 +141,25 @@ class IntRange(_Span):
     def draw(self, chance: Chance) -> int:
         """A value, all alike."""
         return chance.integer(self.min, self.max)
+
+
+class Normal(Settings):
+    """A normal distribution cut off at both ends."""
+
+    mean: PositiveFloat
+    sd: PositiveFloat
+    min: NonNegativeFloat
+    max: PositiveFloat
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if not self.min < self.max:
+            raise PydanticCustomError("range", "min {low} is not below max {high}", {"low": self.min, "high": self.max})
+        if not self.min <= self.mean <= self.max:
+            told = {"mean": self.mean, "low": self.min, "high": self.max}
+            raise PydanticCustomError("range", "mean {mean} is not within {low}..{high}", told)
+        return self
+
+    def draw(self, chance: Chance) -> float:
+        """A number from it."""
+        return chance.normal(self.mean, self.sd, self.min, self.max)

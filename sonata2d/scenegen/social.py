@@ -11,10 +11,10 @@ from ..chance import Chance
 from ..entities import Human, Reaction
 from ..geometry import quantised
 from ..scene import Social
-from .settings import Range, Settings, Share
+from .settings import Normal, Range, Settings, Share
 
 
-class ClearanceConfig(Settings):
+class ClearanceConfig(Normal):
     """A normal distribution cut off at both ends, m, from outline to outline.
 
     The default is what walkers kept from a robot that crossed their way (Vassallo et al., Gait & Posture 51 (2017) 97),
@@ -25,13 +25,6 @@ class ClearanceConfig(Settings):
     sd: PositiveFloat = 0.27
     min: NonNegativeFloat = 0.29
     max: PositiveFloat = 1.37
-
-    @model_validator(mode="after")
-    def _check_order(self) -> ClearanceConfig:
-        if not self.min <= self.mean <= self.max or not self.min < self.max:
-            told = {"mean": self.mean, "low": self.min, "high": self.max}
-            raise PydanticCustomError("range", "mean {mean} is not within {low}..{high}", told)
-        return self
 
 
 class SocialConfig(Settings):
@@ -102,6 +95,6 @@ def with_manners(
 def _mannered(
     human: Human, own: Reaction | None, reactions: dict[Reaction, float], clearance: ClearanceConfig, chance: Chance
 ) -> Human:
-    room = quantised(chance.normal(clearance.mean, clearance.sd, clearance.min, clearance.max))
+    room = quantised(clearance.draw(chance))
     reaction = chance.choice(list(reactions), list(reactions.values())) if own is None else own
     return replace(human, reaction=reaction, robot_clearance=room)

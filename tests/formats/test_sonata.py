@@ -239,21 +239,21 @@ def test_a_file_of_another_hand_reads_and_writes_back_the_same(tmp_path: Path) -
     assert_same(frames, exported(read_episode(path)))
 
 
-def test_walls_that_move_are_refused(records: list[EpisodeRecord], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("frame", "kind", "key", "by", "told"),
+    [
+        (3, "walls", "x1", 0.5, r"its walls move by 0.\d\d m at frame 3"),
+        (4, "goal", "y", 0.2, r"the goal has moved by 0.20 m at frame 4"),
+    ],
+)
+def test_walls_and_goals_that_move_are_refused(
+    records: list[EpisodeRecord], tmp_path: Path, frame: int, kind: str, key: str, by: float, told: str
+) -> None:
     frames = exported(records[0])
-    frames[3]["walls"][0]["x1"] += 0.5
+    frames[frame][kind][0][key] += by
     path = tmp_path / "moved.json"
     path.write_text(json.dumps(frames))
-    with pytest.raises(RecordError, match=r"its walls move by 0.\d\d m at frame 3"):
-        list(sonata_reader.import_(path, PLAIN))
-
-
-def test_a_goal_that_moves_is_refused(records: list[EpisodeRecord], tmp_path: Path) -> None:
-    frames = exported(records[0])
-    frames[4]["goal"][0]["y"] += 0.2
-    path = tmp_path / "moved.json"
-    path.write_text(json.dumps(frames))
-    with pytest.raises(RecordError, match=r"the goal has moved by 0.20 m at frame 4"):
+    with pytest.raises(RecordError, match=told):
         list(sonata_reader.import_(path, PLAIN))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...exact import Array
 
 BRISK = 1.0  # m/s, from which the starting time counts for nothing
-HELD = 0.8
+HELD = 0.8  # of the desired speed, below which the following time counts in full
 HARDEST = 4.0  # m/s2, at which people start or brake
 
 

@@ -22,7 +22,7 @@ BACKWARDS = 0.2  # of the speed ahead, that is gone backwards
 
 @dataclass(frozen=True, slots=True)
 class Sonata2026:
-    """Its parameters, as `benchmarks/calibrate.py` found them."""
+    """Its parameters, found by `benchmarks/calibrate.py` and by hand: docs/models.md says which."""
 
     relaxation_time: float = 0.61  # s
     following_time: float = 2.0  # s
@@ -56,10 +56,10 @@ class Sonata2026Model:
 
     evaluations = 1
 
-    def __init__(self, scene: Scene, law: Sonata2026 | None = None) -> None:
-        self._barriers, self._side, self._law = scene.barriers, scene.rules.side, law or PARAMETERS
+    def __init__(self, scene: Scene) -> None:
+        law = PARAMETERS
+        self._barriers, self._side, self._law = scene.barriers, scene.rules.side, law
         radius = np.array([*(human.radius for human in scene.humans), scene.robot.radius], dtype=float)
-        law = self._law
         self._gait = Gait(law.relaxation_time, law.following_time, law.starting_time, law.turning_time)
         self._strip = Strip(law.breadth, law.standstill, law.headway)
         self._choice = Choice(law.outlook, self._side * law.bias, law.habit, law.decision, law.queueing)
