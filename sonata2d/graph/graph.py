@@ -150,13 +150,3 @@ def wall_pieces(walls: Array, longest: float = 4.0) -> tuple[tuple[int, ...], Ar
         ends += [np.concatenate(pair) for pair in pairwise(cuts)]
         owner += [k] * count
     return tuple(owner), np.array(ends).reshape(-1, 4)
-
-
-def there_at(present: Any, ticks: Sequence[int]) -> Any:
-    """Indices of the people who are there at every one of the ticks: nodes of different instants must match.
-
-    Args:
-        present: (T + 1, N) of bool.
-        ticks: of the instants, and of the looks that they tell of.
-    """
-    return np.flatnonzero(present[list(ticks)].all(axis=0))

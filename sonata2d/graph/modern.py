@@ -5,21 +5,21 @@ In place of the room its hub is the robot: without it nobody could tell from a g
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
 
-from ..exact import Array, headings
-from ..geometry import Disc
+from ..exact import Array, arctan2, headings
 from ..record.record import EpisodeRecord
 from ..scene import Scene
-from ..transforms.frames import goal_frame, seen_from
-from ..transforms.motion import Motion, motion_of
-from .graph import INTERVAL, NODE_TYPES, Cast, Graph, edges_of, there_at, wall_pieces
+from .graph import INTERVAL, NODE_TYPES, Cast, Graph, edges_of, wall_pieces
+from .looks import Look, people_at, recorded_look, thing_poses, thing_sizes, wall_ends
 
 MODERN_FEATURES = (
     *(f"is_{kind}" if kind != "room" else "is_robot" for kind in NODE_TYPES),
     "age", "x", "y", "cos", "sin", "vx", "vy", "omega", "head_cos", "head_sin", "length", "width",
+    "near_x", "near_y", "gap",
 )  # fmt: skip
 
 FRAMES = ("world", "robot", "goal")
@@ -33,13 +33,7 @@ def modern_graph(
     instants: int = 3,
     interval: float = INTERVAL,
 ) -> Graph:
-    """The graph of a look and of those before it.
-
-    Nodes and edges are the paper's, with the robot in the place of the room; people are those who are there at every
-    instant. Features: type; age, s before the newest
-    instant; place, m; direction; velocity, m/s, rad/s; direction of the head; length and width, m. What stands has no
-    velocity; who has no head of their own looks ahead; a wall is as long as its piece, and points along it. In the
-    frames `robot` and `goal` all instants are seen from where the newest one is seen.
+    """The graph of a look and of those before it; see `graph_of_looks`.
 
     Args:
         record: an episode.
@@ -56,25 +50,50 @@ def modern_graph(
     """
     if frame not in FRAMES:
         raise ValueError(f"frame must be one of {', '.join(FRAMES)}, got {frame!r}")
-    ticks = _ticks(record, tick, instants, interval)
-    world, scene, here = motion_of(record), record.scene(), there_at(record.looks.present, ticks)
-    motion = _seen(world, frame, tick)
-    owner, _ = wall_pieces(world.walls[0])
+    looks = [recorded_look(record, at) for at in _ticks(record, tick, instants, interval)]
+    scene, origin = record.scene(), np.zeros(3)
+    if frame == "robot":
+        origin = looks[0].robot[:3]
+    elif frame == "goal":
+        goal, start = scene.goal, record.looks.robot[0]
+        origin = np.array([goal.x, goal.y, float(arctan2(goal.y - start[1], goal.x - start[0]))])
+    return graph_of_looks(scene, looks, origin, label=record.labels[tick] if tick < len(record) else None)
+
+
+def graph_of_looks(scene: Scene, looks: Sequence[Look], origin: Array, *, label: Any = None) -> Graph:
+    """The graph of looks, of a recorded episode or of one that is under way.
+
+    Nodes and edges are the paper's, with the robot in the place of the room; people are those who are there at every
+    instant. Features: type; age, s before the newest instant; place, m; direction; velocity, m/s, rad/s; direction of
+    the head; length and width, m; the place on the outline that is nearest to the robot then, and the gap between
+    their outlines, m. What stands has no velocity; who has no head of their own looks ahead; a wall is as long as its
+    piece, and points along it; the goal is as large as the distance at which it is reached.
+
+    Args:
+        scene: of the episode.
+        looks: the newest first, 1 or more.
+        origin: (3,), x, y, theta of the frame of reference, world frame, for all instants.
+        label: to go with it.
+    """
+    here = people_at([*looks])
+    owner, pieces = wall_pieces(wall_ends(scene))
     cast = Cast(tuple(scene.humans[k].id for k in here), tuple(f.id for f in scene.furniture), owner)
-    rows = [_rows(motion, at, scene, (tick - at) * world.dt, cast, here) for at in ticks]
-    edges, relation = edges_of(cast, [world.interactions[at] for at in ticks])
-    features = np.concatenate(rows)
+    dt = scene.rules.dt
+    rows = [_rows(scene, look, here, pieces, origin, (looks[0].tick - look.tick) * dt) for look in looks]
+    types = np.eye(len(NODE_TYPES))[[NODE_TYPES.index(kind) for kind in cast.types]]
+    features = np.concatenate([np.column_stack((types, block)) for block in rows])
+    edges, relation = edges_of(cast, [look.ties for look in looks])
     return Graph(
         feature_names=MODERN_FEATURES,
         features=features,
-        node_type=np.array([NODE_TYPES.index(kind) for kind in cast.types] * len(ticks)),
-        entity=np.array(cast.entities * len(ticks)),
+        node_type=np.array([NODE_TYPES.index(kind) for kind in cast.types] * len(looks)),
+        entity=np.array(cast.entities * len(looks)),
         position=features[:, 6:8].copy(),
-        instant=np.repeat(np.arange(len(ticks)), len(cast)),
+        instant=np.repeat(np.arange(len(looks)), len(cast)),
         edges=edges,
         relation=relation,
-        label=world.labels[tick] if tick < len(world) else None,
-        ticks=tuple(ticks),
+        label=label,
+        ticks=tuple(look.tick for look in looks),
     )
 
 
@@ -89,38 +108,55 @@ def _ticks(record: EpisodeRecord, tick: int, instants: int, interval: float) -> 
     return [at for at in (tick - i * step for i in range(instants)) if at >= 0]
 
 
-def _seen(world: Motion, frame: str, tick: int) -> Motion:
-    """All instants as they are seen from one place, that of the newest."""
-    if frame != "robot":
-        return goal_frame(world) if frame == "goal" else world
-    return seen_from(world, world.robot[tick, :3], "robot")
+def _rows(scene: Scene, look: Look, here: Any, pieces: Array, origin: Array, age: float) -> Array:
+    """(N, 15) of an instant: robot, people, things, goal, walls; all but the type."""
+    people, things, sizes = look.humans[here], thing_poses(scene), thing_sizes(scene)
+    along, goal = pieces[:, 2:] - pieces[:, :2], scene.goal
+    walls = np.column_stack((pieces[:, :2] + along / 2, arctan2(along[:, 1], along[:, 0])))
+    length = np.sqrt(along[:, 0] * along[:, 0] + along[:, 1] * along[:, 1])
+    poses = np.concatenate((look.robot[None, :3], people[:, :3], things, [(goal.x, goal.y, goal.theta)], walls))
+    count, solid = len(poses), 1 + len(people)
+    speed, head, size, round_ = np.zeros((count, 3)), poses[:, 2].copy(), np.zeros((count, 2)), np.zeros(count)
+    speed[:solid] = np.concatenate((look.robot[None, 3:6], people[:, 3:6]))
+    head[1:solid] = people[:, 6]
+    round_[:solid] = [scene.robot.radius, *(scene.humans[k].radius for k in here)]
+    round_[solid : solid + len(things)] = [getattr(f.shape, "radius", 0.0) for f in scene.furniture]
+    round_[solid + len(things)] = goal.distance
+    size[:] = 2 * round_[:, None]
+    size[solid : solid + len(things)] = sizes
+    size[solid + len(things) + 1 :, 0] = length
+    near, gap = _nearest(poses, size, round_, look.robot, scene.robot.radius)
+    axes, turned, looking = headings(origin[2:3])[0], headings(poses[:, 2] - origin[2]), headings(head - origin[2])
+    place, nearest = (_turned(points - origin[:2], axes) for points in (poses[:, :2], near))
+    velocity = np.column_stack((_turned(speed[:, :2], axes), speed[:, 2]))
+    return np.column_stack((np.full(count, age), place, turned, velocity, looking, size, nearest, gap))
 
 
-def _rows(motion: Motion, at: int, scene: Scene, age: float, cast: Cast, here: Any) -> Array:
-    """(N, 17) of an instant."""
-    _, pieces = wall_pieces(motion.walls[at])
-    along = pieces[:, 2:] - pieces[:, :2]
-    length = np.hypot(along[:, 0], along[:, 1])
-    unit = along / np.where(length > 0.0, length, 1.0)[:, None]
-    shapes = [thing.shape for thing in scene.furniture]
-    sizes = [(2 * s.radius, 2 * s.radius) if isinstance(s, Disc) else (s.length, s.width) for s in shapes]
-    wide = 2 * np.array([scene.humans[k].radius for k in here])
-    robot, humans, things, goal = motion.robot[at], motion.humans[at, here], motion.objects[at], motion.goal[at]
-    walls = np.column_stack((pieces[:, :2] + along / 2, unit, np.zeros((len(pieces), 3)), unit))
-    blocks = [
-        _placed(robot[None], np.full((1, 2), 2 * scene.robot.radius)),
-        _placed(humans, np.column_stack((wide, wide))),
-        _placed(things, np.array(sizes, dtype=float).reshape(-1, 2)),
-        _placed(goal[None], np.full((1, 2), 2 * scene.goal.distance)),
-        np.column_stack((walls, length, np.zeros(len(pieces)))),
-    ]
-    types = np.eye(len(NODE_TYPES))[[NODE_TYPES.index(kind) for kind in cast.types]]
-    return np.column_stack((types, np.full(len(cast), age), np.concatenate(blocks)))
+def _nearest(poses: Array, size: Array, radius: Array, robot: Array, own: float) -> tuple[Array, Array]:
+    """(N, 2), the places on the outlines nearest to the robot's centre, and (N,), the gaps; m, world frame.
+
+    Args:
+        poses: (N, 3); the first is the robot's own.
+        size: (N, 2), length and width, m.
+        radius: (N,), m, of what is round; 0 of what has corners.
+        robot: (6,).
+        own: m, radius of the robot.
+    """
+    axes = headings(poses[:, 2])
+    dx, dy = robot[0] - poses[:, 0], robot[1] - poses[:, 1]
+    half = np.where(radius[:, None] > 0.0, 0.0, size / 2)  # of the core: of what is round, a point
+    x = np.minimum(np.maximum(dx * axes[:, 0] + dy * axes[:, 1], -half[:, 0]), half[:, 0])
+    y = np.minimum(np.maximum(dy * axes[:, 0] - dx * axes[:, 1], -half[:, 1]), half[:, 1])
+    core = poses[:, :2] + np.column_stack((x * axes[:, 0] - y * axes[:, 1], x * axes[:, 1] + y * axes[:, 0]))
+    to_x, to_y = robot[0] - core[:, 0], robot[1] - core[:, 1]
+    apart = np.sqrt(to_x * to_x + to_y * to_y)
+    out = (radius / np.where(apart > 0.0, apart, 1.0))[:, None]
+    gap = apart - radius - own
+    gap[0] = 0.0
+    return core + out * np.column_stack((to_x, to_y)), gap
 
 
-def _placed(rows: Array, size: Array) -> Array:
-    """(n, 11) from rows x, y, theta (vx, vy, omega (head))."""
-    ahead = headings(rows[:, 2])
-    look = headings(rows[:, 6]) if rows.shape[1] > 6 else ahead
-    speed = rows[:, 3:6] if rows.shape[1] > 3 else np.zeros((len(rows), 3))
-    return np.column_stack((rows[:, :2], ahead, speed, look, size))
+def _turned(rows: Array, axes: Array) -> Array:
+    """(n, 2) in axes that point along a unit vector."""
+    c, s = axes
+    return np.column_stack((rows[:, 0] * c + rows[:, 1] * s, rows[:, 1] * c - rows[:, 0] * s))
