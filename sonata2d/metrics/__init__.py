@@ -1,4 +1,4 @@
-"""Metrics of recorded runs: each with its formula, unit and source; summaries, tables, pictures."""
+"""Metrics of recorded runs: each with its formula, unit and source; summaries, tables, pictures, pages."""
 
 from .catalogue import ALL, METRICS, headline, named
 from .definition import DEFINITIONS_VERSION, Metric
