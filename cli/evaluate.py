@@ -21,7 +21,8 @@ COMPARISON = "evaluation.json"
 
 @click.command(
     epilog="Examples:  sonata2d evaluate demo   ·   sonata2d evaluate runs-a runs-b --picture compared.pdf   ·   "
-    "sonata2d evaluate --controller social-planner --controller ./mine.py:Mine --scenario sonata-2020 --episodes 50"
+    "sonata2d evaluate --controller social-planner --controller ./mine.py:Mine --scenario sonata-2020 --episodes 50 "
+    "--page mine.html"
 )
 @click.argument("paths", nargs=-1, type=click.Path(path_type=Path), metavar="[DIR|FILE]...")
 @click.option(
@@ -73,6 +74,12 @@ COMPARISON = "evaluation.json"
     "--resamples", type=click.IntRange(100, 100_000), default=2000, show_default=True, help="Of the bootstrap."
 )
 @click.option("--picture", type=click.Path(path_type=Path), metavar="FILE", help="Draw it: .png, .pdf or .svg.")
+@click.option(
+    "--page",
+    type=click.Path(path_type=Path),
+    metavar="FILE.html",
+    help="Write a page for a browser: outcomes, metrics, plots, film strips of each one's best and worst run.",
+)
 @json_option
 def command(
     paths: tuple[Path, ...],
@@ -86,6 +93,7 @@ def command(
     rerun: bool,
     resamples: int,
     picture: Path | None,
+    page: Path | None,
     as_json: bool,
 ) -> None:
     """Measure recorded runs, or controllers: means with 95 % bootstrap intervals, side by side.
@@ -95,15 +103,21 @@ def command(
     """  # fmt: skip
     from sonata2d.metrics import Evaluation, headline, named
     from sonata2d.metrics.chart import chart, refuse_picture
+    from sonata2d.metrics.page import refuse_page, save_page
 
     _refuse_mixture(paths, controllers, scenarios, out)
     shown = named(names) if names else headline()
     if picture is not None:
         refuse_picture(picture)
+    if page is not None:
+        refuse_page(page)
     with _folders(paths, controllers, scenarios or ("sonata-2020",), out, (episodes, seed, workers)) as of:
-        measured = _measured(of, rerun=rerun, workers=workers)
+        files = _files(of)
+        measured = _measured(files, rerun=rerun, workers=workers)
         evaluations = [Evaluation(label, runs, resamples) for label, runs in measured.items()]
         _keep(of, measured, resamples)
+        if page is not None:  # before the runs are thrown away, since it shows some of them
+            save_page(page, evaluations, list(files.values()), shown if names else None)
     if out is not None:
         from sonata2d.record.dataset import write_tree
 
@@ -113,7 +127,7 @@ def command(
     if as_json:
         show_json(_compared(evaluations))
     else:
-        _tell(evaluations, shown, out, picture)
+        _tell(evaluations, shown, {"kept": out and out / COMPARISON, "picture": picture, "page": page})
 
 
 def _refuse_mixture(
@@ -162,11 +176,17 @@ def _generated(place: Path, controller: str, scenario: str, episodes: int, seed:
     return folder
 
 
-def _measured(of: dict[str, list[Path]], *, rerun: bool, workers: int) -> dict[str, list[Measured]]:
-    """Every run of each label."""
-    from sonata2d.metrics import episode_files, measure_files
+def _files(of: dict[str, list[Path]]) -> dict[str, list[Path]]:
+    """The episode files of each label, folder after folder."""
+    from sonata2d.metrics import episode_files
 
-    files = {label: [file for folder in folders for file in episode_files(folder)] for label, folders in of.items()}
+    return {label: [file for folder in folders for file in episode_files(folder)] for label, folders in of.items()}
+
+
+def _measured(files: dict[str, list[Path]], *, rerun: bool, workers: int) -> dict[str, list[Measured]]:
+    """Every run of each label, in the order of its files."""
+    from sonata2d.metrics import measure_files
+
     with progress(sum(map(len, files.values())), "runs measured") as advance:
         return {
             label: measure_files(own, rerun=rerun, workers=workers, advance=advance) for label, own in files.items()
@@ -207,7 +227,7 @@ def _title(evaluations: Sequence[Evaluation]) -> str:
     return f"{', '.join(families)}: {' or '.join(map(str, counts))} runs each; mean, 95 % bootstrap interval, every run"
 
 
-def _tell(evaluations: Sequence[Evaluation], shown: Sequence[Metric], out: Path | None, picture: Path | None) -> None:
+def _tell(evaluations: Sequence[Evaluation], shown: Sequence[Metric], written: dict[str, Path | None]) -> None:
     from sonata2d.metrics.table import table
 
     for line in table(evaluations, shown):
@@ -215,6 +235,6 @@ def _tell(evaluations: Sequence[Evaluation], shown: Sequence[Metric], out: Path 
     counts = ", ".join(f"{len(one.runs)} runs of {one.label}" for one in evaluations)
     mark = "; * differs from the first, scene by scene" if len(evaluations) > 1 else ""
     click.echo(f"{counts}; mean [95 % bootstrap interval]{mark}")
-    for name, path in (("kept", out and out / COMPARISON), ("picture", picture)):
+    for name, path in written.items():
         if path is not None:
             click.echo(f"{name}  {path}")

@@ -47,7 +47,9 @@ How they are taken:
 - Controllers in the same scenes are compared run by run: a `*` in the table, and `differences` in JSON, tell of the
   bootstrap interval of the difference to the first. Of twenty metrics that do not differ, one gets a `*` by chance.
 - `metrics.json` sums up all runs, those that reached the goal, and those of each family of scenes.
-- ↑ more is better, ↓ less is better. Metrics in **bold** are those of the short table and of the picture.
+- ↑ more is better, ↓ less is better. Metrics in **bold** are those of the short table and of the picture; `--page`
+  shows every class of collision besides, and shares of outcomes with Wilson's interval, which has a width even where
+  all runs ended alike: [how to](how-to.md#measure-runs-compare-controllers).
 """
 
 VARIANTS_INTRO = """\

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -109,6 +110,28 @@ def bootstrap_interval(
         part[:] = values[generator.integers(0, count, size=(len(part), count))].mean(axis=1)
     low, high = np.quantile(means, ((1.0 - level) / 2.0, (1.0 + level) / 2.0))
     return Interval(_rounded(low), _rounded(high))
+
+
+def wilson_interval(count: int, of: int, *, level: float = LEVEL) -> Interval:
+    """Where a share would lie if the runs were drawn again; of some width even if the count is none or all.
+
+    Args:
+        count: runs of a kind, 0 .. of.
+        of: all runs, 1 or more.
+        level: of the interval, above 0 and below 1.
+
+    Raises:
+        ValueError: one of them is out of range.
+
+    Source: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
+    """
+    if not (0 <= count <= of and of > 0 and 0.0 < level < 1.0):
+        raise ValueError(f"want 0 <= count <= of, of > 0 and a level in 0..1, got {count} of {of} at {level}")
+    z = NormalDist().inv_cdf((1.0 + level) / 2.0)
+    share, weight = count / of, z * z / of
+    middle = (share + weight / 2.0) / (1.0 + weight)
+    reach = z * (share * (1.0 - share) / of + weight / (4.0 * of)) ** 0.5 / (1.0 + weight)
+    return Interval(_rounded(max(middle - reach, 0.0)), _rounded(min(middle + reach, 1.0)))
 
 
 def _rounded(value: Any) -> float:

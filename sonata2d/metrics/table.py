@@ -36,7 +36,7 @@ def cell(summary: Summary, runs: int) -> str:
     if summary.mean is None:
         return "not defined"
     interval = summary.interval
-    told = f"{_number(summary.mean)}" + (f" [{_number(interval.low)}, {_number(interval.high)}]" if interval else "")
+    told = f"{number(summary.mean)}" + (f" [{number(interval.low)}, {number(interval.high)}]" if interval else "")
     return told if summary.n == runs else f"{told} (n={summary.n})"
 
 
@@ -46,7 +46,7 @@ def differs(difference: Summary) -> bool:
     return interval is not None and not interval.low <= 0.0 <= interval.high
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
     """Two or three digits that count; of 0 and 1 themselves no more than that."""
     if value in (0.0, 1.0):
         return f"{value:.0f}"

@@ -15,6 +15,7 @@ from .page import save_page
 from .render import SUFFIXES, render
 from .sheet import moments, scene_picture, snapshot_of
 from .still import save_picture, save_surface
+from .strips import filmstrip
 from .trails import Trails
 from .vector import save_moment
 from .veil import draw_tint, draw_veil
@@ -31,6 +32,7 @@ __all__ = [
     "draw_hud",
     "draw_tint",
     "draw_veil",
+    "filmstrip",
     "image_of",
     "moments",
     "picture",

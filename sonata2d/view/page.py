@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import json
 import math
 from collections.abc import Iterable, Sequence
@@ -23,6 +21,7 @@ from .camera import Camera
 from .caption import origin
 from .draw import QUICK, Layers, backdrop, camera_for
 from .palette import ACTIVITY, GOAL, ROBOT, Colour, shaded
+from .still import url_of
 from .things import half_size
 from .ties import drawn_ties
 
@@ -116,9 +115,7 @@ def _room_camera(scene: Scene) -> Camera:
 def _room_image(scene: Scene, camera: Camera, layers: Layers) -> str:
     """The room as a PNG within a URL, transparent outside."""
     room = backdrop(scene, camera, layers, outside=None, fine=QUICK)
-    file = io.BytesIO()
-    pygame.image.save(pygame.transform.smoothscale(room, camera.size), file, "room.png")
-    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode("ascii")
+    return url_of(pygame.transform.smoothscale(room, camera.size))
 
 
 def _frame_data(looks: Sequence[Snapshot]) -> dict[str, Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -61,3 +63,10 @@ def save_surface(surface: pygame.Surface, path: str | Path) -> None:
             pygame.image.save(surface, file, "picture.png")
     except (OSError, pygame.error) as error:
         raise RenderError(f"cannot write {path}: {error}") from error
+
+
+def url_of(surface: pygame.Surface) -> str:
+    """A surface as a PNG within a URL, for a page that must not need another file."""
+    file = io.BytesIO()
+    pygame.image.save(surface, file, "picture.png")
+    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode("ascii")

@@ -69,6 +69,26 @@ def test_a_picture_is_drawn_when_asked_for(sonata2d: Run, here: Path) -> None:
     assert (here / "a.pdf").read_bytes().startswith(b"%PDF")
 
 
+def test_a_page_outlives_the_runs_it_shows(sonata2d: Run, here: Path) -> None:
+    before = {path.name for path in here.iterdir()}
+    line = "evaluate --controller straight-to-goal --controller social-force --scenario quick.yaml --episodes 2"
+    assert "page  pages/a.html" in sonata2d(f"{line} --workers 1 --no-rerun --page pages/a.html").output
+    assert {path.name for path in here.iterdir()} == before | {"pages"}
+    page = (here / "pages/a.html").read_text("utf-8")
+    assert page.count("<img") == 24
+    assert page.count("driven by straight-to-goal") == page.count("driven by social-force") == 2
+
+
+def test_a_page_of_recorded_runs_shows_the_metrics_asked_for(sonata2d: Run, here: Path) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --no-picture")
+    sonata2d("evaluate out out/000000.json --metric stl --metric socnavgym --workers 1 --no-rerun --page a.html")
+    page = (here / "a.html").read_text("utf-8")
+    assert 'id="stl"' in page
+    assert 'id="socnavgym.stalled_time"' in page
+    assert 'id="spl"' not in page
+    assert page.count("best and worst") > 0  # a single run is both
+
+
 @pytest.mark.parametrize(
     ("line", "code", "told"),
     [
@@ -80,6 +100,7 @@ def test_a_picture_is_drawn_when_asked_for(sonata2d: Run, here: Path) -> None:
         ("evaluate --controller social-farce", 1, "did you mean 'social-force'?"),
         ("evaluate nowhere --metric jerk", 1, "no metric is named 'jerk'"),
         ("evaluate nowhere --picture a.bmp", 1, "ends in .png, .pdf, .svg"),
+        ("evaluate nowhere --page a.pdf", 1, "a page of metrics ends in .html"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_line(sonata2d: Run, line: str, code: int, told: str) -> None:

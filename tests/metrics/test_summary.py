@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sonata2d.metrics import bootstrap_interval, differences, summarise
+from sonata2d.metrics import bootstrap_interval, differences, summarise, wilson_interval
 
 NUMBERS = st.lists(st.floats(-100.0, 100.0).map(lambda v: round(v, 3)), min_size=2, max_size=30)
 
@@ -56,3 +56,20 @@ def test_differences_are_taken_scene_by_scene() -> None:
     second = {0: {"t": 11.0}, 1: {"t": 23.0}, 2: {"t": 5.0}, 4: {"t": 1.0}}
     told = differences(first, second, "t")
     assert (told.n, told.mean, told.interval) == (2, 2.0, (1.0, 3.0))
+
+
+@given(st.integers(1, 500), st.floats(0.0, 1.0))
+def test_wilsons_ends_are_where_the_count_is_just_not_surprising(of: int, part: float) -> None:
+    """At either end p the share lies 1.96 standard errors of p away, unless the end is 0 or 1."""
+    count = round(part * of)
+    share = count / of
+    for end in (interval := wilson_interval(count, of)):
+        if 0.0 < end < 1.0:
+            assert (share - end) ** 2 == pytest.approx(1.959964**2 * end * (1.0 - end) / of, abs=2e-5)
+    assert interval.low <= share <= interval.high
+
+
+def test_none_of_ten_does_not_mean_never() -> None:
+    assert wilson_interval(0, 10) == (0.0, pytest.approx(0.2775, abs=1e-4))
+    with pytest.raises(ValueError, match="got 3 of 2"):
+        wilson_interval(3, 2)
