@@ -1,6 +1,7 @@
 """Minds: controllers of the robot, and the crowd."""
 
 from .controller import Answer, Controller, Regenerate, Stop
+from .human_like import HumanLike
 from .social_force import Orca, SocialForce
 from .social_planner import SocialPlanner
 from .straight import StraightToGoal
@@ -11,10 +12,11 @@ STOCK: dict[str, type[Controller]] = {
     "social-force": SocialForce,
     "social-planner": SocialPlanner,
     "orca": Orca,
+    "human-like": HumanLike,
     "teleoperation": Teleoperation,
 }
 
 __all__ = [
-    "HANDS", "STOCK", "Answer", "Controller", "Hand", "Orca", "Regenerate", "SocialForce", "SocialPlanner", "Stop",
-    "StraightToGoal", "Teleoperation",
+    "HANDS", "STOCK", "Answer", "Controller", "Hand", "HumanLike", "Orca", "Regenerate", "SocialForce",
+    "SocialPlanner", "Stop", "StraightToGoal", "Teleoperation",
 ]  # fmt: skip

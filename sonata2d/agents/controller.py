@@ -44,7 +44,7 @@ class Controller(ABC):
     version: ClassVar[str | None] = None
     labels: Mapping[str, str] = {}
     image: ImageRequest | None = None
-    deterministic: ClassVar[bool] = True
+    deterministic: bool = True
 
     @classmethod
     def restored(cls, settings: Mapping[str, Any]) -> Self:
