@@ -11,7 +11,8 @@ from .output import json_option, show_json, show_table
 def command() -> None:
     """Controllers: stock ones, and those that installed packages publish.
 
-    Your own is named package.module:Class, or ./mine.py:Class.
+    Your own is named package.module:Class, or ./mine.py:Class; a learned one by its weights, ./policy.npz. Two joined
+    by a plus, driver+labeller: one drives, and each frame's label is the twist that the other would have asked for.
     """
 
 
@@ -19,12 +20,11 @@ def command() -> None:
 @json_option
 def list_controllers(as_json: bool) -> None:
     """List every controller that has a name."""
-    from sonata2d.agents import STOCK
-    from sonata2d.plugins import published
+    from sonata2d.plugins import published, stock
 
     rows = [
         {"name": name, "class": f"{kind.__module__}:{kind.__qualname__}", "about": (kind.__doc__ or "").splitlines()[0]}
-        for name, kind in STOCK.items()
+        for name, kind in stock().items()
     ]
     rows += [
         {"name": name, "class": point.value, "about": "published by a package"} for name, point in published().items()
@@ -33,4 +33,4 @@ def list_controllers(as_json: bool) -> None:
         show_json(rows)
     else:
         show_table((row["name"], row["about"]) for row in rows)
-        click.echo("\nYour own: package.module:Class or ./mine.py:Class")
+        click.echo("\nYour own: package.module:Class, ./mine.py:Class, weights ./policy.npz; or driver+labeller")

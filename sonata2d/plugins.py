@@ -13,28 +13,46 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from .agents import STOCK, Controller
+from .agents import STOCK, Controller, Labelled
 from .episode import Renderer
 from .errors import ControllerError
 
 ENTRY_POINTS = "sonata2d.controllers"
+LEARNED = "graph-policy"
+WEIGHTS = ".npz"
 
 
 def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Controller:
     """Make the controller that a name stands for.
 
     Args:
-        name: a stock or published name (`social-planner`), `package.module:Class`, or a file `./mine.py:Class`.
+        name: a stock or published name (`social-planner`), `package.module:Class`, a file `./mine.py:Class`, weights
+            of a graph policy `./policy.npz`, or two of these, `driver+labeller` (see `agents.Labelled`).
         settings: as a file tells them, to have the one that made it.
 
     Raises:
         ControllerError: there is no such thing, it is no `Controller`, or it cannot be made without arguments.
     """
+    driver, labeller = _two(name)
+    if labeller:
+        told = (settings or {}).get
+        return Labelled(load_controller(driver, told("driver")), load_controller(labeller, told("labeller")))
+    if name.endswith(WEIGHTS):
+        from .learned import GraphPolicy
+
+        return GraphPolicy(name) if settings is None else GraphPolicy.restored(settings)
     kind = find_controller(name)
     try:
         return kind() if settings is None else kind.restored(settings)
     except Exception as error:
         raise ControllerError(f"{name} cannot be made without arguments: {type(error).__name__}: {error}") from error
+
+
+def stock() -> dict[str, type[Controller]]:
+    """The stock controllers by name, the learned one too."""
+    from .learned import GraphPolicy
+
+    return {**STOCK, LEARNED: GraphPolicy}
 
 
 def eye_of(controller: Controller) -> Renderer | None:
@@ -50,6 +68,8 @@ def find_controller(name: str) -> type[Controller]:
     """The class that a name stands for; see `load_controller`."""
     if name in STOCK:
         return STOCK[name]
+    if name == LEARNED:
+        return stock()[name]
     place, colon, attribute = name.rpartition(":")
     if not colon or (len(place) == 1 and place.isalpha()):  # a Windows drive is no module
         return _published(name)
@@ -61,6 +81,13 @@ def published() -> dict[str, EntryPoint]:
     return {point.name: point for point in sorted(entry_points(group=ENTRY_POINTS), key=lambda p: p.name)}
 
 
+def _two(name: str) -> tuple[str, str]:
+    """The driver and the labeller that a name tells of; no labeller if it tells of one, whose file may hold a plus."""
+    driver, _, labeller = name.rpartition("+")
+    is_file = Path(name).is_file() or Path(name.rpartition(":")[0]).is_file()
+    return (driver, labeller) if driver and labeller and not is_file else (name, "")
+
+
 def _published(name: str) -> type[Controller]:
     points = published()
     if name in points:
@@ -69,7 +96,7 @@ def _published(name: str) -> type[Controller]:
         except Exception as error:
             raise ControllerError(f"{name} ({points[name].value}) does not load: {error}") from error
         return _checked(found, name)
-    known = [*STOCK, *points]
+    known = [*STOCK, LEARNED, *points]
     near = difflib.get_close_matches(name, known, 1)
     hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
     raise ControllerError(f"no controller is named {name!r}; {hint}; a class is named module:Class or ./file.py:Class")

@@ -32,6 +32,7 @@ LANDING = [
     "rating",
     "transforms",
     "graph",
+    "learned",
     "metrics",
     "formats",
     "datacard",

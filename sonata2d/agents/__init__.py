@@ -2,6 +2,7 @@
 
 from .controller import Answer, Controller, Regenerate, Stop
 from .human_like import HumanLike
+from .labelled import Labelled
 from .social_force import Orca, SocialForce
 from .social_planner import SocialPlanner
 from .straight import StraightToGoal
@@ -17,6 +18,6 @@ STOCK: dict[str, type[Controller]] = {
 }
 
 __all__ = [
-    "HANDS", "STOCK", "Answer", "Controller", "Hand", "HumanLike", "Orca", "Regenerate", "SocialForce",
+    "HANDS", "STOCK", "Answer", "Controller", "Hand", "HumanLike", "Labelled", "Orca", "Regenerate", "SocialForce",
     "SocialPlanner", "Stop", "StraightToGoal", "Teleoperation",
 ]  # fmt: skip

@@ -110,26 +110,37 @@ def _ticks(record: EpisodeRecord, tick: int, instants: int, interval: float) -> 
 
 def _rows(scene: Scene, look: Look, here: Any, pieces: Array, origin: Array, age: float) -> Array:
     """(N, 15) of an instant: robot, people, things, goal, walls; all but the type."""
-    people, things, sizes = look.humans[here], thing_poses(scene), thing_sizes(scene)
-    along, goal = pieces[:, 2:] - pieces[:, :2], scene.goal
-    walls = np.column_stack((pieces[:, :2] + along / 2, arctan2(along[:, 1], along[:, 0])))
-    length = np.sqrt(along[:, 0] * along[:, 0] + along[:, 1] * along[:, 1])
-    poses = np.concatenate((look.robot[None, :3], people[:, :3], things, [(goal.x, goal.y, goal.theta)], walls))
-    count, solid = len(poses), 1 + len(people)
-    speed, head, size, round_ = np.zeros((count, 3)), poses[:, 2].copy(), np.zeros((count, 2)), np.zeros(count)
-    speed[:solid] = np.concatenate((look.robot[None, 3:6], people[:, 3:6]))
-    head[1:solid] = people[:, 6]
-    round_[:solid] = [scene.robot.radius, *(scene.humans[k].radius for k in here)]
-    round_[solid : solid + len(things)] = [getattr(f.shape, "radius", 0.0) for f in scene.furniture]
-    round_[solid + len(things)] = goal.distance
-    size[:] = 2 * round_[:, None]
-    size[solid : solid + len(things)] = sizes
-    size[solid + len(things) + 1 :, 0] = length
+    body = np.concatenate([*_solids(scene, look, here), _marks(scene, pieces)])
+    poses, speed, head, size, round_ = body[:, :3], body[:, 3:6], body[:, 6], body[:, 7:9], body[:, 9]
     near, gap = _nearest(poses, size, round_, look.robot, scene.robot.radius)
     axes, turned, looking = headings(origin[2:3])[0], headings(poses[:, 2] - origin[2]), headings(head - origin[2])
     place, nearest = (_turned(points - origin[:2], axes) for points in (poses[:, :2], near))
     velocity = np.column_stack((_turned(speed[:, :2], axes), speed[:, 2]))
-    return np.column_stack((np.full(count, age), place, turned, velocity, looking, size, nearest, gap))
+    return np.column_stack((np.full(len(body), age), place, turned, velocity, looking, size, nearest, gap))
+
+
+def _solids(scene: Scene, look: Look, here: Any) -> tuple[Array, Array, Array]:
+    """(1, 10), (P, 10) and (O, 10), robot, people, things: x, y, theta, vx, vy, omega, head, length, width, radius."""
+    people, things = look.humans[here], thing_poses(scene)
+    radius = np.array([scene.humans[k].radius for k in here], dtype=float)
+    round_ = np.array([getattr(thing.shape, "radius", 0.0) for thing in scene.furniture], dtype=float)
+    own = scene.robot.radius
+    return (
+        np.array([[*look.robot, look.robot[2], 2 * own, 2 * own, own]]),
+        np.column_stack((people, 2 * radius, 2 * radius, radius)),
+        np.column_stack((things, np.zeros((len(things), 3)), things[:, 2], thing_sizes(scene), round_)),
+    )
+
+
+def _marks(scene: Scene, pieces: Array) -> Array:
+    """(1 + M, 10), the goal and the pieces of walls, alike."""
+    along, goal = pieces[:, 2:] - pieces[:, :2], scene.goal
+    theta = arctan2(along[:, 1], along[:, 0])
+    length = np.sqrt(along[:, 0] * along[:, 0] + along[:, 1] * along[:, 1])
+    none = np.zeros((len(pieces), 1))
+    walls = np.column_stack((pieces[:, :2] + along / 2, theta, none, none, none, theta, length, none, none))
+    size = 2 * goal.distance
+    return np.concatenate(([[goal.x, goal.y, goal.theta, 0, 0, 0, goal.theta, size, size, goal.distance]], walls))
 
 
 def _nearest(poses: Array, size: Array, radius: Array, robot: Array, own: float) -> tuple[Array, Array]:

@@ -1,0 +1,100 @@
+"""Recorded runs as training samples: one loader for what the expert drove, what people drove, and what learners met."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, fields
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from sonata2d.graph import modern_graph, paper_graphs
+from sonata2d.learned import inputs_of
+from sonata2d.record import EpisodeRecord, read_episode
+
+PARTS = ("train", "dev", "test")
+TO_OURS = np.array([1.0, -1.0, -1.0])  # the paper's labels are to the right and clockwise
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """S graphs in a row, of V nodes and E edges in all.
+
+    Attributes:
+        x: (V, F) of float32, inputs.
+        edges: (2, E) of int32, from and to, counted within each graph.
+        relation: (E,) of int8.
+        y: (S, 3) of float32, shares of the robot's limits.
+        nodes, ties: (S,) of int64, how many nodes and edges each graph has.
+        part: (S,) of int8, into `PARTS`.
+    """
+
+    x: Any
+    edges: Any
+    relation: Any
+    y: Any
+    nodes: Any
+    ties: Any
+    part: Any
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+
+def samples_of(folder: Path, graph: str, *, workers: int = 2) -> Samples:
+    """The samples of a data set, from its cache if it is as it was.
+
+    Args:
+        folder: a data set; what is in no part of its split is for training.
+        graph: `paper` or `modern`.
+        workers: processes.
+    """
+    text = (folder / "manifest.json").read_bytes()
+    cache = folder.parent / "cache" / f"{folder.name}-{graph}-{hashlib.sha256(text).hexdigest()[:12]}.npz"
+    if not cache.exists():
+        manifest = json.loads(text)
+        parts = {name: PARTS.index(part) for part, names in (manifest["split"] or {}).items() for name in names}
+        jobs = [(folder / row["name"], graph, parts.get(row["name"], 0)) for row in manifest["files"]]
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            found = tqdm(pool.map(_of_file, jobs, chunksize=16), f"graphs of {folder.name}", len(jobs), disable=None)
+            whole = joined([samples for samples in found if samples is not None])
+        cache.parent.mkdir(exist_ok=True)
+        np.savez(cache, **{field.name: getattr(whole, field.name) for field in fields(Samples)})
+    with np.load(cache) as held:
+        return Samples(**{field.name: held[field.name] for field in fields(Samples)})
+
+
+def joined(many: Sequence[Samples]) -> Samples:
+    """Several one after the other."""
+    return Samples(*(np.concatenate([getattr(one, f.name) for one in many], axis=-1 if f.name == "edges" else 0)
+                     for f in fields(Samples)))  # fmt: skip
+
+
+def _of_file(job: tuple[Path, str, int]) -> Samples | None:
+    path, kind, part = job
+    rows = list(_rows(read_episode(path), kind))
+    if not rows:
+        return None
+    return Samples(
+        x=np.concatenate([x for x, *_ in rows]).astype(np.float32),
+        edges=np.concatenate([edges for _, edges, *_ in rows], axis=1).astype(np.int32),
+        relation=np.concatenate([relation for *_, relation, _ in rows]).astype(np.int8),
+        y=np.array([y for *_, y in rows], dtype=np.float32),
+        nodes=np.array([len(x) for x, *_ in rows]),
+        ties=np.array([len(relation) for *_, relation, _ in rows]),
+        part=np.full(len(rows), part, dtype=np.int8),
+    )
+
+
+def _rows(record: EpisodeRecord, kind: str) -> Iterator[tuple[Any, Any, Any, Any]]:
+    """Inputs, edges, relations and label, a second apart; both kinds at the same ticks."""
+    for paper in paper_graphs(record):
+        graph = paper if kind == "paper" else modern_graph(record, paper.ticks[0], instants=1)
+        label = paper.label if kind == "paper" else paper.label * TO_OURS
+        yield inputs_of(graph), graph.edges, graph.relation, label
