@@ -12,8 +12,8 @@ import numpy as np
 
 from ..exact import Array, exp
 
-UNIT = 2.0**-14  # what values and weights are multiples of
-LARGEST_VALUE, LARGEST_WEIGHT = 64.0, 8.0  # 20 and 17 bits: 2^15 products add up to 52 bits, less than a double's 53
+UNIT, LARGEST_VALUE = 2.0**-14, 64.0  # of values: 20 bits
+WEIGHT_UNIT, LARGEST_WEIGHT = 2.0**-13, 32.0  # 18 bits: of 2^14 products the sum has 52, and a double holds 53
 SLOPE = 0.01  # below 0, of the leaky ReLU
 
 
@@ -27,11 +27,11 @@ def weights(numbers: Any) -> Array:
     """Rounded to fixed point.
 
     Raises:
-        ValueError: one is beyond ±8.
+        ValueError: one is beyond ±32.
     """
     if not (np.abs(numbers) <= LARGEST_WEIGHT).all():
         raise ValueError(f"weights must be within ±{LARGEST_WEIGHT:g}, got {np.abs(numbers).max():g}")
-    rounded: Array = np.rint(np.asarray(numbers) / UNIT) * UNIT
+    rounded: Array = np.rint(np.asarray(numbers) / WEIGHT_UNIT) * WEIGHT_UNIT
     return rounded
 
 

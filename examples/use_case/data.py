@@ -1,0 +1,105 @@
+"""The data set that the paper's network learns from: kept runs of an expert and their mirror images, split by scene.
+
+    python examples/use_case/data.py -o runs
+    python examples/use_case/data.py -o runs --add my-recordings
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+from tqdm import tqdm
+
+from sonata2d.batch import generate_dataset
+from sonata2d.datacard import write_card
+from sonata2d.record import read_manifest
+from sonata2d.scenegen import load_scenario
+from sonata2d.transforms import merge_datasets, mirror_dataset, split_dataset
+
+KEPT = 3092  # trajectories, as in the paper
+SEED = 2020
+PARTS = {"train": 0.9, "dev": 0.05, "test": 0.05}
+
+
+def make(out: Path, driver: str, episodes: int, seed: int, workers: int, added: tuple[Path, ...] = ()) -> Path:
+    """Make the data set in `out/data`; what is there of it already is used.
+
+    Args:
+        out: folder for it and for what it is made from.
+        driver: name of the controller.
+        episodes: how many runs that reached the goal are kept.
+        seed: of the scenes.
+        workers: processes.
+        added: data sets of others, such as what people drove in the window.
+
+    Returns:
+        Its folder.
+    """
+    driven, data = out / "driven", out / "data"
+    with bar("runs", episodes) as advance:
+        generate_dataset(
+            driven,
+            load_scenario("sonata-2020"),
+            driver,
+            episodes=episodes,
+            seed=seed,
+            workers=workers,
+            keep=("goal",),
+            resume=driven.exists(),
+            suffix=".json.zst",
+            advance=advance,
+        )
+    originals = [driven, *added]
+    shutil.rmtree(data, ignore_errors=True)
+    with_mirrors(originals, data)
+    split_dataset(data, PARTS)
+    with bar("card", len(read_manifest(data)["files"])) as advance:
+        write_card(data, advance=advance)
+    return data
+
+
+def with_mirrors(folders: list[Path], out: Path) -> None:
+    """Data sets and their mirror images, together."""
+    twins = [out.parent / f"{folder.name}-mirrored" for folder in folders]
+    for folder, twin in zip(folders, twins, strict=True):
+        shutil.rmtree(twin, ignore_errors=True)
+        with bar("mirrors", len(read_manifest(folder)["files"])) as advance:
+            mirror_dataset(folder, twin, label=mirrored_twist, advance=advance)
+    merge_datasets([*folders, *twins], out)
+    for twin in twins:
+        shutil.rmtree(twin)
+
+
+def mirrored_twist(label: object) -> object:
+    """The image of a label that is a twist, [vx, vy, omega]; any other is its own."""
+    if isinstance(label, list) and len(label) == 3:
+        return [label[0], 0.0 - label[1], 0.0 - label[2]]
+    return label
+
+
+@contextmanager
+def bar(what: str, count: int) -> Iterator[Callable[[int], object]]:
+    """A progress bar, quiet where nobody looks."""
+    with tqdm(total=count, desc=what, disable=None) as shown:
+        yield shown.update
+
+
+@click.command()
+@click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("runs"), show_default=True)
+@click.option("--driver", default="social-planner", show_default=True, help="human-like: with a person's lag and noise.")
+@click.option("--episodes", type=click.IntRange(20), default=KEPT, show_default=True, help="Kept runs.")
+@click.option("--seed", type=click.IntRange(0), default=SEED, show_default=True)
+@click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
+@click.option("--add", "added", type=click.Path(path_type=Path, exists=True), multiple=True, help="Another data set.")
+def main(out: Path, driver: str, episodes: int, seed: int, workers: int, added: tuple[Path, ...]) -> None:
+    """Make the data set OUT/data: kept runs, their mirror images, a split by scene, a card."""
+    out.mkdir(parents=True, exist_ok=True)
+    click.echo(make(out, driver, episodes, seed, workers, added))
+
+
+if __name__ == "__main__":
+    main()
