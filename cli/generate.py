@@ -20,6 +20,7 @@ PREVIEW = "preview.png"
 @click.command(
     epilog="Examples:  sonata2d generate demo   ·   "
     "sonata2d generate out --controller ./polite.py:Polite --scenario office.yaml --episodes 100 --seed 7 --workers 2"
+    "   ·   sonata2d generate successes --controller human-like --keep goal --episodes 100"
 )
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option(
@@ -32,10 +33,16 @@ PREVIEW = "preview.png"
     metavar="NAME|MODULE:CLASS|FILE:CLASS",
     help="Drives the robot and labels the frames.",
 )
-@click.option("--episodes", type=click.IntRange(1), default=20, show_default=True, help="How many to make.")
+@click.option("--episodes", type=click.IntRange(1), default=20, show_default=True, help="How many.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the whole data set.")
 @click.option(
     "--workers", type=click.IntRange(1, 256), default=min(2, os.cpu_count() or 1), show_default=True, help="Processes."
+)
+@click.option(
+    "--keep",
+    multiple=True,
+    type=click.Choice(["goal", "timeout", "contact", "stopped", "regenerate"]),
+    help="Keep only episodes that ended so, and make more until there are as many as asked for; may be repeated.",
 )
 @click.option("--resume", is_flag=True, help="Go on with a data set that was interrupted.")
 @click.option(
@@ -50,6 +57,7 @@ def command(
     episodes: int,
     seed: int,
     workers: int,
+    keep: tuple[str, ...],
     resume: bool,
     compress: str,
     picture: bool,
@@ -72,6 +80,7 @@ def command(
             episodes=episodes,
             seed=seed,
             workers=workers,
+            keep=keep,
             resume=resume,
             suffix=suffix,
             advance=advance,
@@ -112,7 +121,10 @@ def _tell(out: Path, first: Path, manifest: dict[str, Any], picture: bool) -> No
     click.echo(
         f"{out}: {len(files)} episodes of {manifest['name']}, {sum(f['ticks'] for f in files)} frames, {size:.1f} MB"
     )
-    rows = [("outcomes", outcomes), ("manifest", out / "manifest.json"), ("data card", out / "README.md")]
+    rows: list[tuple[str, object]] = [("outcomes", outcomes)]
+    if "left_out" in manifest:
+        rows.append(("left out", ", ".join(f"{n} {name}" for name, n in manifest["left_out"].items()) or "none"))
+    rows += [("manifest", out / "manifest.json"), ("data card", out / "README.md")]
     if picture:
         rows.append(("picture", out / PREVIEW))
     show_table(rows, indent="  ")

@@ -10,40 +10,34 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from multiprocessing.synchronize import Event
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from .agents.controller import Controller
 from .episode import Episode, author_of
 from .errors import ControllerError, RecordError, Sonata2dError
+from .frame import Status
 from .plugins import eye_of, load_controller
 from .record import EpisodeRecorder, dataset
 from .record.dataset import Entry, Plan
+from .record.run_log import log, log_left_out, logged_left_out
 from .scenegen import ScenarioConfig, generate
+from .tally import Failure, LeftOut, Result, Tally
 
 logger = logging.getLogger(__name__)
 
 CHUNK = 4  # episodes handed to a worker at a time
 FAILED = "failed"  # folder of what an error left of its episode
+KEEPABLE: tuple[Status, ...] = tuple(status for status in get_args(Status) if status != "error")  # that ends a batch
 
 Advance = Callable[[int], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Failure:
-    """An episode that an error ended: which, what happened, and where its frames up to there are."""
-
-    episode: int
-    error: type[Sonata2dError]
-    message: str
-    remains: Path | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +59,7 @@ def generate_dataset(
     workers: int = 1,
     resume: bool = False,
     suffix: str = ".json",
+    keep: Sequence[str] = (),
     advance: Advance = lambda step: None,
 ) -> dict[str, Any]:
     """Make a data set, or what is missing of one.
@@ -73,46 +68,75 @@ def generate_dataset(
         out: folder for it; new or empty, unless it is to be resumed.
         scenario: what its scenes may look like.
         controller: its name, as on the command line, since each worker makes its own.
-        episodes: how many.
+        episodes: how many; with `keep`, how many of these.
         seed: of the whole set; episode k is the same whatever the other arguments.
         workers: processes. With more than one, a script must guard its start by `if __name__ == "__main__":`.
         resume: go on with a set that was interrupted, with the same settings.
         suffix: `.json`, `.json.gz` or `.json.zst`.
+        keep: outcomes (`frame.Status`). Episodes 0, 1, 2, … are made until so many ended in one of these; the others
+            are left out, and the manifest counts them. All are kept if none is named.
         advance: is told how many episodes are done, as they are.
 
     Returns:
         The manifest.
 
     Raises:
-        RecordError: the folder cannot be used or written, or holds a data set made otherwise.
+        RecordError: the folder cannot be used or written, or holds a data set made otherwise; or hardly any episode
+            ends as is to be kept.
         ControllerError: the controller cannot be made, or an error ended an episode; whole episodes stay.
         SceneError: a scene cannot be laid out; whole episodes stay.
+        ValueError: no episode of a data set ends in an outcome of this name.
     """
     out = Path(out)
+    kept = _in_order(keep)
     author = author_of(load_controller(controller), controller)
-    plan = Plan(scenario.name, scenario.settings(), seed, episodes, author, suffix)
+    plan = Plan(scenario.name, scenario.settings(), seed, episodes, author, suffix, kept)
     split = dataset.read_manifest(out)["split"] if resume and (out / dataset.MANIFEST).exists() else None
     listed = dataset.start(out, plan, resume=resume)
-    done, faults = dataset.existing(out, plan, listed) if resume else ({}, [])
+    tally = Tally(plan, _known(out, plan, listed) if resume else ())
+    advance(len(tally.kept))
+    lacking = episodes - min(tally.whole, episodes)
+    with _logged(out, lacking, workers):
+        _make(Job(out, scenario, plan), tally, workers if lacking > 1 else 1, advance)
+        if tally.failure is not None:
+            raise tally.failure.error(_told(tally.failure, out, tally.whole, episodes))
+    shutil.rmtree(out / FAILED, ignore_errors=True)  # what failed is made by now
+    if split is not None and lacking:
+        logger.warning("%s was split, and has other episodes now; split it again", out)
+    return dataset.finish(out, plan, tally.kept, left_out=tally.left_out, split=None if lacking else split)
+
+
+def _in_order(keep: Sequence[str]) -> tuple[Status, ...]:
+    """Outcomes to keep in one order, whichever they are named in."""
+    for status in keep:
+        if status not in KEEPABLE:
+            raise ValueError(f"keep must be of {', '.join(KEEPABLE)}; got {status!r}")
+    return tuple(status for status in KEEPABLE if status in keep)
+
+
+def _known(out: Path, plan: Plan, listed: Mapping[str, str]) -> list[Entry | LeftOut]:
+    """What earlier runs came to."""
+    done, faults = dataset.existing(out, plan, listed)
     for fault in faults:
         logger.warning("%s; it is made again", fault)
-    advance(len(done))
-    todo = [episode for episode in range(episodes) if episode not in done]
-    with _logged(out, len(todo), workers):
-        for result in _results(Job(out, scenario, plan), todo, workers):
-            if isinstance(result, Failure):
-                raise result.error(_told(result, out, len(done), episodes))
-            done[result.episode] = result
-            advance(1)
-    shutil.rmtree(out / FAILED, ignore_errors=True)  # what failed is made by now
-    if split is not None and todo:
-        logger.warning("%s was split, and has other episodes now; split it again", out)
-    return dataset.finish(out, plan, done.values(), split=None if todo else split)
+    left_out = logged_left_out(out) if plan.keep else {}
+    return [*(LeftOut(k, outcome) for k, outcome in left_out.items()), *done.values()]
 
 
-def _results(job: Job, todo: Sequence[int], workers: int) -> Iterator[Entry | Failure]:
-    """Make the episodes, in this process or in others; ends at the first failure."""
-    if workers <= 1 or len(todo) <= 1:
+def _make(job: Job, tally: Tally, workers: int, advance: Advance) -> None:
+    """Make episodes until the tally is over."""
+    with closing(_results(job, tally.missing(), workers)) as results:
+        for result in results:
+            if isinstance(result, LeftOut):
+                log_left_out(job.out, result.episode, result.outcome)
+            advance(tally.take(result))
+            if tally.is_over:
+                return
+
+
+def _results(job: Job, todo: Iterator[int], workers: int) -> Generator[Result, None, None]:
+    """Make the episodes, in this process or in others."""
+    if workers <= 1:
         controller = load_controller(job.plan.author.path)
         for episode in todo:
             yield _made(job, controller, episode)
@@ -127,9 +151,9 @@ def _results(job: Job, todo: Sequence[int], workers: int) -> Iterator[Entry | Fa
             pool.shutdown(cancel_futures=True)
 
 
-def _spread(pool: ProcessPoolExecutor, chunks: Iterator[tuple[int, ...]], *, ahead: int) -> Iterator[Entry | Failure]:
+def _spread(pool: ProcessPoolExecutor, chunks: Iterator[tuple[int, ...]], *, ahead: int) -> Iterator[Result]:
     """Hand out chunks, never more than a few ahead, and give results as they come."""
-    running: set[Future[list[Entry | Failure]]] = set()
+    running: set[Future[list[Result]]] = set()
     while True:
         running |= {pool.submit(_make_chunk, chunk) for chunk in islice(chunks, ahead - len(running))}
         if not running:
@@ -165,11 +189,11 @@ def _start_worker(job: Job, stop: Event) -> None:
     _worker = job, load_controller(job.plan.author.path), stop
 
 
-def _make_chunk(episodes: Sequence[int]) -> list[Entry | Failure]:
+def _make_chunk(episodes: Sequence[int]) -> list[Result]:
     """Make some episodes in a worker."""
     assert _worker is not None
     job, controller, stop = _worker
-    made: list[Entry | Failure] = []
+    made: list[Result] = []
     for episode in episodes:
         if stop.is_set():
             break
@@ -179,13 +203,16 @@ def _make_chunk(episodes: Sequence[int]) -> list[Entry | Failure]:
     return made
 
 
-def _made(job: Job, controller: Controller, episode: int) -> Entry | Failure:
-    """Run one episode and write its file."""
+def _made(job: Job, controller: Controller, episode: int) -> Result:
+    """Run one episode and write its file, if it is one to keep."""
     plan = job.plan
     recorder = EpisodeRecorder(id=f"{episode:06d}", context=job.scenario.context)
     try:
         scene = generate(job.scenario, plan.seed, episode)
-        Episode(scene, controller, observers=[recorder], author=plan.author, renderer=eye_of(controller)).run()
+        run = Episode(scene, controller, observers=[recorder], author=plan.author, renderer=eye_of(controller))
+        status = run.run().status
+        if plan.keep and status not in plan.keep:
+            return LeftOut(episode, status)
         return dataset.store(job.out, plan, episode, recorder.document())
     except Exception as error:
         kind = type(error) if isinstance(error, Sonata2dError) else ControllerError
@@ -230,7 +257,7 @@ def _logged(out: Path, todo: int, workers: int) -> Iterator[None]:
         outcome = f"{type(error).__name__}: {error}"
         raise
     finally:
-        dataset.log(
+        log(
             out,
             begun=begun,
             seconds=round(time.perf_counter() - start, 1),

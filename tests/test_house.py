@@ -23,6 +23,7 @@ LANDING = [
     "plugins",
     "replay",
     "proof",
+    "tally",
     "batch",
     "testing",
     "driving",

@@ -25,7 +25,7 @@ size_categories:
 ---
 # {title}
 
-{made}{recorded}
+{made}{recorded}{kept}
 ## Contents
 | outcome | episodes |
 | --- | ---: |
@@ -54,7 +54,7 @@ sonata2d {sonata2d} and driven by `{controller}`.
 
 ## Made by
 ```
-sonata2d generate AGAIN --scenario scenario.json --seed {seed} --episodes {asked} --controller {controller}
+sonata2d generate AGAIN --scenario scenario.json --seed {seed} --episodes {asked} --controller {controller}{keep}
 ```
 `scenario.json` beside this card holds the settings in full, as does every episode. The same settings, seed and physics
 version ({physics}) give the same bytes: `sonata2d check` with `--replay` proves it.
@@ -82,6 +82,12 @@ _RECORDED = """
 ## Recorded people
 {count} of the {given} people that the {scenario} are recorded: they are carried along their tracks and heed nobody. The
 recording's own terms apply to them, and so to these files.
+"""
+
+_KEPT = """
+## Only some runs are kept
+Kept are runs that ended so: {keep}. Left out were {left_out}. Whoever learns from these files has not seen how such
+runs come about, and shares of outcomes among them say nothing of the driver.
 """
 
 _MERGED = """\
@@ -151,6 +157,7 @@ def card(manifest: Tree, licence: str | None = None) -> str:
         "people": _people(len(counts.get("contributor") or ())),
         "sources": len(manifest.get("sources") or ()),
         "table": _sources(manifest.get("sources") or ()),
+        "keep": "".join(f" --keep {status}" for status in manifest.get("keep") or ()),
     }
     return _CARD.format(
         title=title,
@@ -160,6 +167,7 @@ def card(manifest: Tree, licence: str | None = None) -> str:
         licence=licence or licence_of(manifest),
         synthetic="" if recorded else "- synthetic\n",
         recorded=_recorded(manifest),
+        kept="".join(_kept(told) for told in manifest.get("sources") or [manifest]),
         who="Who is not recorded is" if recorded else "The people are",
         precision=manifest["precision"],
         outcomes=_lines(counts["outcome"]),
@@ -173,6 +181,16 @@ def _recorded(manifest: Tree) -> str:
     count, given = recorded_people(manifest)
     scenario = "scenarios list" if manifest.get("sources") else "scenario lists"
     return _RECORDED.format(count=count, given=given, scenario=scenario) if count else ""
+
+
+def _kept(told: Tree) -> str:
+    """The section on what was left out of a data set, or of one that was merged, if only some runs were kept."""
+    if not told.get("keep"):
+        return ""
+    keep, left_out = ", ".join(told["keep"]), told.get("left_out") or {}
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in left_out.items()) or "no others"
+    files = f" (files `{told['name']}__…`)" if "scenario" in told else ""
+    return _KEPT.format(keep=keep + files, left_out=counts)
 
 
 def _sources(sources: Iterable[Tree]) -> str:

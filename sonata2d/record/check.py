@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 import orjson
 
 from ..errors import RecordError
-from .dataset import CARD, CROISSANT, LOG, MANIFEST, METRICS, SCENARIO, entry_of, read_manifest
+from .dataset import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO, entry_of, read_manifest
 from .layout import Tree
 from .reader import read_episode
 from .record import EpisodeRecord
+from .run_log import LOG
 from .sense import Doubt, doubts
 
 if TYPE_CHECKING:
@@ -148,6 +149,8 @@ def _manifest_doubts(folder: Path, manifest: Tree) -> Iterator[Doubt]:
     names, episodes = [file["name"] for file in files], [file["episode"] for file in files]
     if not manifest["complete"]:
         yield "complete", f"{len(files)} of {manifest['episodes']} episodes are there; go on with --resume"
+    elif manifest.get("keep"):
+        yield from _keep_doubts(manifest, episodes)
     elif not (manifest["collected"] or manifest.get("sources")) and episodes != list(range(manifest["episodes"])):
         yield "files", f"should list the episodes 0 to {manifest['episodes'] - 1} in order"
     for key, told in manifest["counts"].items():
@@ -164,6 +167,19 @@ def _manifest_doubts(folder: Path, manifest: Tree) -> Iterator[Doubt]:
     strangers = {path.name for path in folder.iterdir() if path.is_file()} - known
     for name in sorted(name for name in strangers if ".json" in name or name.endswith(".tmp")):
         yield "files", f"{name} is in the folder but not in the list"
+
+
+def _keep_doubts(manifest: Tree, episodes: list[int]) -> Iterator[Doubt]:
+    """Of a data set of which some outcomes were kept: does it account for each number?"""
+    keep, left_out = manifest["keep"], manifest.get("left_out") or {}
+    if len(episodes) != manifest["episodes"] or episodes != sorted(set(episodes)):
+        yield "files", f"should list {manifest['episodes']} episodes in order"
+    for file in manifest["files"]:
+        if file["outcome"] not in keep:
+            yield "keep", f"{file['name']} ended in {file['outcome']}, kept are {', '.join(keep)}"
+    gaps = episodes[-1] + 1 - len(episodes) if episodes else 0
+    if gaps != sum(left_out.values()) or set(left_out) & set(keep):
+        yield "left_out", f"says {left_out}, the list leaves out {gaps}"
 
 
 def _repeated(names: Iterable[str]) -> list[str]:

@@ -27,7 +27,6 @@ from .dataset import (
     METRICS,
     SCENARIO,
     entry_of,
-    log,
     read_manifest,
     write_tree,
 )
@@ -35,6 +34,7 @@ from .files import SUFFIXES, packed, read_bytes, safe_name, safe_stem, stem_of, 
 from .layout import Tree
 from .reader import read_episode
 from .recorder import EpisodeRecorder
+from .run_log import log
 from .software import software
 
 logger = logging.getLogger(__name__)

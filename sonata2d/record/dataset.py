@@ -15,7 +15,7 @@ from typing import Any
 import orjson
 
 from ..errors import NewerFormatError, RecordError
-from ..frame import Author
+from ..frame import Author, Status
 from ..geometry import PRECISION
 from ..version import PHYSICS_VERSION
 from .canonical import head_of, plain
@@ -27,7 +27,7 @@ from .record import EpisodeRecord
 from .software import software
 
 DATASET_FORMAT, DATASET_VERSION = "sonata2d-dataset", 1
-MANIFEST, SCENARIO, CARD, LOG = "manifest.json", "scenario.json", "README.md", "run.jsonl"
+MANIFEST, SCENARIO, CARD = "manifest.json", "scenario.json", "README.md"
 CROISSANT = "croissant.json"  # what `sonata2d card` writes for machines
 METRICS = "metrics.json"  # what `sonata2d evaluate` leaves beside the episodes
 
@@ -40,9 +40,10 @@ class Plan:
         name: of the scenario.
         settings: resolved settings of the scenario.
         seed: of the data set.
-        episodes: how many.
+        episodes: how many; where only some are kept, how many of these.
         author: who drives.
         suffix: of the files.
+        keep: outcomes that are kept; all if none is named.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Plan:
     episodes: int
     author: Author
     suffix: str = ".json"
+    keep: tuple[Status, ...] = ()
 
     def file_name(self, episode: int) -> str:
         """`{episode:06d}.json`"""
@@ -66,7 +68,7 @@ class Entry:
     bytes: int
     episode: int
     family: str
-    outcome: str
+    outcome: Status
     ticks: int
 
 
@@ -124,10 +126,8 @@ def existing(folder: Path, plan: Plan, listed: Mapping[str, str]) -> tuple[dict[
         Entries by number of episode, and a line for each file of the plan that is there but of no use.
     """
     entries, faults = {}, []
-    for episode in range(plan.episodes):
+    for episode in _numbers(folder, plan):
         path = folder / plan.file_name(episode)
-        if not path.exists():
-            continue
         try:
             record = read_episode(path)
             _refuse_stranger(record, plan, episode)
@@ -142,15 +142,37 @@ def existing(folder: Path, plan: Plan, listed: Mapping[str, str]) -> tuple[dict[
     return entries, faults
 
 
-def finish(folder: Path, plan: Plan, entries: Iterable[Entry], *, split: Mapping[str, list[str]] | None = None) -> Tree:
+def _numbers(folder: Path, plan: Plan) -> list[int]:
+    """The numbers of episodes that files in the folder are named after, as far as the plan may ask for them."""
+    stems = (path.name.removesuffix(plan.suffix) for path in folder.iterdir() if path.name.endswith(plan.suffix))
+    numbers = sorted(int(stem) for stem in stems if stem.isdecimal() and stem.isascii())
+    return [k for k in numbers if (plan.keep or k < plan.episodes) and (folder / plan.file_name(k)).is_file()]
+
+
+def finish(
+    folder: Path,
+    plan: Plan,
+    entries: Iterable[Entry],
+    *,
+    left_out: Mapping[str, int] | None = None,
+    split: Mapping[str, list[str]] | None = None,
+) -> Tree:
     """Write manifest and card; complete if every episode is there.
+
+    Where only some are kept, files of episodes beyond the last one that was asked for are removed.
+
+    Args:
+        left_out: how many before the last one were not kept, by outcome.
 
     Returns:
         The manifest.
     """
     files = sorted(entries, key=lambda entry: entry.episode)
-    complete = [entry.episode for entry in files] == list(range(plan.episodes))
-    manifest = manifest_of(plan, files, complete=complete, split=split)
+    numbers = [entry.episode for entry in files]
+    complete = len(numbers) == plan.episodes if plan.keep else numbers == list(range(plan.episodes))
+    for beyond in set(_numbers(folder, plan)).difference(numbers) if plan.keep else ():
+        (folder / plan.file_name(beyond)).unlink(missing_ok=True)
+    manifest = manifest_of(plan, files, complete=complete, left_out=left_out, split=split)
     write_atomically(folder / CARD, card(manifest).encode())
     write_tree(folder / MANIFEST, manifest)
     return manifest
@@ -189,10 +211,16 @@ def read_manifest(folder: Path) -> Tree:
 
 
 def manifest_of(
-    plan: Plan, files: Iterable[Entry], *, complete: bool, split: Mapping[str, list[str]] | None = None
+    plan: Plan,
+    files: Iterable[Entry],
+    *,
+    complete: bool,
+    left_out: Mapping[str, int] | None = None,
+    split: Mapping[str, list[str]] | None = None,
 ) -> Tree:
     """The manifest of these files."""
     rows = [asdict(entry) for entry in files]
+    others = {"left_out": dict(sorted((left_out or {}).items()))} if plan.keep else {}
     return {
         "format": DATASET_FORMAT,
         "version": DATASET_VERSION,
@@ -201,23 +229,11 @@ def manifest_of(
         "physics": PHYSICS_VERSION,
         "complete": complete,
         "counts": {key: dict(sorted(Counter(row[key] for row in rows).items())) for key in ("outcome", "family")},
+        **others,
         "split": None if split is None else dict(split),
         "files": rows,
         "software": software(),
     }
-
-
-def log(folder: Path, **facts: Any) -> None:
-    """Add a line to the log of what is true of a run only: wall time, host, workers, command line.
-
-    Raises:
-        RecordError: it cannot be written.
-    """
-    try:
-        with (folder / LOG).open("ab") as file:
-            file.write(orjson.dumps(plain(facts, LOG, exact=True), option=orjson.OPT_APPEND_NEWLINE))
-    except OSError as error:
-        raise RecordError(f"{folder / LOG} cannot be written: {error.strerror or error}") from error
 
 
 def _sha256(data: bytes) -> str:
@@ -232,6 +248,7 @@ def _identity(plan: Plan) -> Tree:
         "settings": plan.settings,
         "seed": plan.seed,
         "episodes": plan.episodes,
+        **({"keep": plan.keep} if plan.keep else {}),
         "controller": controller,
     }
     return {key: plain(value, f"{key} of the data set", exact=True) for key, value in told.items()}
@@ -239,7 +256,7 @@ def _identity(plan: Plan) -> Tree:
 
 def _refuse_another(folder: Path, plan: Plan) -> None:
     """Only the same data set can be resumed, or the same with more episodes."""
-    there, asked = read_manifest(folder), {**_identity(plan), "physics": PHYSICS_VERSION}
+    there, asked = read_manifest(folder), {"keep": None, **_identity(plan), "physics": PHYSICS_VERSION}
     if there.get("mirrored"):
         raise RecordError(f"{folder} holds mirror images; resume the data set that they are of, and mirror that")
     for key, value in asked.items():
@@ -269,10 +286,13 @@ def _refuse_stranger(record: EpisodeRecord, plan: Plan, episode: int) -> None:
     """An episode counts only if this plan would make it, and if it came to its end."""
     asked = {**_identity(plan), "episode": episode, "physics": PHYSICS_VERSION, "id": stem_of(record.path)}
     for key, value in asked.items():
-        if key != "episodes" and record.document[key] != value:
+        if key not in ("episodes", "keep") and record.document[key] != value:
             raise RecordError(f"{record.path} is of another data set: its {key} differs")
-    if record.outcome.status == "error":
+    status = record.outcome.status
+    if status == "error":
         raise RecordError(f"{record.path} ended in an error: {record.outcome.reason}")
+    if plan.keep and status not in plan.keep:
+        raise RecordError(f"{record.path} ended in {status}, kept are {', '.join(plan.keep)}")
 
 
 def write_tree(path: Path, tree: Tree) -> None:

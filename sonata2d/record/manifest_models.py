@@ -34,6 +34,8 @@ class Source(Part):
     settings: dict[str, Any] | None
     seed: int | None
     episodes: Count
+    keep: list[Status] | None = Field(default=None, description="as of a data set")
+    left_out: dict[str, Count] | None = Field(default=None, description="as of a data set")
     controller: Controller | None
     files: list[str]
 
@@ -56,12 +58,18 @@ class Manifest(Part):
     name: str | None = Field(description="of the scenario; null: collected")
     settings: dict[str, Any] | None = Field(description="resolved settings of the scenario")
     seed: int | None
-    episodes: Count = Field(description="how many were asked for")
+    episodes: Count = Field(description="how many were asked for; where some are kept, how many of these")
+    keep: list[Status] | None = Field(
+        default=None, description="outcomes that were kept: the first ones by number that ended so; absent: all"
+    )
     controller: Controller | None
     precision: Positive
     physics: int
     complete: bool = Field(description="false while it is being made, or where that was interrupted")
     counts: Counts
+    left_out: dict[str, Count] | None = Field(
+        default=None, description="by outcome, how many before the last one listed were not kept; only with `keep`"
+    )
     split: dict[str, list[str]] | None = Field(description="names of files by part: train, dev, test; null: not split")
     sources: list[Source] | None = Field(default=None, description="what it was merged from; each has its own seed")
     files: list[ManifestFile]

@@ -17,7 +17,7 @@ from ..record.software import software
 from .folders import Advance, listed_bytes, manifest_as_it_stands, new_folder, write_manifest
 
 _ALIKE = ("physics", "precision")
-_TOLD = ("settings", "seed", "episodes", "controller")
+_TOLD = ("settings", "seed", "episodes", "keep", "left_out", "controller")
 
 
 def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: Advance = lambda step: None) -> Tree:
@@ -92,7 +92,7 @@ def _sources(name: str, manifest: Tree) -> list[Tree]:
             for source in manifest["sources"]
         ]
     told: dict[str, Any] = {"name": name} | ({"mirrored": True} if manifest.get("mirrored") else {})
-    told |= {"scenario": manifest["name"], **{key: manifest[key] for key in _TOLD}}
+    told |= {"scenario": manifest["name"], **{key: manifest[key] for key in _TOLD if key in manifest}}
     return [told | {"files": [f"{name}__{row['name']}" for row in manifest["files"]]}]
 
 

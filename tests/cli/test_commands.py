@@ -12,6 +12,8 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 from sonata2d_cli.main import COMMANDS
 
+from sonata2d.batch import KEEPABLE
+
 from .conftest import Run
 
 
@@ -36,13 +38,24 @@ def test_generate_leaves_episodes_manifest_card_picture_and_the_next_command(son
     assert sum(manifest["counts"]["outcome"].values()) == 3
 
 
-def test_a_data_set_is_made_again_by_the_command_on_its_card(sonata2d: Run, here: Path) -> None:
-    sonata2d("generate out --scenario quick.yaml --episodes 2 --seed 9 --workers 1 --no-picture")
+@pytest.mark.parametrize("keep", ["", " --keep goal --keep timeout"])
+def test_a_data_set_is_made_again_by_the_command_on_its_card(sonata2d: Run, here: Path, keep: str) -> None:
+    sonata2d(f"generate out --scenario quick.yaml --episodes 2 --seed 9 --workers 1 --no-picture{keep}")
     card = (here / "out/README.md").read_text()
     command = next(line for line in card.splitlines() if line.startswith("sonata2d generate"))
     sonata2d(command.removeprefix("sonata2d ").replace("scenario.json", "out/scenario.json") + " --no-picture")
     for path in (here / "AGAIN").iterdir():
         assert path.name == "run.jsonl" or path.read_bytes() == (here / "out" / path.name).read_bytes()
+
+
+def test_only_what_ended_as_asked_is_kept(sonata2d: Run) -> None:
+    told = sonata2d(
+        "generate out --scenario quick.yaml --controller straight-to-goal --keep timeout --episodes 2 --workers 1"
+    )
+    assert "outcomes   2 timeout" in told.output
+    assert "left out" in told.output
+    assert "kept are         timeout" in sonata2d("describe out").output
+    assert f"--keep [{'|'.join(KEEPABLE)}]" in sonata2d("generate --help").output
 
 
 def test_a_made_data_set_passes_every_check(sonata2d: Run) -> None:

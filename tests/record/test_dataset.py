@@ -14,6 +14,7 @@ from sonata2d.errors import RecordError
 from sonata2d.record import EpisodeRecorder, dataset, read_bytes
 from sonata2d.record.card import card
 from sonata2d.record.dataset import Entry, Plan
+from sonata2d.record.run_log import log
 
 from .by_hand import AUTHOR, run, scene
 
@@ -154,7 +155,7 @@ def test_the_log_only_grows_and_is_no_part_of_the_set(tmp_path: Path) -> None:
     made(tmp_path, plan())
     before = (tmp_path / "manifest.json").read_bytes()
     for seconds in (1.5, 2.5):
-        dataset.log(tmp_path, seconds=seconds, host="here", command=("sonata2d", "generate"))
+        log(tmp_path, seconds=seconds, host="here", command=("sonata2d", "generate"))
     lines = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
     assert [line["seconds"] for line in lines] == [1.5, 2.5]
     assert (tmp_path / "manifest.json").read_bytes() == before
