@@ -65,7 +65,7 @@ def scenario() -> ScenarioConfig:
 @click.option("--network", type=click.Choice(list(NETWORKS)), default="paper", show_default=True)
 @click.option("-o", "--out", type=click.Path(path_type=Path, exists=True), default=Path("runs"), show_default=True)
 @click.option("--rounds", type=click.IntRange(1), default=ROUNDS, show_default=True)
-@click.option("--episodes", type=click.IntRange(1), default=EPISODES, show_default=True, help="Of the learner, a round.")
+@click.option("--episodes", type=click.IntRange(1), default=EPISODES, show_default=True, help="A round.")
 @click.option("--epochs", type=click.IntRange(1), default=12, show_default=True, help="A round.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True)
 def main(network: str, out: Path, rounds: int, episodes: int, epochs: int, workers: int) -> None:

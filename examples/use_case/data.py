@@ -90,7 +90,7 @@ def bar(what: str, count: int) -> Iterator[Callable[[int], object]]:
 
 @click.command()
 @click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("runs"), show_default=True)
-@click.option("--driver", default="social-planner", show_default=True, help="human-like: with a person's lag and noise.")
+@click.option("--driver", default="social-planner", show_default=True, help="human-like: an unsteady hand.")
 @click.option("--episodes", type=click.IntRange(20), default=KEPT, show_default=True, help="Kept runs.")
 @click.option("--seed", type=click.IntRange(0), default=SEED, show_default=True)
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)

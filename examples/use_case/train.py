@@ -6,6 +6,7 @@ python examples/use_case/train.py --network paper --data runs/data -o runs/paper
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -159,7 +160,7 @@ class _Run:
             if recipe.fading:
                 done = (self.epoch + k / steps) / recipe.epochs
                 for group in self.adam.param_groups:
-                    group["lr"] = recipe.rate * 0.5 * (1.0 + np.cos(np.pi * done))
+                    group["lr"] = recipe.rate * 0.5 * (1.0 + math.cos(math.pi * done))
             loss = ((self.network(*told) - wanted) ** 2).mean()
             self.adam.zero_grad()
             loss.backward()

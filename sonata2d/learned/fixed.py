@@ -48,8 +48,13 @@ def tanh(numbers: Array) -> Array:
     return bent
 
 
-def summed(rows: Array, at: Any, count: int) -> Array:
-    """Rows added up by index; (E, …) and (E,) to (count, …). Exact, as long as each is a `values`."""
-    total: Array = np.zeros((count, *rows.shape[1:]))
-    np.add.at(total, at, rows)
-    return total
+def incidence(at: Any, count: int) -> Array:
+    """(count, E) of 0 and 1: times (E, …) it adds up rows by index, exactly, as long as these are `values`.
+
+    Args:
+        at: (E,) of int, where each row goes.
+        count: of sums.
+    """
+    ones: Array = np.zeros((count, len(at)))
+    ones[at, np.arange(len(at))] = 1.0
+    return ones

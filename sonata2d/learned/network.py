@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..exact import Array, exp
-from .fixed import leaky, summed, tanh, values, weights
+from .fixed import incidence, leaky, tanh, values, weights
 from .weights import Weights
 
 ATTENTION_SLOPE = 0.2  # of the leaky ReLU within the attention, as GATv2Conv's
@@ -57,12 +57,11 @@ class Rgcn:
     def __call__(self, x: Array, edges: Any, relation: Any) -> Array:
         """See `Network`."""
         h, last = values(x), len(self._layers) - 1
-        kinds = [(kind, edges[:, relation == kind]) for kind in np.unique(relation).tolist()]
+        kinds = [(kind, *_gathering(edges[:, relation == kind], len(h))) for kind in np.unique(relation).tolist()]
         for k, (weight, bias) in enumerate(self._layers):
             out = np.zeros((len(h), weight.shape[2])) + bias
-            for kind, (start, end) in kinds:
-                to, row = np.unique(end, return_inverse=True)
-                out[to] += summed(h[start], row, len(to)) @ weight[kind]
+            for kind, to, gather in kinds:
+                out[to] += (gather @ h) @ weight[kind]
             h = values(out if k == last else leaky(out))
         return tanh(h[0])
 
@@ -111,9 +110,18 @@ class GatV2:
         highest = np.full((len(h), score.shape[1]), -np.inf)
         np.maximum.at(highest, end, score)
         share = values(exp(score - highest[end]))
-        share = values(share / np.maximum(summed(share, end, len(h)), 1e-9)[end])
-        taken = summed(values(share[:, :, None] * source[start]), end, len(h))
-        return taken.reshape(len(h), -1) + self._arrays[f"{name}.bias"]
+        gather = incidence(end, len(h))
+        share = values(share / np.maximum(gather @ share, 1e-9)[end])
+        taken = values(share[:, :, None] * source[start]).reshape(len(end), -1)
+        return gather @ taken + self._arrays[f"{name}.bias"]
+
+
+def _gathering(edges: Any, count: int) -> tuple[Any, Array]:
+    """The nodes that edges of a relation point to, (K,), and (K, count): times (count, …) the sums of what they take."""
+    to, row = np.unique(edges[1], return_inverse=True)
+    gather = np.zeros((len(to), count))
+    np.add.at(gather, (row, edges[0]), 1.0)
+    return to, gather
 
 
 def _count(arrays: Mapping[str, Array], name: str) -> int:

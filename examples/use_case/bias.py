@@ -1,0 +1,126 @@
+"""Where learner and expert part: how near to things and people they drive, and how far apart their answers are there.
+
+    python examples/use_case/bias.py -o runs
+
+Three sets of the same scenes for each network: the expert drives and the learner says what it would have done; the
+learner drives, as it was before and as it is after aggregation, and the expert says it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+import matplotlib
+import numpy as np
+from aggregate import scenario
+from data import bar
+
+from sonata2d.batch import generate_dataset
+from sonata2d.geometry import Barriers
+from sonata2d.record import EpisodeRecord, read_episode, read_manifest
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+EPISODES, SEED = 100, 4000
+EDGES = np.array([-0.1, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.4, 2.0])  # m, of gaps
+WHO = {
+    "expert": ("social-planner", "{before}"),
+    "before": ("{before}", "social-planner"),
+    "after": ("{after}", "social-planner"),
+}
+NAMES = {"expert": "where the expert goes", "before": "where the learner goes", "after": "after aggregation"}
+COLOURS = {"expert": "#0072b2", "before": "#d55e00", "after": "#009e73"}  # Okabe & Ito
+
+
+def driven(out: Path, network: str, who: str, workers: int) -> Path:
+    """A set of runs in which both say what to do."""
+    policies = {"before": out / network / "policy.npz", "after": out / f"{network}-aggregated" / "policy.npz"}
+    controller = "+".join(part.format(**policies) for part in WHO[who])
+    folder = out / "bias" / f"{network}-{who}"
+    with bar(folder.name, EPISODES) as advance:
+        generate_dataset(
+            folder, scenario(), controller, episodes=EPISODES, seed=SEED, workers=workers, resume=folder.exists(),
+            suffix=".json.zst", advance=advance,
+        )  # fmt: skip
+    return folder
+
+
+def frames_of(folder: Path) -> Any:
+    """(M, 2): gap to the nearest person, thing or wall, m, and the mean squared difference of the two answers."""
+    files = [folder / row["name"] for row in read_manifest(folder)["files"]]
+    return np.concatenate([rows for file in files for rows in _rows(read_episode(file))])
+
+
+def _rows(record: EpisodeRecord) -> Iterator[Any]:
+    scene = record.scene()
+    limits = np.array([scene.robot.limits.ahead, scene.robot.limits.sideways, scene.robot.limits.turn])
+    labels = np.array([[np.nan] * 3 if label is None else label for label in record.labels], dtype=float)
+    if len(labels):
+        apart = (((labels - record.command) / limits) ** 2).mean(axis=1)
+        yield np.column_stack((gaps_of(record, scene.barriers), apart))
+
+
+def gaps_of(record: EpisodeRecord, barriers: Barriers) -> Any:
+    """(T,), m."""
+    place, radius = record.robot[:, :2], record.scene().robot.radius
+    gaps = barriers.gaps(place).min(axis=0) if len(barriers) else np.full(len(place), np.inf)
+    for k, human in enumerate(record.scene().humans):
+        away = np.hypot(*(record.humans[:, k, :2] - place).T) - human.radius
+        gaps = np.fmin(gaps, away)
+    return gaps - radius
+
+
+def told(rows: Any) -> dict[str, Any]:
+    """Shares of frames and mean squared differences by gap, and over all."""
+    gap, apart = rows.T
+    at = np.clip(np.digitize(gap, EDGES) - 1, 0, len(EDGES) - 1)
+    return {
+        "frames": len(rows),
+        "near": float((gap < 0.1).mean()),
+        "difference": float(np.nanmean(apart)),
+        "share": [float((at == k).mean()) for k in range(len(EDGES))],
+        "by gap": [float(np.nanmean(apart[at == k])) if (at == k).sum() >= 20 else None for k in range(len(EDGES))],
+    }
+
+
+def draw(found: dict[str, dict[str, Any]], path: Path) -> None:
+    """Two panels a network: where they are, and how far their answers are apart there."""
+    figure, axes = plt.subplots(len(found), 2, figsize=(9, 3.2 * len(found)), squeeze=False, layout="constrained")
+    places = np.arange(len(EDGES))
+    names = [f"{max(low, 0):g}" for low in EDGES]
+    for (network, sets), (left, right) in zip(found.items(), axes, strict=True):
+        for k, (who, numbers) in enumerate(sets.items()):
+            left.bar(places + 0.27 * (k - 1), numbers["share"], 0.27, color=COLOURS[who], label=NAMES[who])
+            apart = [np.nan if value is None else value for value in numbers["by gap"]]
+            right.plot(places, apart, "os^"[k] + "-", color=COLOURS[who], label=NAMES[who])
+        left.set(ylabel=f"{network}\nshare of frames")
+        right.set(ylabel="mean squared difference\nof learner and expert", ylim=(0, None))
+        for axis in (left, right):
+            axis.set_xticks(places, names)
+            axis.set_xlabel("gap to the nearest person, thing or wall, from m on")
+            axis.spines[["top", "right"]].set_visible(False)
+    axes[0, 0].legend(frameon=False)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+@click.command()
+@click.option("-o", "--out", type=click.Path(path_type=Path, exists=True), default=Path("runs"), show_default=True)
+@click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
+def main(out: Path, workers: int) -> None:
+    """Write OUT/bias.json and draw OUT/bias.png."""
+    found = {
+        network: {who: told(frames_of(driven(out, network, who, workers))) for who in WHO}
+        for network in ("paper", "attention")
+    }
+    (out / "bias.json").write_text(json.dumps({"edges": EDGES.tolist(), **found}, indent=1))
+    draw(found, out / "bias.png")
+
+
+if __name__ == "__main__":
+    main()
