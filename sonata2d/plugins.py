@@ -7,7 +7,8 @@ import importlib
 import importlib.util
 import inspect
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
@@ -31,12 +32,15 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
         settings: as a file tells them, to have the one that made it.
 
     Raises:
-        ControllerError: there is no such thing, it is no `Controller`, or it cannot be made without arguments.
+        ControllerError: there is no such thing, it is no `Controller`, it cannot be made without arguments, or it
+            cannot be had as the settings tell.
     """
     driver, labeller = _two(name)
     if labeller:
-        told = (settings or {}).get
-        return Labelled(load_controller(driver, told("driver")), load_controller(labeller, told("labeller")))
+        told = settings or {}
+        with _naming(name):
+            halves = load_controller(driver, told.get("driver")), load_controller(labeller, told.get("labeller"))
+        return Labelled(*halves)
     if name.endswith(WEIGHTS):
         from .learned import GraphPolicy
 
@@ -44,6 +48,8 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
     kind = find_controller(name)
     try:
         return kind() if settings is None else kind.restored(settings)
+    except ControllerError:
+        raise
     except Exception as error:
         raise ControllerError(f"{name} cannot be made without arguments: {type(error).__name__}: {error}") from error
 
@@ -82,10 +88,29 @@ def published() -> dict[str, EntryPoint]:
 
 
 def _two(name: str) -> tuple[str, str]:
-    """The driver and the labeller that a name tells of; no labeller if it tells of one, whose file may hold a plus."""
-    driver, _, labeller = name.rpartition("+")
-    is_file = Path(name).is_file() or Path(name.rpartition(":")[0]).is_file()
-    return (driver, labeller) if driver and labeller and not is_file else (name, "")
+    """The driver and the labeller that a name tells of; no labeller if it tells of one.
+
+    A file may have a plus in its path: parted is where a file is left to the right, or else at the last plus.
+    """
+    pluses = [k for k, letter in enumerate(name) if letter == "+" and 0 < k < len(name) - 1]
+    if not pluses or _is_file(name):
+        return name, ""
+    at = next((k for k in reversed(pluses) if _is_file(name[k + 1 :])), pluses[-1])
+    return name[:at], name[at + 1 :]
+
+
+def _is_file(name: str) -> bool:
+    return Path(name).is_file() or Path(name.rpartition(":")[0]).is_file()
+
+
+@contextmanager
+def _naming(name: str) -> Iterator[None]:
+    """Tell with an error which name it is a part of."""
+    try:
+        yield
+    except ControllerError as error:
+        error.add_note(f"in {name!r}, which is driver+labeller")
+        raise
 
 
 def _published(name: str) -> type[Controller]:

@@ -1,7 +1,7 @@
 """The data set that the paper's network learns from: kept runs of an expert and their mirror images, split by scene.
 
-    python examples/use_case/data.py -o runs
-    python examples/use_case/data.py -o runs --add my-recordings
+python examples/use_case/data.py -o runs
+python examples/use_case/data.py -o runs --add my-recordings
 """
 
 from __future__ import annotations

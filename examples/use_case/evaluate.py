@@ -1,6 +1,6 @@
 """Evaluate the learned controllers beside their expert and two that learned nothing, on scenes that none has met.
 
-    python examples/use_case/evaluate.py -o runs
+python examples/use_case/evaluate.py -o runs
 """
 
 from __future__ import annotations

@@ -3,41 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
 from ..errors import ControllerError
 from ..frame import Snapshot
 from ..geometry import Twist
 from ..scene import Scene
-from .controller import Answer, Controller
+from .controller import Answer, Controller, Regenerate, Stop
 
 
 class Labelled(Controller):
     """One controller drives; the label of each frame is the twist that another would have asked for there.
 
     So an expert labels what a learner meets (DAgger: S. Ross, G. Gordon & D. Bagnell, AISTATS 2011). The label is
-    [vx, vy, omega], or null where the other would have ended the episode. By name: `driver+labeller`.
+    [vx, vy, omega]; [0, 0, 0] where the other would have ended the episode, since what is driven no more stands still.
+    By name: `driver+labeller`.
 
     Args:
         driver: drives.
         labeller: is shown every snapshot, and drives nothing.
 
     Raises:
-        ControllerError: the labeller asks for a camera image.
+        ControllerError: the labeller asks for a camera image, or answers what is no finite twist.
     """
 
     def __init__(self, driver: Controller, labeller: Controller) -> None:
         if labeller.image is not None:
             raise ControllerError(f"{type(labeller).__name__} asks for a camera image; as a labeller it gets none")
         self._driver, self._labeller = driver, labeller
-        self.image = driver.image
+        self.image, self.deterministic = driver.image, driver.deterministic and labeller.deterministic
         told = f"[vx, vy, omega] that {type(labeller).__name__} would have asked for here; body frame, m/s, m/s, rad/s"
         self.labels = {"twist": told}
 
-    @property
-    def deterministic(self) -> bool:  # type: ignore[override]
-        """Whether both claim it."""
-        return self._driver.deterministic and self._labeller.deterministic
+    @classmethod
+    def restored(cls, settings: Mapping[str, Any]) -> Self:
+        """Refuse: what a file tells of it does not say whose settings these are.
+
+        Raises:
+            ControllerError: always; by a name, `driver+labeller`, it can be had again.
+        """
+        raise ControllerError("a file made by Labelled(...) does not say who drove; name both as driver+labeller")
 
     def settings(self) -> Mapping[str, Any]:
         return {"driver": dict(self._driver.settings()), "labeller": dict(self._labeller.settings())}
@@ -48,9 +53,18 @@ class Labelled(Controller):
 
     def act(self, snapshot: Snapshot) -> Answer:
         answer, wanted = self._driver.act(snapshot), self._labeller.act(snapshot)
-        self._wanted = wanted.rounded() if isinstance(wanted, Twist) else None
+        self._wanted = self._label_of(wanted)
         return answer
 
     def label(self, snapshot: Snapshot, twist: Twist) -> Any:
-        wanted = self._wanted
-        return None if wanted is None else [wanted.vx, wanted.vy, wanted.omega]
+        return self._wanted
+
+    def _label_of(self, answer: Answer) -> list[float]:
+        if isinstance(answer, Stop | Regenerate):
+            return [0.0, 0.0, 0.0]
+        try:
+            twist = answer.rounded()
+        except (AttributeError, ValueError, OverflowError):
+            name = type(self._labeller).__name__
+            raise ControllerError(f"{name}.act must return a Twist of finite numbers, got {answer!r}") from None
+        return [twist.vx, twist.vy, twist.omega]

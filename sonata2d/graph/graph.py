@@ -5,6 +5,7 @@ Source: the toolkit SONATA and its data set, by its authors' description; node a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -144,7 +145,8 @@ def wall_pieces(walls: Array, longest: float = 4.0) -> tuple[tuple[int, ...], Ar
     owner: list[int] = []
     ends: list[Array] = []
     for k, wall in enumerate(walls):
-        length = round(float(np.hypot(*(wall[2:] - wall[:2]))), 6)  # else walls of 4 or 8 m flip by a last digit
+        dx, dy = (wall[2:] - wall[:2]).tolist()
+        length = round(math.sqrt(dx * dx + dy * dy), 6)  # else walls of 4 or 8 m flip by a last digit
         count = int(length / longest) + 1
         cuts = wall[:2] + np.linspace(0.0, 1.0, count + 1)[:, None] * (wall[2:] - wall[:2])
         ends += [np.concatenate(pair) for pair in pairwise(cuts)]

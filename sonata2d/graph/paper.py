@@ -159,7 +159,8 @@ class _Source:
 
     def position(self, look: Look) -> Array:
         """(N, 2), m, x to the robot's right, y ahead; the room is where the robot is."""
-        middle = self._ends(look).reshape(-1, 2, 2).mean(axis=1)
+        ends = self._ends(look)
+        middle = (ends[:, :2] + ends[:, 2:]) / 2
         things = legacy_points(self._poses(look), look.robot)
         return np.concatenate((np.zeros((1, 2)), things, self._goal(look), middle))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,7 +16,7 @@ from ..errors import ControllerError
 from ..frame import Snapshot
 from ..geometry import Twist
 from ..graph import Graph
-from ..graph.graph import INTERVAL
+from ..graph.graph import INTERVAL, ROUNDING
 from ..graph.looks import Look, look_of
 from ..graph.modern import graph_of_looks
 from ..graph.paper import INSTANTS, paper_graph
@@ -32,7 +33,7 @@ class GraphPolicy(Controller):
         weights: a file of `write_weights`; the package's own if None.
 
     Raises:
-        ControllerError: the file holds no weights.
+        ControllerError: the file holds no weights of a network that is known here.
     """
 
     version = "1"
@@ -47,16 +48,23 @@ class GraphPolicy(Controller):
 
     @classmethod
     def restored(cls, settings: Mapping[str, Any]) -> Self:
+        """As a file tells of it.
+
+        Raises:
+            ControllerError: there are other weights now.
+        """
         policy = cls(settings.get("weights"))
         if settings.get("sha256", policy._weights.sha256) != policy._weights.sha256:
-            raise ControllerError(f"{policy._path or 'graph-policy'} has other weights now than those that drove")
+            name, told = policy._path or "graph-policy", str(settings["sha256"])[:8]
+            raise ControllerError(f"{name} has other weights now than those that drove, of SHA-256 {told}…; bring them")
         return policy
 
     def reset(self, scene: Scene) -> None:
-        self._step = max(round(INTERVAL / scene.rules.dt), 1)
+        self._step = math.ceil((INTERVAL - ROUNDING) / scene.rules.dt)  # ticks, as of recordings
         self._looks: deque[Look] = deque(maxlen=(INSTANTS - 1) * self._step + 2)
-        limits = scene.robot.limits
-        self._scale = np.array([limits.ahead, limits.sideways, limits.turn])
+        robot, limits = scene.robot, scene.robot.limits
+        sideways = limits.sideways if robot.kinematics == "holonomic" else 0.0
+        self._scale = np.array([limits.ahead, sideways, limits.turn])
 
     def act(self, snapshot: Snapshot) -> Twist:
         self._looks.append(look_of(snapshot))

@@ -8,7 +8,6 @@ import json
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +15,10 @@ import numpy as np
 
 from ..errors import ControllerError
 from ..exact import Array
+from .shapes import refuse
 
 SUFFIX = ".npz"
 ABOUT = "about"  # the entry that holds the note
-GRAPHS, KINDS = ("paper", "modern"), ("rgcn", "gatv2")
 STOCK = Path(__file__).parent / "weights" / "graph-policy.npz"
 
 
@@ -30,7 +29,7 @@ class Weights:
     Attributes:
         graph: what it reads, `paper` or `modern`.
         kind: what it is, `rgcn` or `gatv2`.
-        arrays: by name; see `network`.
+        arrays: by name; see `shapes.refuse`.
         note: how it came to be, for people.
         sha256: of the file's bytes.
     """
@@ -48,7 +47,14 @@ def write_weights(path: str | Path, weights: Weights) -> None:
     Args:
         path: ends in .npz.
         weights: what to write.
+
+    Raises:
+        ValueError: the path ends otherwise, or no network has such arrays; see `shapes.refuse`.
     """
+    path = Path(path)
+    if path.suffix != SUFFIX:
+        raise ValueError(f"weights are written to a file that ends in {SUFFIX}, got {path}")
+    refuse(weights.graph, weights.kind, weights.arrays)
     about = json.dumps({"graph": weights.graph, "kind": weights.kind, "note": dict(weights.note)}, sort_keys=True)
     packed = {name: np.asarray(array, dtype=np.float32) for name, array in sorted(weights.arrays.items())}
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -58,7 +64,6 @@ def write_weights(path: str | Path, weights: Weights) -> None:
             archive.writestr(zipfile.ZipInfo(f"{name}.npy"), held.getvalue(), zipfile.ZIP_DEFLATED)
 
 
-@lru_cache(maxsize=4)
 def read_weights(path: Path) -> Weights:
     """Read weights that were written so.
 
@@ -67,12 +72,25 @@ def read_weights(path: Path) -> Weights:
     """
     try:
         data = path.read_bytes()
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            arrays = {name: np.asarray(archive[name]) for name in archive.files}
-        about = json.loads(str(arrays.pop(ABOUT)))
-        if about["graph"] not in GRAPHS or about["kind"] not in KINDS:
-            raise ValueError(f"its graph is {about['graph']!r}, its kind {about['kind']!r}")
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise ControllerError(f"{path} holds no weights of a graph policy: {error}") from error
+        arrays, about = _unpacked(data)
+        graph, kind, note = about["graph"], about["kind"], about["note"]
+        refuse(graph, kind, arrays)
+    except OSError as error:
+        raise ControllerError(f"the weights {path} cannot be read: {error.strerror}") from error
+    except Exception as error:  # a damaged archive fails in many ways
+        told = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+        raise ControllerError(
+            f"{path} holds no weights of a graph policy: {told}; sonata2d.learned.write_weights makes such files"
+        ) from error
     exact = {name: array.astype(np.float64) for name, array in arrays.items()}
-    return Weights(about["graph"], about["kind"], exact, about["note"], hashlib.sha256(data).hexdigest())
+    return Weights(graph, kind, exact, note, hashlib.sha256(data).hexdigest())
+
+
+def _unpacked(data: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The arrays, and what they are."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        arrays = {
+            name.removesuffix(".npy"): np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
+            for name in archive.namelist()
+        }
+    return arrays, json.loads(str(arrays.pop(ABOUT)))
