@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from sonata2d.graph import modern_graph, paper_graphs
+from sonata2d.graph import kept_ticks, modern_graph, paper_graphs
+from sonata2d.graph.paper import share_of_limits
 from sonata2d.learned import inputs_of
 from sonata2d.record import EpisodeRecord, read_episode
 
@@ -93,8 +94,13 @@ def _of_file(job: tuple[Path, str, int]) -> Samples | None:
 
 
 def _rows(record: EpisodeRecord, kind: str) -> Iterator[tuple[Any, Any, Any, Any]]:
-    """Inputs, edges, relations and label, a second apart; both kinds at the same ticks."""
-    for paper in paper_graphs(record):
-        graph = paper if kind == "paper" else modern_graph(record, paper.ticks[0], instants=1)
-        label = paper.label if kind == "paper" else paper.label * TO_OURS
+    """Inputs, edges, relations and label, a second apart; of the modern kind from the very first look on."""
+    if kind == "paper":
+        for graph in paper_graphs(record):
+            yield inputs_of(graph), graph.edges, graph.relation, graph.label
+        return
+    scene, labels = record.scene(), record.labels
+    for tick in kept_ticks(record.time):
+        graph = modern_graph(record, tick, instants=1)
+        label = share_of_limits(scene, labels[tick], record.command[tick]) * TO_OURS
         yield inputs_of(graph), graph.edges, graph.relation, label

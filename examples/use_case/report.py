@@ -1,0 +1,148 @@
+"""Tell in tables what the other stages found: OUT/report.md, and film strips of the learned robot.
+
+python examples/use_case/report.py -o runs
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from evaluate import LEARNED, OTHERS, SCENES
+from train import RECIPES
+
+from sonata2d.metrics import Measured, bootstrap_interval, wilson_interval
+from sonata2d.metrics.extremes import best_of, why_best, why_worst, worst_of
+from sonata2d.record import read_episode
+from sonata2d.record.files import safe_text
+from sonata2d.view import render
+
+PAPER = {"train": 0.0230, "dev": 0.0328, "test": 0.0331}  # Baghel et al. 2020
+PAPER_REACHED = (46, 60)
+BEST = "attention-aggregated"  # whose film strips are shown
+SHARES: dict[str, Callable[[dict[str, Any]], bool]] = {
+    "goal": lambda run: run["success"] == 1.0,
+    "touches a person by its fault": lambda run: run["robot_on_person"] > 0,
+    "touches anything": lambda run: run["collisions"] > 0,
+}
+MEANS = {
+    "personal-space compliance (0.45 m)": "personal_space_compliance_0.45",
+    "interaction intrusion": "interaction_intrusion",
+    "time to goal, s": "time_to_goal",
+    "SPL": "spl",
+    "jerk, m/s³": "jerk_mean",
+}
+
+
+def errors(out: Path) -> str:
+    """Mean squared errors beside the paper's."""
+    rows = [["SONATA paper", *(f"{PAPER[part]:.4f}" for part in PAPER), "", "", "", ""]]
+    for name in LEARNED:
+        told = json.loads((out / name / "training.json").read_text())
+        if not name.endswith("aggregated"):
+            mean = [f"{told['error of the mean'][part]:.4f}" for part in PAPER]
+            rows.append([f"the mean, always ({name})", *mean, "", "", "", ""])
+        numbers = [f"{told['error'][part]:.4f}" for part in PAPER]
+        took = [told["graphs"]["train"], told["parameters"], told["epochs"], f"{told['seconds']['cpu'] / 60:.1f} min"]
+        rows.append([name, *numbers, *map(str, took)])
+    return table(["network", "train", "dev", "test", "graphs", "parameters", "epochs", "CPU"], rows)
+
+
+def evaluation(out: Path, scenes: str) -> str:
+    """Shares with Wilson's interval, means with the bootstrap's, of each controller."""
+    found = {
+        name_of(one["label"]): [run["values"] for run in one["episodes"]]
+        for one in json.loads((out / f"evaluation-{scenes}" / "evaluation.json").read_text())["evaluations"]
+    }
+    names = [*LEARNED, *OTHERS]
+    rows = [[what, *(share([of(run) for run in found[name]]) for name in names)] for what, of in SHARES.items()]
+    rows += [[what, *(mean([run[metric] for run in found[name]]) for name in names)] for what, metric in MEANS.items()]
+    return table([f"{SCENES[scenes][0]} scenes", *names], rows)
+
+
+def name_of(label: str) -> str:
+    """A learned controller is named by its folder."""
+    return Path(label).parent.name if label.endswith(".npz") else label
+
+
+def share(hits: Sequence[bool]) -> str:
+    """Per cent, with the interval."""
+    low, high = wilson_interval(sum(hits), len(hits))
+    return f"{100 * sum(hits) / len(hits):.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
+
+
+def mean(values: Iterable[float | None]) -> str:
+    """Of those defined, with the interval."""
+    there = np.array([value for value in values if value is not None])
+    interval = bootstrap_interval(there)
+    return f"{there.mean():.3f}" + (f" [{interval[0]:.3f}, {interval[1]:.3f}]" if interval else "")
+
+
+def times(out: Path) -> str:
+    """What each stage took, where it was run last."""
+    files = sorted((out / "stages").glob("*.json"), key=lambda path: path.stat().st_mtime)
+    stages = [json.loads(path.read_text()) for path in files if path.stem != "report"]
+    rows = [[one["stage"], f"{one['wall'] / 60:.1f} min", f"{one['cpu'] / 60:.1f} min"] for one in stages]
+    return table(["stage", "wall", "CPU"], rows)
+
+
+def bias(out: Path) -> str:
+    """Where learner and expert part."""
+    found = json.loads((out / "bias.json").read_text())
+    rows = [
+        [network, who, f"{100 * told['near']:.1f} %", f"{told['difference']:.4f}"]
+        for network, sets in found.items() if network != "edges" for who, told in sets.items()
+    ]  # fmt: skip
+    return table(["network", "who drives", "frames nearer than 0.1 m to anything", "mean squared difference"], rows)
+
+
+def strips(out: Path) -> str:
+    """Film strips of the best and the worst run of the 1000, chosen by the rule of `sonata2d evaluate`."""
+    place = out / "evaluation-many"
+    every = json.loads((place / "evaluation.json").read_text())["evaluations"]
+    one = next(one for one in every if name_of(one["label"]) == BEST)
+    runs = [Measured(**row) for row in one["episodes"]]
+    lines = []
+    best, worst = best_of(runs), worst_of(runs)
+    for what, run, why in (("best", best, why_best(best)), ("worst", worst, why_worst(worst))):
+        record = read_episode(place / safe_text(one["label"]) / safe_text(run.name) / run.file)
+        render([*record.snapshots()], out / f"{what}.png", strip=6)
+        lines.append(f"The {what} run of {BEST}, episode {run.episode}: {why}.\n\n![{what}]({what}.png)")
+    return "\n\n".join(lines)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+@click.command()
+@click.option("-o", "--out", type=click.Path(path_type=Path, exists=True), default=Path("runs"), show_default=True)
+def main(out: Path) -> None:
+    """Write OUT/report.md."""
+    reached, of = PAPER_REACHED
+    parts = [
+        "# What was learned",
+        "## Mean squared errors",
+        errors(out),
+        f"The paper's network reached the goal in {reached} of {of} runs ({100 * reached / of:.1f} %).",
+        *(f"## {SCENES[scenes][0]} unseen scenes\n\n{evaluation(out, scenes)}" for scenes in SCENES),
+        "## Where learner and expert part",
+        bias(out),
+        "![bias](bias.png)",
+        "## At its best and at its worst",
+        strips(out),
+        "## What it took",
+        times(out),
+        f"Recipes: {', '.join(f'{name}: {recipe}' for name, recipe in RECIPES.items())}.",
+    ]
+    (out / "report.md").write_text("\n\n".join(parts) + "\n")
+
+
+if __name__ == "__main__":
+    main()
