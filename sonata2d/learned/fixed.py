@@ -12,7 +12,7 @@ import numpy as np
 
 from ..exact import Array, exp
 
-UNIT = 2.0**-14  # what values and weights are multiples of
+UNIT = 1.0 / (1 << 14)  # what values and weights are multiples of
 LARGEST_VALUE, LARGEST_WEIGHT = 64.0, 8.0  # 20 and 17 bits: 2^15 products add up to 52 bits, less than a double's 53
 SLOPE = 0.01  # below 0, of the leaky ReLU
 
