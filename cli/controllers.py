@@ -6,6 +6,8 @@ import click
 
 from .output import json_option, show_json, show_table
 
+NAMES = "A name, module:Class, ./file.py:Class, weights ./policy.npz, or two: driver+labeller."
+
 
 @click.group()
 def command() -> None:

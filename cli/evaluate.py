@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .controllers import NAMES
 from .output import json_option, progress, show_json
 
 if TYPE_CHECKING:
@@ -29,8 +30,8 @@ COMPARISON = "evaluation.json"
     "--controller",
     "controllers",
     multiple=True,
-    metavar="NAME|MODULE:CLASS|FILE:CLASS",
-    help="Make runs of it, and measure these; may be given again.",
+    metavar="NAME",
+    help=f"Make runs of it, and measure these; may be given again. {NAMES}",
 )
 @click.option(
     "--scenario",

@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from .controllers import NAMES
 from .output import json_option, progress, show_json, show_table
 
 PREVIEW = "preview.png"
@@ -30,8 +31,8 @@ PREVIEW = "preview.png"
     "--controller",
     default="social-planner",
     show_default=True,
-    metavar="NAME|MODULE:CLASS|FILE:CLASS",
-    help="Drives the robot and labels the frames.",
+    metavar="NAME",
+    help=f"Drives the robot and labels the frames. {NAMES}",
 )
 @click.option("--episodes", type=click.IntRange(1), default=20, show_default=True, help="How many.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the whole data set.")

@@ -8,6 +8,7 @@ from typing import Literal
 
 import click
 
+from .controllers import NAMES
 from .output import json_option, progress, show_json, show_table
 
 
@@ -160,8 +161,8 @@ def scenario_of_tracks(
     "--controller",
     default="social-planner",
     show_default=True,
-    metavar="NAME|MODULE:CLASS|FILE:CLASS",
-    help="Drives the robot.",
+    metavar="NAME",
+    help=f"Drives the robot. {NAMES}",
 )
 @click.option("--episodes", type=click.IntRange(1), default=20, show_default=True, help="How many to run.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the scenes.")

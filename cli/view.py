@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from .controllers import NAMES
 from .output import json_option, show_json
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 @click.option("--speed", type=click.FloatRange(0.25, 8.0), default=1.0, show_default=True, help="1 is real time.")
 @click.option("--fps", type=click.IntRange(5, 240), default=60, show_default=True, help="Pictures a second at most.")
 @click.option("--live", is_flag=True, help="Watch a controller at work instead of a recorded run.")
-@click.option("--controller", metavar="NAME|MODULE:CLASS|FILE:CLASS", help="Drives the robot of --live.")
+@click.option("--controller", metavar="NAME", help=f"Drives the robot of --live. {NAMES}")
 @click.option("--scenario", metavar="NAME|FILE", help="What scenes of --live look like  [default: sonata-2020].")
 @click.option("--seed", type=click.IntRange(0), help="Of the scenes of --live  [default: 0].")
 @click.option("--size", type=(click.IntRange(640), click.IntRange(480)), default=(1280, 800), help="Of the window.")

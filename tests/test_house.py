@@ -109,10 +109,17 @@ def test_each_outside_package_has_its_room(module: str) -> None:
         assert package not in outside or room_of(module) in rooms, f"{module} imports {package}"
 
 
+LOOP = [
+    *(path for room in ("agents", "scenegen", "learned") for path in (PACKAGE / room).rglob("*.py")),
+    *(PACKAGE / f"{name}.py" for name in ("world", "bumper", "presence", "posture", "episode", *GROUND)),
+    *(PACKAGE / "graph" / f"{name}.py" for name in ("graph", "looks", "modern", "paper")),  # graphs made live
+    PACKAGE / "transforms" / "frames.py",
+]
+NETWORK = PACKAGE / "learned" / "network.py"  # in fixed point, where no product and no sum is ever rounded
+
+
 def test_no_global_generator_and_no_wall_clock_inside_the_loop() -> None:
-    loop = [path for room in ("agents", "scenegen") for path in (PACKAGE / room).rglob("*.py")]
-    loop += [PACKAGE / f"{name}.py" for name in ("world", "bumper", "presence", "posture", "episode", *GROUND)]
-    for path in loop:
+    for path in LOOP:
         text = path.read_text()
         for banned in ("import random", "np.random.default_rng", "np.random.seed", "import time", "datetime"):
             assert banned not in text, f"{path} uses {banned}"
@@ -126,10 +133,7 @@ def test_the_loop_uses_no_function_that_differs_between_processors() -> None:
         "linalg", "sum", "mean", "std", "var", "average", "cumsum", "prod", "trapezoid",
     }  # fmt: skip
     banned_math = {"exp", "sin", "cos", "tan", "atan2", "atan", "hypot", "pow", "log", "dist", "fsum"}
-    loop = [path for room in ("agents", "scenegen") for path in (PACKAGE / room).rglob("*.py")]
-    loop += [PACKAGE / f"{name}.py" for name in ("world", "bumper", "presence", "posture", "episode", *GROUND)]
-    loop += [PACKAGE / "record" / f"{name}.py" for name in ("canonical", "frames", "recorder")]
-    for path in loop:
+    for path in [*LOOP, *(PACKAGE / "record" / f"{name}.py" for name in ("canonical", "frames", "recorder"))]:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
                 banned = {"np": banned_numpy, "math": banned_math}.get(node.value.id, set())
@@ -140,9 +144,24 @@ def test_the_loop_uses_no_function_that_differs_between_processors() -> None:
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
                 method = node.func.attr in ("mean", "std", "var", "dot", "cumsum")
                 assert not method, f"{path.name}:{node.lineno} calls .{node.func.attr}()"
-            assert not (isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult | ast.Pow)), (
+            allowed = ast.Pow if path == NETWORK else ast.MatMult | ast.Pow
+            assert not (isinstance(node, ast.BinOp) and isinstance(node.op, allowed)), (
                 f"{path.name}:{node.lineno} uses @ or **"
             )
+
+
+def test_sums_inside_the_loop_are_not_pairwise() -> None:
+    """NumPy adds the first axis row by row and others pairwise, in an order of its own; only fixed point may do that."""
+    for path in LOOP:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "np.add.reduce" and path != NETWORK:
+                axes = [ast.unparse(word.value) for word in node.keywords if word.arg == "axis"]
+                assert axes == ["0"], f"{path.name}:{node.lineno} adds along another axis than the first"
+
+
+def test_values_are_rounded_to_fixed_point_in_one_place() -> None:
+    for path in LOOP:
+        assert ("np.rint" in path.read_text()) == (path.name == "fixed.py"), path
 
 
 def test_what_is_installed_is_all_there_is() -> None:
@@ -157,7 +176,8 @@ def test_what_is_installed_is_all_there_is() -> None:
 
 
 def test_import_is_silent_and_opens_no_window() -> None:
-    code = "import sys, sonata2d; print(sorted({'pygame', 'yaml', 'jinja2', 'imageio', 'tqdm'} & set(sys.modules)))"
+    heavy = {"pygame", "yaml", "jinja2", "imageio", "tqdm", "sonata2d.learned", "sonata2d.graph"}
+    code = f"import sys, sonata2d; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
     assert done.stderr == ""

@@ -18,7 +18,7 @@ from sonata2d.batch import generate_dataset
 from sonata2d.datacard import write_card
 from sonata2d.record import read_manifest
 from sonata2d.scenegen import load_scenario
-from sonata2d.transforms import merge_datasets, mirror_dataset, split_dataset
+from sonata2d.transforms import merge_datasets, mirror_dataset, split_dataset, twist_image
 
 KEPT = 3092  # trajectories, as in the paper
 SEED = 2020
@@ -68,17 +68,10 @@ def with_mirrors(folders: list[Path], out: Path) -> None:
     for folder, twin in zip(folders, twins, strict=True):
         shutil.rmtree(twin, ignore_errors=True)
         with bar("mirrors", len(read_manifest(folder)["files"])) as advance:
-            mirror_dataset(folder, twin, label=mirrored_twist, advance=advance)
+            mirror_dataset(folder, twin, label=twist_image, advance=advance)
     merge_datasets([*folders, *twins], out)
     for twin in twins:
         shutil.rmtree(twin)
-
-
-def mirrored_twist(label: object) -> object:
-    """The image of a label that is a twist, [vx, vy, omega]; any other is its own."""
-    if isinstance(label, list) and len(label) == 3:
-        return [label[0], 0.0 - label[1], 0.0 - label[2]]
-    return label
 
 
 @contextmanager

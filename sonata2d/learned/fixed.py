@@ -12,8 +12,8 @@ import numpy as np
 
 from ..exact import Array, exp
 
-UNIT, LARGEST_VALUE = 2.0**-14, 64.0  # of values: 20 bits
-WEIGHT_UNIT, LARGEST_WEIGHT = 2.0**-13, 32.0  # 18 bits: of 2^14 products the sum has 52, and a double holds 53
+UNIT, LARGEST_VALUE = 1.0 / (1 << 14), 64.0  # of values: 20 bits
+WEIGHT_UNIT, LARGEST_WEIGHT = 1.0 / (1 << 13), 32.0  # 18 bits: of 2^14 products the sum has 52, and a double holds 53
 SLOPE = 0.01  # below 0, of the leaky ReLU
 
 

@@ -1,6 +1,7 @@
 """Data sets and episodes made of others: mirrored, seen from elsewhere, thinned, blurred, split, merged."""
 
 from .frames import goal_frame, robot_frame, seen_from, world_frame
+from .image import twist_image
 from .merge import merge_datasets
 from .mirror import mirror_dataset, mirror_file, mirrored
 from .motion import Motion, motion_of
@@ -20,6 +21,7 @@ __all__ = [
     "seen_from",
     "split_dataset",
     "subsampled",
+    "twist_image",
     "with_pose_noise",
     "world_frame",
 ]

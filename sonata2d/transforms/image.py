@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from ..errors import RecordError
 from ..exact import PI
 from ..geometry import quantised, wrapped
 from ..record.layout import Tree
@@ -132,6 +133,21 @@ def frame_image(frame: Tree, label: Callable[[Any], Any] | None) -> Tree:
     if label is not None and "label" in frame:
         image["label"] = label(frame["label"])
     return image
+
+
+def twist_image(label: Any) -> list[Any]:
+    """Of a label that is a twist, [vx, vy, omega]: sideways and turning change sign.
+
+    >>> twist_image([0.5, 0.1, -0.3])
+    [0.5, -0.1, 0.3]
+
+    Raises:
+        RecordError: the label is no twist.
+    """
+    is_twist = isinstance(label, list) and len(label) == 3 and all(type(value) in (int, float) for value in label)
+    if not is_twist:
+        raise RecordError(f"the label {label!r} is no twist [vx, vy, omega]; mirror with labels that stay")
+    return _row(label, TWIST_SIGNS)
 
 
 def _row(row: list[Any], signs: tuple[int, ...]) -> list[Any]:

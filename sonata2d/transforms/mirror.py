@@ -49,12 +49,13 @@ def mirror_file(path: str | Path, out: str | Path, *, label: LabelImage | None =
     Args:
         path: an episode file.
         out: where to; `.json`, `.json.gz` or `.json.zst`.
-        label: as in `mirrored`.
+        label: as in `mirrored`; twist labels are mirrored by `transforms.twist_image`.
 
     Raises:
-        RecordError: the file cannot be read, or the other not be written.
+        RecordError: the file cannot be read, or the other not be written; or it is an image whose labels were mirrored
+            and there is no `label`, or the other way round.
     """
-    out, twin = Path(out), mirrored(read_episode(path), label=label)
+    out, twin = Path(out), _twin(Path(path), label)
     write_atomically(out, packed(written(twin.document), out))
     return twin
 
@@ -67,14 +68,14 @@ def mirror_dataset(
     Args:
         folder: a data set.
         out: a new folder; it is there only when it is whole.
-        label: as in `mirrored`.
+        label: as in `mirror_file`.
         advance: is told how many episodes are done, as they are.
 
     Returns:
         The manifest of the new data set.
 
     Raises:
-        RecordError: the data set is damaged, or the folder cannot be written.
+        RecordError: the data set is damaged, or the folder cannot be written; or as `mirror_file`.
     """
     folder, out = Path(folder), Path(out)
     manifest = manifest_as_it_stands(folder)
@@ -104,9 +105,19 @@ def mirror_name(name: str) -> str:
     return f"{stem.removesuffix(MARK) if stem.endswith(MARK) and stem != MARK else stem + MARK}{suffix}"
 
 
+def _twin(path: Path, label: LabelImage | None) -> EpisodeRecord:
+    """The image of a file, which tells whether its labels were mirrored if it is one itself."""
+    record = read_episode(path)
+    told = record.document.get("mirrored_from")
+    if told and told["labels"] is not (label is not None):
+        way = "were mirrored: mirror them too, to have them back" if told["labels"] else "stayed: let them stay again"
+        raise RecordError(f"{path} is a mirror image whose labels {way}")
+    return mirrored(record, label=label)
+
+
 def _stored(path: Path, work: Path, label: LabelImage | None) -> Tree:
     """Mirror one file; what the manifest says anew of it."""
-    twin = mirrored(read_episode(path), label=label)
+    twin = _twin(path, label)
     place = work / twin.path.name
     data = packed(written(twin.document), place)
     write_atomically(place, data)
