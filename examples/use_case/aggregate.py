@@ -18,6 +18,7 @@ from train import train
 
 from sonata2d.batch import generate_dataset
 from sonata2d.scenegen import ScenarioConfig, load_scenario
+from sonata2d.transforms import twist_image
 
 ROUNDS, EPISODES = 3, 600
 SEED = 3000
@@ -52,7 +53,7 @@ def meet(policy: Path, out: Path, *, episodes: int, seed: int, workers: int) -> 
             suffix=".json.zst",
             advance=advance,
         )
-    with_mirrors([driven], out)
+    with_mirrors([driven], out, twist_image)
     shutil.rmtree(driven)
 
 

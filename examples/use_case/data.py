@@ -10,6 +10,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import click
 from tqdm import tqdm
@@ -18,7 +19,7 @@ from sonata2d.batch import generate_dataset
 from sonata2d.datacard import write_card
 from sonata2d.record import read_manifest
 from sonata2d.scenegen import load_scenario
-from sonata2d.transforms import merge_datasets, mirror_dataset, split_dataset, twist_image
+from sonata2d.transforms import merge_datasets, mirror_dataset, split_dataset
 
 KEPT = 3092  # trajectories, as in the paper
 SEED = 2020
@@ -62,13 +63,13 @@ def make(out: Path, driver: str, episodes: int, seed: int, workers: int, added: 
     return data
 
 
-def with_mirrors(folders: list[Path], out: Path) -> None:
-    """Data sets and their mirror images, together."""
+def with_mirrors(folders: list[Path], out: Path, label: Callable[[Any], Any] | None = None) -> None:
+    """Data sets and their mirror images, together; `label` gives the image of a label, if that has one."""
     twins = [out.parent / f"{folder.name}-mirrored" for folder in folders]
     for folder, twin in zip(folders, twins, strict=True):
         shutil.rmtree(twin, ignore_errors=True)
         with bar("mirrors", len(read_manifest(folder)["files"])) as advance:
-            mirror_dataset(folder, twin, label=twist_image, advance=advance)
+            mirror_dataset(folder, twin, label=label, advance=advance)
     merge_datasets([*folders, *twins], out)
     for twin in twins:
         shutil.rmtree(twin)
