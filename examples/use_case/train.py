@@ -46,8 +46,8 @@ class Recipe:
 
 
 RECIPES = {
-    "paper": Recipe(5e-4, 1e-9, fading=False, batch=40, epochs=60, every=5, patience=5),
-    "attention": Recipe(1e-3, 1e-9, fading=True, batch=64, epochs=40, every=5, patience=8),
+    "paper": Recipe(5e-4, 1e-9, fading=False, batch=40, epochs=40, every=5, patience=5),
+    "attention": Recipe(1e-3, 1e-9, fading=True, batch=64, epochs=30, every=5, patience=8),
 }
 
 
