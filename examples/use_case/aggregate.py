@@ -9,6 +9,7 @@ no-regret online learning", AISTATS 2011.
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -17,49 +18,71 @@ from networks import NETWORKS
 from train import train
 
 from sonata2d.batch import generate_dataset
-from sonata2d.scenegen import ScenarioConfig, load_scenario
+from sonata2d.record.files import safe_text
+from sonata2d.scenegen import load_scenario
 from sonata2d.transforms import twist_image
 
-ROUNDS, EPISODES = 3, 600
+ROUNDS, EPISODES, EPOCHS = 3, 400, 8
 SEED = 3000
 LONGEST = 30.0  # s: whoever is lost for so long is lost
+ROOMS = ("sonata-2020",)
 
 
-def aggregate(name: str, out: Path, *, rounds: int, episodes: int, epochs: int | None, workers: int) -> None:
-    """Round after round from `out/{name}` on; the last is `out/{name}-aggregated`."""
-    data, last = [out / "data"], out / name
+def aggregate(
+    name: str,
+    start: Path,
+    into: Path,
+    data: Sequence[Path],
+    *,
+    scenarios: Sequence[str] = ROOMS,
+    rounds: int = ROUNDS,
+    episodes: int = EPISODES,
+    epochs: int = EPOCHS,
+    workers: int = 1,
+) -> Path:
+    """Let a learner drive and learn of it, round after round.
+
+    Args:
+        name: of `NETWORKS`.
+        start: folder of the trained network.
+        into: folder for the last round's; those of the rounds before, and what was met, stand beside it.
+        data: what it has learned from so far; its dev and test parts are the first one's.
+        scenarios: where it drives.
+        rounds, episodes, epochs: how often, how many runs in each scenario, and how long to learn from them.
+        workers: processes.
+
+    Returns:
+        `into`.
+    """
+    data, last = [*data], start
     for k in range(1, rounds + 1):
-        met = out / f"{name}-met{k}"
+        met, after = (into.with_name(f"{into.name}-{what}{k}") for what in ("met", "round"))
         if not met.exists():
-            meet(last / "policy.npz", met, episodes=episodes, seed=SEED + k, workers=workers)
+            met_by(f"{last / 'policy.npz'}+social-planner", met, scenarios, episodes, SEED + k, workers)
         data.append(met)
-        after = out / (f"{name}-aggregated" if k == rounds else f"{name}-round{k}")
-        train(name, data, after, start=last, epochs=epochs)
-        last = after
+        last = train(name, data, into if k == rounds else after, start=last, epochs=epochs)
+    return last
 
 
-def meet(policy: Path, out: Path, *, episodes: int, seed: int, workers: int) -> None:
-    """What a learner meets, labelled by the expert, with its mirror image."""
-    driven = out.with_name(f"{out.name}-driven")
-    with bar(out.name, episodes) as advance:
-        generate_dataset(
-            driven,
-            scenario(),
-            f"{policy}+social-planner",
-            episodes=episodes,
-            seed=seed,
-            workers=workers,
-            resume=driven.exists(),
-            suffix=".json.zst",
-            advance=advance,
-        )
-    with_mirrors([driven], out, twist_image)
-    shutil.rmtree(driven)
-
-
-def scenario() -> ScenarioConfig:
-    """The rooms that were learned from, left sooner."""
-    return load_scenario("sonata-2020").changed(rules={"time_limit": LONGEST})
+def met_by(controller: str, out: Path, scenarios: Sequence[str], episodes: int, seed: int, workers: int) -> None:
+    """What a controller meets in some scenarios, with its mirror image."""
+    places = [out.with_name(f"{out.name}-{safe_text(scenario)}") for scenario in scenarios]
+    for place, scenario in zip(places, scenarios, strict=True):
+        with bar(place.name, episodes) as advance:
+            generate_dataset(
+                place,
+                load_scenario(scenario).changed(rules={"time_limit": LONGEST}),
+                controller,
+                episodes=episodes,
+                seed=seed,
+                workers=workers,
+                resume=place.exists(),
+                suffix=".json.zst",
+                advance=advance,
+            )
+    with_mirrors(places, out, twist_image)
+    for place in places:
+        shutil.rmtree(place)
 
 
 @click.command()
@@ -67,11 +90,14 @@ def scenario() -> ScenarioConfig:
 @click.option("-o", "--out", type=click.Path(path_type=Path, exists=True), default=Path("runs"), show_default=True)
 @click.option("--rounds", type=click.IntRange(1), default=ROUNDS, show_default=True)
 @click.option("--episodes", type=click.IntRange(1), default=EPISODES, show_default=True, help="A round.")
-@click.option("--epochs", type=click.IntRange(1), default=12, show_default=True, help="A round.")
+@click.option("--epochs", type=click.IntRange(1), default=EPOCHS, show_default=True, help="A round.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True)
 def main(network: str, out: Path, rounds: int, episodes: int, epochs: int, workers: int) -> None:
-    """Let the network in OUT/NETWORK drive, and train it on what the expert says of that."""
-    aggregate(network, out, rounds=rounds, episodes=episodes, epochs=epochs, workers=workers)
+    """Let the network in OUT/NETWORK drive, and train it on what the expert says of that: OUT/NETWORK-aggregated."""
+    into = out / f"{network}-aggregated"
+    aggregate(
+        network, out / network, into, [out / "data"], rounds=rounds, episodes=episodes, epochs=epochs, workers=workers
+    )
 
 
 if __name__ == "__main__":

@@ -64,6 +64,20 @@ def evaluation(out: Path, scenes: str) -> str:
     return table([f"{SCENES[scenes][0]} scenes", *names], rows)
 
 
+def everywhere(out: Path) -> str:
+    """Goal shares and touches of people in each scenario."""
+    found = json.loads((out / "evaluation-everywhere" / "evaluation.json").read_text())["evaluations"]
+    rows = []
+    for scenario in sorted({run["name"] for run in found[0]["episodes"]}):
+        row = [scenario]
+        for one in found:
+            runs = [run["values"] for run in one["episodes"] if run["name"] == scenario]
+            reached, touched = (sum(map(of, runs)) for of in list(SHARES.values())[:2])
+            row.append(f"{reached} / {touched} of {len(runs)}")
+        rows.append(row)
+    return table(["reached the goal / touched a person by its fault", *(name_of(one["label"]) for one in found)], rows)
+
+
 def name_of(label: str) -> str:
     """A learned controller is named by its folder."""
     return Path(label).parent.name if label.endswith(".npz") else label
@@ -132,6 +146,8 @@ def main(out: Path) -> None:
         errors(out),
         f"The paper's network reached the goal in {reached} of {of} runs ({100 * reached / of:.1f} %).",
         *(f"## {SCENES[scenes][0]} unseen scenes\n\n{evaluation(out, scenes)}" for scenes in SCENES),
+        "## In every scenario",
+        everywhere(out),
         "## Where learner and expert part",
         bias(out),
         "![bias](bias.png)",

@@ -26,6 +26,8 @@ STAGES = (  # each a group of stages that run beside each other
     {"evaluation of 60": "evaluate.py --scenes few"},
     {"evaluation of 1000": "evaluate.py --scenes many"},
     {"bias": "bias.py"},
+    {"graph-policy": "ship.py"},
+    {"evaluation everywhere": "evaluate.py --scenes everywhere"},
     {"report": "report.py"},
 )
 OWN_FOLDER = ("paper", "attention")  # of these stages `-o` names the network's folder

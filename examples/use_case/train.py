@@ -87,8 +87,8 @@ def mean_square(network: nn.Module, part: Part) -> float:
 
 def train(
     name: str, data: list[Path], out: Path, *, start: Path | None = None, epochs: int | None = None, seed: int = 0
-) -> dict[str, Any]:
-    """Train a network, or go on with it; what it learned is in `out/policy.npz`.
+) -> Path:
+    """Train a network, or go on with it.
 
     Args:
         name: of `NETWORKS`.
@@ -99,7 +99,8 @@ def train(
         seed: of the first weights and of the order of samples.
 
     Returns:
-        What `out/training.json` tells: errors on each part, of the network and of predicting the mean, and times.
+        `out`, with `policy.npz`, what it learned, and `training.json`: errors on each part, of the network and of
+        predicting the mean, and times.
     """
     torch.set_num_threads(THREADS)
     torch.use_deterministic_algorithms(True)
@@ -116,7 +117,8 @@ def train(
         network.settle(*told)
     run = _Run(network, recipe, parts, out, seed)
     run.go_on()
-    return run.told(name, data, parts)
+    run.tell(name, data, parts)
+    return out
 
 
 def _parts(data: list[Path], graph: str, device: torch.device) -> dict[str, Part]:
@@ -193,8 +195,8 @@ class _Run:
         for key, value in state.items():
             setattr(self, key, value)
 
-    def told(self, name: str, data: list[Path], parts: dict[str, Part]) -> dict[str, Any]:
-        """The result, written beside the weights."""
+    def tell(self, name: str, data: list[Path], parts: dict[str, Part]) -> None:
+        """Write the weights and what there is to say of them."""
         y, mean = parts["train"].samples.y, parts["train"].samples.y[parts["train"].chosen].mean(axis=0)
         result = {
             "network": name,
@@ -211,7 +213,6 @@ class _Run:
         (self.out / "training.json").write_text(json.dumps(result, indent=1))
         note = {key: result[key] for key in ("network", "data", "graphs", "error", "epochs")}
         export(self.network, self.out / "policy.npz", note)
-        return result
 
 
 @click.command()
@@ -223,7 +224,9 @@ class _Run:
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 def main(network: str, data: tuple[Path, ...], out: Path, start: Path | None, epochs: int | None, seed: int) -> None:
     """Train NETWORK on data sets; run again to go on."""
-    told = train(network, list(data), out, start=start, epochs=epochs, seed=seed)
+    told = json.loads(
+        (train(network, list(data), out, start=start, epochs=epochs, seed=seed) / "training.json").read_text()
+    )
     click.echo(json.dumps({key: value for key, value in told.items() if key != "log"}, indent=1))
 
 
