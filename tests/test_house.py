@@ -150,7 +150,7 @@ def test_the_loop_uses_no_function_that_differs_between_processors() -> None:
 
 
 def test_sums_inside_the_loop_are_not_pairwise() -> None:
-    """NumPy adds the first axis row by row and others pairwise, in an order of its own; only fixed point may do that."""
+    """NumPy adds the first axis row by row, others pairwise in an order of its own: fit for fixed point only."""
     for path in LOOP:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "np.add.reduce" and path != NETWORK:
