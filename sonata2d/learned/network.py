@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..exact import Array, exp
-from .fixed import leaky, summed, tanh, values, weights
+from .fixed import dots, leaky, product, summed, tanh, values, weights
 from .shapes import layers
 from .weights import Weights
 
@@ -65,7 +65,7 @@ class Rgcn:
             out = np.zeros((len(h), weight.shape[2])) + bias
             for kind, (start, end) in kinds:
                 to, row = np.unique(end, return_inverse=True)
-                out[to] += summed(h[start], row, len(to)) @ weight[kind]
+                out[to] += product(summed(h[start], row, len(to)), weight[kind])
             h = values(out if k == last else leaky(out))
         return tanh(h[0])
 
@@ -91,8 +91,7 @@ class GatV2:
         return tanh(self._dense("head", np.concatenate((h[:1], first[:1]), axis=1), bend_last=False)[0])
 
     def _linear(self, name: str, h: Array) -> Array:
-        out: Array = h @ self._arrays[f"{name}.weight"] + self._arrays[f"{name}.bias"]
-        return out
+        return product(h, self._arrays[f"{name}.weight"]) + self._arrays[f"{name}.bias"]
 
     def _dense(self, name: str, h: Array, *, bend_last: bool) -> Array:
         """Fully connected layers with leaky ReLU between them."""
@@ -110,7 +109,7 @@ class GatV2:
         target = values(self._linear(f"{name}.target", h)).reshape(shape)
         tie = self._arrays[f"{name}.relation"][relation].reshape(shape)
         bent = values(leaky(source[start] + target[end] + tie, ATTENTION_SLOPE))
-        score = np.add.reduce(bent * attention, axis=2)  # (E, H)
+        score = dots(bent, attention)  # (E, H)
         highest = np.full((len(h), score.shape[1]), -np.inf)
         np.maximum.at(highest, end, score)
         share = values(exp(score - highest[end]))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sonata2d.learned.fixed import UNIT, values, weights
+from sonata2d.learned.fixed import BLOCK, UNIT, dots, product, values, weights
 from sonata2d.learned.network import network_of
 
 from .by_hand import ALL, RELATIONS_OF, drawn, random_graph
@@ -154,7 +154,15 @@ def test_a_product_is_exact_up_to_the_longest_that_is_promised() -> None:
     loop = 0.0
     for p, q in zip(a.tolist()[::-1], b.tolist()[::-1], strict=True):
         loop += p * q
-    assert float(a @ b) == loop == whole * UNIT * UNIT
+    assert float(product(a[None], b[:, None])[0, 0]) == float(dots(a, b)) == loop == whole * UNIT * UNIT
+
+
+def test_a_large_product_is_the_same_in_blocks() -> None:
+    rng = np.random.default_rng(8)
+    a, b = values(rng.normal(0.0, 9.0, (1000, 64))), weights(rng.uniform(-8.0, 8.0, (64, 50)))
+    assert a.size * b.shape[1] > 10 * BLOCK
+    assert np.array_equal(product(a, b), a @ b)
+    assert np.array_equal(product(a[:, ::-1].copy(), b[::-1].copy()), a @ b)
 
 
 def test_whoever_nothing_points_to_leaves_the_answer_as_it_is() -> None:
