@@ -100,7 +100,9 @@ def _two(name: str) -> tuple[str, str]:
 
 
 def _is_file(name: str) -> bool:
-    return Path(name).is_file() or Path(name.rpartition(":")[0]).is_file()
+    """Whether a name is a file, or one and a class in it."""
+    place, _, attribute = name.rpartition(":")
+    return Path(name).is_file() or (Path(place).is_file() and "+" not in attribute)
 
 
 @contextmanager

@@ -115,7 +115,7 @@ LOOP = [
     *(PACKAGE / "graph" / f"{name}.py" for name in ("graph", "looks", "modern", "paper")),  # graphs made live
     PACKAGE / "transforms" / "frames.py",
 ]
-NETWORK = PACKAGE / "learned" / "network.py"  # in fixed point, where no product and no sum is ever rounded
+FIXED = PACKAGE / "learned" / "fixed.py"  # fixed point, where no product and no sum is ever rounded
 
 
 def test_no_global_generator_and_no_wall_clock_inside_the_loop() -> None:
@@ -144,24 +144,24 @@ def test_the_loop_uses_no_function_that_differs_between_processors() -> None:
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
                 method = node.func.attr in ("mean", "std", "var", "dot", "cumsum")
                 assert not method, f"{path.name}:{node.lineno} calls .{node.func.attr}()"
-            allowed = ast.Pow if path == NETWORK else ast.MatMult | ast.Pow
-            assert not (isinstance(node, ast.BinOp) and isinstance(node.op, allowed)), (
+            refused = ast.Pow if path == FIXED else ast.MatMult | ast.Pow
+            assert not (isinstance(node, ast.BinOp) and isinstance(node.op, refused)), (
                 f"{path.name}:{node.lineno} uses @ or **"
             )
 
 
 def test_sums_inside_the_loop_are_not_pairwise() -> None:
-    """NumPy adds the first axis row by row, others pairwise in an order of its own; only fixed point may do that."""
+    """NumPy adds the first axis row by row, others pairwise in an order of its own: fit for fixed point only."""
     for path in LOOP:
         for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == "np.add.reduce" and path != NETWORK:
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "np.add.reduce" and path != FIXED:
                 axes = [ast.unparse(word.value) for word in node.keywords if word.arg == "axis"]
                 assert axes == ["0"], f"{path.name}:{node.lineno} adds along another axis than the first"
 
 
 def test_values_are_rounded_to_fixed_point_in_one_place() -> None:
     for path in LOOP:
-        assert ("np.rint" in path.read_text()) == (path.name == "fixed.py"), path
+        assert ("np.rint" in path.read_text()) == (path == FIXED), path
 
 
 def test_what_is_installed_is_all_there_is() -> None:

@@ -15,6 +15,7 @@ from ..exact import Array, exp
 UNIT, LARGEST_VALUE = 1.0 / (1 << 14), 64.0  # of values: 20 bits
 WEIGHT_UNIT, LARGEST_WEIGHT = 1.0 / (1 << 13), 32.0  # 18 bits: of 2^14 products the sum has 52, and a double holds 53
 SLOPE = 0.01  # below 0, of the leaky ReLU
+BLOCK = 1 << 17  # multiplications at a time: from 2^18 on OpenBLAS starts threads, which here cost more than they save
 
 
 def values(numbers: Any) -> Array:
@@ -48,13 +49,23 @@ def tanh(numbers: Array) -> Array:
     return bent
 
 
-def incidence(at: Any, count: int) -> Array:
-    """(count, E) of 0 and 1: times (E, …) it adds up rows by index, exactly, as long as these are `values`.
+def product(rows: Array, weight: Array) -> Array:
+    """Matrix product of `values` and `weights`, (n, in) and (in, out) to (n, out); exact up to 2^15 in."""
+    some = max(BLOCK // weight.size, 1)
+    if len(rows) <= some:
+        whole: Array = rows @ weight
+        return whole
+    return np.concatenate([rows[k : k + some] @ weight for k in range(0, len(rows), some)])
 
-    Args:
-        at: (E,) of int, where each row goes.
-        count: of sums.
-    """
-    ones: Array = np.zeros((count, len(at)))
-    ones[at, np.arange(len(at))] = 1.0
-    return ones
+
+def dots(rows: Array, weight: Array) -> Array:
+    """Scalar products along the last axis of `values` and `weights`, (…, n) each, to (…,)."""
+    told: Array = np.add.reduce(rows * weight, axis=-1)
+    return told
+
+
+def summed(rows: Array, at: Any, count: int) -> Array:
+    """Rows added up by index; (E, …) and (E,) to (count, …). Exact, as long as each is a `values`."""
+    total: Array = np.zeros((count, *rows.shape[1:]))
+    np.add.at(total, at, rows)
+    return total

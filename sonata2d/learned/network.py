@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..exact import Array, exp
-from .fixed import incidence, leaky, tanh, values, weights
+from .fixed import dots, leaky, product, summed, tanh, values, weights
 from .shapes import layers
 from .weights import Weights
 
@@ -64,7 +64,7 @@ class Rgcn:
         for k, (weight, bias) in enumerate(self._layers):
             out = np.zeros((len(h), weight.shape[2])) + bias
             for kind, to, gather in kinds:
-                out[to] += (gather @ h) @ weight[kind]
+                out[to] += product(product(gather, h), weight[kind])
             h = values(out if k == last else leaky(out))
         return tanh(h[0])
 
@@ -90,8 +90,7 @@ class GatV2:
         return tanh(self._dense("head", np.concatenate((h[:1], first[:1]), axis=1), bend_last=False)[0])
 
     def _linear(self, name: str, h: Array) -> Array:
-        out: Array = h @ self._arrays[f"{name}.weight"] + self._arrays[f"{name}.bias"]
-        return out
+        return product(h, self._arrays[f"{name}.weight"]) + self._arrays[f"{name}.bias"]
 
     def _dense(self, name: str, h: Array, *, bend_last: bool) -> Array:
         """Fully connected layers with leaky ReLU between them."""
@@ -109,19 +108,18 @@ class GatV2:
         target = values(self._linear(f"{name}.target", h)).reshape(shape)
         tie = self._arrays[f"{name}.relation"][relation].reshape(shape)
         bent = values(leaky(source[start] + target[end] + tie, ATTENTION_SLOPE))
-        score = np.add.reduce(bent * attention, axis=2)  # (E, H)
+        score = dots(bent, attention)  # (E, H)
         highest = np.full((len(h), score.shape[1]), -np.inf)
         np.maximum.at(highest, end, score)
         share = values(exp(score - highest[end]))
-        gather = incidence(end, len(h))
-        share = values(share / np.maximum(gather @ share, 1e-9)[end])
-        taken = values(share[:, :, None] * source[start]).reshape(len(end), -1)
-        return gather @ taken + self._arrays[f"{name}.bias"]
+        share = values(share / np.maximum(summed(share, end, len(h)), 1e-9)[end])
+        taken = summed(values(share[:, :, None] * source[start]), end, len(h))
+        return taken.reshape(len(h), -1) + self._arrays[f"{name}.bias"]
 
 
 def _gathering(edges: Any, count: int) -> tuple[Any, Array]:
     """The nodes that edges of a relation point to, (K,), and (K, count) to sum what they take of (count, …)."""
     to, row = np.unique(edges[1], return_inverse=True)
     gather = np.zeros((len(to), count))
-    np.add.at(gather, (row, edges[0]), 1.0)
+    np.add.at(gather, (row, edges[0]), 1.0)  # an edge may be there twice
     return to, gather

@@ -31,9 +31,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # of PyTorch's own
 def modules() -> Iterator[dict[str, ModuleType]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        pytest.importorskip(
-            "torch_geometric", reason="not installed; pip install 'sonata2d[learn]'"
-        )
+        pytest.importorskip("torch_geometric", reason="not installed; pip install 'sonata2d[learn]'")
         sys.path.insert(0, str(USE_CASE))
         names = ("samples", "networks", "train")
         yield {name: importlib.import_module(name) for name in names}
