@@ -86,7 +86,7 @@ def test_the_packages_own_weights_are_a_network_of_looks() -> None:
             lambda a: a.update({"layer2.weight": np.zeros((16, 7, 2)), "layer2.bias": np.zeros(2)}),
             "must give 3",
         ),
-        ("rgcn", lambda a: a["layer0.bias"].__setitem__(2, 8.5), r"layer0.bias holds 8.5; weights are within ±8"),
+        ("rgcn", lambda a: a["layer0.bias"].__setitem__(2, 32.5), r"layer0.bias holds 32.5; weights are within ±32"),
         ("rgcn", lambda a: a["layer0.bias"].__setitem__(2, np.nan), "layer0.bias holds nan"),
         ("rgcn", lambda a: a.update({"layer2.bias": np.array(["a", "b", "c"])}), "layer2.bias must be of floats"),
         ("rgcn", lambda a: a.clear(), "it has no layer0.weight"),
