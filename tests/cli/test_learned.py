@@ -46,7 +46,7 @@ def test_other_weights_than_those_that_drove_are_refused(sonata2d: Run, here: Pa
     ("name", "message"),
     [
         ("./none.npz", "ControllerError: the weights"),
-        ("./bad.npz", "bad.npz holds no weights of a graph policy: layer0.bias holds 9; weights are within ±8"),
+        ("./bad.npz", "bad.npz holds no weights of a graph policy: layer0.bias holds 33; weights are within ±32"),
         ("graph-policy+nobody", "named 'nobody'"),
     ],
 )
