@@ -55,7 +55,7 @@ def test_what_cannot_drive_is_told_in_one_line(sonata2d: Run, here: Path, name: 
 
     from ..learned.by_hand import drawn
 
-    arrays = dict(drawn().arrays) | {"layer0.bias": np.full(12, 9.0)}
+    arrays = dict(drawn().arrays) | {"layer0.bias": np.full(12, 33.0)}
     np.savez(here / "bad.npz", about=np.array(json.dumps({"graph": "paper", "kind": "rgcn", "note": {}})), **arrays)
     output = sonata2d(MAKE + name, 1).output
     assert message in output
