@@ -16,12 +16,13 @@ from typing import Any
 import click
 import matplotlib
 import numpy as np
-from aggregate import scenario
+from aggregate import LONGEST, ROOMS
 from data import bar
 
 from sonata2d.batch import generate_dataset
 from sonata2d.geometry import Barriers
 from sonata2d.record import EpisodeRecord, read_episode, read_manifest
+from sonata2d.scenegen import load_scenario
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -44,7 +45,7 @@ def driven(out: Path, network: str, who: str, workers: int) -> Path:
     folder = out / "bias" / f"{network}-{who}"
     with bar(folder.name, EPISODES) as advance:
         generate_dataset(
-            folder, scenario(), controller, episodes=EPISODES, seed=SEED, workers=workers, resume=folder.exists(),
+            folder, load_scenario(ROOMS[0]).changed(rules={"time_limit": LONGEST}), controller, episodes=EPISODES, seed=SEED, workers=workers, resume=folder.exists(),
             suffix=".json.zst", advance=advance,
         )  # fmt: skip
     return folder

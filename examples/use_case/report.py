@@ -6,6 +6,7 @@ python examples/use_case/report.py -o runs
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from sonata2d.view import render
 
 PAPER = {"train": 0.0230, "dev": 0.0328, "test": 0.0331}  # Baghel et al. 2020
 PAPER_REACHED = (46, 60)
+PICTURES = ("evaluation-many.png", "bias.png", "best.png", "worst.png")
 BEST = "attention-aggregated"  # whose film strips are shown
 SHARES: dict[str, Callable[[dict[str, Any]], bool]] = {
     "goal": lambda run: run["success"] == 1.0,
@@ -137,15 +139,18 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 @click.command()
 @click.option("-o", "--out", type=click.Path(path_type=Path, exists=True), default=Path("runs"), show_default=True)
-def main(out: Path) -> None:
-    """Write OUT/report.md."""
+@click.option("--docs", type=click.Path(path_type=Path, exists=True), help="A folder of documentation to copy it to.")
+def main(out: Path, docs: Path | None) -> None:
+    """Write OUT/report.md and its pictures."""
     reached, of = PAPER_REACHED
     parts = [
-        "# What was learned",
+        "# The use case, in figures",
+        "Made by `python examples/use_case/run.py`; what it means is told in [The use case](use-case.md).",
         "## Mean squared errors",
         errors(out),
         f"The paper's network reached the goal in {reached} of {of} runs ({100 * reached / of:.1f} %).",
         *(f"## {SCENES[scenes][0]} unseen scenes\n\n{evaluation(out, scenes)}" for scenes in ("few", "many")),
+        "![metrics of 1000 scenes](evaluation-many.png)",
         "## In every scenario",
         everywhere(out),
         "## Where learner and expert part",
@@ -155,9 +160,15 @@ def main(out: Path) -> None:
         strips(out),
         "## What it took",
         times(out),
-        f"Recipes: {', '.join(f'{name}: {recipe}' for name, recipe in RECIPES.items())}.",
+        *(f"- `{name}`: {recipe}" for name, recipe in RECIPES.items()),
     ]
-    (out / "report.md").write_text("\n\n".join(parts) + "\n")
+    text = "\n\n".join(parts) + "\n"
+    (out / "report.md").write_text(text)
+    if docs is not None:
+        for picture in PICTURES:
+            shutil.copy(out / picture, docs / "images" / f"use-case-{picture}")
+            text = text.replace(f"({picture})", f"(images/use-case-{picture})")
+        (docs / "use-case-figures.md").write_text(text)
 
 
 if __name__ == "__main__":

@@ -158,12 +158,12 @@ class _Run:
         recipe, part = self.recipe, self.parts["train"]
         order = np.random.Generator(np.random.PCG64([self.seed, self.epoch])).permutation(len(part))
         steps, total = -(-len(part) // recipe.batch), 0.0
-        for k, (told, wanted) in enumerate(part.batches(recipe.batch, order)):
+        for k, (given, wanted) in enumerate(part.batches(recipe.batch, order)):
             if recipe.fading:
                 done = (self.epoch + k / steps) / recipe.epochs
                 for group in self.adam.param_groups:
                     group["lr"] = recipe.rate * 0.5 * (1.0 + math.cos(math.pi * done))
-            loss = ((self.network(*told) - wanted) ** 2).mean()
+            loss = ((self.network(*given) - wanted) ** 2).mean()
             self.adam.zero_grad()
             loss.backward()
             self.adam.step()
