@@ -68,21 +68,26 @@ def met_by(controller: str, out: Path, scenarios: Sequence[str], episodes: int, 
     """What a controller meets in some scenarios, with its mirror image."""
     places = [out.with_name(f"{out.name}-{safe_text(scenario)}") for scenario in scenarios]
     for place, scenario in zip(places, scenarios, strict=True):
-        with bar(place.name, episodes) as advance:
-            generate_dataset(
-                place,
-                load_scenario(scenario).changed(rules={"time_limit": LONGEST}),
-                controller,
-                episodes=episodes,
-                seed=seed,
-                workers=workers,
-                resume=place.exists(),
-                suffix=".json.zst",
-                advance=advance,
-            )
+        drive(controller, place, scenario, episodes, seed, workers)
     with_mirrors(places, out, twist_image)
     for place in places:
         shutil.rmtree(place)
+
+
+def drive(controller: str, folder: Path, scenario: str, episodes: int, seed: int, workers: int) -> None:
+    """Runs of a controller in a scenario, left sooner; what is there of them is used."""
+    with bar(folder.name, episodes) as advance:
+        generate_dataset(
+            folder,
+            load_scenario(scenario).changed(rules={"time_limit": LONGEST}),
+            controller,
+            episodes=episodes,
+            seed=seed,
+            workers=workers,
+            resume=folder.exists(),
+            suffix=".json.zst",
+            advance=advance,
+        )
 
 
 @click.command()

@@ -16,13 +16,10 @@ from typing import Any
 import click
 import matplotlib
 import numpy as np
-from aggregate import LONGEST, ROOMS
-from data import bar
+from aggregate import ROOMS, drive
 
-from sonata2d.batch import generate_dataset
 from sonata2d.geometry import Barriers
 from sonata2d.record import EpisodeRecord, read_episode, read_manifest
-from sonata2d.scenegen import load_scenario
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -43,11 +40,7 @@ def driven(out: Path, network: str, who: str, workers: int) -> Path:
     policies = {"before": out / network / "policy.npz", "after": out / f"{network}-aggregated" / "policy.npz"}
     controller = "+".join(part.format(**policies) for part in WHO[who])
     folder = out / "bias" / f"{network}-{who}"
-    with bar(folder.name, EPISODES) as advance:
-        generate_dataset(
-            folder, load_scenario(ROOMS[0]).changed(rules={"time_limit": LONGEST}), controller, episodes=EPISODES, seed=SEED, workers=workers, resume=folder.exists(),
-            suffix=".json.zst", advance=advance,
-        )  # fmt: skip
+    drive(controller, folder, ROOMS[0], EPISODES, SEED, workers)
     return folder
 
 
