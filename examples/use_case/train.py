@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -102,12 +103,13 @@ def train(
         `out`, with `policy.npz`, what it learned, and `training.json`: errors on each part, of the network and of
         predicting the mean, and times.
     """
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     torch.set_num_threads(THREADS)
-    torch.use_deterministic_algorithms(True)
+    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # without it cuBLAS refuses to be deterministic
+    torch.use_deterministic_algorithms(True, warn_only=device.type == "cuda")
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
     recipe = RECIPES[name] if epochs is None else Recipe(**{**asdict(RECIPES[name]), "epochs": epochs})
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     network = NETWORKS[name]().to(device)
     if start is not None:
         network.load_state_dict(torch.load(start / "best.pt", weights_only=True, map_location=device))
