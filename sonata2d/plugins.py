@@ -44,7 +44,7 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
     if name.endswith(WEIGHTS):
         from .learned import GraphPolicy
 
-        return GraphPolicy(name) if settings is None else GraphPolicy.restored(settings)
+        return GraphPolicy(name) if settings is None else GraphPolicy.restored(settings, found=name)
     kind = find_controller(name)
     try:
         return kind() if settings is None else kind.restored(settings)

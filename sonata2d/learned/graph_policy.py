@@ -47,16 +47,21 @@ class GraphPolicy(Controller):
         return {"weights": self._path, "sha256": self._weights.sha256}
 
     @classmethod
-    def restored(cls, settings: Mapping[str, Any]) -> Self:
+    def restored(cls, settings: Mapping[str, Any], *, found: str | None = None) -> Self:
         """As a file tells of it.
+
+        Args:
+            settings: as in the file.
+            found: where its weights are now, if they may have been moved.
 
         Raises:
             ControllerError: there are other weights now.
         """
-        policy = cls(settings.get("weights"))
+        policy = cls(found or settings.get("weights"))
         if settings.get("sha256", policy._weights.sha256) != policy._weights.sha256:
             name, told = policy._path or "graph-policy", str(settings["sha256"])[:8]
             raise ControllerError(f"{name} has other weights now than those that drove, of SHA-256 {told}…; bring them")
+        policy._path = settings.get("weights", policy._path)
         return policy
 
     def reset(self, scene: Scene) -> None:

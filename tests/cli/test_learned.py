@@ -42,6 +42,15 @@ def test_other_weights_than_those_that_drove_are_refused(sonata2d: Run, here: Pa
     )
 
 
+@pytest.mark.parametrize("labeller", ["", "+straight-to-goal"])
+def test_weights_that_were_moved_are_named_anew(sonata2d: Run, here: Path, labeller: str) -> None:
+    weights_file(here / "net.npz", seed=1).with_name("elsewhere").mkdir()
+    sonata2d(MAKE + "./net.npz" + labeller)
+    (here / "net.npz").rename(here / "elsewhere/same.npz")
+    assert "net.npz cannot be read" in sonata2d("check out --rerun --workers 1", 1).output
+    assert "no problems" in sonata2d(f"check out --controller elsewhere/same.npz{labeller} --workers 1").output
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [
