@@ -10,13 +10,38 @@ import sys
 from pathlib import Path
 
 import click
+import numpy as np
+from samples import samples_of
 
+from sonata2d.graph import FEATURES, RELATIONS
+from sonata2d.learned import Weights, write_weights
 from sonata2d.scenegen import scenario_names
+
+PAPER_RELATIONS = len(RELATIONS) + 4  # two older instants, there and back
 
 OTHERS = ("social-planner", "social-force", "straight-to-goal")
 SHIPPED = ("attention-aggregated", "graph-policy")
 LEARNED = ("paper", "paper-aggregated", "attention", "attention-aggregated")
+MEAN = "mean"
 SCENES = {"few": (60, 60), "many": (1000, 1000), "everywhere": (30, 30)}  # how many in a scenario, and their seed
+
+
+def controllers_for(scenes: str, out: Path) -> list[str]:
+    """Weights of the learned, names of the others; always the mean command only where few runs are made of it."""
+    if scenes == "everywhere":
+        learned, others = SHIPPED, OTHERS[:1]
+    else:
+        learned, others = (*LEARNED, *((MEAN,) if scenes == "few" else ())), OTHERS
+    return [*(str(out / name / "policy.npz") for name in learned), *others]
+
+
+def write_mean(out: Path) -> None:
+    """A policy that always answers the mean command: a network without weights."""
+    samples = samples_of(out / "data", "paper")
+    mean = samples.y[samples.part == 0].mean(axis=0)
+    arrays = {"layer0.weight": np.zeros((PAPER_RELATIONS, len(FEATURES), len(mean))), "layer0.bias": np.arctanh(mean)}
+    (out / MEAN).mkdir(exist_ok=True)
+    write_weights(out / MEAN / "policy.npz", Weights("paper", "rgcn", arrays, {"answers": "the mean command"}))
 
 
 @click.command()
@@ -28,10 +53,8 @@ SCENES = {"few": (60, 60), "many": (1000, 1000), "everywhere": (30, 30)}  # how 
 def main(out: Path, scenes: str, workers: int) -> None:
     """Let `sonata2d evaluate` make OUT/evaluation-SCENES, with its page and picture."""
     episodes, seed = SCENES[scenes]
-    everywhere = scenes == "everywhere"
-    learned, others = (SHIPPED, OTHERS[:1]) if everywhere else (LEARNED, OTHERS)
-    controllers = [*(str(out / name / "policy.npz") for name in learned), *others]
-    scenarios = sorted(scenario_names()) if everywhere else ["sonata-2020"]
+    write_mean(out)
+    scenarios = sorted(scenario_names()) if scenes == "everywhere" else ["sonata-2020"]
     place = out / f"evaluation-{scenes}"
     options = {
         "episodes": episodes,
@@ -41,7 +64,7 @@ def main(out: Path, scenes: str, workers: int) -> None:
         "page": place.with_suffix(".html"),
         "picture": place.with_suffix(".png"),
     }
-    words = [word for controller in controllers for word in ("--controller", controller)]
+    words = [word for controller in controllers_for(scenes, out) for word in ("--controller", controller)]
     words += [word for scenario in scenarios for word in ("--scenario", scenario)]
     words += [word for key, value in options.items() for word in (f"--{key}", str(value))]
     subprocess.run([sys.executable, "-m", "sonata2d_cli", "evaluate", *words, "--no-rerun"], check=True)

@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 import numpy as np
-from evaluate import LEARNED, OTHERS, SCENES
+from evaluate import LEARNED, MEAN, OTHERS, SCENES
 from train import RECIPES
 
 from sonata2d.metrics import Measured, bootstrap_interval, wilson_interval
@@ -60,7 +60,7 @@ def evaluation(out: Path, scenes: str) -> str:
         name_of(one["label"]): [run["values"] for run in one["episodes"]]
         for one in json.loads((out / f"evaluation-{scenes}" / "evaluation.json").read_text())["evaluations"]
     }
-    names = [*LEARNED, *OTHERS]
+    names = [name for name in (*LEARNED, *OTHERS, MEAN) if name in found]
     rows = [[what, *(share([of(run) for run in found[name]]) for name in names)] for what, of in SHARES.items()]
     rows += [[what, *(mean([run[metric] for run in found[name]]) for name in names)] for what, metric in MEANS.items()]
     return table([f"{SCENES[scenes][0]} scenes", *names], rows)
