@@ -10,6 +10,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
@@ -17,9 +18,10 @@ from tqdm import tqdm
 
 from sonata2d.batch import generate_dataset
 from sonata2d.datacard import write_card
-from sonata2d.record import read_manifest
+from sonata2d.errors import RecordError
+from sonata2d.record import read_episode, read_manifest
 from sonata2d.scenegen import load_scenario
-from sonata2d.transforms import merge_datasets, mirror_dataset, split_dataset
+from sonata2d.transforms import merge_datasets, mirror_dataset, split_dataset, twist_image
 
 KEPT = 3092  # trajectories, as in the paper
 SEED = 2020
@@ -39,6 +41,9 @@ def make(out: Path, driver: str, episodes: int, seed: int, workers: int, added: 
 
     Returns:
         Its folder.
+
+    Raises:
+        RecordError: `out/data` is there and was not made here, or a data set is damaged or made otherwise.
     """
     driven, data = out / "driven", out / "data"
     with bar("runs", episodes) as advance:
@@ -55,7 +60,7 @@ def make(out: Path, driver: str, episodes: int, seed: int, workers: int, added: 
             advance=advance,
         )
     originals = [driven, *added]
-    shutil.rmtree(data, ignore_errors=True)
+    remove(data)
     with_mirrors(originals, data)
     split_dataset(data, PARTS)
     with bar("card", len(read_manifest(data)["files"])) as advance:
@@ -63,16 +68,41 @@ def make(out: Path, driver: str, episodes: int, seed: int, workers: int, added: 
     return data
 
 
+def remove(data: Path) -> None:
+    """Make room for a merged data set where there is an older one, and nothing else.
+
+    Raises:
+        RecordError: there is something else.
+    """
+    if data.exists():
+        if not read_manifest(data).get("sources"):
+            raise RecordError(f"{data} was not made here; name another folder by -o")
+        shutil.rmtree(data)
+
+
 def with_mirrors(folders: list[Path], out: Path, label: Callable[[Any], Any] | None = None) -> None:
-    """Data sets and their mirror images, together; `label` gives the image of a label, if that has one."""
-    twins = [out.parent / f"{folder.name}-mirrored" for folder in folders]
-    for folder, twin in zip(folders, twins, strict=True):
-        shutil.rmtree(twin, ignore_errors=True)
-        with bar("mirrors", len(read_manifest(folder)["files"])) as advance:
-            mirror_dataset(folder, twin, label=label, advance=advance)
-    merge_datasets([*folders, *twins], out)
-    for twin in twins:
-        shutil.rmtree(twin)
+    """Data sets and their mirror images, together; twists that label frames are mirrored as commands are.
+
+    Args:
+        folders: complete data sets.
+        out: a new folder.
+        label: the image of a label, for all of them; unless given, each set's own labels tell.
+    """
+    with TemporaryDirectory(prefix="mirrors-", dir=out.parent) as place:
+        twins = [Path(place, str(k), f"{folder.resolve().name}-mirrored") for k, folder in enumerate(folders)]
+        for folder, twin in zip(folders, twins, strict=True):
+            with bar("mirrors", len(read_manifest(folder)["files"])) as advance:
+                mirror_dataset(folder, twin, label=label or label_image(folder), advance=advance)
+        merge_datasets([*folders, *twins], out)
+
+
+def label_image(folder: Path) -> Callable[[Any], Any] | None:
+    """`twist_image` if frames of a data set are labelled with twists, as the loader learns these, not the commands."""
+    for row in read_manifest(folder)["files"]:
+        told = (frame.get("label") for frame in read_episode(folder / row["name"]).document["frames"])
+        if any(isinstance(label, list) and len(label) == 3 for label in told):
+            return twist_image
+    return None
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -91,19 +91,22 @@ def share(hits: Sequence[bool]) -> str:
     return f"{100 * sum(hits) / len(hits):.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
 
 
-def mean(values: Iterable[float | None]) -> str:
-    """Of those defined, with the interval."""
+def mean(values: Sequence[float | None]) -> str:
+    """Of those defined, with the interval, and of how many if not of all."""
     there = np.array([value for value in values if value is not None])
+    if not len(there):
+        return "not defined"
     interval = bootstrap_interval(there)
-    return f"{there.mean():.3f}" + (f" [{interval[0]:.3f}, {interval[1]:.3f}]" if interval else "")
+    told = f"{there.mean():.3f}" + (f" [{interval[0]:.3f}, {interval[1]:.3f}]" if interval else "")
+    return told if len(there) == len(values) else f"{told} (n={len(there)})"
 
 
 def times(out: Path) -> str:
-    """What each stage took, where it was run last."""
+    """What each stage took; of one that was interrupted, since it was gone on with."""
     files = sorted((out / "stages").glob("*.json"), key=lambda path: path.stat().st_mtime)
     stages = [json.loads(path.read_text()) for path in files if path.stem != "report"]
-    rows = [[one["stage"], f"{one['wall'] / 60:.1f} min", f"{one['cpu'] / 60:.1f} min"] for one in stages]
-    return table(["stage", "wall", "CPU"], rows)
+    minutes = [["" if one[kind] is None else f"{one[kind] / 60:.1f} min" for kind in ("wall", "cpu")] for one in stages]
+    return table(["stage", "wall", "CPU"], [[one["stage"], *took] for one, took in zip(stages, minutes, strict=True)])
 
 
 def bias(out: Path) -> str:
@@ -148,6 +151,8 @@ def main(out: Path, docs: Path | None) -> None:
         "Made by `python examples/use_case/run.py`; what it means is told in [The use case](use-case.md).",
         "## Mean squared errors",
         errors(out),
+        "Dev and test are the expert's runs, for all. Train is what a network learned from: where it was aggregated,"
+        " what learners met as well. So only dev and test compare before and after; how it drives is told below.",
         f"The paper's network reached the goal in {reached} of {of} runs ({100 * reached / of:.1f} %).",
         *(f"## {SCENES[scenes][0]} unseen scenes\n\n{evaluation(out, scenes)}" for scenes in ("few", "many")),
         "![metrics of 1000 scenes](evaluation-many.png)",
@@ -159,16 +164,17 @@ def main(out: Path, docs: Path | None) -> None:
         "## At its best and at its worst",
         strips(out),
         "## What it took",
+        "Of a stage that was interrupted, only what came after. Stages of networks ran two at a time.",
         times(out),
         *(f"- `{name}`: {recipe}" for name, recipe in RECIPES.items()),
     ]
     text = "\n\n".join(parts) + "\n"
-    (out / "report.md").write_text(text)
+    (out / "report.md").write_text(text, encoding="utf-8")
     if docs is not None:
         for picture in PICTURES:
             shutil.copy(out / picture, docs / "images" / f"use-case-{picture}")
             text = text.replace(f"({picture})", f"(images/use-case-{picture})")
-        (docs / "use-case-figures.md").write_text(text)
+        (docs / "use-case-figures.md").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

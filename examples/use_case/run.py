@@ -34,26 +34,34 @@ OWN_FOLDER = ("paper", "attention")  # of these stages `-o` names the network's 
 
 
 def main_of(name: str, words: str, out: Path) -> None:
-    """Run a stage, unless it is done; note what it took."""
+    """Run a stage, unless it is done; note what it took, of CPU only where the system tells it."""
     done = out / "stages" / f"{name.replace(' ', '-')}.json"
     if done.exists() and name != "report":
         return
     place = out / name if name in OWN_FOLDER else out
-    script, *options = words.format(out=out).split()
+    script, *options = (word.format(out=out) for word in words.split())
     start = time.perf_counter()
     process = subprocess.Popen([sys.executable, str(HERE / script), *options, "-o", str(place)])
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
+    cpu, wall = ended(process), time.perf_counter() - start
     if process.returncode:
         raise click.ClickException(f"{script} failed; what is whole stays, and the same command goes on")
-    cpu, wall = usage.ru_utime + usage.ru_stime, time.perf_counter() - start
     done.parent.mkdir(exist_ok=True)
-    done.write_text(json.dumps({"stage": name, "wall": round(wall, 1), "cpu": round(cpu, 1)}))
+    done.write_text(json.dumps({"stage": name, "wall": round(wall, 1), "cpu": cpu}))
+
+
+def ended(process: subprocess.Popen[bytes]) -> float | None:
+    """Wait for a process; the CPU time of it and its workers, s. None on Windows, which does not tell."""
+    if sys.platform == "win32":
+        process.wait()
+        return None
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return round(usage.ru_utime + usage.ru_stime, 1)
 
 
 @click.command()
 @click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("runs"), show_default=True)
-@click.option("--until", help="Stop after this stage.")
+@click.option("--until", type=click.Choice([name for group in STAGES for name in group]), help="Stop after it.")
 def main(out: Path, until: str | None) -> None:
     """Make the data, train, aggregate, evaluate, and tell the story in OUT/report.md."""
     out.mkdir(parents=True, exist_ok=True)

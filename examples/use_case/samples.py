@@ -55,18 +55,26 @@ def samples_of(folder: Path, graph: str, *, workers: int = 2) -> Samples:
         folder: a data set; what is in no part of its split is for training.
         graph: `paper` or `modern`.
         workers: processes.
+
+    Raises:
+        ValueError: it is split into other parts than `PARTS`.
     """
     text = (folder / "manifest.json").read_bytes()
     cache = folder.parent / "cache" / f"{folder.name}-{graph}-{hashlib.sha256(text).hexdigest()[:12]}.npz"
     if not cache.exists():
         manifest = json.loads(text)
-        parts = {name: PARTS.index(part) for part, names in (manifest["split"] or {}).items() for name in names}
+        split = manifest["split"] or {}
+        if strange := sorted(set(split) - set(PARTS)):
+            raise ValueError(f"{folder} has a part {strange[0]!r}; split it again, into {', '.join(PARTS)}")
+        parts = {name: PARTS.index(part) for part, names in split.items() for name in names}
         jobs = [(folder / row["name"], graph, parts.get(row["name"], 0)) for row in manifest["files"]]
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
             found = tqdm(pool.map(_of_file, jobs, chunksize=16), f"graphs of {folder.name}", len(jobs), disable=None)
             whole = joined([samples for samples in found if samples is not None])
         cache.parent.mkdir(exist_ok=True)
-        np.savez(cache, **{field.name: getattr(whole, field.name) for field in fields(Samples)})
+        part = cache.with_suffix(".part.npz")  # so that an interrupted one is not taken for whole
+        np.savez(part, **{field.name: getattr(whole, field.name) for field in fields(Samples)})
+        part.replace(cache)
     with np.load(cache) as held:
         return Samples(**{field.name: held[field.name] for field in fields(Samples)})
 

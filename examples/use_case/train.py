@@ -102,6 +102,9 @@ def train(
     Returns:
         `out`, with `policy.npz`, what it learned, and `training.json`: errors on each part, of the network and of
         predicting the mean, and times.
+
+    Raises:
+        ValueError: the first data set has nothing for a part.
     """
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     torch.set_num_threads(THREADS)
@@ -128,7 +131,13 @@ def _parts(data: list[Path], graph: str, device: torch.device) -> dict[str, Part
     for other in others:
         other.part[:] = 0
     whole = joined([first, *others])
-    return {name: Part(whole, np.flatnonzero(whole.part == k), device) for k, name in enumerate(PARTS)}
+    parts = {name: Part(whole, np.flatnonzero(whole.part == k), device) for k, name in enumerate(PARTS)}
+    for name, part in parts.items():
+        if not len(part):
+            raise ValueError(
+                f"{data[0]} has no runs for {name}; run `sonata2d split --parts train=0.9,dev=0.05,test=0.05`"
+            )
+    return parts
 
 
 class _Run:
@@ -154,7 +163,7 @@ class _Run:
                 self._keep()
                 bar.set_postfix(told)
                 bar.update()
-        self.network.load_state_dict(torch.load(self.out / "best.pt", weights_only=True))
+        self.network.load_state_dict(self._held("best.pt"))
 
     def _one_epoch(self) -> dict[str, float]:
         recipe, part = self.recipe, self.parts["train"]
@@ -190,8 +199,13 @@ class _Run:
         torch.save(whole, self.out / "state.pt.part")
         (self.out / "state.pt.part").replace(self.out / "state.pt")
 
+    def _held(self, name: str) -> Any:
+        """What a file holds, on this run's device, whichever wrote it."""
+        device = next(self.network.parameters()).device
+        return torch.load(self.out / name, weights_only=True, map_location=device)
+
     def _restore(self) -> None:
-        state = torch.load(self.out / "state.pt", weights_only=True)
+        state = self._held("state.pt")
         self.network.load_state_dict(state.pop("network"))
         self.adam.load_state_dict(state.pop("adam"))
         for key, value in state.items():

@@ -33,7 +33,7 @@ def modules() -> Iterator[dict[str, ModuleType]]:
         warnings.simplefilter("ignore")
         pytest.importorskip("torch_geometric", reason="not installed; pip install 'sonata2d[learn]'")
         sys.path.insert(0, str(USE_CASE))
-        names = ("samples", "networks", "train")
+        names = ("samples", "networks", "train", "evaluate", "report")
         yield {name: importlib.import_module(name) for name in names}
     sys.path.remove(str(USE_CASE))
     for name in names:
@@ -77,6 +77,21 @@ def test_the_sparse_layer_gives_what_the_whole_one_gives(modules: dict[str, Modu
     whole.load_state_dict(layer.state_dict())
     x, edges, relation = torch.randn(9, 6), torch.randint(9, (2, 40)), torch.randint(4, (40,))
     assert torch.allclose(layer(x, edges, relation), whole(x, edges, relation), atol=1e-6)
+
+
+def test_a_part_without_runs_is_told_before_the_training(
+    modules: dict[str, ModuleType], data: Path, tmp_path: Path
+) -> None:
+    generate_dataset(tmp_path / "whole", load_scenario("empty"), "straight-to-goal", episodes=1)
+    with pytest.raises(ValueError, match="whole has no runs for dev"):
+        modules["train"].train("attention", [tmp_path / "whole"], tmp_path / "out")
+
+
+def test_a_mean_tells_of_how_many_runs_it_is(modules: dict[str, ModuleType]) -> None:
+    mean = modules["report"].mean
+    assert mean([1.0] * 8) == "1.000 [1.000, 1.000]"
+    assert mean([1.0] * 7 + [None]) == "1.000 [1.000, 1.000] (n=7)"
+    assert mean([None, None]) == "not defined"
 
 
 def test_a_training_that_was_stopped_ends_with_the_same_bytes(

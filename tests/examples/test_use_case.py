@@ -14,15 +14,19 @@ import numpy as np
 import pygame
 import pytest
 
+from sonata2d.batch import generate_dataset
+from sonata2d.errors import RecordError
 from sonata2d.graph import FEATURES
 from sonata2d.learned.inputs import INPUTS
 from sonata2d.record import read_episode, read_manifest
 from sonata2d.scenegen import load_scenario
 from sonata2d.session import Session
+from sonata2d.transforms import split_dataset, twist_image
 from sonata2d.window.collect_screen import CollectScreen
 from sonata2d.window.hands import Hands
 from tests.window.at_controls import Person
 
+QUICK = load_scenario("sonata-2020").changed(rules={"time_limit": 4.0})
 USE_CASE = Path(__file__).parent.parent.parent / "examples" / "use_case"
 
 
@@ -105,13 +109,12 @@ def test_images_are_samples_with_left_and_right_changed(modules: dict[str, Modul
     assert samples.y[half:] == pytest.approx(samples.y[:half] * [1, -1, -1], abs=1e-6)
 
 
-def test_what_an_expert_says_of_a_learner_is_the_label(modules: dict[str, ModuleType], tmp_path: Path) -> None:
-    from sonata2d.batch import generate_dataset
-    from sonata2d.transforms import twist_image
-
-    config = load_scenario("sonata-2020").changed(rules={"time_limit": 4.0})
-    generate_dataset(tmp_path / "driven", config, "straight-to-goal+social-planner", episodes=2, seed=5)
-    modules["data"].with_mirrors([tmp_path / "driven"], tmp_path / "met", twist_image)
+@pytest.mark.parametrize("image", [twist_image, None])
+def test_what_an_expert_says_of_a_learner_is_the_label_and_mirrored_with_it(
+    modules: dict[str, ModuleType], tmp_path: Path, image: Any
+) -> None:
+    generate_dataset(tmp_path / "driven", QUICK, "straight-to-goal+social-planner", episodes=2, seed=5)
+    modules["data"].with_mirrors([tmp_path / "driven"], tmp_path / "met", image)
     samples = modules["samples"].samples_of(tmp_path / "met", "modern", workers=1)
     record = read_episode(tmp_path / "driven" / "000000.json")
     limits = record.scene().robot.limits
@@ -120,3 +123,32 @@ def test_what_an_expert_says_of_a_learner_is_the_label(modules: dict[str, Module
     assert samples.y[1] == pytest.approx(
         np.array(told["label"]) / [limits.ahead, limits.sideways, limits.turn], abs=1e-6
     )
+    half = len(samples) // 2
+    assert samples.y[half:] == pytest.approx(samples.y[:half] * [1, -1, -1], abs=1e-6)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cache", "driven", "met"]
+
+
+def test_data_sets_of_one_name_join(modules: dict[str, ModuleType], tmp_path: Path) -> None:
+    for seed in (1, 2):
+        generate_dataset(tmp_path / str(seed) / "kim", QUICK, "straight-to-goal", episodes=1, seed=seed)
+    modules["data"].with_mirrors([tmp_path / "1" / "kim", tmp_path / "2" / "kim"], tmp_path / "both")
+    assert len(read_manifest(tmp_path / "both")["files"]) == 4
+
+
+def test_a_folder_that_was_not_made_here_is_not_removed(modules: dict[str, ModuleType], tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "precious.txt").write_text("mine")
+    with pytest.raises(RecordError, match="is no data set"):
+        modules["data"].remove(tmp_path / "data")
+    generate_dataset(tmp_path / "runs", QUICK, "straight-to-goal", episodes=1)
+    with pytest.raises(RecordError, match="was not made here; name another folder by -o"):
+        modules["data"].remove(tmp_path / "runs")
+    assert (tmp_path / "data" / "precious.txt").exists()
+    assert read_manifest(tmp_path / "runs")["complete"]
+
+
+def test_another_split_is_told_so(modules: dict[str, ModuleType], tmp_path: Path) -> None:
+    generate_dataset(tmp_path / "runs", QUICK, "straight-to-goal", episodes=2)
+    split_dataset(tmp_path / "runs", {"train": 0.5, "val": 0.5})
+    with pytest.raises(ValueError, match="has a part 'val'; split it again, into train, dev, test"):
+        modules["samples"].samples_of(tmp_path / "runs", "modern", workers=1)
