@@ -9,7 +9,7 @@ no-regret online learning", AISTATS 2011.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -25,7 +25,7 @@ from sonata2d.transforms import twist_image
 ROUNDS, EPISODES, EPOCHS = 3, 300, 8
 SEED = 3000
 LONGEST = 30.0  # s: whoever is lost for so long is lost
-ROOMS = ("sonata-2020",)
+ROOMS, EXPERT = "sonata-2020", "social-planner"
 
 
 def aggregate(
@@ -34,9 +34,9 @@ def aggregate(
     into: Path,
     data: Sequence[Path],
     *,
-    scenarios: Sequence[str] = ROOMS,
+    scenarios: Mapping[str, int],
+    expert: str = EXPERT,
     rounds: int = ROUNDS,
-    episodes: int = EPISODES,
     epochs: int = EPOCHS,
     workers: int = 1,
 ) -> Path:
@@ -47,8 +47,9 @@ def aggregate(
         start: folder of the trained network.
         into: folder for the last round's; those of the rounds before, and what was met, stand beside it.
         data: what it has learned from so far; its dev and test parts are the first one's.
-        scenarios: where it drives.
-        rounds, episodes, epochs: how often, how many runs in each scenario, and how long to learn from them.
+        scenarios: where it drives, and how many runs in each.
+        expert: name of the controller that tells what should have been done.
+        rounds, epochs: how often, and how long to learn from it.
         workers: processes.
 
     Returns:
@@ -58,16 +59,16 @@ def aggregate(
     for k in range(1, rounds + 1):
         met, after = (into.with_name(f"{into.name}-{what}{k}") for what in ("met", "round"))
         if not met.exists():
-            met_by(f"{last / 'policy.npz'}+social-planner", met, scenarios, episodes, SEED + k, workers)
+            met_by(f"{last / 'policy.npz'}+{expert}", met, scenarios, SEED + k, workers)
         data.append(met)
         last = train(name, data, into if k == rounds else after, start=last, epochs=epochs)
     return last
 
 
-def met_by(controller: str, out: Path, scenarios: Sequence[str], episodes: int, seed: int, workers: int) -> None:
-    """What a controller meets in some scenarios, with its mirror image."""
+def met_by(controller: str, out: Path, scenarios: Mapping[str, int], seed: int, workers: int) -> None:
+    """What a controller meets in some scenarios, so many runs in each, with its mirror image."""
     places = [out.with_name(f"{out.name}-{safe_text(scenario)}") for scenario in scenarios]
-    for place, scenario in zip(places, scenarios, strict=True):
+    for place, (scenario, episodes) in zip(places, scenarios.items(), strict=True):
         drive(controller, place, scenario, episodes, seed, workers)
     with_mirrors(places, out, twist_image)
     for place in places:
@@ -100,9 +101,8 @@ def drive(controller: str, folder: Path, scenario: str, episodes: int, seed: int
 def main(network: str, out: Path, rounds: int, episodes: int, epochs: int, workers: int) -> None:
     """Let the network in OUT/NETWORK drive, and train it on what the expert says of that: OUT/NETWORK-aggregated."""
     into = out / f"{network}-aggregated"
-    aggregate(
-        network, out / network, into, [out / "data"], rounds=rounds, episodes=episodes, epochs=epochs, workers=workers
-    )
+    data, scenarios = [out / "data"], {ROOMS: episodes}
+    aggregate(network, out / network, into, data, scenarios=scenarios, rounds=rounds, epochs=epochs, workers=workers)
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ def driven(out: Path, network: str, who: str, workers: int) -> Path:
     policies = {"before": out / network / "policy.npz", "after": out / f"{network}-aggregated" / "policy.npz"}
     controller = "+".join(part.format(**policies) for part in WHO[who])
     folder = out / "bias" / f"{network}-{who}"
-    drive(controller, folder, ROOMS[0], EPISODES, SEED, workers)
+    drive(controller, folder, ROOMS, EPISODES, SEED, workers)
     return folder
 
 

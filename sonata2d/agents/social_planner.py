@@ -103,10 +103,15 @@ class SocialPlanner(Controller):
 
     def _bumps(self, ways: Ways, snapshot: Snapshot) -> Array:
         """(K,), the price of hitting walls and furniture."""
-        points = np.stack((ways.x.ravel(), ways.y.ravel()), axis=1)
-        gap = np.minimum.reduce(self._near(snapshot).gaps(points), axis=0, initial=np.inf).reshape(ways.x.shape)
+        gap = self._gaps_to_things(ways, snapshot)
         cost: Array = self._weights.bump * _soonest(gap < snapshot.robot.radius + SKIN)
         return cost
+
+    def _gaps_to_things(self, ways: Ways, snapshot: Snapshot) -> Array:
+        """(S, K), m, from the robot's centre on its ways to the nearest wall or piece of furniture."""
+        points = np.stack((ways.x.ravel(), ways.y.ravel()), axis=1)
+        nearest: Array = np.minimum.reduce(self._near(snapshot).gaps(points), axis=0, initial=np.inf)
+        return nearest.reshape(ways.x.shape)
 
     def _near(self, snapshot: Snapshot) -> Barriers:
         """The walls and pieces of furniture that the robot can come to within the horizon."""
