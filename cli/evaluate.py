@@ -154,21 +154,23 @@ def _folders(
     if paths:
         yield {str(path): [path] for path in paths}
         return
+    from sonata2d.record.files import safe_texts
+
     with TemporaryDirectory(prefix="sonata2d-") as temporary:
-        place = out or Path(temporary)
-        yield {name: [_generated(place, name, scenario, *how) for scenario in dict.fromkeys(scenarios)]
-               for name in dict.fromkeys(controllers)}  # fmt: skip
+        place, names = out or Path(temporary), list(dict.fromkeys(controllers))
+        yield {name: [_generated(place / own, name, scenario, *how) for scenario in dict.fromkeys(scenarios)]
+               for name, own in zip(names, safe_texts(names), strict=True)}  # fmt: skip
 
 
 def _generated(place: Path, controller: str, scenario: str, episodes: int, seed: int, workers: int) -> Path:
-    """A data set of one controller in one scenario: made, or gone on with where it was begun."""
+    """A data set of one controller, whose folder is the place, in one scenario: made, or gone on with if begun."""
     from sonata2d.batch import generate_dataset
     from sonata2d.record import MANIFEST
     from sonata2d.record.files import safe_text
     from sonata2d.scenegen import load_scenario
 
     config = load_scenario(scenario)
-    folder = place / safe_text(controller) / safe_text(config.name)
+    folder = place / safe_text(config.name)
     resume = (folder / MANIFEST).exists()
     with progress(episodes, f"episodes of {controller}") as advance:
         generate_dataset(

@@ -46,6 +46,7 @@ def make(out: Path, driver: str, episodes: int, seed: int, workers: int, added: 
         RecordError: `out/data` is there and was not made here, or a data set is damaged or made otherwise.
     """
     driven, data = out / "driven", out / "data"
+    refuse_others(data)
     with bar("runs", episodes) as advance:
         generate_dataset(
             driven,
@@ -60,7 +61,7 @@ def make(out: Path, driver: str, episodes: int, seed: int, workers: int, added: 
             advance=advance,
         )
     originals = [driven, *added]
-    remove(data)
+    shutil.rmtree(data, ignore_errors=True)
     with_mirrors(originals, data)
     split_dataset(data, PARTS)
     with bar("card", len(read_manifest(data)["files"])) as advance:
@@ -68,16 +69,14 @@ def make(out: Path, driver: str, episodes: int, seed: int, workers: int, added: 
     return data
 
 
-def remove(data: Path) -> None:
-    """Make room for a merged data set where there is an older one, and nothing else.
+def refuse_others(data: Path) -> None:
+    """Say before the work whether a folder that will be made anew holds something else.
 
     Raises:
-        RecordError: there is something else.
+        RecordError: it is there, and is no merged data set.
     """
-    if data.exists():
-        if not read_manifest(data).get("sources"):
-            raise RecordError(f"{data} was not made here; name another folder by -o")
-        shutil.rmtree(data)
+    if data.exists() and not read_manifest(data).get("sources"):
+        raise RecordError(f"{data} was not made here; name another folder by -o")
 
 
 def with_mirrors(folders: list[Path], out: Path, label: Callable[[Any], Any] | None = None) -> None:

@@ -19,7 +19,7 @@ from train import RECIPES
 from sonata2d.metrics import Measured, bootstrap_interval, wilson_interval
 from sonata2d.metrics.extremes import best_of, why_best, why_worst, worst_of
 from sonata2d.record import read_episode
-from sonata2d.record.files import safe_text
+from sonata2d.record.files import safe_text, safe_texts
 from sonata2d.view import render
 
 PAPER = {"train": 0.0230, "dev": 0.0328, "test": 0.0331}  # Baghel et al. 2020
@@ -123,12 +123,13 @@ def strips(out: Path) -> str:
     """Film strips of the best and the worst run of the 1000, chosen by the rule of `sonata2d evaluate`."""
     place = out / "evaluation-many"
     every = json.loads((place / "evaluation.json").read_text())["evaluations"]
-    one = next(one for one in every if name_of(one["label"]) == BEST)
+    folders = safe_texts([one["label"] for one in every])
+    one, folder = next(pair for pair in zip(every, folders, strict=True) if name_of(pair[0]["label"]) == BEST)
     runs = [Measured(**row) for row in one["episodes"]]
     lines = []
     best, worst = best_of(runs), worst_of(runs)
     for what, run, why in (("best", best, why_best(best)), ("worst", worst, why_worst(worst))):
-        record = read_episode(place / safe_text(one["label"]) / safe_text(run.name) / run.file)
+        record = read_episode(place / folder / safe_text(run.name) / run.file)
         render([*record.snapshots()], out / f"{what}.png", strip=6)
         lines.append(f"The {what} run of {BEST}, episode {run.episode}: {why}.\n\n![{what}]({what}.png)")
     return "\n\n".join(lines)

@@ -8,6 +8,8 @@ import io
 import os
 import re
 import zlib
+from collections import Counter
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from uuid import uuid4
@@ -66,6 +68,16 @@ def safe_text(text: str) -> str:
     clean = re.sub(r"_+", "_", clean).strip("._-")
     clean = clean.encode()[:80].decode(errors="ignore").rstrip("._-") or "unnamed"
     return f"_{clean}" if _RESERVED.match(clean) else clean
+
+
+def safe_texts(texts: Sequence[str]) -> list[str]:
+    """Each as `safe_text`, but no two alike, however long they are and not even where case does not count.
+
+    >>> safe_texts(["runs/a.npz", "b/c", "b_c"])
+    ['runs_a.npz', 'b_c-b9e2be', 'b_c']
+    """
+    alike = Counter(safe_text(text).casefold() for text in texts)
+    return [safe_text(text) if alike[safe_text(text).casefold()] == 1 else safe_stem(text) for text in texts]
 
 
 def packed(document: bytes, path: Path) -> bytes:

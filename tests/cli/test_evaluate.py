@@ -9,6 +9,7 @@ import pytest
 
 from sonata2d.metrics import ALL, METRICS
 
+from ..learned.by_hand import weights_file
 from .conftest import Run
 
 
@@ -44,6 +45,17 @@ def test_what_was_kept_is_gone_on_with(sonata2d: Run, here: Path) -> None:
     before = first.stat().st_mtime_ns
     assert "2 runs of straight-to-goal" in sonata2d(f"{line} 2").output
     assert first.stat().st_mtime_ns == before
+
+
+def test_weights_whose_long_paths_begin_alike_are_compared(sonata2d: Run, here: Path) -> None:
+    deep = here / "-".join(["a-long-name"] * 8)
+    names = [deep / which / "policy.npz" for which in ("first", "second")]
+    for k, path in enumerate(names):
+        path.parent.mkdir(parents=True)
+        weights_file(path, seed=k)
+    line = "evaluate --scenario quick.yaml --episodes 1 --workers 1 --no-rerun -o deep-runs"
+    sonata2d(f"{line} --controller {names[0]} --controller {names[1]}")
+    assert len([path for path in (here / "deep-runs").iterdir() if path.is_dir()]) == 2
 
 
 def test_nothing_is_left_where_nothing_is_to_be_kept(sonata2d: Run, here: Path) -> None:

@@ -139,12 +139,12 @@ def test_a_folder_that_was_not_made_here_is_not_removed(modules: dict[str, Modul
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "precious.txt").write_text("mine")
     with pytest.raises(RecordError, match="is no data set"):
-        modules["data"].remove(tmp_path / "data")
-    generate_dataset(tmp_path / "runs", QUICK, "straight-to-goal", episodes=1)
+        modules["data"].make(tmp_path, "straight-to-goal", 1, 1, 1)
+    generate_dataset(tmp_path / "mine" / "data", QUICK, "straight-to-goal", episodes=1)
     with pytest.raises(RecordError, match="was not made here; name another folder by -o"):
-        modules["data"].remove(tmp_path / "runs")
+        modules["data"].make(tmp_path / "mine", "straight-to-goal", 1, 1, 1)
     assert (tmp_path / "data" / "precious.txt").exists()
-    assert read_manifest(tmp_path / "runs")["complete"]
+    assert read_manifest(tmp_path / "mine" / "data")["complete"]
 
 
 def test_another_split_is_told_so(modules: dict[str, ModuleType], tmp_path: Path) -> None:
