@@ -38,6 +38,7 @@ def aggregate(
     expert: str = EXPERT,
     rounds: int = ROUNDS,
     epochs: int = EPOCHS,
+    seed: int = SEED,
     workers: int = 1,
 ) -> Path:
     """Let a learner drive and learn of it, round after round.
@@ -50,6 +51,7 @@ def aggregate(
         scenarios: where it drives, and how many runs in each.
         expert: name of the controller that tells what should have been done.
         rounds, epochs: how often, and how long to learn from it.
+        seed: of the scenes before the first round's.
         workers: processes.
 
     Returns:
@@ -59,7 +61,7 @@ def aggregate(
     for k in range(1, rounds + 1):
         met, after = (into.with_name(f"{into.name}-{what}{k}") for what in ("met", "round"))
         if not met.exists():
-            met_by(f"{last / 'policy.npz'}+{expert}", met, scenarios, SEED + k, workers)
+            met_by(f"{last / 'policy.npz'}+{expert}", met, scenarios, seed + k, workers)
         data.append(met)
         last = train(name, data, into if k == rounds else after, start=last, epochs=epochs)
     return last

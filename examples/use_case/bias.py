@@ -9,7 +9,6 @@ learner drives, as it was before and as it is after aggregation, and the expert 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +18,15 @@ import numpy as np
 from aggregate import ROOMS, drive
 
 from sonata2d.geometry import Barriers
+from sonata2d.metrics import bootstrap_interval
 from sonata2d.record import EpisodeRecord, read_episode, read_manifest
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 EPISODES, SEED = 100, 4000
+NEAR = 0.1  # m
+FEWEST = 10  # runs, else nothing is told
 EDGES = np.array([-0.1, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.4, 2.0])  # m, of gaps
 WHO = {
     "expert": ("social-planner", "{before}"),
@@ -44,19 +46,17 @@ def driven(out: Path, network: str, who: str, workers: int) -> Path:
     return folder
 
 
-def frames_of(folder: Path) -> Any:
-    """(M, 2): gap to the nearest person, thing or wall, m, and the mean squared difference of the two answers."""
+def runs_of(folder: Path) -> list[Any]:
+    """Of each run (T, 2): gap to the nearest person, thing or wall, m, and mean squared difference of the answers."""
     files = [folder / row["name"] for row in read_manifest(folder)["files"]]
-    return np.concatenate([rows for file in files for rows in _rows(read_episode(file))])
+    return [_rows(record) for record in map(read_episode, files) if len(record)]
 
 
-def _rows(record: EpisodeRecord) -> Iterator[Any]:
+def _rows(record: EpisodeRecord) -> Any:
     scene = record.scene()
     limits = np.array([scene.robot.limits.ahead, scene.robot.limits.sideways, scene.robot.limits.turn])
-    labels = np.array([[np.nan] * 3 if label is None else label for label in record.labels], dtype=float)
-    if len(labels):
-        apart = (((labels - record.command) / limits) ** 2).mean(axis=1)
-        yield np.column_stack((gaps_of(record, scene.barriers), apart))
+    apart = (((np.array(record.labels, dtype=float) - record.command) / limits) ** 2).mean(axis=1)
+    return np.column_stack((gaps_of(record, scene.barriers), apart))
 
 
 def gaps_of(record: EpisodeRecord, barriers: Barriers) -> Any:
@@ -69,17 +69,25 @@ def gaps_of(record: EpisodeRecord, barriers: Barriers) -> Any:
     return gaps - radius
 
 
-def told(rows: Any) -> dict[str, Any]:
-    """Shares of frames and mean squared differences by gap, and over all."""
-    gap, apart = rows.T
-    at = np.clip(np.digitize(gap, EDGES) - 1, 0, len(EDGES) - 1)
+def told(runs: list[Any]) -> dict[str, Any]:
+    """Shares of frames and mean squared differences, by gap and over all; each run counts alike, however long."""
+    at = [np.clip(np.digitize(rows[:, 0], EDGES) - 1, 0, len(EDGES) - 1) for rows in runs]
+    pairs = list(zip(runs, at, strict=True))
+    there = [[rows[k == edge, 1].mean() for rows, k in pairs if (k == edge).any()] for edge in range(len(EDGES))]
     return {
-        "frames": len(rows),
-        "near": float((gap < 0.1).mean()),
-        "difference": float(np.nanmean(apart)),
-        "share": [float((at == k).mean()) for k in range(len(EDGES))],
-        "by gap": [float(np.nanmean(apart[at == k])) if (at == k).sum() >= 20 else None for k in range(len(EDGES))],
+        "runs": len(runs),
+        "near": with_interval([(rows[:, 0] < NEAR).mean() for rows in runs]),
+        "difference": with_interval([rows[:, 1].mean() for rows in runs]),
+        "share": [float(np.mean([(k == edge).mean() for k in at])) for edge in range(len(EDGES))],
+        "by gap": [float(np.mean(values)) if len(values) >= FEWEST else None for values in there],
     }
+
+
+def with_interval(values: list[float]) -> list[float]:
+    """Mean, and the ends of its bootstrap interval over runs."""
+    interval = bootstrap_interval(np.array(values))
+    assert interval is not None
+    return [float(np.mean(values)), *interval]
 
 
 def draw(found: dict[str, dict[str, Any]], path: Path) -> None:
@@ -109,7 +117,7 @@ def draw(found: dict[str, dict[str, Any]], path: Path) -> None:
 def main(out: Path, workers: int) -> None:
     """Write OUT/bias.json and draw OUT/bias.png."""
     found = {
-        network: {who: told(frames_of(driven(out, network, who, workers))) for who in WHO}
+        network: {who: told(runs_of(driven(out, network, who, workers))) for who in WHO}
         for network in ("paper", "attention")
     }
     (out / "bias.json").write_text(json.dumps({"edges": EDGES.tolist(), **found}, indent=1))

@@ -112,10 +112,11 @@ def times(out: Path) -> str:
 def bias(out: Path) -> str:
     """Where learner and expert part."""
     found = json.loads((out / "bias.json").read_text())
-    rows = [
-        [network, who, f"{100 * told['near']:.1f} %", f"{told['difference']:.4f}"]
-        for network, sets in found.items() if network != "edges" for who, told in sets.items()
-    ]  # fmt: skip
+    rows = []
+    for network, sets in found.items():
+        for who, told in sets.items() if network != "edges" else ():
+            near = "{:.1f} % [{:.1f}, {:.1f}]".format(*(100 * value for value in told["near"]))
+            rows.append([network, who, near, "{:.3f} [{:.3f}, {:.3f}]".format(*told["difference"])])
     return table(["network", "who drives", "frames nearer than 0.1 m to anything", "mean squared difference"], rows)
 
 

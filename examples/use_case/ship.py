@@ -41,6 +41,7 @@ def main(out: Path, workers: int) -> None:
         expert=CAREFUL,
         rounds=ROUNDS,
         epochs=EPOCHS,
+        seed=SEED,
         workers=workers,
     )
     click.echo(into / "policy.npz")

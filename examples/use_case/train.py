@@ -22,6 +22,9 @@ from samples import PARTS, Samples, joined, samples_of
 from torch import nn
 from tqdm import tqdm
 
+from sonata2d.learned import read_weights
+from sonata2d.learned.network import network_of
+
 THREADS = 1  # the order of sums, and so their bits, depend on it; two trainings at a time use two cores better
 
 
@@ -104,7 +107,7 @@ def train(
         predicting the mean, and times.
 
     Raises:
-        ValueError: the first data set has nothing for a part.
+        ValueError: the first data set has nothing for a part, or another training was begun in `out`.
     """
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     torch.set_num_threads(THREADS)
@@ -120,7 +123,8 @@ def train(
     if start is None:
         told, _ = next(parts["train"].batches(200, np.arange(len(parts["train"]))))
         network.settle(*told)
-    run = _Run(network, recipe, parts, out, seed)
+    facts = f"{name} on {', '.join(map(str, data))} from {start}, seed {seed}, {recipe}"
+    run = _Run(network, recipe, parts, out, seed, facts, keeps_last=start is not None)
     run.go_on()
     run.tell(name, data, parts)
     return out
@@ -141,10 +145,25 @@ def _parts(data: list[Path], graph: str, device: torch.device) -> dict[str, Part
 
 
 class _Run:
-    """A training that can be interrupted after each epoch."""
+    """A training that can be interrupted after each epoch.
 
-    def __init__(self, network: nn.Module, recipe: Recipe, parts: dict[str, Part], out: Path, seed: int) -> None:
+    It keeps the weights that fit the dev part best; or the last ones, where that part, which an expert drove, is not
+    what the network is trained for.
+    """
+
+    def __init__(
+        self,
+        network: nn.Module,
+        recipe: Recipe,
+        parts: dict[str, Part],
+        out: Path,
+        seed: int,
+        facts: str,
+        *,
+        keeps_last: bool,
+    ) -> None:
         self.network, self.recipe, self.parts, self.out, self.seed = network, recipe, parts, out, seed
+        self.facts, self._keeps_last = facts, keeps_last
         self.adam = torch.optim.Adam(network.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
         self.epoch, self.best, self.waited, self.log = 0, float("inf"), 0, []
         self.wall = self.cpu = 0.0
@@ -189,12 +208,12 @@ class _Run:
 
     def _judge(self, dev: float) -> None:
         self.waited += 1
-        if dev < self.best:
+        if dev < self.best or self._keeps_last:
             self.best, self.waited = dev, 0
             torch.save(self.network.state_dict(), self.out / "best.pt")
 
     def _keep(self) -> None:
-        state = {key: getattr(self, key) for key in ("epoch", "best", "waited", "log", "wall", "cpu")}
+        state = {key: getattr(self, key) for key in ("facts", "epoch", "best", "waited", "log", "wall", "cpu")}
         whole = {"network": self.network.state_dict(), "adam": self.adam.state_dict(), **state}
         torch.save(whole, self.out / "state.pt.part")
         (self.out / "state.pt.part").replace(self.out / "state.pt")
@@ -206,6 +225,8 @@ class _Run:
 
     def _restore(self) -> None:
         state = self._held("state.pt")
+        if state["facts"] != self.facts:
+            raise ValueError(f"{self.out} holds another training, {state['facts']}; remove it, or name another folder")
         self.network.load_state_dict(state.pop("network"))
         self.adam.load_state_dict(state.pop("adam"))
         for key, value in state.items():
@@ -226,9 +247,19 @@ class _Run:
             "device": str(next(self.network.parameters()).device),
             "log": self.log,
         }
-        (self.out / "training.json").write_text(json.dumps(result, indent=1))
         note = {key: result[key] for key in ("network", "data", "graphs", "error", "epochs")}
         export(self.network, self.out / "policy.npz", note)
+        result["dev error as it drives"] = self._error_as_it_drives()
+        (self.out / "training.json").write_text(json.dumps(result, indent=1))
+
+    def _error_as_it_drives(self) -> float:
+        """Of the dev part, in the fixed point of `sonata2d.learned`."""
+        drives, part = network_of(read_weights((self.out / "policy.npz").resolve())), self.parts["dev"]
+        total = 0.0
+        for told, wanted in part.batches(1, np.arange(len(part))):
+            x, edges, relation, _ = (tensor.cpu().numpy() for tensor in told)
+            total += float(((drives(x.astype(float), edges, relation) - wanted.cpu().numpy()[0]) ** 2).sum())
+        return total / (3 * len(part))
 
 
 @click.command()

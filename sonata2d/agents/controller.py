@@ -58,6 +58,9 @@ class Controller(ABC):
     def act(self, snapshot: Snapshot) -> Answer:
         """The twist asked for until the next look, body frame; or a request (`Stop`, `Regenerate`)."""
 
+    def overruled(self, twist: Twist) -> None:
+        """Something else was done than it answered last: whoever minds what they asked for takes this for it."""
+
     def label(self, snapshot: Snapshot, twist: Twist) -> Any:
         """What to note beside this frame: anything JSON can hold. None: the command itself is the label."""
 

@@ -15,9 +15,10 @@ from .controller import Answer, Controller, Regenerate, Stop
 class Labelled(Controller):
     """One controller drives; the label of each frame is the twist that another would have asked for there.
 
-    So an expert labels what a learner meets (DAgger: S. Ross, G. Gordon & D. Bagnell, AISTATS 2011). The label is
-    [vx, vy, omega]; [0, 0, 0] where the other would have ended the episode, since what is driven no more stands still.
-    By name: `driver+labeller`.
+    The other is told what was done (`Controller.overruled`), so that its label is what it would do there and then,
+    whatever it would have done before. So an expert labels what a learner meets (DAgger: S. Ross, G. Gordon &
+    D. Bagnell, AISTATS 2011). The label is [vx, vy, omega]; [0, 0, 0] where the other would have ended the episode,
+    since what is driven no more stands still. By name: `driver+labeller`.
 
     Args:
         driver: drives.
@@ -54,6 +55,8 @@ class Labelled(Controller):
     def act(self, snapshot: Snapshot) -> Answer:
         answer, wanted = self._driver.act(snapshot), self._labeller.act(snapshot)
         self._wanted = self._label_of(wanted)
+        if isinstance(answer, Twist):
+            self._labeller.overruled(answer)
         return answer
 
     def label(self, snapshot: Snapshot, twist: Twist) -> Any:

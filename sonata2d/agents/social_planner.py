@@ -82,6 +82,9 @@ class SocialPlanner(Controller):
         self._last = twist_of(twists[int(np.argmin(cost))])
         return self._last
 
+    def overruled(self, twist: Twist) -> None:
+        self._last = twist
+
     def _waiting(self, snapshot: Snapshot) -> float:
         """Seconds beyond what is usual since the robot last got nearer to the goal."""
         here = float(self._field.at(*(np.array([v]) for v in snapshot.robot.position))[0])
