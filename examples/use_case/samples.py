@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from sonata2d.graph import kept_ticks, modern_graph, paper_graphs
+from sonata2d.graph import FEATURES, kept_ticks, modern_graph, paper_graphs
 from sonata2d.graph.paper import share_of_limits
 from sonata2d.learned import inputs_of
+from sonata2d.learned.inputs import INPUTS
 from sonata2d.record import EpisodeRecord, read_episode
 
 PARTS = ("train", "dev", "test")
@@ -49,7 +50,7 @@ class Samples:
 
 
 def samples_of(folder: Path, graph: str, *, workers: int = 2) -> Samples:
-    """The samples of a data set, from its cache if it is as it was.
+    """The samples of a data set, from its cache if they and what is read of them are as they were.
 
     Args:
         folder: a data set; what is in no part of its split is for training.
@@ -60,7 +61,8 @@ def samples_of(folder: Path, graph: str, *, workers: int = 2) -> Samples:
         ValueError: it is split into other parts than `PARTS`.
     """
     text = (folder / "manifest.json").read_bytes()
-    cache = folder.parent / "cache" / f"{folder.name}-{graph}-{hashlib.sha256(text).hexdigest()[:12]}.npz"
+    told = hashlib.sha256(text + repr((FEATURES, INPUTS)).encode()).hexdigest()
+    cache = folder.parent / "cache" / f"{folder.name}-{graph}-{told[:12]}.npz"
     if not cache.exists():
         manifest = json.loads(text)
         split = manifest["split"] or {}

@@ -69,7 +69,10 @@ def write_card(
         text = text.replace(_LIMITS, _SECTION.format(picture=FIGURES, **_figures_of(survey)) + _LIMITS)
     digest = hashlib.sha256((folder / MANIFEST).read_bytes()).hexdigest()
     about = f"{len(manifest['files'])} episodes of a robot among {others_of(manifest)}, made with sonata2d."
-    about += f" Kept are only those that ended so: {', '.join(manifest['keep'])}." if manifest.get("keep") else ""
+    kept = sorted(
+        {status for source in (manifest, *(manifest.get("sources") or ())) for status in source.get("keep", ())}
+    )
+    about += f" Kept are only those that ended so: {', '.join(kept)}." if kept else ""
     tree = croissant(manifest, digest, title=title_of(manifest), description=about, licence=licence)
     write_atomically(folder / CROISSANT, orjson.dumps(tree, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))
     write_atomically(folder / CARD, text.encode())

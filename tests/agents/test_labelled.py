@@ -148,3 +148,40 @@ def test_a_file_says_what_the_label_is_and_how_both_are_set(tmp_path: Path) -> N
 def test_what_was_not_made_by_name_is_not_made_again_in_silence() -> None:
     with pytest.raises(ControllerError, match=r"does not say who drove; name both as driver\+labeller"):
         Labelled.restored(Labelled(s2.StraightToGoal(), s2.SocialPlanner()).settings())
+
+
+class Minds(s2.Controller):
+    """Remembers what it is told was done."""
+
+    def __init__(self) -> None:
+        self.heard: list[Twist] = []
+
+    def act(self, snapshot: Snapshot) -> Twist:
+        return Twist(0.1)
+
+    def overruled(self, twist: Twist) -> None:
+        self.heard.append(twist)
+
+
+def test_the_labeller_is_told_what_was_done() -> None:
+    minds = Minds()
+    labels(Says(lambda tick: Twist(0.1 * tick)), minds, ticks=4)
+    assert minds.heard == [Twist(0.1 * tick) for tick in range(4)]
+
+
+def test_an_expert_labels_what_it_would_do_there_whatever_it_would_have_done_before() -> None:
+    """At each tick an expert that has driven just so, command by command, says the same."""
+    scene = room([walker(1, 0.0, 0.3), walker(2, 1.0, -1.0)])
+    episode = s2.Episode(scene, Labelled(s2.StraightToGoal(), s2.SocialPlanner()))
+    expert = s2.SocialPlanner()
+    expert.reset(scene)
+    apart = 0
+    for _ in range(30):
+        snapshot = episode.look()
+        wanted = expert.act(snapshot).rounded()
+        frame = episode.step()
+        assert frame is not None
+        assert frame.label == [wanted.vx, wanted.vy, wanted.omega]
+        apart += frame.command != wanted
+        expert.overruled(frame.command)
+    assert apart > 10
