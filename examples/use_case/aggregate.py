@@ -22,7 +22,7 @@ from sonata2d.record.files import safe_text
 from sonata2d.scenegen import load_scenario
 from sonata2d.transforms import twist_image
 
-ROUNDS, EPISODES, EPOCHS = 3, 300, 8
+ROUNDS, EPISODES, EPOCHS = 2, 300, 8
 SEED = 3000
 LONGEST = 30.0  # s: whoever is lost for so long is lost
 ROOMS, EXPERT = "sonata-2020", "social-planner"

@@ -24,7 +24,7 @@ from sonata2d.record import EpisodeRecord, read_episode, read_manifest
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-EPISODES, SEED = 100, 4000
+EPISODES, SEED = 60, 4000
 NEAR = 0.1  # m
 FEWEST = 10  # runs, else nothing is told
 EDGES = np.array([-0.1, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.4, 2.0])  # m, of gaps

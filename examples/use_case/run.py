@@ -23,10 +23,10 @@ STAGES = (  # each a group of stages that run beside each other
     {"data": "data.py"},
     {name: f"train.py --network {name} --data {{out}}/data" for name in ("paper", "attention")},
     {f"{name}-aggregated": f"aggregate.py --network {name}" for name in ("paper", "attention")},
+    {"graph-policy": "ship.py"},
     {"evaluation of 60": "evaluate.py --scenes few"},
     {"evaluation of 1000": "evaluate.py --scenes many"},
     {"bias": "bias.py"},
-    {"graph-policy": "ship.py"},
     {"evaluation everywhere": "evaluate.py --scenes everywhere"},
     {"report": "report.py"},
 )

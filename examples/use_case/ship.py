@@ -18,7 +18,7 @@ NETWORK = "attention"
 CAREFUL = f"{Path(__file__).with_name('careful.py')}:Careful"
 DRIVEN = {ROOMS: 600, "sonata-2020-crowded": 100}  # runs of the expert; in other scenarios 30
 MET = {ROOMS: 300, "sonata-2020-crowded": 60}  # runs of the learner a round; in others 20
-ROUNDS, EPOCHS = 2, 10
+ROUNDS, EPOCHS = 1, 10
 SEED = 5000
 
 
