@@ -40,6 +40,8 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
         told = settings or {}
         with _naming(name):
             halves = load_controller(driver, told.get("driver")), load_controller(labeller, told.get("labeller"))
+        if any(isinstance(half, Labelled) for half in halves):
+            raise ControllerError(f"{name}: one drives and one labels, driver+labeller; there is no third")
         return Labelled(*halves)
     if name.endswith(WEIGHTS):
         from .learned import GraphPolicy

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
-from data import bar, with_mirrors
+from data import bar, run_cleanly, with_mirrors
 from networks import NETWORKS
 from train import train
 
@@ -105,7 +105,8 @@ def main(network: str, out: Path, rounds: int, episodes: int, epochs: int, worke
     into = out / f"{network}-aggregated"
     data, scenarios = [out / "data"], {ROOMS: episodes}
     aggregate(network, out / network, into, data, scenarios=scenarios, rounds=rounds, epochs=epochs, workers=workers)
+    click.echo(into / "policy.npz")
 
 
 if __name__ == "__main__":
-    main()
+    run_cleanly(main)

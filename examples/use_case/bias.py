@@ -16,6 +16,7 @@ import click
 import matplotlib
 import numpy as np
 from aggregate import ROOMS, drive
+from data import run_cleanly
 
 from sonata2d.geometry import Barriers
 from sonata2d.metrics import bootstrap_interval
@@ -106,7 +107,7 @@ def draw(found: dict[str, dict[str, Any]], path: Path) -> None:
             axis.set_xticks(places, names)
             axis.set_xlabel("gap to the nearest person, thing or wall, from m on")
             axis.spines[["top", "right"]].set_visible(False)
-    axes[0, 0].legend(frameon=False)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
@@ -125,4 +126,4 @@ def main(out: Path, workers: int) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_cleanly(main)

@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from sonata2d.batch import generate_dataset
 from sonata2d.datacard import write_card
-from sonata2d.errors import RecordError
+from sonata2d.errors import RecordError, Sonata2dError
 from sonata2d.record import read_episode, read_manifest
 from sonata2d.scenegen import load_scenario
 from sonata2d.transforms import merge_datasets, mirror_dataset, split_dataset, twist_image
@@ -104,6 +104,16 @@ def label_image(folder: Path) -> Callable[[Any], Any] | None:
     return None
 
 
+def run_cleanly(command: click.Command) -> None:
+    """Run a script's command; what a user can mend is one line, and not a traceback."""
+    try:
+        command()
+    except (Sonata2dError, ValueError, OSError) as error:
+        raise SystemExit(f"Error: {error}") from error
+    except KeyboardInterrupt:
+        raise SystemExit("stopped; what is whole stays, and the same command goes on") from None
+
+
 @contextmanager
 def bar(what: str, count: int) -> Iterator[Callable[[int], object]]:
     """A progress bar, quiet where nobody looks."""
@@ -125,4 +135,4 @@ def main(out: Path, driver: str, episodes: int, seed: int, workers: int, added: 
 
 
 if __name__ == "__main__":
-    main()
+    run_cleanly(main)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 import numpy as np
+from data import run_cleanly
 from samples import samples_of
 
 from sonata2d.graph import FEATURES, RELATIONS
@@ -71,4 +72,4 @@ def main(out: Path, scenes: str, workers: int) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_cleanly(main)

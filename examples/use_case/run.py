@@ -17,6 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import click
+from data import run_cleanly
 
 HERE = Path(__file__).parent
 STAGES = (  # each a group of stages that run beside each other
@@ -75,4 +76,4 @@ def main(out: Path, until: str | None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_cleanly(main)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 from aggregate import ROOMS, aggregate, met_by
-from data import PARTS
+from data import PARTS, run_cleanly
 
 from sonata2d.scenegen import scenario_names
 from sonata2d.transforms import split_dataset
@@ -48,4 +48,4 @@ def main(out: Path, workers: int) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_cleanly(main)

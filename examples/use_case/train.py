@@ -17,6 +17,7 @@ from typing import Any
 import click
 import numpy as np
 import torch
+from data import run_cleanly
 from networks import NETWORKS, export
 from samples import PARTS, Samples, joined, samples_of
 from torch import nn
@@ -139,7 +140,7 @@ def _parts(data: list[Path], graph: str, device: torch.device) -> dict[str, Part
     for name, part in parts.items():
         if not len(part):
             raise ValueError(
-                f"{data[0]} has no runs for {name}; run `sonata2d split --parts train=0.9,dev=0.05,test=0.05`"
+                f"{data[0]} has no runs for {name}; run `sonata2d split {data[0]} --parts train=0.9,dev=0.05,test=0.05`"
             )
     return parts
 
@@ -278,4 +279,4 @@ def main(network: str, data: tuple[Path, ...], out: Path, start: Path | None, ep
 
 
 if __name__ == "__main__":
-    main()
+    run_cleanly(main)

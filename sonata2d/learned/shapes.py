@@ -48,6 +48,8 @@ def refuse(graph: str, kind: str, arrays: Arrays) -> None:
     for name, array in arrays.items():
         if np.asarray(array).dtype.kind != "f":
             raise ValueError(f"{name} must be of floats, is of {np.asarray(array).dtype}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} holds nan or infinity")
         if not (np.abs(array) <= LARGEST_WEIGHT).all():
             largest = float(np.abs(array).max())
             raise ValueError(f"{name} holds {largest:g}; weights are within ±{LARGEST_WEIGHT:g}: train with more decay")
