@@ -112,7 +112,7 @@ def check_rerun(path: Path, name: str | None = None) -> list[Problem]:
     """
     record, _ = _original(path)
     if (record.path != path) and read_episode(path).document["mirrored_from"]["labels"]:
-        message = "its labels were mirrored, by what it does not tell; mirror it back (twists: --labels twist), check that"
+        message = "its labels were mirrored, by what it does not tell: mirror it back (--labels twist) and check that"
         return [Problem(path.name, "rerun", message)]
     controller = load_controller(name or record.author.path, record.author.settings or {})
     if not controller.deterministic:
