@@ -66,7 +66,7 @@ def _dataset(folder: Path) -> Rows:
         ("sonata2d", manifest["software"]["sonata2d"]),
     ]
     if manifest.get("keep"):
-        rows += [("kept are", ", ".join(manifest["keep"])), ("left out", manifest["left_out"])]
+        rows += [("kept are", ", ".join(manifest["keep"])), ("left out", manifest["left_out"] or "none")]
     if manifest.get("mirrored"):
         rows.append(("mirrored", "each episode is the mirror image of one that settings and seed give"))
     rows += [("merged from", [_source(source) for source in manifest["sources"]])] if manifest.get("sources") else []

@@ -167,7 +167,7 @@ def card(manifest: Tree, licence: str | None = None) -> str:
         licence=licence or licence_of(manifest),
         synthetic="" if recorded else "- synthetic\n",
         recorded=_recorded(manifest),
-        kept="".join(_kept(told) for told in manifest.get("sources") or [manifest]),
+        kept="".join(_kept(told) for told in _originals(manifest.get("sources") or [manifest])),
         who="Who is not recorded is" if recorded else "The people are",
         precision=manifest["precision"],
         outcomes=_lines(counts["outcome"]),
@@ -183,12 +183,17 @@ def _recorded(manifest: Tree) -> str:
     return _RECORDED.format(count=count, given=given, scenario=scenario) if count else ""
 
 
+def _originals(sources: list[Tree]) -> list[Tree]:
+    """Without the mirror images, which say what these do; all, if there are only images."""
+    return [source for source in sources if not source.get("mirrored")] or sources
+
+
 def _kept(told: Tree) -> str:
     """The section on what was left out of a data set, or of one that was merged, if only some runs were kept."""
     if not told.get("keep"):
         return ""
     keep, left_out = ", ".join(told["keep"]), told.get("left_out") or {}
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in left_out.items()) or "no others"
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in left_out.items()) or "none"
     files = f" (files `{told['name']}__…`)" if "scenario" in told else ""
     return _KEPT.format(keep=keep + files, left_out=counts)
 
