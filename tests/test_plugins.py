@@ -69,7 +69,6 @@ def test_weights_are_named_by_their_file(here: Path) -> None:
         ("./x+y/mine+1.py:Mine+social-planner", "Mine SocialPlanner"),
         ("social-planner+./x+y/mine+1.py:Mine", "SocialPlanner Mine"),
         ("human-like+sonata2d.agents:SocialPlanner", "HumanLike SocialPlanner"),
-        ("graph-policy+straight-to-goal+social-planner", "GraphPolicy StraightToGoal SocialPlanner"),
     ],
 )
 def test_a_plus_parts_driver_and_labeller_but_not_a_files_path(here: Path, name: str, classes: str) -> None:
@@ -78,6 +77,11 @@ def test_a_plus_parts_driver_and_labeller_but_not_a_files_path(here: Path, name:
     again = load_controller(name, dict(controller.settings()))
     assert parts(again) == parts(controller)
     assert dict(again.settings()) == dict(controller.settings())
+
+
+def test_there_is_no_third_beside_driver_and_labeller() -> None:
+    with pytest.raises(ControllerError, match="there is no third"):
+        load_controller("graph-policy+straight-to-goal+social-planner")
 
 
 def test_halves_are_set_as_a_file_tells() -> None:
