@@ -13,19 +13,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
-from data import bar, run_cleanly, with_mirrors
+from data import ROOMS, drive, run_cleanly, with_mirrors
 from networks import NETWORKS
 from train import train
 
-from sonata2d.batch import generate_dataset
 from sonata2d.record.files import safe_text
-from sonata2d.scenegen import load_scenario
+from sonata2d.scenegen import ScenarioConfig, load_scenario
 from sonata2d.transforms import twist_image
 
 ROUNDS, EPISODES, EPOCHS = 2, 300, 8
 SEED = 3000
 LONGEST = 30.0  # s: whoever is lost for so long is lost
-ROOMS, EXPERT = "sonata-2020", "social-planner"
+EXPERT = "social-planner"
 
 
 def aggregate(
@@ -71,26 +70,15 @@ def met_by(controller: str, out: Path, scenarios: Mapping[str, int], seed: int, 
     """What a controller meets in some scenarios, so many runs in each, with its mirror image."""
     places = [out.with_name(f"{out.name}-{safe_text(scenario)}") for scenario in scenarios]
     for place, (scenario, episodes) in zip(places, scenarios.items(), strict=True):
-        drive(controller, place, scenario, episodes, seed, workers)
+        drive(controller, place, cut_short(scenario), episodes, seed, workers)
     with_mirrors(places, out, twist_image)
     for place in places:
         shutil.rmtree(place)
 
 
-def drive(controller: str, folder: Path, scenario: str, episodes: int, seed: int, workers: int) -> None:
-    """Runs of a controller in a scenario, left sooner; what is there of them is used."""
-    with bar(folder.name, episodes) as advance:
-        generate_dataset(
-            folder,
-            load_scenario(scenario).changed(rules={"time_limit": LONGEST}),
-            controller,
-            episodes=episodes,
-            seed=seed,
-            workers=workers,
-            resume=folder.exists(),
-            suffix=".json.zst",
-            advance=advance,
-        )
+def cut_short(scenario: str) -> ScenarioConfig:
+    """A scenario by its name, in which runs are left sooner."""
+    return load_scenario(scenario).changed(rules={"time_limit": LONGEST})
 
 
 @click.command()

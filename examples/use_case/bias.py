@@ -15,8 +15,8 @@ from typing import Any
 import click
 import matplotlib
 import numpy as np
-from aggregate import ROOMS, drive
-from data import run_cleanly
+from aggregate import cut_short
+from data import ROOMS, drive, run_cleanly
 
 from sonata2d.geometry import Barriers
 from sonata2d.metrics import bootstrap_interval
@@ -43,7 +43,7 @@ def driven(out: Path, network: str, who: str, workers: int) -> Path:
     policies = {"before": out / network / "policy.npz", "after": out / f"{network}-aggregated" / "policy.npz"}
     controller = "+".join(part.format(**policies) for part in WHO[who])
     folder = out / "bias" / f"{network}-{who}"
-    drive(controller, folder, ROOMS, EPISODES, SEED, workers)
+    drive(controller, folder, cut_short(ROOMS), EPISODES, SEED, workers)
     return folder
 
 

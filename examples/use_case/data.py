@@ -20,9 +20,10 @@ from sonata2d.batch import generate_dataset
 from sonata2d.datacard import write_card
 from sonata2d.errors import RecordError, Sonata2dError
 from sonata2d.record import read_episode, read_manifest
-from sonata2d.scenegen import load_scenario
+from sonata2d.scenegen import ScenarioConfig, load_scenario
 from sonata2d.transforms import merge_datasets, mirror_dataset, split_dataset, twist_image
 
+ROOMS = "sonata-2020"
 KEPT = 3092  # trajectories, as in the paper
 SEED = 2020
 PARTS = {"train": 0.9, "dev": 0.05, "test": 0.05}
@@ -47,19 +48,7 @@ def make(out: Path, driver: str, episodes: int, seed: int, workers: int, added: 
     """
     driven, data = out / "driven", out / "data"
     refuse_others(data)
-    with bar("runs", episodes) as advance:
-        generate_dataset(
-            driven,
-            load_scenario("sonata-2020"),
-            driver,
-            episodes=episodes,
-            seed=seed,
-            workers=workers,
-            keep=("goal",),
-            resume=driven.exists(),
-            suffix=".json.zst",
-            advance=advance,
-        )
+    drive(driver, driven, load_scenario(ROOMS), episodes, seed, workers, keep=("goal",))
     originals = [driven, *added]
     shutil.rmtree(data, ignore_errors=True)
     with_mirrors(originals, data)
@@ -67,6 +56,32 @@ def make(out: Path, driver: str, episodes: int, seed: int, workers: int, added: 
     with bar("card", len(read_manifest(data)["files"])) as advance:
         write_card(data, advance=advance)
     return data
+
+
+def drive(
+    controller: str,
+    folder: Path,
+    scenario: ScenarioConfig,
+    episodes: int,
+    seed: int,
+    workers: int,
+    *,
+    keep: tuple[str, ...] = (),
+) -> None:
+    """Runs of a controller in a scenario; what is there of them is used. The rest is as of `generate_dataset`."""
+    with bar(f"runs of {folder.name}", episodes) as advance:
+        generate_dataset(
+            folder,
+            scenario,
+            controller,
+            episodes=episodes,
+            seed=seed,
+            workers=workers,
+            keep=keep,
+            resume=folder.exists(),
+            suffix=".json.zst",
+            advance=advance,
+        )
 
 
 def refuse_others(data: Path) -> None:
@@ -110,8 +125,6 @@ def run_cleanly(command: click.Command) -> None:
         command()
     except (Sonata2dError, ValueError, OSError) as error:
         raise SystemExit(f"Error: {error}") from error
-    except KeyboardInterrupt:
-        raise SystemExit("stopped; what is whole stays, and the same command goes on") from None
 
 
 @contextmanager

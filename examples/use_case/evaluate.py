@@ -14,11 +14,9 @@ import numpy as np
 from data import run_cleanly
 from samples import samples_of
 
-from sonata2d.graph import FEATURES, RELATIONS
 from sonata2d.learned import Weights, write_weights
+from sonata2d.learned.shapes import GRAPHS
 from sonata2d.scenegen import scenario_names
-
-PAPER_RELATIONS = len(RELATIONS) + 4  # two older instants, there and back
 
 OTHERS = ("social-planner", "social-force", "straight-to-goal")
 SHIPPED = "graph-policy"
@@ -40,7 +38,8 @@ def write_mean(out: Path) -> None:
     """A policy that always answers the mean command: a network without weights."""
     samples = samples_of(out / "data", "paper")
     mean = samples.y[samples.part == 0].mean(axis=0)
-    arrays = {"layer0.weight": np.zeros((PAPER_RELATIONS, len(FEATURES), len(mean))), "layer0.bias": np.arctanh(mean)}
+    inputs, relations = GRAPHS["paper"]
+    arrays = {"layer0.weight": np.zeros((relations, inputs, len(mean))), "layer0.bias": np.arctanh(mean)}
     (out / MEAN).mkdir(exist_ok=True)
     write_weights(out / MEAN / "policy.npz", Weights("paper", "rgcn", arrays, {"answers": "the mean command"}))
 
@@ -54,7 +53,8 @@ def write_mean(out: Path) -> None:
 def main(out: Path, scenes: str, workers: int) -> None:
     """Let `sonata2d evaluate` make OUT/evaluation-SCENES, with its page and picture."""
     episodes, seed = SCENES[scenes]
-    write_mean(out)
+    if scenes == "few":
+        write_mean(out)
     scenarios = sorted(scenario_names()) if scenes == "everywhere" else ["sonata-2020"]
     place = out / f"evaluation-{scenes}"
     options = {

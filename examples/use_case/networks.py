@@ -12,12 +12,11 @@ from torch import Tensor, nn
 from torch.nn.functional import leaky_relu, one_hot
 from torch_geometric.nn import GATv2Conv, RGCNConv
 
-from sonata2d.graph import FEATURES, RELATIONS
 from sonata2d.learned import Weights, write_weights
-from sonata2d.learned.inputs import INPUTS
+from sonata2d.learned.shapes import GRAPHS
 
-SIZES = (len(FEATURES), 50, 40, 30, 15, 3)
-PAPER_RELATIONS = len(RELATIONS) + 4  # two older instants, there and back
+(PAPER_INPUTS, PAPER_RELATIONS), (INPUTS, RELATIONS) = GRAPHS["paper"], GRAPHS["modern"]
+SIZES = (PAPER_INPUTS, 50, 40, 30, 15, 3)
 
 
 class SparseRGCNConv(RGCNConv):
@@ -84,10 +83,9 @@ class AttentionNetwork(nn.Module):
 
     def __init__(self, width: int = 64, heads: int = 4, layers: int = 3) -> None:
         super().__init__()
-        self.encoder = nn.ModuleList([nn.Linear(len(INPUTS), width), nn.Linear(width, width)])
+        self.encoder = nn.ModuleList([nn.Linear(INPUTS, width), nn.Linear(width, width)])
         self.convs = nn.ModuleList(
-            GATv2Conv(width, width // heads, heads, edge_dim=len(RELATIONS), add_self_loops=False)
-            for _ in range(layers)
+            GATv2Conv(width, width // heads, heads, edge_dim=RELATIONS, add_self_loops=False) for _ in range(layers)
         )
         self.head = nn.ModuleList([nn.Linear(2 * width, width), nn.Linear(width, 3)])
 
@@ -98,7 +96,7 @@ class AttentionNetwork(nn.Module):
         """(N, F) to (S, 3)."""
         for dense in self.encoder:
             x = leaky_relu(dense(x))
-        first, told = x, one_hot(relation, len(RELATIONS)).to(x.dtype)
+        first, told = x, one_hot(relation, RELATIONS).to(x.dtype)
         for conv in self.convs:
             x = x + leaky_relu(conv(x, edges, told))
         seen = leaky_relu(self.head[0](torch.cat((x[hub], first[hub]), dim=1)))

@@ -15,13 +15,12 @@ import numpy as np
 from tqdm import tqdm
 
 from sonata2d.graph import FEATURES, kept_ticks, modern_graph, paper_graphs
-from sonata2d.graph.paper import share_of_limits
+from sonata2d.graph.paper import TURNED, share_of_limits
 from sonata2d.learned import inputs_of
 from sonata2d.learned.inputs import INPUTS
 from sonata2d.record import EpisodeRecord, read_episode
 
 PARTS = ("train", "dev", "test")
-TO_OURS = np.array([1.0, -1.0, -1.0])  # the paper's labels are to the right and clockwise
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,5 +111,5 @@ def _rows(record: EpisodeRecord, kind: str) -> Iterator[tuple[Any, Any, Any, Any
     scene, labels = record.scene(), record.labels
     for tick in kept_ticks(record.time):
         graph = modern_graph(record, tick, instants=1)
-        label = share_of_limits(scene, labels[tick], record.command[tick]) * TO_OURS
+        label = share_of_limits(scene, labels[tick], record.command[tick]) * TURNED
         yield inputs_of(graph), graph.edges, graph.relation, label

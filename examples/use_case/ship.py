@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from aggregate import ROOMS, aggregate, met_by
-from data import PARTS, run_cleanly
+from aggregate import aggregate, met_by
+from data import PARTS, ROOMS, run_cleanly
 
 from sonata2d.scenegen import scenario_names
 from sonata2d.transforms import split_dataset

@@ -10,7 +10,7 @@ import math
 import os
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +116,7 @@ def train(
     torch.use_deterministic_algorithms(True, warn_only=device.type == "cuda")
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
-    recipe = RECIPES[name] if epochs is None else Recipe(**{**asdict(RECIPES[name]), "epochs": epochs})
+    recipe = RECIPES[name] if epochs is None else replace(RECIPES[name], epochs=epochs)
     network = NETWORKS[name]().to(device)
     if start is not None:
         network.load_state_dict(torch.load(start / "best.pt", weights_only=True, map_location=device))

@@ -33,6 +33,7 @@ _ALL = ("is_t_0", "is_t_m1", "is_t_m2", "is_first_frame", "time_left")
 FEATURES = (*NODE_TYPES, *_ALL, *_HUMAN, *_OBJECT, *_ROOM, *_WALL, *_GOAL)
 
 INSTANTS = 3
+TURNED = np.array([1.0, -1.0, -1.0])  # labels are to the right and clockwise, twists to the left and counter-clockwise
 FAR = 10.0  # m, m/s, rad a tick: what positions and velocities are divided by
 CROWD = 15.0  # people: what their number is divided by
 
@@ -114,7 +115,7 @@ def share_of_limits(scene: Scene, label: Any, command: Array) -> Array:
     """(3,): a twist, which is the label if that is three numbers, over the robot's limits; ahead, right, clockwise."""
     limits, told = scene.robot.limits, np.asarray(label)
     twist = told if told.shape == (3,) and told.dtype.kind in "fi" else command
-    return np.asarray(twist * np.array([1 / limits.ahead, -1 / limits.sideways, -1 / limits.turn]), dtype=float)
+    return np.asarray(twist * (TURNED / np.array([limits.ahead, limits.sideways, limits.turn])), dtype=float)
 
 
 def legacy_points(points: Array, origin: Array) -> Array:

@@ -19,7 +19,7 @@ from ..graph import Graph
 from ..graph.graph import INTERVAL, ROUNDING
 from ..graph.looks import Look, look_of
 from ..graph.modern import graph_of_looks
-from ..graph.paper import INSTANTS, paper_graph
+from ..graph.paper import INSTANTS, TURNED, paper_graph
 from ..scene import Scene
 from .inputs import inputs_of
 from .network import network_of
@@ -76,7 +76,7 @@ class GraphPolicy(Controller):
         graph = self.graph(snapshot.scene)
         share = self._network(inputs_of(graph), graph.edges, graph.relation)
         if self._weights.graph == "paper":
-            share = share * np.array([1.0, -1.0, -1.0])  # told to the right and clockwise
+            share = share * TURNED
         return Twist(*(share * self._scale).tolist())
 
     def graph(self, scene: Scene) -> Graph:
