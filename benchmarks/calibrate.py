@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-import sonata2d.agents.models.sonata2026 as model
-from sonata2d.entities import PERSON_RADIUS
+import sonata2d.agents.pedestrians.models.sonata2026 as model
+from sonata2d.core.entities import PERSON_RADIUS
 from sonata2d.testing.realism import simulate
 
 # name: least and most that makes sense; searched on a logarithmic scale where both are above 0

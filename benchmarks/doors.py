@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from sonata2d.agents.crowd import Crowd
-from sonata2d.chance import Chance
-from sonata2d.entities import Goal, Human, Robot, Wall
-from sonata2d.geometry import Pose, Twist
-from sonata2d.scene import Scene
-from sonata2d.world import World
+from sonata2d.agents.pedestrians.crowd import Crowd
+from sonata2d.core.entities import Goal, Human, Robot, Wall
+from sonata2d.core.geometry import Pose, Twist
+from sonata2d.core.rng import Chance
+from sonata2d.core.scene import Scene
+from sonata2d.sim.world import World
 
 COMPANIES = ((1, 0), (15, 0), (1, 1), (3, 3), (8, 8))  # people from the left, people from the right
 SECONDS = 60.0

@@ -18,9 +18,9 @@ from functools import partial
 import numpy as np
 
 import sonata2d as s2
-from sonata2d.frame import Author, Frame, Outcome, Snapshot
-from sonata2d.plugins import load_controller
-from sonata2d.scene import Scene
+from sonata2d.agents.controllers.loading import load_controller
+from sonata2d.core.scene import Scene
+from sonata2d.core.snapshot import Author, Frame, Outcome, Snapshot
 
 PRESETS = ("sonata-2020", "sonata-2020-crowded")
 

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import sonata2d as s2
 from sonata2d.errors import RecordError
-from sonata2d.formats import FORMATS, Options, export_to, import_from
+from sonata2d.formats.api import FORMATS, export_to, import_from
+from sonata2d.formats.base import Options
 
 REPEATS = 3
 

@@ -16,11 +16,11 @@ from collections.abc import Iterator
 import numpy as np
 
 import sonata2d as s2
-from sonata2d.chance import Chance
-from sonata2d.frame import Author, Frame, Outcome, Snapshot
-from sonata2d.geometry import inside_polygon
-from sonata2d.humans import ACTIVITIES
-from sonata2d.scene import Scene
+from sonata2d.core.geometry import inside_polygon
+from sonata2d.core.humans import ACTIVITIES
+from sonata2d.core.rng import Chance
+from sonata2d.core.scene import Scene
+from sonata2d.core.snapshot import Author, Frame, Outcome, Snapshot
 
 WINDOW = 200  # ticks, 20 s, in which a walker should get on
 STUCK = 0.5  # m

@@ -25,15 +25,17 @@ if not os.environ.get("DISPLAY"):
 import pygame
 
 import sonata2d as s2
-from sonata2d.agents.teleoperation import Teleoperation
-from sonata2d.frame import Snapshot
-from sonata2d.session import Session
-from sonata2d.topics import DeviceEvent, View
-from sonata2d.view import Hud, Painter, between, draw_hud
-from sonata2d.window import Stage
+from sonata2d.agents.controllers.teleoperation import Teleoperation
+from sonata2d.collect.session import Session
+from sonata2d.core.devices import DeviceEvent, View
+from sonata2d.core.snapshot import Snapshot
+from sonata2d.view.hud import Hud, draw_hud
+from sonata2d.view.interpolation import between
+from sonata2d.view.live import Painter
 from sonata2d.window.collect_screen import CollectScreen
 from sonata2d.window.hands import Hands
 from sonata2d.window.profiles import Profiles
+from sonata2d.window.stage import Stage
 
 TICKS = 10  # a second
 FPS = 60

@@ -16,8 +16,8 @@ from .output import json_option, progress, show_json
 @json_option
 def command(folder: Path, figures: bool, licence: str | None, as_json: bool) -> None:
     """Write a data set's card: README.md with figures and Hugging Face front matter, and Croissant metadata."""
-    from sonata2d.datacard import FIGURES, write_card
-    from sonata2d.record import CROISSANT, read_manifest
+    from sonata2d.datasets.full_card import FIGURES, write_card
+    from sonata2d.datasets.manifest import CROISSANT, read_manifest
 
     with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
         path = write_card(folder, figures=figures, licence=licence, advance=advance)

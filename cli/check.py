@@ -27,7 +27,7 @@ def command(path: Path, replay: bool, rerun: bool, controller: str | None, worke
 
     Exit code 1 if anything is wrong.
     """
-    from sonata2d.proof import files_of, prove
+    from sonata2d.datasets.verify import files_of, prove
 
     files = files_of(path)
     with progress(len(files), "files") as advance:

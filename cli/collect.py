@@ -10,9 +10,9 @@ import click
 from .output import json_option, show_json
 
 if TYPE_CHECKING:
-    from sonata2d.scenegen import ScenarioConfig
-    from sonata2d.window import Screen
+    from sonata2d.scenegen.scenario.config import ScenarioConfig
     from sonata2d.window.rate_screen import RateScreen
+    from sonata2d.window.stage import Screen
 
 SCENARIO = "sonata-2020"
 
@@ -55,9 +55,9 @@ def command(
     if (out is None) == (rate is None):
         both = "both were given; " if out is not None else ""
         raise click.UsageError(f"{both}give a folder OUT for runs to be driven, or --rate and one of recorded runs")
-    from sonata2d.scenegen import load_scenario
-    from sonata2d.window import Stage
+    from sonata2d.scenegen.scenario.load import load_scenario
     from sonata2d.window.profiles import remember, remembered
+    from sonata2d.window.stage import Stage
 
     config = load_scenario(scenario)
     screens: list[RateScreen] = []
@@ -90,7 +90,7 @@ def command(
 def _driving(
     out: Path, name: str, config: ScenarioConfig, seed: int, runs: int | None, view: str, packing: str
 ) -> Screen:
-    from sonata2d.session import Session
+    from sonata2d.collect.session import Session
     from sonata2d.window.collect_screen import CollectScreen
     from sonata2d.window.hands import Hands
 
@@ -100,7 +100,7 @@ def _driving(
 
 
 def _rating(folder: Path, name: str, config: ScenarioConfig, seed: int, repeats: float, view: str) -> RateScreen:
-    from sonata2d.rating import RatingSession
+    from sonata2d.collect.rating import RatingSession
     from sonata2d.window.rate_screen import RateScreen
 
     session = RatingSession(folder, name, config.label.spec(), seed=seed, repeats=repeats)
@@ -109,7 +109,7 @@ def _rating(folder: Path, name: str, config: ScenarioConfig, seed: int, repeats:
 
 def _tell(out: Path, as_json: bool) -> None:
     """What the folder holds now, and what to do with it."""
-    from sonata2d.record import MANIFEST, read_manifest
+    from sonata2d.datasets.manifest import MANIFEST, read_manifest
 
     manifest = read_manifest(out) if (out / MANIFEST).exists() else None
     if as_json:

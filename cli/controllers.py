@@ -22,14 +22,11 @@ def command() -> None:
 @json_option
 def list_controllers(as_json: bool) -> None:
     """List every controller that has a name."""
-    from sonata2d.plugins import published, stock
+    from sonata2d.agents.controllers.loading import named_controllers
 
     rows = [
         {"name": name, "class": f"{kind.__module__}:{kind.__qualname__}", "about": (kind.__doc__ or "").splitlines()[0]}
-        for name, kind in stock().items()
-    ]
-    rows += [
-        {"name": name, "class": point.value, "about": "published by a package"} for name, point in published().items()
+        for name, kind in named_controllers().items()
     ]
     if as_json:
         show_json(rows)

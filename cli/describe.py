@@ -13,7 +13,7 @@ import click
 from .output import json_option, show_json, show_table
 
 if TYPE_CHECKING:
-    from sonata2d.record.agreement import Agreement, Steadiness
+    from sonata2d.collect.agreement import Agreement, Steadiness
 
 Rows = list[tuple[str, object]]
 
@@ -37,14 +37,14 @@ def command(path: Path, as_json: bool) -> None:
 
 def _folder(folder: Path, *, rated: bool) -> Rows:
     """What the manifest tells; rated runs may lie in a folder that has none."""
-    from sonata2d.record import MANIFEST
+    from sonata2d.datasets.manifest import MANIFEST
 
     return [("folder", str(folder))] if rated and not (folder / MANIFEST).exists() else _dataset(folder)
 
 
 def _dataset(folder: Path) -> Rows:
     """What the manifest tells."""
-    from sonata2d.record import read_manifest
+    from sonata2d.datasets.manifest import read_manifest
 
     manifest = read_manifest(folder)
     files, counts = manifest["files"], manifest["counts"]
@@ -78,9 +78,9 @@ def _dataset(folder: Path) -> Rows:
 
 def _answers(folder: Path, files: list[dict[str, Any]]) -> Rows:
     """What was answered of whole runs, by question."""
-    from sonata2d.labels import LabelSpec
-    from sonata2d.record import read_bytes
+    from sonata2d.core.labels import LabelSpec
     from sonata2d.record.canonical import head_of
+    from sonata2d.record.files import read_bytes
 
     told: dict[str, Counter[str]] = {}
     for file in files:
@@ -93,7 +93,7 @@ def _answers(folder: Path, files: list[dict[str, Any]]) -> Rows:
 
 def _episode(path: Path) -> Rows:
     """What the file tells."""
-    from sonata2d.record import read_episode
+    from sonata2d.record.reader import read_episode
 
     record = read_episode(path)
     scene, document = record.scene(), record.document
@@ -153,8 +153,8 @@ def _columns(columns: dict[str, list[dict[str, str]]]) -> Iterator[tuple[str, ob
 
 def _agreements(folder: Path) -> list[Agreement]:
     """How well the ratings beside the episodes agree, question by question."""
-    from sonata2d.record.agreement import agreements
-    from sonata2d.record.ratings import ratings_of
+    from sonata2d.collect.agreement import agreements
+    from sonata2d.collect.rating import ratings_of
 
     return agreements(ratings_of(folder))
 

@@ -105,7 +105,7 @@ def trial_digest() -> tuple[str, int]:
     import orjson
 
     import sonata2d as s2
-    from sonata2d.record import EpisodeRecorder
+    from sonata2d.record.recorder import EpisodeRecorder
 
     recorder = EpisodeRecorder()
     scene = s2.generate(s2.load_scenario("sonata-2020-crowded"), seed=3)
@@ -115,7 +115,7 @@ def trial_digest() -> tuple[str, int]:
 
 
 def _writing() -> Finding:
-    from sonata2d.record import write_atomically
+    from sonata2d.record.files import write_atomically
 
     with tempfile.TemporaryDirectory() as folder:
         write_atomically(Path(folder) / "trial.json", b"{}")

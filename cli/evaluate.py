@@ -15,7 +15,8 @@ from .controllers import NAMES
 from .output import json_option, progress, show_json
 
 if TYPE_CHECKING:
-    from sonata2d.metrics import Evaluation, Measured, Metric
+    from sonata2d.metrics.definition import Metric
+    from sonata2d.metrics.measurement import Evaluation, Measured
 
 COMPARISON = "evaluation.json"
 
@@ -102,9 +103,10 @@ def command(
     Data sets get a metrics.json beside their episodes, with every metric of every run. Formulas are in
     docs/metrics.md.
     """  # fmt: skip
-    from sonata2d.metrics import Evaluation, headline, named
-    from sonata2d.metrics.chart import chart, refuse_picture
+    from sonata2d.metrics.catalogue import headline, named
+    from sonata2d.metrics.measurement import Evaluation
     from sonata2d.metrics.page import refuse_page, save_page
+    from sonata2d.metrics.plots import chart, refuse_picture
 
     _refuse_mixture(paths, controllers, scenarios, out)
     shown = named(names) if names else headline()
@@ -120,7 +122,7 @@ def command(
         if page is not None:  # before the runs are thrown away, since it shows some of them
             save_page(page, evaluations, list(files.values()), shown if names else None)
     if out is not None:
-        from sonata2d.record.dataset import write_tree
+        from sonata2d.datasets.manifest import write_tree
 
         write_tree(out / COMPARISON, _compared(evaluations))
     if picture is not None:
@@ -164,10 +166,10 @@ def _folders(
 
 def _generated(place: Path, controller: str, scenario: str, episodes: int, seed: int, workers: int) -> Path:
     """A data set of one controller, whose folder is the place, in one scenario: made, or gone on with if begun."""
-    from sonata2d.batch import generate_dataset
-    from sonata2d.record import MANIFEST
+    from sonata2d.datasets.generate import generate_dataset
+    from sonata2d.datasets.manifest import MANIFEST
     from sonata2d.record.files import safe_text
-    from sonata2d.scenegen import load_scenario
+    from sonata2d.scenegen.scenario.load import load_scenario
 
     config = load_scenario(scenario)
     folder = place / safe_text(config.name)
@@ -181,14 +183,14 @@ def _generated(place: Path, controller: str, scenario: str, episodes: int, seed:
 
 def _files(of: dict[str, list[Path]]) -> dict[str, list[Path]]:
     """The episode files of each label, folder after folder."""
-    from sonata2d.metrics import episode_files
+    from sonata2d.metrics.measurement import episode_files
 
     return {label: [file for folder in folders for file in episode_files(folder)] for label, folders in of.items()}
 
 
 def _measured(files: dict[str, list[Path]], *, rerun: bool, workers: int) -> dict[str, list[Measured]]:
     """Every run of each label, in the order of its files."""
-    from sonata2d.metrics import measure_files
+    from sonata2d.metrics.measurement import measure_files
 
     with progress(sum(map(len, files.values())), "runs measured") as advance:
         return {
@@ -198,8 +200,8 @@ def _measured(files: dict[str, list[Path]], *, rerun: bool, workers: int) -> dic
 
 def _keep(of: dict[str, list[Path]], measured: dict[str, list[Measured]], resamples: int) -> None:
     """Write metrics.json into each data set; loose files get none."""
-    from sonata2d.metrics import Evaluation, keep
-    from sonata2d.record import MANIFEST, read_manifest
+    from sonata2d.datasets.manifest import MANIFEST, read_manifest
+    from sonata2d.metrics.measurement import Evaluation, keep
 
     for label, folders in of.items():
         runs = iter(measured[label])  # in the order of the folders
@@ -211,7 +213,7 @@ def _keep(of: dict[str, list[Path]], measured: dict[str, list[Measured]], resamp
 
 def _compared(evaluations: Sequence[Evaluation]) -> dict[str, Any]:
     """All of it, and how each differs from the first, scene by scene."""
-    from sonata2d.metrics import tree_of
+    from sonata2d.metrics.measurement import tree_of
 
     first = evaluations[0]
     names = next((list(one.runs[0].values) for one in evaluations if one.runs), [])

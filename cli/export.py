@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .output import json_option, progress, show_json
+from sonata2d.registry import FORMATS
+
+from .output import json_option, named_in, progress, show_json
 
 if TYPE_CHECKING:
-    from sonata2d.formats import Done
-
-FORMATS = ("sonata", "socnav3", "csv", "trajnet", "npz", "parquet")
+    from sonata2d.formats.api import Done
 
 
 @click.command(
@@ -21,7 +21,7 @@ FORMATS = ("sonata", "socnav3", "csv", "trajnet", "npz", "parquet")
     " one.json   ·   sonata2d export demo --to sonata --quirks original -o old"
 )
 @click.argument("source", type=click.Path(path_type=Path), metavar="DIR|FILE")
-@click.option("--to", "format", type=click.Choice(FORMATS), required=True, help="The format; see docs/formats.md.")
+@click.option("--to", "format", **named_in(FORMATS), required=True, help="The format; see docs/formats.md.")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), required=True, help="A folder; for one episode, a file."
 )
@@ -32,7 +32,8 @@ def command(source: Path, format: str, output: Path, quirks: str | None, as_json
 
     Exit code 1 if an episode was refused.
     """
-    from sonata2d.formats import Options, episodes_in, export_to
+    from sonata2d.formats.api import episodes_in, export_to
+    from sonata2d.formats.base import Options
 
     with progress(len(episodes_in(source)), "episodes") as advance:
         done = export_to(source, format, output, Options(original=quirks == "original"), advance=advance)

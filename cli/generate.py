@@ -68,8 +68,8 @@ def command(
 
     The same scenario, controller, seed and number give the same bytes, whatever the workers and interruptions.
     """
-    from sonata2d.batch import generate_dataset
-    from sonata2d.scenegen import load_scenario
+    from sonata2d.datasets.generate import generate_dataset
+    from sonata2d.scenegen.scenario.load import load_scenario
 
     suffix = ".json" if compress == "none" else f".json.{compress}"
     config = load_scenario(scenario)
@@ -107,8 +107,8 @@ def _hint_at_resume(out: Path) -> Iterator[None]:
 
 def _draw(episode: Path, picture: Path) -> None:
     """Draw one episode of the data set."""
-    from sonata2d.record import read_episode
-    from sonata2d.view import render
+    from sonata2d.record.reader import read_episode
+    from sonata2d.view.files import render
 
     record = read_episode(episode)
     render(list(record.snapshots()), picture, outcome=record.outcome.status)

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import click
 
-from .export import FORMATS, show_done
-from .output import json_option, progress
+from sonata2d.registry import FORMATS
+
+from .export import show_done
+from .output import json_option, named_in, progress
 
 
 @click.command(
@@ -15,7 +17,7 @@ from .output import json_option, progress
     " --frame-time 0.04 -o eth.json"
 )
 @click.argument("source", type=click.Path(path_type=Path), metavar="FILE|DIR")
-@click.option("--from", "format", type=click.Choice(FORMATS), required=True, help="The format; see docs/formats.md.")
+@click.option("--from", "format", **named_in(FORMATS), required=True, help="The format; see docs/formats.md.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="A folder; of one file, a .json.")
 @click.option(
     "--frame-time",
@@ -28,7 +30,8 @@ def command(source: Path, format: str, output: Path, frame_time: float | None, a
 
     Exit code 1 if a file was refused.
     """
-    from sonata2d.formats import Options, count_sources, import_from
+    from sonata2d.formats.api import count_sources, import_from
+    from sonata2d.formats.base import Options
 
     with progress(count_sources(source, format), "files") as advance:
         done = import_from(source, format, output, Options(frame_time=frame_time), advance=advance)

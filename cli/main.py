@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import warnings
 from typing import Any
 
 import click
@@ -48,6 +49,7 @@ class Commands(click.Group):
             formatter.write_dl([(name, line) for name, (_, line) in COMMANDS.items()])
 
     def invoke(self, ctx: click.Context) -> Any:
+        warnings.formatwarning = _warning_line
         try:
             return super().invoke(ctx)
         except BrokenPipeError:  # `sonata2d describe out | head`
@@ -64,6 +66,13 @@ class Commands(click.Group):
 def _one_line(error: Exception) -> str:
     """`SceneError: no free spot …`, with the notes that were added on the way."""
     return "; ".join([f"{type(error).__name__}: {error}", *getattr(error, "__notes__", [])])
+
+
+def _warning_line(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+) -> str:
+    """A warning as one line, without the place in sonata2d that issued it."""
+    return f"Warning: {message}\n"
 
 
 def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:

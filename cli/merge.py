@@ -15,8 +15,8 @@ from .output import json_option, progress, show_json
 @json_option
 def command(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
     """Make one data set of several. Every file keeps its bytes, every source its settings and seed."""
-    from sonata2d.record import read_manifest
-    from sonata2d.transforms import merge_datasets
+    from sonata2d.datasets.manifest import read_manifest
+    from sonata2d.datasets.merge import merge_datasets
 
     with progress(sum(len(read_manifest(folder)["files"]) for folder in folders), "episodes") as advance:
         manifest = merge_datasets(folders, output, advance=advance)

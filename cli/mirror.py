@@ -38,8 +38,9 @@ def command(path: Path, output: Path, labels: str, as_json: bool) -> None:
 
 
 def _data_set(path: Path, output: Path, twists: bool) -> tuple[int, int]:
-    from sonata2d.record import read_manifest
-    from sonata2d.transforms import mirror_dataset, twist_image
+    from sonata2d.datasets.manifest import read_manifest
+    from sonata2d.datasets.mirror import mirror_dataset
+    from sonata2d.datasets.mirror_image import twist_image
 
     with progress(len(read_manifest(path)["files"]), "episodes") as advance:
         manifest = mirror_dataset(path, output, label=twist_image if twists else None, advance=advance)
@@ -47,7 +48,8 @@ def _data_set(path: Path, output: Path, twists: bool) -> tuple[int, int]:
 
 
 def _file(path: Path, output: Path, twists: bool) -> tuple[int, int]:
-    from sonata2d.transforms import mirror_file, twist_image
+    from sonata2d.datasets.mirror import mirror_file
+    from sonata2d.datasets.mirror_image import twist_image
 
     if output.exists():
         raise click.UsageError(f"{output} exists; name a new file")

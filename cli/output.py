@@ -9,7 +9,24 @@ from typing import Any, TypeVar
 
 import click
 
+from sonata2d.registry import Registry
+
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+def named_in(registry: Registry) -> dict[str, Any]:
+    """Arguments of `click.option` for a name that a registry knows: built in, or of an installed plug-in."""
+
+    def check(ctx: click.Context, param: click.Parameter, name: str) -> str:
+        if name not in registry:
+            raise click.BadParameter(registry.unknown(name), ctx, param)
+        return name
+
+    def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:
+        return [name for name in registry if name.startswith(incomplete)]
+
+    # only the built-in names: listing those of plug-ins would read the metadata of every installed package
+    return {"callback": check, "shell_complete": complete, "metavar": f"[{'|'.join(registry.built_in)}|PLUG-IN]"}
 
 
 def json_option(function: F) -> F:

@@ -10,7 +10,7 @@ import click
 from .output import json_option, show_json
 
 if TYPE_CHECKING:
-    from sonata2d.record import EpisodeRecord
+    from sonata2d.record.record import EpisodeRecord
 
 
 @click.command(
@@ -39,8 +39,9 @@ def command(
     as_json: bool,
 ) -> None:
     """Turn an episode into a picture (.png), a film (.gif, .mp4) or one self-contained page that plays (.html)."""
-    from sonata2d.record import read_episode
-    from sonata2d.view import Layers, render
+    from sonata2d.record.reader import read_episode
+    from sonata2d.view.draw import Layers
+    from sonata2d.view.files import render
 
     record = read_episode(file)
     if graph:
@@ -67,8 +68,8 @@ def command(
 def _graph(record: EpisodeRecord, output: Path, as_json: bool) -> None:
     """The last of the paper's graphs of an episode."""
     from sonata2d.errors import RenderError
-    from sonata2d.graph import paper_graphs
-    from sonata2d.graph.picture import save_graph
+    from sonata2d.learning.graph.paper import paper_graphs
+    from sonata2d.learning.graph.picture import save_graph
 
     graphs = paper_graphs(record)
     if not graphs:

@@ -35,7 +35,7 @@ def command() -> None:
 @json_option
 def list_scenarios(as_json: bool) -> None:
     """List the presets."""
-    from sonata2d.scenegen import scenario_names
+    from sonata2d.scenegen.scenario.load import scenario_names
 
     presets = scenario_names()
     if as_json:
@@ -49,7 +49,7 @@ def list_scenarios(as_json: bool) -> None:
 @json_option
 def show_scenario(scenario: str, as_json: bool) -> None:
     """Show every setting of a scenario, defaults included, as a file to start from."""
-    from sonata2d.scenegen import load_scenario
+    from sonata2d.scenegen.scenario.load import load_scenario
 
     settings = load_scenario(scenario).model_dump(mode="json")
     if as_json:
@@ -68,8 +68,10 @@ def show_scenario(scenario: str, as_json: bool) -> None:
 @json_option
 def draw_scenario(scenario: str, output: Path, scenes: int, seed: int, as_json: bool) -> None:
     """Draw some scenes that a scenario gives, side by side."""
-    from sonata2d.scenegen import generate, load_scenario
-    from sonata2d.view import save_surface, scene_picture
+    from sonata2d.scenegen.generator import generate
+    from sonata2d.scenegen.scenario.load import load_scenario
+    from sonata2d.view.sheet import scene_picture
+    from sonata2d.view.still import save_surface
 
     config = load_scenario(scenario)
     save_surface(scene_picture(*(generate(config, seed, episode) for episode in range(scenes))), output)
@@ -122,7 +124,7 @@ def scenario_of_tracks(
     as_json: bool,
 ) -> None:
     """Make a scenario of recorded people: tracks as csv (frame, ped, x, y) or TrajNet++ (.ndjson)."""
-    from sonata2d.formats import save_scenario, scenario_from_tracks
+    from sonata2d.formats.from_tracks import save_scenario, scenario_from_tracks
 
     config = scenario_from_tracks(
         tracks,
@@ -181,10 +183,11 @@ def check_scenario(
 
     Ends with 1 if it does not take place in every episode. docs/scenarios.md tells the situations.
     """  # fmt: skip
+    from sonata2d.agents.controllers.loading import load_controller
     from sonata2d.errors import ConfigError
-    from sonata2d.plugins import eye_of, load_controller
-    from sonata2d.scenegen import load_scenario
-    from sonata2d.situations import SITUATIONS, named, rehearse
+    from sonata2d.metrics.situations import SITUATIONS, named, rehearse
+    from sonata2d.scenegen.scenario.load import load_scenario
+    from sonata2d.sim.episode import renderer_for
 
     config = load_scenario(scenario)
     if situation is None and config.name not in SITUATIONS:
@@ -196,7 +199,7 @@ def check_scenario(
     verdicts = []
     with progress(episodes, "episodes") as advance:
         for episode in range(episodes):
-            verdicts.append(rehearse(config, wanted, driver, seed=seed, episode=episode, renderer=eye_of(driver)))
+            verdicts.append(rehearse(config, wanted, driver, seed=seed, episode=episode, renderer=renderer_for(driver)))
             advance(1)
     took_place = sum(verdict.took_place for verdict in verdicts)
     if as_json:

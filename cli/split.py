@@ -39,8 +39,8 @@ def command(folder: Path, parts: dict[str, float], seed: int, whole_families: bo
 
     Runs of one scene stay together: mirror images beside their originals, branches, and whoever else drove there.
     """
-    from sonata2d.record import read_manifest
-    from sonata2d.transforms import split_dataset
+    from sonata2d.datasets.manifest import read_manifest
+    from sonata2d.datasets.split import split_dataset
 
     with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
         split = split_dataset(folder, parts, seed=seed, whole_families=whole_families, advance=advance)

@@ -11,7 +11,7 @@ from .controllers import NAMES
 from .output import json_option, show_json
 
 if TYPE_CHECKING:
-    from sonata2d.topics import View
+    from sonata2d.core.devices import View
 
 
 @click.command(
@@ -58,9 +58,9 @@ def command(
 
 def _recorded(path: Path, view: View, speed: float, fps: int, size: tuple[int, int], as_json: bool) -> None:
     """Play a file, or those of a folder."""
-    from sonata2d.proof import files_of
-    from sonata2d.record import Listed
-    from sonata2d.window import Stage
+    from sonata2d.datasets.check import Listed
+    from sonata2d.datasets.verify import files_of
+    from sonata2d.window.stage import Stage
     from sonata2d.window.view_screen import ViewScreen
 
     paths = [file.path if isinstance(file, Listed) else file for file in files_of(path)]
@@ -76,9 +76,9 @@ def _live(
     controller: str, scenario: str, seed: int, view: View, speed: float, fps: int, size: tuple[int, int], as_json: bool
 ) -> None:
     """Watch a controller at work."""
-    from sonata2d.scenegen import load_scenario
-    from sonata2d.window import Stage
+    from sonata2d.scenegen.scenario.load import load_scenario
     from sonata2d.window.live_screen import LiveScreen
+    from sonata2d.window.stage import Stage
 
     screen = LiveScreen(load_scenario(scenario), controller, seed, view=view, speed=speed)
     Stage(f"sonata2d: {controller}", size=size, fps=fps).run(screen)

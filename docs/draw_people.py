@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from sonata2d import Controller, Episode, Twist
-from sonata2d.entities import (
+from sonata2d.core.entities import (
     TALKING,
     WALKING_TOGETHER,
     Furniture,
@@ -25,11 +25,11 @@ from sonata2d.entities import (
     Robot,
     Wall,
 )
-from sonata2d.frame import Snapshot
-from sonata2d.geometry import Disc, Point, Pose, Rectangle
-from sonata2d.scene import Rules, Scene, Social
-from sonata2d.view import save_film
+from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
+from sonata2d.core.scene import Rules, Scene, Social
+from sonata2d.core.snapshot import Snapshot
 from sonata2d.view.draw import Layers
+from sonata2d.view.film import save_film
 
 ROOT = Path(__file__).parent.parent
 

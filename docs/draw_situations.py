@@ -9,10 +9,12 @@ import sys
 from pathlib import Path
 
 from sonata2d import Episode, ScenarioConfig, SocialPlanner, generate, load_scenario
-from sonata2d.frame import Snapshot
-from sonata2d.scenegen.room_config import RoomConfig, RoomKind
-from sonata2d.situations import SITUATIONS, Looker, judge
-from sonata2d.view import render, save_surface, scene_picture
+from sonata2d.core.snapshot import Snapshot
+from sonata2d.metrics.situations import SITUATIONS, Looker, judge
+from sonata2d.scenegen.scenario.rooms import RoomConfig, RoomKind
+from sonata2d.view.files import render
+from sonata2d.view.sheet import scene_picture
+from sonata2d.view.still import save_surface
 
 ROOT = Path(__file__).parent.parent
 

@@ -21,17 +21,17 @@ sys.path.insert(0, str(ROOT))
 import pygame  # noqa: E402
 
 from sonata2d import load_scenario  # noqa: E402
-from sonata2d.batch import generate_dataset  # noqa: E402
-from sonata2d.rating import RatingSession  # noqa: E402
-from sonata2d.scenegen import ScenarioConfig  # noqa: E402
-from sonata2d.session import Session  # noqa: E402
-from sonata2d.view import save_surface  # noqa: E402
+from sonata2d.collect.rating import RatingSession  # noqa: E402
+from sonata2d.collect.session import Session  # noqa: E402
+from sonata2d.datasets.generate import generate_dataset  # noqa: E402
+from sonata2d.scenegen.scenario.config import ScenarioConfig  # noqa: E402
+from sonata2d.view.still import save_surface  # noqa: E402
 from sonata2d.window.collect_screen import CollectScreen  # noqa: E402
 from sonata2d.window.hands import Hands  # noqa: E402
 from sonata2d.window.rate_screen import RateScreen  # noqa: E402
 from sonata2d.window.remap import RemapScreen  # noqa: E402
 from sonata2d.window.view_screen import ViewScreen  # noqa: E402
-from tests.window.at_controls import Person  # noqa: E402
+from tests.window.volunteer import Person  # noqa: E402
 
 
 def main(folder: Path) -> None:

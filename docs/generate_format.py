@@ -8,12 +8,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from sonata2d.humans import ACTIVITIES
-from sonata2d.record import manifest_models, models, scene_models
-from sonata2d.record.sense import DEEPEST
-from sonata2d.scenegen import ScenarioConfig, sections, social
-from sonata2d.scenegen.people import GivenPersonConfig
-from sonata2d.scenegen.settings import Normal, Settings
+from sonata2d.core.humans import ACTIVITIES
+from sonata2d.datasets import manifest as manifest_models
+from sonata2d.datasets.plausibility import DEEPEST
+from sonata2d.record import models
+from sonata2d.record import models as scene_models
+from sonata2d.scenegen.scenario import sections, social
+from sonata2d.scenegen.scenario.config import ScenarioConfig
+from sonata2d.scenegen.scenario.people import GivenPersonConfig
+from sonata2d.scenegen.scenario.ranges import Normal, Settings
 from sonata2d.version import FORMAT, FORMAT_VERSION
 
 DOCS = Path(__file__).parent

@@ -6,8 +6,9 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from sonata2d.metrics import DEFINITIONS_VERSION, VARIANTS, Metric
 from sonata2d.metrics.catalogue import FAMILIES
+from sonata2d.metrics.definition import DEFINITIONS_VERSION, Metric
+from sonata2d.metrics.interop import VARIANTS
 from sonata2d.metrics.summary import LEVEL, RESAMPLES
 from sonata2d.metrics.table import ARROWS
 

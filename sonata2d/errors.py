@@ -33,5 +33,9 @@ class WindowError(Sonata2dError):
     """A window cannot be opened."""
 
 
+class PluginWarning(UserWarning):
+    """A plug-in of another package is skipped: it does not load, or its name is taken."""
+
+
 class MetricError(Sonata2dError):
     """A metric is unknown, or runs cannot be compared."""

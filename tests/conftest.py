@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import pytest
 
-from sonata2d.entities import Furniture, Goal, Human, Limits, Robot, Wall
-from sonata2d.geometry import Point, Pose
-from sonata2d.scene import Rules, Scene
+from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
+from sonata2d.core.geometry import Point, Pose
+from sonata2d.core.scene import Rules, Scene
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
@@ -57,7 +57,7 @@ def walker(number: int, x: float, y: float, theta: float = 0.0, **more: object) 
 @pytest.fixture
 def busy() -> Scene:
     """Ten walkers and some furniture in an L-shaped room."""
-    from sonata2d.geometry import Disc, Rectangle
+    from sonata2d.core.geometry import Disc, Rectangle
 
     places = [(x, y) for y in (-3.2, -1.0) for x in (-3.2, -1.7, 0.6, 2.2, 3.4)]
     humans = [walker(k + 1, x, y, desired_speed=1.0 + 0.05 * k) for k, (x, y) in enumerate(places)]

@@ -17,9 +17,10 @@ from data import ROOMS, drive, run_cleanly, with_mirrors
 from networks import NETWORKS
 from train import train
 
+from sonata2d.datasets.mirror_image import twist_image
 from sonata2d.record.files import safe_text
-from sonata2d.scenegen import ScenarioConfig, load_scenario
-from sonata2d.transforms import twist_image
+from sonata2d.scenegen.scenario.config import ScenarioConfig
+from sonata2d.scenegen.scenario.load import load_scenario
 
 ROUNDS, EPISODES, EPOCHS = 2, 300, 8
 SEED = 3000

@@ -18,9 +18,11 @@ import numpy as np
 from aggregate import cut_short
 from data import ROOMS, drive, run_cleanly
 
-from sonata2d.geometry import Barriers
-from sonata2d.metrics import bootstrap_interval
-from sonata2d.record import EpisodeRecord, read_episode, read_manifest
+from sonata2d.core.geometry import Barriers
+from sonata2d.datasets.manifest import read_manifest
+from sonata2d.metrics.summary import bootstrap_interval
+from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

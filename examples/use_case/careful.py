@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from sonata2d import SocialPlanner
-from sonata2d.agents.rollout import Ways
-from sonata2d.agents.social_planner import STEP
-from sonata2d.frame import Snapshot
+from sonata2d.agents.controllers.planner import STEP, Ways
+from sonata2d.core.snapshot import Snapshot
 
 CLEAR = 0.15  # m, gap to a thing from which on it costs nothing
 PRICE = 2.0  # a second at the skin of a thing, beside 1 for a metre of way

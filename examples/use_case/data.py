@@ -16,12 +16,17 @@ from typing import Any
 import click
 from tqdm import tqdm
 
-from sonata2d.batch import generate_dataset
-from sonata2d.datacard import write_card
+from sonata2d.datasets.full_card import write_card
+from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets.manifest import read_manifest
+from sonata2d.datasets.merge import merge_datasets
+from sonata2d.datasets.mirror import mirror_dataset
+from sonata2d.datasets.mirror_image import twist_image
+from sonata2d.datasets.split import split_dataset
 from sonata2d.errors import RecordError, Sonata2dError
-from sonata2d.record import read_episode, read_manifest
-from sonata2d.scenegen import ScenarioConfig, load_scenario
-from sonata2d.transforms import merge_datasets, mirror_dataset, split_dataset, twist_image
+from sonata2d.record.reader import read_episode
+from sonata2d.scenegen.scenario.config import ScenarioConfig
+from sonata2d.scenegen.scenario.load import load_scenario
 
 ROOMS = "sonata-2020"
 KEPT = 3092  # trajectories, as in the paper

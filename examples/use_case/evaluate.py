@@ -14,9 +14,8 @@ import numpy as np
 from data import run_cleanly
 from samples import samples_of
 
-from sonata2d.learned import Weights, write_weights
-from sonata2d.learned.shapes import GRAPHS
-from sonata2d.scenegen import scenario_names
+from sonata2d.learning.weights import GRAPHS, Weights, write_weights
+from sonata2d.scenegen.scenario.load import scenario_names
 
 OTHERS = ("social-planner", "social-force", "straight-to-goal")
 SHIPPED = "graph-policy"

@@ -12,8 +12,7 @@ from torch import Tensor, nn
 from torch.nn.functional import leaky_relu, one_hot
 from torch_geometric.nn import GATv2Conv, RGCNConv
 
-from sonata2d.learned import Weights, write_weights
-from sonata2d.learned.shapes import GRAPHS
+from sonata2d.learning.weights import GRAPHS, Weights, write_weights
 
 (PAPER_INPUTS, PAPER_RELATIONS), (INPUTS, RELATIONS) = GRAPHS["paper"], GRAPHS["modern"]
 SIZES = (PAPER_INPUTS, 50, 40, 30, 15, 3)
@@ -68,7 +67,7 @@ class PaperNetwork(nn.Module):
                 x = leaky_relu(layer(x, edges, relation))
 
     def arrays(self) -> Mapping[str, Tensor]:
-        """As `sonata2d.learned.network.Rgcn` takes them."""
+        """As `sonata2d.learning.network.Rgcn` takes them."""
         found = {}
         for k, layer in enumerate(self.layers):
             found[f"layer{k}.weight"] = torch.einsum("rb,bio->rio", layer.comp, layer.weight)
@@ -103,7 +102,7 @@ class AttentionNetwork(nn.Module):
         return torch.tanh(self.head[1](seen))
 
     def arrays(self) -> Mapping[str, Tensor]:
-        """As `sonata2d.learned.network.GatV2` takes them."""
+        """As `sonata2d.learning.network.GatV2` takes them."""
         found = {}
         for name, part in (("encoder", self.encoder), ("head", self.head)):
             for k, dense in enumerate(part):

@@ -17,11 +17,12 @@ from data import run_cleanly
 from evaluate import LEARNED, MEAN, OTHERS, SCENES, SHIPPED
 from train import RECIPES
 
-from sonata2d.metrics import Measured, bootstrap_interval, wilson_interval
-from sonata2d.metrics.extremes import best_of, why_best, why_worst, worst_of
-from sonata2d.record import read_episode
+from sonata2d.metrics.measurement import Measured
+from sonata2d.metrics.page import best_of, why_best, why_worst, worst_of
+from sonata2d.metrics.summary import bootstrap_interval, wilson_interval
 from sonata2d.record.files import safe_text, safe_texts
-from sonata2d.view import render
+from sonata2d.record.reader import read_episode
+from sonata2d.view.files import render
 
 PAPER = {"train": 0.0230, "dev": 0.0328, "test": 0.0331}  # Baghel et al. 2020
 PAPER_REACHED = (46, 60)

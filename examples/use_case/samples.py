@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from sonata2d.graph import FEATURES, kept_ticks, modern_graph, paper_graphs
-from sonata2d.graph.paper import TURNED, share_of_limits
-from sonata2d.learned import inputs_of
-from sonata2d.learned.inputs import INPUTS
-from sonata2d.record import EpisodeRecord, read_episode
+from sonata2d.learning.graph.modern import modern_graph
+from sonata2d.learning.graph.paper import FEATURES, TURNED, kept_ticks, paper_graphs, share_of_limits
+from sonata2d.learning.inputs import INPUTS, inputs_of
+from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord
 
 PARTS = ("train", "dev", "test")
 

@@ -11,8 +11,8 @@ import click
 from aggregate import aggregate, met_by
 from data import PARTS, ROOMS, run_cleanly
 
-from sonata2d.scenegen import scenario_names
-from sonata2d.transforms import split_dataset
+from sonata2d.datasets.split import split_dataset
+from sonata2d.scenegen.scenario.load import scenario_names
 
 NETWORK = "attention"
 CAREFUL = f"{Path(__file__).with_name('careful.py')}:Careful"

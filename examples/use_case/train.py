@@ -23,8 +23,8 @@ from samples import PARTS, Samples, joined, samples_of
 from torch import nn
 from tqdm import tqdm
 
-from sonata2d.learned import read_weights
-from sonata2d.learned.network import network_of
+from sonata2d.learning.network import network_of
+from sonata2d.learning.weights import read_weights
 
 THREADS = 1  # the order of sums, and so their bits, depend on it; two trainings at a time use two cores better
 
@@ -254,7 +254,7 @@ class _Run:
         (self.out / "training.json").write_text(json.dumps(result, indent=1))
 
     def _error_as_it_drives(self) -> float:
-        """Of the dev part, in the fixed point of `sonata2d.learned`."""
+        """Of the dev part, in the fixed point of `sonata2d.learning`."""
         drives, part = network_of(read_weights((self.out / "policy.npz").resolve())), self.parts["dev"]
         total = 0.0
         for told, wanted in part.batches(1, np.arange(len(part))):

@@ -1,20 +1,5 @@
-"""Episodes in the formats of other programs, out and in."""
+"""Import and export of episodes in the formats of other programs."""
 
-from .doors import Done, count_sources, episodes_in, export_to, format_named, import_from
-from .form import Format, Options
-from .from_tracks import save_scenario, scenario_from_tracks
-from .registry import FORMATS
+import lazy_loader
 
-__all__ = [
-    "FORMATS",
-    "Done",
-    "Format",
-    "Options",
-    "count_sources",
-    "episodes_in",
-    "export_to",
-    "format_named",
-    "import_from",
-    "save_scenario",
-    "scenario_from_tracks",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -13,13 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.geometry import LARGEST
+from ..core.portable_math import Array
 from ..errors import RecordError
-from ..exact import Array
-from ..geometry import LARGEST
-from ..record import EpisodeRecord, read_bytes
+from ..record.files import read_bytes
 from ..record.layout import Tree
-from .form import Options, parsing
-from .given import load_json, numbers
+from ..record.record import EpisodeRecord
+from .base import Format, Options, parsing
+from .parse import load_json, numbers
 from .refuse import refuse_uneven
 from .tracks import Tracks, document_of_tracks, sightings
 
@@ -174,3 +175,6 @@ def desired_speed_beside(path: Path) -> float | None:
     if not isinstance(told, dict) or "desired_speed" not in told:
         return None
     return float(numbers([told], ("desired_speed",), beside.name)[0, 0])
+
+
+FORMAT = Format("tracks of people: frame, ped, x, y", ".csv", import_, export=export)

@@ -19,10 +19,10 @@ import orjson
 from numpy.lib import format as npy
 
 from ..errors import RecordError
-from ..record import EpisodeRecord, read_bytes
-from ..record.files import LARGEST
+from ..record.files import LARGEST, read_bytes
 from ..record.layout import Tree
-from .form import Options, parsing
+from ..record.record import EpisodeRecord
+from .base import Format, Options, parsing
 
 NAME = "npz"
 _ARRAYS = ("tick", "time", "robot", "humans", "activity", "command", "executed", "guarded")
@@ -115,3 +115,6 @@ def _document(found: dict[str, Any]) -> Tree:
             look |= {key: lists[key][t] for key in ("command", "executed", "guarded")}
         looks.append(look | {"humans": people, "activity": lists["activity"][t]} | told_look)
     return {**header, "frames": looks[:-1], "final": looks[-1], "software": software}
+
+
+FORMAT = Format("NumPy arrays of the whole episode", ".npz", import_, export=export)

@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 import numpy as np
 
-from ..entities import RELATIONS
+from ..core.entities import RELATIONS
 from ..errors import RecordError
-from ..record import EpisodeRecord
+from ..record.record import EpisodeRecord
 
 
 def refuse_absences(record: EpisodeRecord, format: str) -> None:

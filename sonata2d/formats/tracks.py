@@ -13,11 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from ..exact import Array
-from ..geometry import PRECISION
+from ..core.geometry import PRECISION
+from ..core.portable_math import Array
 from ..record.layout import Tree
-from .imported import ROBOT, Found, document_of, goal_of, radii_that_fit
-from .motion import activity_of, box_round, headings_along, turned_by, velocities
+from .imported import (
+    ROBOT,
+    Found,
+    activity_of,
+    box_round,
+    document_of,
+    goal_of,
+    headings_along,
+    radii_that_fit,
+    turned_by,
+    velocities,
+)
 
 _MARGIN = 1.5  # m, of the room round the tracks; the robot's corner is outside them
 _MOST = 20_000_000  # rows of persons and frames in an episode

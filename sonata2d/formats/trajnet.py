@@ -14,10 +14,11 @@ import numpy as np
 import orjson
 
 from ..errors import RecordError
-from ..record import EpisodeRecord, read_bytes
+from ..record.files import read_bytes
 from ..record.layout import Tree
-from .form import Options, parsing
-from .given import numbers
+from ..record.record import EpisodeRecord
+from .base import Format, Options, parsing
+from .parse import numbers
 from .refuse import refuse_uneven
 from .tracks import Tracks, document_of_tracks, sightings
 
@@ -131,3 +132,6 @@ def _frame_time(scenes: list[Tree], frame: Any) -> float:
     if not len(steps):
         raise ValueError("it must tell of two frames or more")
     return 1 / rate / float(steps[np.argmax(counts)])
+
+
+FORMAT = Format("tracks of people as TrajNet++ reads them, 2.5 frames a second", ".ndjson", import_, export=export)

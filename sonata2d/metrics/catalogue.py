@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 
 from ..errors import MetricError
-from . import disturbance, meetings, outcomes, space, ways
+from ..registry import METRICS as PLUGINS
+from ..registry import did_you_mean
+from . import disturbance, interactions, outcomes, paths, space
 from .definition import Metric
-from .variants import VARIANTS
+from .interop import VARIANTS
 
 FAMILIES: dict[str, tuple[Metric, ...]] = {
     "Arriving and touching": outcomes.METRICS,
-    "The way and the motion": ways.METRICS,
+    "The way and the motion": paths.METRICS,
     "Room left to people and things": space.METRICS,
-    "Meetings": meetings.METRICS,
+    "Meetings": interactions.METRICS,
     "What it cost the people": disturbance.METRICS,
 }
+
+
+def _problem(found: object) -> str | None:
+    """Why an object cannot be used as a metric."""
+    return None if isinstance(found, Metric) else "is no Metric; it must be sonata2d.metrics.Metric(...)"
+
+
+if PLUGINS.plugins:
+    FAMILIES["Plug-ins"] = tuple(PLUGINS.load_all(_problem).values())
 METRICS: dict[str, Metric] = {metric.name: metric for family in FAMILIES.values() for metric in family}
 ALL: dict[str, Metric] = METRICS | {metric.name: metric for metric in VARIANTS}
 
@@ -41,6 +51,4 @@ def _of(name: str) -> tuple[Metric, ...]:
     found = tuple(metric for metric in ALL.values() if metric.name == name or metric.name.startswith(f"{name}."))
     if found:
         return found
-    near = difflib.get_close_matches(name, ALL, 1)
-    hint = f"did you mean {near[0]!r}?" if near else "docs/metrics.md lists them"
-    raise MetricError(f"no metric is named {name!r}; {hint}")
+    raise MetricError(f"no metric is named {name!r}{did_you_mean(name, ALL) or '; docs/metrics.md lists them'}")

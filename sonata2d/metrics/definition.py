@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from .run import Run
+from .trajectory import Run
 
 DEFINITIONS_VERSION = 1  # of all metrics together; a changed formula raises it
 METRICS_FORMAT = "sonata2d-metrics"

@@ -7,19 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from ..agents.controller import Controller
-from ..entities import Human, Robot
-from ..episode import Episode
-from ..exact import Array
-from ..frame import Snapshot
-from ..geometry import Pose, Twist
-from ..record import EpisodeRecord
+from ..agents.controllers.base import Controller
+from ..core.entities import Human, Robot
+from ..core.geometry import Pose, Twist
+from ..core.portable_math import Array
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
+from ..datasets.mirror import mirrored
 from ..record.canonical import rounded
-from ..scene import Scene
-from ..transforms.mirror import mirrored
+from ..record.record import EpisodeRecord
+from ..sim.episode import Episode
 from ..version import PHYSICS_VERSION
 from .definition import OURS, Metric
-from .run import Run, distances
+from .trajectory import Run, distances
 
 FAR = 100.0  # m beyond the room: where the robot waits, minded by nobody, while the people walk alone
 

@@ -7,8 +7,7 @@ from functools import partial
 import numpy as np
 
 from .definition import OURS, Metric
-from .run import Run, distances, turns
-from .touch import Kind
+from .trajectory import Kind, Run, distances, turns
 
 STILL_SPEED, STILL_TURN = 0.01, 0.02  # m/s, rad/s, below which the robot stands (HuNavSim's thresholds)
 

@@ -6,10 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from ..exact import Array
-from ..proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, SOCIAL_DISTANCE
+from ..core.portable_math import Array
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, SOCIAL_DISTANCE
 from .definition import Metric
-from .run import Run
+from .trajectory import Run
 
 THRESHOLDS = (0.3, 0.45, 0.5, 0.8, 1.2)  # m; a sweep, since no single cut is right for every culture and task
 ZONES = {

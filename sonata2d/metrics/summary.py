@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..exact import Array
+from ..core.portable_math import Array
 
 LEVEL = 0.95
 RESAMPLES = 2000

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import orjson
 
+from ..core.geometry import quantised
+from ..core.portable_math import Array
 from ..errors import RecordError
-from ..exact import Array
-from ..geometry import quantised
 
 
 def rounded(values: Array) -> Array:

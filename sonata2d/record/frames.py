@@ -6,15 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from ..entities import Interaction
-from ..exact import Array, arctan2
-from ..frame import Contact
-from ..geometry import quantised
-from ..humans import HX, HY, LX, LY, OMEGA, VX, VY, X, Y
-from ..topics import DeviceEvent
+from ..core.devices import DeviceEvent
+from ..core.entities import Interaction
+from ..core.geometry import quantised
+from ..core.humans import HX, HY, LX, LY, OMEGA, VX, VY, X, Y
+from ..core.portable_math import Array, arctan2
+from ..core.snapshot import Contact
 from .canonical import plain, refuse_unfinite, rounded, rounded_rows
-from .columns import COMMAND_NAMES, HUMAN_ANGLES, HUMAN_NAMES, ROBOT_ANGLES, ROBOT_NAMES
-from .layout import Tree, interaction_rows
+from .layout import COMMAND_NAMES, HUMAN_ANGLES, HUMAN_NAMES, ROBOT_ANGLES, ROBOT_NAMES, Tree, interaction_rows
 
 Act = tuple[tuple[float, float, float], Any, tuple[DeviceEvent, ...]]  # command, label, events
 Told = tuple[

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import orjson
 
+from ..core.humans import frozen
+from ..core.portable_math import Array
+from ..core.snapshot import Outcome
 from ..errors import NewerFormatError, RecordError
-from ..exact import Array
-from ..frame import Outcome
-from ..humans import frozen
 from ..version import FORMAT, FORMAT_VERSION
-from .columns import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES
 from .files import read_bytes
-from .layout import Tree
+from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, Tree
 from .record import EpisodeRecord, Looks, reading
 
 MIGRATIONS: dict[int, Callable[[Tree], Tree]] = {}  # version: what makes a document of it one of the next version

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from ..core.devices import DeviceEvent
+from ..core.geometry import Twist
+from ..core.humans import HX, LX, OMEGA, VX, Humans, frozen, human_ids
+from ..core.labels import LabelSpec
+from ..core.portable_math import Array, heading, headings
+from ..core.scene import Scene
+from ..core.snapshot import Author, Contact, Frame, Outcome, RobotState, Snapshot
 from ..errors import RecordError
-from ..exact import Array, heading, headings
-from ..frame import Author, Contact, Frame, Outcome, RobotState, Snapshot
-from ..geometry import Twist
-from ..humans import HX, LX, OMEGA, VX, Humans, frozen, human_ids
-from ..labels import LabelSpec
-from ..scene import Scene
-from ..topics import DeviceEvent
 from .layout import Tree, interactions_of, scene_of
 
 

@@ -9,20 +9,18 @@ from typing import Any, Self
 
 import numpy as np
 
+from ..core.geometry import PRECISION, quantised
+from ..core.humans import ACTIVITIES
+from ..core.labels import LabelSpec
+from ..core.portable_math import Array
+from ..core.scene import Scene
+from ..core.snapshot import Author, Frame, Outcome, Snapshot, Status
 from ..errors import RecordError
-from ..exact import Array
-from ..frame import Author, Frame, Outcome, Snapshot, Status
-from ..geometry import PRECISION, quantised
-from ..humans import ACTIVITIES
-from ..labels import LabelSpec
-from ..scene import Scene
 from ..version import FORMAT, FORMAT_VERSION, PHYSICS_VERSION
 from .canonical import plain, refuse_unfinite, rounded, written
-from .columns import ABSENT, COMMAND_NAMES, columns
 from .files import packed, stem_of, write_atomically
 from .frames import Act, Told, event_rows, frame_of, human_rows, looks_of, robot_rows
-from .layout import Tree, layout_of
-from .software import software
+from .layout import ABSENT, COMMAND_NAMES, Tree, columns, layout_of, software
 
 
 class EpisodeRecorder:

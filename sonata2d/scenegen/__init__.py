@@ -1,7 +1,5 @@
-"""Scenes: from settings and a seed to a `Scene`, a value; no physics."""
+"""Scene generation: scenario settings and a seed give a `Scene`."""
 
-from .config import ScenarioConfig
-from .generate import generate
-from .load import load_scenario, scenario_names
+import lazy_loader
 
-__all__ = ["ScenarioConfig", "generate", "load_scenario", "scenario_names"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ..chance import Chance
-from ..entities import TALKING, Furniture, Human
-from ..exact import PI, angle_of
-from ..geometry import Disc, Pose, Rectangle, Shape, shape_gap
-from .cast import Cluster, Entity, shape_of
-from .config import ScenarioConfig
-from .rooms import FloorPlan
+from ..core.entities import TALKING, Furniture, Human
+from ..core.geometry import Disc, Pose, Rectangle, Shape, shape_gap
+from ..core.portable_math import PI, angle_of
+from ..core.rng import Chance
+from .floor_plans import FloorPlan
+from .sampling import Cluster, Entity, shape_of
+from .scenario.config import ScenarioConfig
 
 _BEHIND = 0.5  # m, round each member of a talking group, that others keep off
 

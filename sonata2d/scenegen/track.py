@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..geometry import Point, quantised
+from ..core.geometry import Point, quantised
 
 Sighting = tuple[float, float, float]  # t, x, y: s, m
 _TOLERANCE = 1e-6  # ticks, by which a moment may seem to be off a tick

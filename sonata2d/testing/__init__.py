@@ -1,5 +1,5 @@
-"""Checks: of your controllers, and of how believable the people are."""
+"""Checks for authors: of controllers, and of how realistic the pedestrians are."""
 
-from .controllers import SCENARIOS, check_controller, default_scenes
+import lazy_loader
 
-__all__ = ["SCENARIOS", "check_controller", "default_scenes"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

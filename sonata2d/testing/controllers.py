@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..agents.controller import Controller
-from ..episode import Episode
-from ..frame import Outcome
-from ..plugins import eye_of
-from ..record import EpisodeRecorder
-from ..scene import Scene
-from ..scenegen import generate, load_scenario
-from ..scenegen.people import GivenPersonConfig
+from ..agents.controllers.base import Controller
+from ..core.scene import Scene
+from ..core.snapshot import Outcome
+from ..record.recorder import EpisodeRecorder
+from ..scenegen.generator import generate
+from ..scenegen.scenario.load import load_scenario
+from ..scenegen.scenario.people import GivenPersonConfig
+from ..sim.episode import Episode, renderer_for
 
 SCENARIOS = ("empty", "sonata-2020", "sonata-2020-crowded")
 PASSERS = tuple(
@@ -65,5 +65,5 @@ def default_scenes(time_limit: float) -> list[Scene]:
 
 def _recorded(scene: Scene, controller: Controller) -> tuple[bytes, Outcome]:
     recorder = EpisodeRecorder()
-    outcome = Episode(scene, controller, observers=[recorder], renderer=eye_of(controller)).run()
+    outcome = Episode(scene, controller, observers=[recorder], renderer=renderer_for(controller)).run()
     return recorder.document(), outcome

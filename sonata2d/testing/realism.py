@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..agents.crowd import Crowd
-from ..entities import DEFAULT_MODEL, PERSON_RADIUS, Goal, Group, Human, Robot, Wall
-from ..exact import Array
-from ..geometry import Barriers, Pose, Twist, segment_distances
-from ..scene import Rules, Scene
-from ..world import World
+from ..agents.pedestrians.crowd import Crowd
+from ..core.entities import DEFAULT_MODEL, PERSON_RADIUS, Goal, Group, Human, Robot, Wall
+from ..core.geometry import Barriers, Pose, Twist, segment_distances
+from ..core.portable_math import Array
+from ..core.scene import Rules, Scene
+from ..sim.world import World
 
 MARGIN = 30.0  # m, round everything: the room's own walls are far away
 BEYOND = 1.0  # m, beyond what can be walked in the time, that people look ahead for walls

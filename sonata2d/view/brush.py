@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
-from ..geometry import Point
+from ..core.geometry import Point
 from .camera import Camera
 from .canvas import Canvas
 from .fonts import width_of

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from ..core.geometry import Point
 from ..errors import RenderError
-from ..geometry import Point
 
 LARGEST = 6000  # pixels a side, past which a wrong scale is likelier than a large picture
 _USUAL_SCALE, _USUAL_SIDE = 80.0, 1000.0  # px/m, and the side in px that it shall not exceed

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import pygame
 
-from ..geometry import Point
+from ..core.geometry import Point
 from .fonts import rendered
 from .outlines import bar
 from .palette import Colour

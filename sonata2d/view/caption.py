@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pygame
 
-from ..frame import Snapshot
-from ..geometry import Point
-from ..scene import Scene
+from ..core.geometry import Point
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
 from .canvas import Canvas
 from .fonts import shortened, width_of
 from .palette import FAINT, INK, PAPER, WALL, time_colour

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import pygame
 
-from ..frame import Snapshot
-from ..geometry import Point
-from ..humans import HumanState
-from ..scene import Scene
+from ..core.geometry import Point
+from ..core.humans import HumanState
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
 from .brush import Brush
 from .camera import Camera
 from .canvas import Canvas, Pixels

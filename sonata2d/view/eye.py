@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pygame
 
+from ..core.devices import ImageRequest
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from ..frame import Snapshot
-from ..scene import Scene
-from ..topics import ImageRequest
 from .camera import LARGEST
 from .live import Painter
 

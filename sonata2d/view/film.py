@@ -11,11 +11,11 @@ from typing import Any
 
 import pygame
 
+from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from ..frame import Snapshot
-from .between import between
 from .caption import STRIP
 from .draw import QUICK, Layers, backdrop, camera_for, picture
+from .interpolation import between
 from .palette import ACTIVITY, FLOOR, GOAL, GRID, INK, PAPER, ROBOT, WALL, mixed, time_colour
 from .trails import Trails
 

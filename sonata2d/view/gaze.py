@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..exact import Array
-from ..geometry import Barriers
-from ..humans import HumanState
-from ..scene import Scene
+from ..core.geometry import Barriers
+from ..core.humans import HumanState
+from ..core.portable_math import Array
+from ..core.scene import Scene
 from .people import FAN, FAN_REACH
 
 Reaches = dict[int, list[float]]  # by id: how far each ray goes, m

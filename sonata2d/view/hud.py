@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 import pygame
 
-from ..frame import Snapshot
-from ..proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances
+from ..core.snapshot import Snapshot
 from .camera import Camera
 from .palette import FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
 from .pen import Pen

@@ -8,10 +8,10 @@ from typing import Any
 
 import pygame
 
-from ..frame import Snapshot
-from ..humans import HumanState
-from ..scene import Scene
-from ..topics import View
+from ..core.devices import View
+from ..core.humans import HumanState
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
 from .brush import Brush
 from .camera import Camera
 from .draw import Layers, backdrop, camera_for, draw_over, draw_under, draw_velocities, ignoring, present

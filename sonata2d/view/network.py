@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import pygame
 
+from ..core.geometry import Point
 from ..errors import RenderError
-from ..geometry import Point
 from .camera import Camera
 from .canvas import Pixels
 from .fonts import shortened

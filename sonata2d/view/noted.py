@@ -8,7 +8,7 @@ from typing import Any
 
 import pygame
 
-from ..geometry import Point
+from ..core.geometry import Point
 from .fonts import rendered, width_of
 from .outlines import ends_and_bends, filling, middles, ribbon, whole, widened
 from .palette import Colour

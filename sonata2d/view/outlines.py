@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from ..geometry import Point
+from ..core.geometry import Point
 
 
 def bar(start: Point, end: Point, half: float) -> list[Point]:

@@ -12,11 +12,11 @@ import numpy as np
 import pygame
 from jinja2 import Environment, PackageLoader
 
+from ..core.humans import ACTIVITIES
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, obstacle_clearance
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from ..frame import Snapshot
-from ..humans import ACTIVITIES
-from ..proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, obstacle_clearance
-from ..scene import Scene
 from .camera import Camera
 from .caption import origin
 from .draw import QUICK, Layers, backdrop, camera_for

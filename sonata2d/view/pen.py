@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import pygame
 
-from ..geometry import Point
+from ..core.geometry import Point
 from .fonts import rendered, shortened, width_of
 from .palette import INK, PAPER, Colour
 from .smooth import Smooth

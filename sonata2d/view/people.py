@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ..entities import ROBOT_ID, Goal, Interaction
-from ..frame import RobotState, Snapshot
-from ..geometry import Point
-from ..humans import HumanState
-from ..proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ..core.entities import ROBOT_ID, Goal, Interaction
+from ..core.geometry import Point
+from ..core.humans import HumanState
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ..core.snapshot import RobotState, Snapshot
 from .brush import Brush
 from .palette import ACTIVITY, BLUE, DARK, FAINT, FLOOR, GOAL, HAIR, INK, PAPER, PURPLE, ROBOT, Colour, mixed, shaded
 from .things import half_size

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..exact import Array
-from ..geometry import Barriers, Point
-from ..scene import Scene
+from ..core.geometry import Barriers, Point
+from ..core.portable_math import Array
+from ..core.scene import Scene
 from .brush import Brush
 from .palette import FLOOR, GRID, WALL
 from .things import draw_thing, front_of

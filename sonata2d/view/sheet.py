@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pygame
 
+from ..core.geometry import Twist
+from ..core.humans import Humans, activities_among, activities_of, frozen, human_ids
+from ..core.portable_math import heading
+from ..core.scene import Scene
+from ..core.snapshot import RobotState, Snapshot
 from ..errors import RenderError
-from ..exact import heading
-from ..frame import RobotState, Snapshot
-from ..geometry import Twist
-from ..humans import Humans, activities_among, activities_of, frozen, human_ids
-from ..scene import Scene
 from .canvas import Pixels
 from .caption import STRIP, TEXT, draw_strip, origin, summary
 from .draw import Layers, camera_for, picture

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import pygame
 
-from ..geometry import Point
+from ..core.geometry import Point
 from .canvas import Pixels
 from .outlines import bar, filling, middles, whole
 from .palette import Colour

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pygame
 
-from ..exact import Array
-from ..geometry import Point
+from ..core.geometry import Point
+from ..core.portable_math import Array
 from .brush import Brush
 from .camera import Camera
 from .noted import Noted, Shape, draw_large, draw_straight

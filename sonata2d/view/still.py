@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pygame
 
+from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from ..frame import Snapshot
 from .draw import Layers, picture
 from .sheet import moments
 from .trails import Trails

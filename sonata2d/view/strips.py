@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pygame
 
+from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from ..frame import Snapshot
 from .camera import Camera
 from .draw import Layers, backdrop, camera_for, draw_moment
 from .still import url_of

@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 
 import pygame
 
+from ..core.geometry import Point
 from ..errors import RenderError
-from ..geometry import Point
 from .fonts import font, printable, width_of
 from .palette import Colour
 

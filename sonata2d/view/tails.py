@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pygame
 
-from ..exact import Array
+from ..core.portable_math import Array
 from .camera import Camera
 from .palette import Colour, time_colour
 from .trails import LEAP, ROBOT_WIDTH, WAY_WIDTH, Trails, way_colour

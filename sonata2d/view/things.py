@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from ..entities import Furniture
-from ..geometry import Disc, Point
+from ..core.entities import Furniture
+from ..core.geometry import Disc, Point
 from .brush import Brush
 from .palette import (
     BLOCK,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from ..entities import Group, Interaction
-from ..frame import Snapshot
-from ..geometry import Point
+from ..core.entities import Group, Interaction
+from ..core.geometry import Point
+from ..core.snapshot import Snapshot
 from .brush import Brush
 from .palette import PURPLE
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..exact import Array
-from ..frame import Snapshot
+from ..core.portable_math import Array
+from ..core.snapshot import Snapshot
 from .brush import Brush
 from .palette import BLUE, FLOOR, PAPER, Colour, mixed, shaded, time_colour
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pygame
 
+from ..core.devices import View
+from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from ..frame import Snapshot
-from ..topics import View
 from .brush import Brush
 from .camera import Camera
 from .caption import STRIP, draw_strip, summary

@@ -1,10 +1,10 @@
-"""The window: a person drives, labels, rates and replays; any controller can be watched at work."""
+"""The pygame window: drive, label, rate and replay; watch any controller live."""
 
 import os
 
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # before anything here imports pygame
-os.environ.setdefault("SDL_WINDOWS_DPI_AWARENESS", "permonitorv2")  # a pixel is a pixel of the screen
+os.environ.setdefault("SDL_WINDOWS_DPI_AWARENESS", "permonitorv2")  # window pixels are screen pixels
 
-from .stage import Screen, Stage
+import lazy_loader
 
-__all__ = ["Screen", "Stage"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

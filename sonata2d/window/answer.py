@@ -8,7 +8,7 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UITextEntryLine
 
-from ..labels import LabelSpec
+from ..core.labels import LabelSpec
 from .bars import Entry, Scale, button_row
 
 _GAP, _HIGH = 6, 40  # pixels at scale 1, between rows and of a row

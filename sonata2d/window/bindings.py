@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
-from ..agents.teleoperation import Axis
+from ..agents.controllers.teleoperation import Axis
 from .actions import Action, in_words
 from .hands import Move
 from .profiles import Profile

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pygame
 
+from ..collect.session import Session
+from ..core.devices import View
 from ..errors import Sonata2dError
-from ..scenegen import ScenarioConfig
-from ..session import Session
-from ..topics import View
-from ..view import Hud, between, draw_tint
+from ..scenegen.scenario.config import ScenarioConfig
+from ..view.hud import Hud
+from ..view.interpolation import between
 from ..view.palette import GREEN, VERMILLION
+from ..view.veil import draw_tint
 from .actions import Action
 from .collect_texts import KEYS, LIGHTS, WRITING, recovered_notice, standing_notice
 from .desk import Desk, Overlay

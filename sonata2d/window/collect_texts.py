@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from ..driving import State
-from ..session import Session
+from ..collect.run import State
+from ..collect.session import Session
 from .actions import Action
 
 Light = Literal["waiting", "recording", "paused", "frozen"]

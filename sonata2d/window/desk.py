@@ -7,8 +7,8 @@ from typing import Any, Literal
 import pygame
 import pygame_gui
 
-from ..scenegen import ScenarioConfig
-from ..session import Session
+from ..collect.session import Session
+from ..scenegen.scenario.config import ScenarioConfig
 from .actions import KEYS, Action
 from .answer import Answer
 from .cards import Card

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..labels import DEVICE, LabelSpec
-from ..topics import DeviceEvent
+from ..core.devices import DeviceEvent
+from ..core.labels import DEVICE, LabelSpec
 from .actions import Action
 
 _STEP = 0.05  # of the slider, a press

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..frame import Contact, Snapshot
-from ..labels import LabelSpec
-from ..record import EpisodeRecord
-from ..scene import Scene
-from ..topics import DeviceEvent
+from ..core.devices import DeviceEvent
+from ..core.labels import LabelSpec
+from ..core.scene import Scene
+from ..core.snapshot import Contact, Snapshot
+from ..record.record import EpisodeRecord
 
 
 def frame_facts(record: EpisodeRecord, snapshot: Snapshot, index: int) -> list[str]:

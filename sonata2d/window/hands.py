@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import pygame
 
-from ..agents.teleoperation import HANDS, Hand
-from ..topics import DeviceEvent
+from ..agents.controllers.teleoperation import HANDS, Hand
+from ..core.devices import DeviceEvent
 from .actions import Action, key_of, with_modifiers
 from .ledger import Ledger
 from .pads import PLUGGING, Pad, Plugs, SdlPlugs

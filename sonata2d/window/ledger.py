@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..topics import DeviceEvent
+from ..core.devices import DeviceEvent
 from .pads import STEP
 
 Key = tuple[str, str]  # device, control

@@ -8,14 +8,17 @@ from collections.abc import Callable
 
 import pygame
 
-from ..agents import Controller
-from ..episode import Episode
+from ..agents.controllers.base import Controller
+from ..agents.controllers.loading import load_controller
+from ..core.devices import View
+from ..core.snapshot import Snapshot
 from ..errors import SceneError, Sonata2dError
-from ..frame import Snapshot
-from ..plugins import load_controller
-from ..scenegen import ScenarioConfig, generate
-from ..topics import View
-from ..view import Hud, between, image_of
+from ..scenegen.generator import generate
+from ..scenegen.scenario.config import ScenarioConfig
+from ..sim.episode import Episode
+from ..view.eye import image_of
+from ..view.hud import Hud
+from ..view.interpolation import between
 from .actions import Action
 from .hands import Hands
 from .sight import Sight

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..session import Session
-from ..topics import DeviceEvent
+from ..collect.session import Session
+from ..core.devices import DeviceEvent
 from .hands import Hands
 
 MOST = 3  # ticks in one picture, to catch up; what lags more is dropped, and counted

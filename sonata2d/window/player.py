@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..frame import Snapshot
-from ..record import EpisodeRecord
+from ..core.snapshot import Snapshot
+from ..record.record import EpisodeRecord
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 Between = tuple[Snapshot, Snapshot, float]  # before, after, and how far on from one to the other, 0 to 1

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import RecordError
-from ..record import EpisodeRecord, read_episode
+from ..record.reader import read_episode
+from ..record.record import EpisodeRecord
 
 _log = logging.getLogger(__name__)
 

@@ -12,9 +12,9 @@ from typing import Any, Self
 
 import platformdirs
 
-from ..agents.teleoperation import HANDS, Hand
+from ..agents.controllers.teleoperation import HANDS, Hand
 from ..errors import RecordError
-from ..record import write_atomically
+from ..record.files import write_atomically
 from .actions import KEYBOARD_ACTIONS, MOUSE_ACTIONS, PAD_ACTIONS, Action
 
 LOG = logging.getLogger(__name__)

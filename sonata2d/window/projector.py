@@ -6,9 +6,14 @@ from pathlib import Path
 
 import pygame
 
-from ..frame import Snapshot
-from ..topics import View
-from ..view import Camera, Layers, Painter, Trails, between, save_moment
+from ..core.devices import View
+from ..core.snapshot import Snapshot
+from ..view.camera import Camera
+from ..view.draw import Layers
+from ..view.interpolation import between
+from ..view.live import Painter
+from ..view.trails import Trails
+from ..view.vector import save_moment
 from .player import Player
 
 _TAIL = 8.0  # s of the ways that are shown

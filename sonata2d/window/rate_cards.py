@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..rating import RatingSession
+from ..collect.rating import RatingSession
 
 _KEYS = {
     "yes_no": "Y, N: answer",

@@ -9,12 +9,12 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton
 
+from ..collect.rating import RatingSession
+from ..core.devices import View
 from ..errors import RecordError
-from ..rating import RatingSession
-from ..record import EpisodeRecord
-from ..topics import View
-from ..view import draw_veil
+from ..record.record import EpisodeRecord
 from ..view.palette import BLUE, FAINT, FLOOR, VERMILLION
+from ..view.veil import draw_veil
 from .answer import Answer
 from .bars import LARGE, SMALL, TEXT, Entry, Timeline, button_row, plate, text_size, wrapped, write
 from .player import Player

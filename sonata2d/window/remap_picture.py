@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import pygame
 from pygame import Rect, Vector2
 
-from ..agents.teleoperation import STICKS, Axis, Hand
+from ..agents.controllers.teleoperation import STICKS, Axis, Hand
 from ..view.fonts import rendered, shortened, width_of
 from ..view.palette import BLUE, FAINT, INK, ORANGE, PAPER, Colour
 from .actions import in_words

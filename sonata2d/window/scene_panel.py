@@ -8,7 +8,7 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UILabel, UIPanel
 
-from ..scenegen import ScenarioConfig
+from ..scenegen.scenario.config import ScenarioConfig
 from .actions import Action
 
 COUNTS = (

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pygame
 
-from ..frame import Snapshot
-from ..scene import Scene
-from ..topics import View
-from ..view import Hud, Layers, Painter, draw_hud
+from ..core.devices import View
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
+from ..view.draw import Layers
+from ..view.hud import Hud, draw_hud
+from ..view.live import Painter
 from .actions import Action
 
 STEP, MARGIN = 1.25, 0.92  # of the zoom; the whole room is shown a little smaller, free of the readings in the corners

@@ -15,7 +15,7 @@ import pygame_gui
 from pygame._sdl2 import controller
 
 from ..errors import RenderError, WindowError
-from ..view import save_surface
+from ..view.still import save_surface
 
 SIZE = (1280, 800)
 FPS = 60

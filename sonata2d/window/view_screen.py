@@ -8,9 +8,10 @@ from pathlib import Path
 import pygame
 from pygame_gui.elements import UIButton
 
+from ..core.devices import View
 from ..errors import RenderError
-from ..topics import View
-from ..view import Hud, draw_hud, draw_veil
+from ..view.hud import Hud, draw_hud
+from ..view.veil import draw_veil
 from .bars import SMALL, TEXT, Entry, Timeline, button_row, plate, text_size, wrapped, write
 from .facts import frame_facts, frame_label, run_facts
 from .player import Player

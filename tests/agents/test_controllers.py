@@ -7,17 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from sonata2d.agents import STOCK, Controller, SocialPlanner
-from sonata2d.agents.cost_field import CostField
-from sonata2d.agents.kinematics import executable
-from sonata2d.agents.rollout import rolled_out
-from sonata2d.entities import TALKING, Furniture, Human, Interaction, Robot
-from sonata2d.episode import Episode
-from sonata2d.frame import Author, Frame, Outcome, Snapshot
-from sonata2d.geometry import Pose, Rectangle, Twist
-from sonata2d.proxemics import clearance
-from sonata2d.scene import Scene
-from sonata2d.world import World
+from sonata2d.agents.controllers.base import Controller
+from sonata2d.agents.controllers.loading import named_controllers
+from sonata2d.agents.controllers.planner import CostField, SocialPlanner, rolled_out
+from sonata2d.core.entities import TALKING, Furniture, Human, Interaction, Robot
+from sonata2d.core.geometry import Pose, Rectangle, Twist
+from sonata2d.core.proxemics import clearance
+from sonata2d.core.scene import Scene
+from sonata2d.core.snapshot import Author, Frame, Outcome, Snapshot
+from sonata2d.registry import CONTROLLERS
+from sonata2d.sim.episode import Episode, executable
+from sonata2d.sim.world import World
 
 from ..conftest import L_SHAPE, room, walker
 
@@ -42,12 +42,14 @@ def run(scene: Scene, controller: Controller) -> tuple[Outcome, list[Snapshot]]:
     return Episode(scene, controller, observers=[watch]).run(), watch.seen
 
 
-@pytest.mark.parametrize("name", [name for name in STOCK if name != "teleoperation"])
+@pytest.mark.parametrize(
+    "name", [name for name in CONTROLLERS.built_in if name not in ("teleoperation", "graph-policy")]
+)
 @pytest.mark.parametrize("kinematics", ["holonomic", "unicycle"])
 def test_every_stock_controller_reaches_the_goal_in_an_empty_room(name: str, kinematics: str) -> None:
     scene = room(robot=Pose(-3.0, 1.0, 2.0))
     scene = Scene(**{**vars(scene), "robot": Robot(scene.robot.pose, kinematics=kinematics)})  # type: ignore[arg-type]
-    outcome, _ = run(scene, STOCK[name]())
+    outcome, _ = run(scene, named_controllers()[name]())
     assert outcome.status == "goal"
     assert outcome.time < 15.0
 
@@ -56,7 +58,7 @@ def test_every_stock_controller_reaches_the_goal_in_an_empty_room(name: str, kin
 def test_planners_find_the_way_round_the_corner_of_an_l(name: str) -> None:
     scene = room([], [Furniture(9, "table", Pose(-2.0, 0.2), Rectangle(1.0, 1.0))], polygon=L_SHAPE,
                  robot=Pose(-2.0, 3.0, 0.0), goal=(3.0, -2.0))  # fmt: skip
-    outcome, seen = run(scene, STOCK[name]())
+    outcome, seen = run(scene, named_controllers()[name]())
     assert outcome.status == "goal"
     assert not any(snapshot.contacts for snapshot in seen)
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.agents.crowd import Crowd
-from sonata2d.entities import AT_LAPTOP, TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction, Wall
-from sonata2d.exact import Array
-from sonata2d.frame import Snapshot
-from sonata2d.geometry import Pose, Rectangle, Twist
-from sonata2d.scene import Rules, Scene
-from sonata2d.world import World
+from sonata2d.agents.pedestrians.crowd import Crowd
+from sonata2d.core.entities import AT_LAPTOP, TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction, Wall
+from sonata2d.core.geometry import Pose, Rectangle, Twist
+from sonata2d.core.portable_math import Array
+from sonata2d.core.scene import Rules, Scene
+from sonata2d.core.snapshot import Snapshot
+from sonata2d.sim.world import World
 
 from ..conftest import L_SHAPE, room, walker
 
@@ -170,5 +170,5 @@ def test_halving_the_step_hardly_changes_the_way() -> None:
 
 
 def test_models_that_are_unknown_or_mixed_are_refused() -> None:
-    with pytest.raises(ValueError, match="moussaid2009"):
+    with pytest.raises(ValueError, match="no pedestrian model is named .helbing.; did you mean .helbing"):
         Crowd(room([walker(1, 0.0, 0.0, model="helbing")]))

@@ -11,16 +11,19 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.agents import Answer, Controller, HumanLike, SocialForce, Stop
-from sonata2d.chance import Chance
-from sonata2d.entities import Limits, Robot
-from sonata2d.episode import Episode
-from sonata2d.frame import Frame, Snapshot
-from sonata2d.geometry import Pose, Twist
-from sonata2d.plugins import load_controller
-from sonata2d.record import EpisodeRecorder, read_episode
-from sonata2d.replay import check_replay, check_rerun
-from sonata2d.scene import Rules, Scene
+from sonata2d.agents.controllers.base import Answer, Controller, Stop
+from sonata2d.agents.controllers.human_like import HumanLike
+from sonata2d.agents.controllers.loading import load_controller
+from sonata2d.agents.controllers.reactive import SocialForce
+from sonata2d.core.entities import Limits, Robot
+from sonata2d.core.geometry import Pose, Twist
+from sonata2d.core.rng import Chance
+from sonata2d.core.scene import Rules, Scene
+from sonata2d.core.snapshot import Frame, Snapshot
+from sonata2d.datasets.replay import check_replay, check_rerun
+from sonata2d.record.reader import read_episode
+from sonata2d.record.recorder import EpisodeRecorder
+from sonata2d.sim.episode import Episode
 
 from ..conftest import room, walker
 
@@ -148,7 +151,7 @@ def test_numbers_that_make_no_hand_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(wrong))} must be 0 or more"):
         HumanLike(**wrong)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="no Controller"):
-        HumanLike.restored({"inner": {"path": "math:inf", "version": None, "settings": {}}})
+        HumanLike.from_settings({"inner": {"path": "math:inf", "version": None, "settings": {}}})
 
 
 def test_it_drives_to_the_goal_among_people() -> None:

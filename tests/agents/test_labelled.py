@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.agents import Answer, Labelled, Regenerate, Stop
+from sonata2d.agents.controllers.base import Answer, Regenerate, Stop
+from sonata2d.agents.controllers.labelled import Labelled
+from sonata2d.core.devices import ImageRequest
+from sonata2d.core.geometry import Twist
+from sonata2d.core.scene import Rules
+from sonata2d.core.snapshot import Snapshot
 from sonata2d.errors import ControllerError
-from sonata2d.frame import Snapshot
-from sonata2d.geometry import Twist
-from sonata2d.record import read_episode
-from sonata2d.scene import Rules
-from sonata2d.topics import ImageRequest
+from sonata2d.record.reader import read_episode
 
 from ..conftest import room, walker
 
@@ -106,7 +107,7 @@ def test_numbers_of_numpy_are_labels_of_python() -> None:
 
 
 def test_a_driver_that_asks_for_an_image_gets_it_and_the_labeller_may_not() -> None:
-    from sonata2d.view import image_of
+    from sonata2d.view.eye import image_of
 
     pair = Labelled(Looker(), s2.SocialPlanner())
     assert pair.image == Looker.image
@@ -147,7 +148,7 @@ def test_a_file_says_what_the_label_is_and_how_both_are_set(tmp_path: Path) -> N
 
 def test_what_was_not_made_by_name_is_not_made_again_in_silence() -> None:
     with pytest.raises(ControllerError, match=r"does not say who drove; name both as driver\+labeller"):
-        Labelled.restored(Labelled(s2.StraightToGoal(), s2.SocialPlanner()).settings())
+        Labelled.from_settings(Labelled(s2.StraightToGoal(), s2.SocialPlanner()).settings())
 
 
 class Minds(s2.Controller):
@@ -159,7 +160,7 @@ class Minds(s2.Controller):
     def act(self, snapshot: Snapshot) -> Twist:
         return Twist(0.1)
 
-    def overruled(self, twist: Twist) -> None:
+    def command_overridden(self, twist: Twist) -> None:
         self.heard.append(twist)
 
 
@@ -183,5 +184,5 @@ def test_an_expert_labels_what_it_would_do_there_whatever_it_would_have_done_bef
         assert frame is not None
         assert frame.label == [wanted.vx, wanted.vy, wanted.omega]
         apart += frame.command != wanted
-        expert.overruled(frame.command)
+        expert.command_overridden(frame.command)
     assert apart > 10

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sonata2d.agents.forces.linear_program import HalfPlane, chosen_velocity, nearest_velocity
-from sonata2d.exact import Array
+from sonata2d.agents.pedestrians.models.orca2011 import HalfPlane, chosen_velocity, nearest_velocity
+from sonata2d.core.portable_math import Array
 
 STEP = 0.01
 AXIS = np.arange(-1.5, 1.5 + STEP / 2, STEP)

@@ -9,15 +9,15 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from sonata2d.agents.crowd import Crowd
-from sonata2d.chance import Chance
-from sonata2d.entities import Human, Limits, Reaction, Wall
-from sonata2d.exact import Array
-from sonata2d.frame import Snapshot
-from sonata2d.geometry import Pose, Twist
-from sonata2d.scene import Rules, Scene
-from sonata2d.scenegen.social import ClearanceConfig
-from sonata2d.world import World
+from sonata2d.agents.pedestrians.crowd import Crowd
+from sonata2d.core.entities import Human, Limits, Reaction, Wall
+from sonata2d.core.geometry import Pose, Twist
+from sonata2d.core.portable_math import Array
+from sonata2d.core.rng import Chance
+from sonata2d.core.scene import Rules, Scene
+from sonata2d.core.snapshot import Snapshot
+from sonata2d.scenegen.scenario.social import ClearanceConfig
+from sonata2d.sim.world import World
 
 from ..conftest import room, walker
 

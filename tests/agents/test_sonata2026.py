@@ -8,17 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sonata2d.agents.forces.anticipation import anticipation_acceleration
-from sonata2d.agents.forces.company import company_acceleration
-from sonata2d.agents.forces.headway import Strip, free_speed
-from sonata2d.agents.forces.nearness import nearness_acceleration
-from sonata2d.agents.forces.steering import Choice, steered
-from sonata2d.agents.models.registry import MODELS
-from sonata2d.agents.models.walkers import Walkers
-from sonata2d.entities import Group, Human, Wall
-from sonata2d.exact import Array
-from sonata2d.geometry import Pose
-from sonata2d.scene import Rules, Scene
+from sonata2d.agents.pedestrians.models.base import Walkers, pedestrian_model
+from sonata2d.agents.pedestrians.models.sonata2026 import (
+    Choice,
+    Strip,
+    anticipation_acceleration,
+    company_acceleration,
+    free_speed,
+    nearness_acceleration,
+    steered,
+)
+from sonata2d.core.entities import Group, Human, Wall
+from sonata2d.core.geometry import Pose
+from sonata2d.core.portable_math import Array
+from sonata2d.core.scene import Rules, Scene
 
 from ..conftest import room
 from .test_crowd import turned, watched
@@ -150,7 +153,7 @@ def felt_by(people: Walkers, side: int = 1) -> Array:
     far = ((-90.0, -90.0), (90.0, -90.0), (90.0, 90.0), (-90.0, 90.0))
     humans = [Human(k + 1, Pose(0.0, 0.0)) for k in range(len(people.position) - 1)]
     scene = room(humans, polygon=far, rules=Rules(side=side))  # type: ignore[arg-type]
-    return MODELS["sonata2026"](scene).acceleration(people)
+    return pedestrian_model("sonata2026")(scene).acceleration(people)
 
 
 def moved(people: Walkers, by: Array) -> Walkers:

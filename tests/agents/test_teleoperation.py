@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonata2d.agents.teleoperation import HANDS, STOP, Hand, Teleoperation
-from sonata2d.entities import Kinematics
-from sonata2d.episode import Episode
-from sonata2d.geometry import Twist
-from sonata2d.labels import LabelSpec
-from sonata2d.scene import Scene
-from sonata2d.topics import DeviceEvent
+from sonata2d.agents.controllers.teleoperation import HANDS, STOP, Hand, Teleoperation
+from sonata2d.core.devices import DeviceEvent
+from sonata2d.core.entities import Kinematics
+from sonata2d.core.geometry import Twist
+from sonata2d.core.labels import LabelSpec
+from sonata2d.core.scene import Scene
+from sonata2d.sim.episode import Episode
 
 from ..conftest import room
 
@@ -145,7 +145,7 @@ def test_the_same_events_bring_the_same_twists(ticks: list[Tick]) -> None:
     once = driven(ticks, controller)
     assert driven(ticks, controller) == once
     told = json.loads(json.dumps(controller.settings()))
-    assert driven(ticks, Teleoperation.restored(told)) == once
+    assert driven(ticks, Teleoperation.from_settings(told)) == once
 
 
 @given(drives)
@@ -214,7 +214,7 @@ def test_labels_come_as_events_and_stay() -> None:
     for events in ([], [DeviceEvent("label", "comfort", 0.25)], keys("w"), [DeviceEvent("label", "comfort", 1.0)]):
         episode.step(events)
     assert [moment.label for moment in episode.past] == [{"comfort": label} for label in (None, 0.25, 0.25, 1.0)]
-    assert Teleoperation.restored(controller.settings()).labels == controller.labels != {}
+    assert Teleoperation.from_settings(controller.settings()).labels == controller.labels != {}
 
 
 def test_a_label_that_nobody_asked_for_changes_nothing() -> None:

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 from sonata2d_cli.main import COMMANDS
 
-from sonata2d.batch import KEEPABLE
+from sonata2d.datasets.generate import KEEPABLE
 
 from .conftest import Run
 

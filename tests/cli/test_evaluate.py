@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.metrics import ALL, METRICS
+from sonata2d.metrics.catalogue import ALL, METRICS
 
-from ..learned.by_hand import weights_file
+from ..learning.samples import weights_file
 from .conftest import Run
 
 

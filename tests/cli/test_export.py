@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 
 import pytest
-from sonata2d_cli.export import FORMATS as NAMED
 
-from sonata2d.formats import FORMATS
+from sonata2d.formats.api import format_named
+from sonata2d.registry import FORMATS
 
 from .conftest import Run
 
@@ -21,17 +21,16 @@ def made(sonata2d: Run, here: Path) -> Path:
 
 
 def test_the_commands_know_all_formats(sonata2d: Run) -> None:
-    assert tuple(FORMATS) == NAMED
     for name in ("export", "import"):
         told = sonata2d(f"{name} --help").output
         assert "Examples:" in told
-        assert all(format in told for format in NAMED)
+        assert all(format in told for format in FORMATS.built_in)
 
 
 @pytest.mark.parametrize("format", ["sonata", "socnav3", "npz", "csv"])
 def test_out_and_in_again(sonata2d: Run, made: Path, here: Path, format: str) -> None:
     told = json.loads(sonata2d(f"export out --to {format} -o there --json").output)
-    suffix = FORMATS[format].suffix
+    suffix = format_named(format).suffix
     assert told == {"format": format, "files": [f"there/00000{k}{suffix}" for k in (0, 1)], "refused": []}
     assert (
         f"back: 2 episodes from {format}" in sonata2d(f"import there --from {format} -o back --frame-time 0.1").output

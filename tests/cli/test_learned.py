@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ..learned.by_hand import weights_file
+from ..learning.samples import weights_file
 from .conftest import Run
 
 MAKE = "generate out --scenario quick.yaml --episodes 2 --workers 1 --no-picture --controller "
@@ -62,7 +62,7 @@ def test_weights_that_were_moved_are_named_anew(sonata2d: Run, here: Path, label
 def test_what_cannot_drive_is_told_in_one_line(sonata2d: Run, here: Path, name: str, message: str) -> None:
     import numpy as np
 
-    from ..learned.by_hand import drawn
+    from ..learning.samples import drawn
 
     arrays = dict(drawn().arrays) | {"layer0.bias": np.full(12, 33.0)}
     np.savez(here / "bad.npz", about=np.array(json.dumps({"graph": "paper", "kind": "rgcn", "note": {}})), **arrays)

@@ -9,9 +9,9 @@ from typing import Any
 import pygame
 import pytest
 
-from sonata2d.labels import LabelSpec
-from sonata2d.rating import RatingSession
-from sonata2d.window import Stage
+from sonata2d.collect.rating import RatingSession
+from sonata2d.core.labels import LabelSpec
+from sonata2d.window.stage import Stage
 
 from .conftest import Run
 

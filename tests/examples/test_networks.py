@@ -14,13 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sonata2d.batch import generate_dataset
-from sonata2d.graph import modern_graph, paper_graphs
-from sonata2d.learned import GraphPolicy, inputs_of, read_weights
-from sonata2d.learned.network import network_of
-from sonata2d.record import read_episode
-from sonata2d.scenegen import load_scenario
-from sonata2d.transforms import split_dataset
+from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets.split import split_dataset
+from sonata2d.learning.graph.modern import modern_graph
+from sonata2d.learning.graph.paper import paper_graphs
+from sonata2d.learning.inputs import inputs_of
+from sonata2d.learning.network import network_of
+from sonata2d.learning.policy import GraphPolicy
+from sonata2d.learning.weights import read_weights
+from sonata2d.record.reader import read_episode
+from sonata2d.scenegen.scenario.load import load_scenario
 
 from .test_use_case import USE_CASE
 

@@ -14,17 +14,19 @@ import numpy as np
 import pygame
 import pytest
 
-from sonata2d.batch import generate_dataset
+from sonata2d.collect.session import Session
+from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets.manifest import read_manifest
+from sonata2d.datasets.mirror_image import twist_image
+from sonata2d.datasets.split import split_dataset
 from sonata2d.errors import RecordError
-from sonata2d.graph import FEATURES
-from sonata2d.learned.inputs import INPUTS
-from sonata2d.record import read_episode, read_manifest
-from sonata2d.scenegen import load_scenario
-from sonata2d.session import Session
-from sonata2d.transforms import split_dataset, twist_image
+from sonata2d.learning.graph.paper import FEATURES
+from sonata2d.learning.inputs import INPUTS
+from sonata2d.record.reader import read_episode
+from sonata2d.scenegen.scenario.load import load_scenario
 from sonata2d.window.collect_screen import CollectScreen
 from sonata2d.window.hands import Hands
-from tests.window.at_controls import Person
+from tests.window.volunteer import Person
 
 QUICK = load_scenario("sonata-2020").changed(rules={"time_limit": 4.0})
 USE_CASE = Path(__file__).parent.parent.parent / "examples" / "use_case"

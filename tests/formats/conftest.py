@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 import sonata2d as s2
-from sonata2d.record import EpisodeRecord, JsonRecorder, read_episode
+from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.recorder import JsonRecorder
 
 KINDS = ("square", "rectangle", "l")
 

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.entities import PERSON_RADIUS
+from sonata2d.core.entities import PERSON_RADIUS
+from sonata2d.datasets.check import check_episode
+from sonata2d.datasets.replay import check_replay
 from sonata2d.errors import ConfigError, RecordError, SceneError
-from sonata2d.formats import save_scenario, scenario_from_tracks
-from sonata2d.record import JsonRecorder, check_episode, read_episode
-from sonata2d.replay import check_replay
+from sonata2d.formats.from_tracks import save_scenario, scenario_from_tracks
+from sonata2d.record.reader import read_episode
+from sonata2d.record.recorder import JsonRecorder
 
 from .test_tracks import REAL
 

@@ -12,8 +12,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sonata2d.formats import FORMATS, Options, export_to, import_from
-from sonata2d.record import check_episode, read_episode
+from sonata2d.datasets.check import check_episode
+from sonata2d.formats.api import export_to, format_named, import_from
+from sonata2d.formats.base import Options
+from sonata2d.record.reader import read_episode
 
 JSON = ("sonata", "socnav3", "trajnet")
 ODD = [None, True, -1, 0, 2**63, -1e300, 1e12, "", "nan", [], {}, [[]], {"a": 1}, "\ud800"]
@@ -50,7 +52,7 @@ def told(name: str, data: bytes, folder: Path) -> None:
     format = "socnav3" if name == "foreign" else name
     folder = folder / name  # what lies beside a file of tracks is read too
     folder.mkdir(exist_ok=True)
-    path = folder / f"fuzz{FORMATS[format].suffix}"
+    path = folder / f"fuzz{format_named(format).suffix}"
     path.write_bytes(data)
     done = import_from(path, format, folder / "made", Options(frame_time=0.1))
     assert len(done.files) + len(done.refused) == 1

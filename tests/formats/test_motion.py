@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonata2d.entities import PERSON_RADIUS
-from sonata2d.formats.imported import radii_that_fit
-from sonata2d.formats.motion import headings_along, polygon_of, turned_by, velocities
-from sonata2d.record import EpisodeRecord
+from sonata2d.core.entities import PERSON_RADIUS
+from sonata2d.formats.imported import headings_along, polygon_of, radii_that_fit, turned_by, velocities
+from sonata2d.record.record import EpisodeRecord
 
 GONE = (np.nan, np.nan, np.nan)
 

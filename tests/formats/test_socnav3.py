@@ -12,16 +12,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sonata2d.core.geometry import Disc, Pose, Rectangle, inside_polygon, wrapped
+from sonata2d.datasets.check import check_episode
+from sonata2d.datasets.replay import check_replay
 from sonata2d.errors import RecordError
-from sonata2d.formats import Options, grid, socnav3, socnav3_reader
-from sonata2d.formats.valid import proven
-from sonata2d.geometry import Disc, Pose, Rectangle, inside_polygon, wrapped
-from sonata2d.record import EpisodeRecord, check_episode, read_bytes, read_episode
+from sonata2d.formats import socnav3
+from sonata2d.formats import socnav3 as grid
+from sonata2d.formats import socnav3 as socnav3_reader
+from sonata2d.formats.base import Options
+from sonata2d.formats.validate import proven
+from sonata2d.record.files import read_bytes
 from sonata2d.record.layout import Tree
-from sonata2d.replay import check_replay
+from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord
 
 from ..record.conftest import episode  # noqa: F401
-from .schema import SCHEMA
+from .socnav3_schema import SCHEMA
 
 PLAIN = Options()
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "formats" / "socnav3.json"

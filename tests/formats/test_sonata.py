@@ -14,16 +14,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sonata2d.entities import Furniture, Goal, Human, Interaction, Robot
+from sonata2d.core.entities import Furniture, Goal, Human, Interaction, Robot
+from sonata2d.core.geometry import Pose, Rectangle
+from sonata2d.core.scene import Scene
 from sonata2d.errors import RecordError
-from sonata2d.formats import Options, sonata, sonata_reader
-from sonata2d.formats.clock import exact_stamps
-from sonata2d.geometry import Pose, Rectangle
-from sonata2d.record import EpisodeRecord, JsonRecorder, read_episode
+from sonata2d.formats import sonata
+from sonata2d.formats import sonata as sonata_reader
+from sonata2d.formats.base import Options
+from sonata2d.formats.timestamps import exact_stamps
 from sonata2d.record.layout import Tree
-from sonata2d.scene import Scene
+from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.recorder import JsonRecorder
 
-from ..record import by_hand
+from ..record import samples as by_hand
 from . import reader_2020
 
 PLAIN, ORIGINAL = Options(), Options(original=True)

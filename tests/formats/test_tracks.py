@@ -11,9 +11,14 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
+from sonata2d.datasets.check import check_episode
 from sonata2d.errors import RecordError
-from sonata2d.formats import Done, Options, export_to, import_from, trajnet
-from sonata2d.record import EpisodeRecord, JsonRecorder, check_episode, read_episode
+from sonata2d.formats import trajnet
+from sonata2d.formats.api import Done, export_to, import_from
+from sonata2d.formats.base import Options
+from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.recorder import JsonRecorder
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
 COMING_AND_GOING = [

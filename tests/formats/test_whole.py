@@ -10,12 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sonata2d.datasets.check import check_episode
+from sonata2d.datasets.replay import check_replay
 from sonata2d.errors import RecordError
-from sonata2d.formats import Options, export_to, import_from, npz, tables
-from sonata2d.record import EpisodeRecord, JsonRecorder, check_episode, read_bytes, read_episode
-from sonata2d.replay import check_replay
+from sonata2d.formats import npz
+from sonata2d.formats import parquet as tables
+from sonata2d.formats.api import export_to, import_from
+from sonata2d.formats.base import Options
+from sonata2d.record.files import read_bytes
+from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.recorder import JsonRecorder
 
-from ..record import by_hand
+from ..record import samples as by_hand
 from ..record.conftest import episode  # noqa: F401
 
 

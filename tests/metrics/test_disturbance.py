@@ -8,16 +8,19 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.entities import Human
-from sonata2d.geometry import Pose
-from sonata2d.metrics import Run, measure, without_robot
-from sonata2d.record import EpisodeRecord, EpisodeRecorder
+from sonata2d.core.entities import Human
+from sonata2d.core.geometry import Pose
+from sonata2d.core.scene import Rules, Scene
+from sonata2d.datasets.mirror import mirrored
+from sonata2d.metrics.disturbance import without_robot
+from sonata2d.metrics.measurement import measure
+from sonata2d.metrics.trajectory import Run
 from sonata2d.record.reader import record_of
-from sonata2d.scene import Rules, Scene
-from sonata2d.transforms.mirror import mirrored
+from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.recorder import EpisodeRecorder
 
 from ..conftest import room, walker
-from .by_hand import line, stay, value
+from .samples import line, stay, value
 
 DISTURBANCE = ("human_deviation_mean", "human_deviation_max", "human_slowing")
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from sonata2d.metrics import Measured
-from sonata2d.metrics.extremes import COMPLIANCE, best_of, why_best, why_worst, worst_of
+from sonata2d.metrics.measurement import Measured
+from sonata2d.metrics.page import COMPLIANCE, best_of, why_best, why_worst, worst_of
 
 GOOD = {
     "success": 1.0, "collisions": 0.0, "robot_on_person": 0.0, "wall_collisions": 0.0, "object_collisions": 0.0,

@@ -10,13 +10,14 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sonata2d.entities import TALKING, Furniture, Goal, Group, Human, Wall
-from sonata2d.geometry import Disc, Point, Pose, Rectangle
-from sonata2d.metrics import ALL, Run
-from sonata2d.scene import Scene
+from sonata2d.core.entities import TALKING, Furniture, Goal, Group, Human, Wall
+from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
+from sonata2d.core.scene import Scene
+from sonata2d.metrics.catalogue import ALL
+from sonata2d.metrics.trajectory import Run
 
 from ..conftest import L_SHAPE, room
-from .by_hand import record
+from .samples import record
 
 LOOKS = 30
 # Shortest ways go round corners by polygons that do not turn with the room: right to a few centimetres.

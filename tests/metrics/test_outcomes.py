@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from sonata2d.entities import Furniture, Goal, Human
-from sonata2d.geometry import Disc, Pose, Rectangle
-from sonata2d.metrics import Run
-from sonata2d.scene import Rules
+from sonata2d.core.entities import Furniture, Goal, Human
+from sonata2d.core.geometry import Disc, Pose, Rectangle
+from sonata2d.core.scene import Rules
+from sonata2d.metrics.trajectory import Run
 
 from ..conftest import room
-from .by_hand import line, record, stay, value
+from .samples import line, record, stay, value
 
 TO_GOAL = line((-3.0, 0.0), (0.1, 0.0), 61)  # the goal is at (3, 0), reached within 0.4 m: at look 56
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 import sonata2d as s2
-from sonata2d.batch import generate_dataset
+from sonata2d.datasets.generate import generate_dataset
 from sonata2d.errors import RenderError
-from sonata2d.metrics import METRICS, Evaluation, Measured, episode_files, headline, measure_files
-from sonata2d.metrics.endings import endings, kinds_of
-from sonata2d.metrics.page import cells, page_metrics, save_page, short_names
-from sonata2d.metrics.plots import Axis, panel
+from sonata2d.metrics.catalogue import METRICS, headline
+from sonata2d.metrics.measurement import Evaluation, Measured, episode_files, measure_files
+from sonata2d.metrics.page import Axis, cells, page_metrics, panel, save_page, short_names
+from sonata2d.metrics.table import endings, kinds_of
 
 VOID = {"meta", "img"}
 

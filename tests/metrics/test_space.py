@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from sonata2d.entities import Furniture, Human
-from sonata2d.geometry import Disc, Pose
+from sonata2d.core.entities import Furniture, Human
+from sonata2d.core.geometry import Disc, Pose
 from sonata2d.metrics.space import THRESHOLDS
 
 from ..conftest import room
-from .by_hand import stay, value
+from .samples import stay, value
 
 # Centres 0.4, 0.8, 1.0, 1.5, 4.0, 4.2 m apart: d = 0 (overlap), 0.3, 0.5, 1.0, 3.5, 3.7 m.
 ONE = room([Human(1, Pose(0.0, 0.0), 0.2)])

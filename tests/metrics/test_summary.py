@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sonata2d.metrics import bootstrap_interval, differences, summarise, wilson_interval
+from sonata2d.metrics.summary import bootstrap_interval, differences, summarise, wilson_interval
 
 NUMBERS = st.lists(st.floats(-100.0, 100.0).map(lambda v: round(v, 3)), min_size=2, max_size=30)
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.record import JsonRecorder
+from sonata2d.record.recorder import JsonRecorder
 
-from .by_hand import run
+from .samples import run
 
 
 @pytest.fixture

@@ -17,8 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sonata2d.errors import RecordError
-from sonata2d.record import JsonRecorder, read_bytes, safe_name, write_atomically
-from sonata2d.record.files import packed, stem_of
+from sonata2d.record.files import packed, read_bytes, safe_name, stem_of, write_atomically
+from sonata2d.record.recorder import JsonRecorder
 
 NOON = datetime(2025, 1, 2, 12, 0, 0, tzinfo=UTC)
 

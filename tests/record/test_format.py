@@ -9,10 +9,12 @@ from typing import Any
 
 import pytest
 
-from sonata2d.record import EpisodeRecorder, check_episode, read_episode
+from sonata2d.datasets.check import check_episode
 from sonata2d.record.models import Episode
+from sonata2d.record.reader import read_episode
+from sonata2d.record.recorder import EpisodeRecorder
 
-from .by_hand import run, scene
+from .samples import run, scene
 
 GOLDEN = Path(__file__).with_name("golden.json")
 PHYSICS_1 = Path(__file__).with_name("physics_1.json")

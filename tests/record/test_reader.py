@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sonata2d.entities import Group
+from sonata2d.core.entities import Group
+from sonata2d.core.snapshot import Outcome
 from sonata2d.errors import RecordError
-from sonata2d.frame import Outcome
-from sonata2d.record import EpisodeRecorder, JsonRecorder, read_episode, reader
+from sonata2d.record import reader
+from sonata2d.record.reader import read_episode
+from sonata2d.record.recorder import EpisodeRecorder, JsonRecorder
 
-from .by_hand import AUTHOR, run, scene
+from .samples import AUTHOR, run, scene
 
 SUFFIXES = (".json", ".json.gz", ".json.zst")
 

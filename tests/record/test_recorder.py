@@ -13,14 +13,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sonata2d.core.geometry import Twist, canonical_angle, quantised
+from sonata2d.core.scene import Scene
+from sonata2d.core.snapshot import Author, Frame, Outcome, Snapshot
 from sonata2d.errors import RecordError
-from sonata2d.frame import Author, Frame, Outcome, Snapshot
-from sonata2d.geometry import Twist, canonical_angle, quantised
-from sonata2d.record import EpisodeRecorder, JsonRecorder, read_episode
 from sonata2d.record.canonical import plain, rounded, rounded_rows
-from sonata2d.scene import Scene
+from sonata2d.record.reader import read_episode
+from sonata2d.record.recorder import EpisodeRecorder, JsonRecorder
 
-from .by_hand import AUTHOR, robot_state, run, scene, snapshot
+from .samples import AUTHOR, robot_state, run, scene, snapshot
 
 KEYS = (
     "format version id name family seed episode physics precision settings rules room walls objects humans groups"

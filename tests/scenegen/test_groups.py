@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sonata2d.entities import TALKING, WALKING_TOGETHER, Group, Human
-from sonata2d.geometry import Pose, wrapped
-from sonata2d.scene import Scene
-from sonata2d.scenegen import ScenarioConfig, generate
-from sonata2d.scenegen.formations import talking, walking
+from sonata2d.core.entities import TALKING, WALKING_TOGETHER, Group, Human
+from sonata2d.core.geometry import Pose, wrapped
+from sonata2d.core.scene import Scene
+from sonata2d.scenegen.generator import generate
+from sonata2d.scenegen.sampling import talking, walking
+from sonata2d.scenegen.scenario.config import ScenarioConfig
 
 NOBODY = {"standing": 0, "wandering": 0, "tables": 0, "plants": 0, "relations": 0}
 BUSY = {"standing": 3, "wandering": 3, "tables": 2, "plants": 3, "relations": 1}

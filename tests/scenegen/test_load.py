@@ -8,7 +8,9 @@ import sys
 import pytest
 
 from sonata2d.errors import ConfigError
-from sonata2d.scenegen import ScenarioConfig, generate, load_scenario, scenario_names
+from sonata2d.scenegen.generator import generate
+from sonata2d.scenegen.scenario.config import ScenarioConfig
+from sonata2d.scenegen.scenario.load import load_scenario, scenario_names
 
 
 @pytest.fixture

@@ -11,9 +11,9 @@ import pytest
 from pydantic import ValidationError
 
 import sonata2d as s2
-from sonata2d.entities import WALKING_TOGETHER, Group, Human, Interaction
+from sonata2d.core.entities import WALKING_TOGETHER, Group, Human, Interaction
+from sonata2d.core.scene import Scene
 from sonata2d.errors import ConfigError, SceneError
-from sonata2d.scene import Scene
 from sonata2d.scenegen.track import sampled
 
 SQUARE = {"kinds": "square", "side": 8}

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sonata2d.chance import Chance
-from sonata2d.geometry import inside_polygon
-from sonata2d.navigation import FreeSpace
-from sonata2d.scene import Scene
-from sonata2d.scenegen import ScenarioConfig, generate
-from sonata2d.scenegen.plans import draw_plan
-from sonata2d.scenegen.room_config import RoomConfig
-from sonata2d.scenegen.rooms import FloorPlan
+from sonata2d.core.geometry import inside_polygon
+from sonata2d.core.navigation import FreeSpace
+from sonata2d.core.rng import Chance
+from sonata2d.core.scene import Scene
+from sonata2d.scenegen.floor_plans import FloorPlan, draw_plan
+from sonata2d.scenegen.generator import generate
+from sonata2d.scenegen.scenario.config import ScenarioConfig
+from sonata2d.scenegen.scenario.rooms import RoomConfig
 
 NEW = ("t", "u", "corridor", "doorway", "crossing", "hall")
 
@@ -109,7 +109,7 @@ def test_a_flipped_plan_is_the_mirror_image() -> None:
         ({"door": 4.5}, "4.5 m is not less than a chamber's side, 4 m at least"),
         ({"door": 0.3}, "a door must be 0.7 m wide or more"),
         ({"hall": 0}, "a room's size must be above 0"),
-        ({"kinds": "circle"}, "Input should be"),
+        ({"kinds": "hal"}, "no room kind is named 'hal'; did you mean 'hall'?"),
     ],
 )
 def test_sizes_that_do_not_fit_together_are_refused(sizes: dict[str, object], told: str) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
+from sonata2d.core.scene import Social
 from sonata2d.errors import ConfigError
 from sonata2d.record.layout import layout_of, scene_of
-from sonata2d.scene import Social
 
 
 def test_reactions_come_in_the_shares_asked_for() -> None:

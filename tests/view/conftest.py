@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from sonata2d.entities import AT_LAPTOP, TALKING, Furniture, Goal, Human, Interaction, Robot, Wall
-from sonata2d.exact import heading, headings
-from sonata2d.frame import RobotState, Snapshot
-from sonata2d.geometry import Disc, Pose, Rectangle, Twist
-from sonata2d.humans import ACTIVITIES, Humans, human_ids
-from sonata2d.scene import Scene
+from sonata2d.core.entities import AT_LAPTOP, TALKING, Furniture, Goal, Human, Interaction, Robot, Wall
+from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
+from sonata2d.core.humans import ACTIVITIES, Humans, human_ids
+from sonata2d.core.portable_math import heading, headings
+from sonata2d.core.scene import Scene
+from sonata2d.core.snapshot import RobotState, Snapshot
 
 CORNERS = ((0.0, 0.0), (6.0, 0.0), (6.0, 2.5), (3.0, 2.5), (3.0, 5.0), (0.0, 5.0))
 

@@ -6,11 +6,14 @@ import numpy as np
 import pygame
 import pytest
 
-from sonata2d.entities import Human, Wall
+from sonata2d.core.entities import Human, Wall
+from sonata2d.core.geometry import Pose
 from sonata2d.errors import RenderError
-from sonata2d.geometry import Pose
-from sonata2d.view import Camera, Layers, Trails, backdrop, picture, scene_picture, snapshot_of
+from sonata2d.view.camera import Camera
+from sonata2d.view.draw import Layers, backdrop, picture
 from sonata2d.view.palette import ACTIVITY, FLOOR, GOAL, PAPER, ROBOT, WALL, time_colour
+from sonata2d.view.sheet import scene_picture, snapshot_of
+from sonata2d.view.trails import Trails
 
 from .conftest import look
 

@@ -4,12 +4,13 @@ import numpy as np
 import pygame
 import pytest
 
-from sonata2d.geometry import Pose
-from sonata2d.view import Camera, Hud, draw_hud, draw_tint, draw_veil
+from sonata2d.core.geometry import Pose
+from sonata2d.view.camera import Camera
 from sonata2d.view.fonts import font, printable, shortened, width_of
-from sonata2d.view.hud import zone_of
+from sonata2d.view.hud import Hud, draw_hud, zone_of
 from sonata2d.view.palette import FLOOR, GOAL, shaded
 from sonata2d.view.pen import Pen
+from sonata2d.view.veil import draw_tint, draw_veil
 
 from .conftest import look
 

@@ -6,13 +6,19 @@ import numpy as np
 import pygame
 import pytest
 
-from sonata2d.entities import AT_OBJECT, Furniture, Human, Interaction
+from sonata2d.core.devices import ImageRequest
+from sonata2d.core.entities import AT_OBJECT, Furniture, Human, Interaction
+from sonata2d.core.geometry import Disc, Pose, Rectangle
+from sonata2d.core.portable_math import heading
 from sonata2d.errors import RenderError
-from sonata2d.exact import heading
-from sonata2d.geometry import Disc, Pose, Rectangle
-from sonata2d.topics import ImageRequest
-from sonata2d.view import Camera, Layers, Painter, Trails, between, image_of, picture, snapshot_of
+from sonata2d.view.camera import Camera
+from sonata2d.view.draw import Layers, picture
+from sonata2d.view.eye import image_of
+from sonata2d.view.interpolation import between
+from sonata2d.view.live import Painter
 from sonata2d.view.palette import ACTIVITY, FLOOR, GOAL, OUTSIDE, PAPER, ROBOT, WALL
+from sonata2d.view.sheet import snapshot_of
+from sonata2d.view.trails import Trails
 
 from .conftest import look
 
@@ -239,7 +245,7 @@ def test_images_of_many_scenes_are_each_their_own(scene):
 def test_an_image_needs_no_display(tmp_path):
     code = (
         "import pygame, sonata2d as s2\n"
-        "from sonata2d.topics import ImageRequest\n"
+        "from sonata2d.core.devices import ImageRequest\n"
         "from sonata2d.view import image_of, snapshot_of\n"
         "snapshot = snapshot_of(s2.generate(s2.ScenarioConfig(), seed=1))\n"
         "assert image_of(snapshot, ImageRequest()).std() > 5\n"

@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from sonata2d.errors import RenderError
-from sonata2d.view import render, save_film
-from sonata2d.view.film import paced
+from sonata2d.view.files import render
+from sonata2d.view.film import paced, save_film
 
 SIZE = (240, 220)
 

@@ -10,8 +10,7 @@ import pytest
 from PIL import Image
 
 from sonata2d.errors import RenderError
-from sonata2d.view import filmstrip
-from sonata2d.view.strips import SIDE
+from sonata2d.view.strips import SIDE, filmstrip
 
 
 def pixels(url: str) -> np.ndarray:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import combinations
 
-from sonata2d.entities import AT_OBJECT, TALKING, Group, Interaction
-from sonata2d.frame import Snapshot
-from sonata2d.scene import Scene
-from sonata2d.view import Layers, picture
+from sonata2d.core.entities import AT_OBJECT, TALKING, Group, Interaction
+from sonata2d.core.scene import Scene
+from sonata2d.core.snapshot import Snapshot
+from sonata2d.view.draw import Layers, picture
 from sonata2d.view.ties import circles, drawn_ties
 
 from .conftest import look

@@ -6,7 +6,10 @@ import pygame
 import pytest
 
 from sonata2d.errors import RenderError
-from sonata2d.view import Layers, Trails, render, save_moment
+from sonata2d.view.draw import Layers
+from sonata2d.view.files import render
+from sonata2d.view.trails import Trails
+from sonata2d.view.vector import save_moment
 
 from .conftest import look
 

@@ -12,15 +12,15 @@ from click.testing import CliRunner
 from pygame_gui.elements import UIButton
 from sonata2d_cli import main
 
-from sonata2d.proof import prove
-from sonata2d.record import read_episode
-from sonata2d.scenegen import ScenarioConfig
-from sonata2d.session import Session
+from sonata2d.collect.session import Session
+from sonata2d.datasets.verify import prove
+from sonata2d.record.reader import read_episode
+from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.window.collect_screen import CollectScreen
 from sonata2d.window.hands import Hands
 
-from .at_controls import Person
-from .pretend import PretendPlugs, axis, plugged_in, unplugged
+from .fake_devices import PretendPlugs, axis, plugged_in, unplugged
+from .volunteer import Person
 
 SCENE: dict[str, Any] = {"room": {"kinds": "square", "side": 6}, "humans": [1, 2], "relations": 0, "tables": 0}
 

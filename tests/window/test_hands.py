@@ -8,14 +8,14 @@ from pathlib import Path
 import pygame
 import pytest
 
-from sonata2d.agents.teleoperation import STOP
-from sonata2d.topics import DeviceEvent
+from sonata2d.agents.controllers.teleoperation import STOP
+from sonata2d.core.devices import DeviceEvent
 from sonata2d.window.actions import KEYBOARD_ACTIONS, Action, action_of, in_words
 from sonata2d.window.hands import Hands
 from sonata2d.window.pads import AXES, BUTTONS
 from sonata2d.window.profiles import Profile, Profiles
 
-from . import pretend as p
+from . import fake_devices as p
 
 W, UP, SPACE, H = pygame.K_w, pygame.K_UP, pygame.K_SPACE, pygame.K_h
 

@@ -15,7 +15,7 @@ from sonata2d.window.actions import Action
 from sonata2d.window.hands import Hands
 from sonata2d.window.profiles import Profiles
 
-from . import pretend as p
+from . import fake_devices as p
 
 _UNKNOWN, _GAMEPAD = 0, 1  # SDL's kinds of joystick
 _A, _LEFT_SHOULDER = 0, 9

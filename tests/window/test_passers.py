@@ -9,12 +9,12 @@ import pygame
 import pytest
 
 import sonata2d as s2
-from sonata2d.proof import prove
-from sonata2d.record import JsonRecorder
+from sonata2d.datasets.verify import prove
+from sonata2d.record.recorder import JsonRecorder
 from sonata2d.window.view_screen import ViewScreen
 
-from .at_controls import Person
 from .test_collect_screen import Desk
+from .volunteer import Person
 
 PASSERS = [
     {"x": -2.0, "y": 1.5, "goals": [[2.0, 1.5]], "exits": True},

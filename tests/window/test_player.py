@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonata2d.record import EpisodeRecord, JsonRecorder, read_episode
+from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.recorder import JsonRecorder
 from sonata2d.window.player import Player
 
-from ..record.by_hand import run
+from ..record.samples import run
 
 TICKS, DT = 6, 0.1
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.agents.teleoperation import Hand
+from sonata2d.agents.controllers.teleoperation import Hand
 from sonata2d.window.actions import Action
 from sonata2d.window.profiles import FOLDER_VARIABLE, Profile, Profiles, config_folder, remember, remembered
 

@@ -9,16 +9,15 @@ from typing import Any
 import pygame
 import pytest
 
+from sonata2d.collect.rating import Rating, RatingSession, ratings_of
+from sonata2d.core.labels import LabelSpec
 from sonata2d.errors import RecordError
-from sonata2d.labels import LabelSpec
-from sonata2d.rating import RatingSession
-from sonata2d.record import JsonRecorder
-from sonata2d.record.ratings import Rating, ratings_of
-from sonata2d.window import Stage
+from sonata2d.record.recorder import JsonRecorder
 from sonata2d.window.rate_cards import end_card, start_card
 from sonata2d.window.rate_screen import RateScreen
+from sonata2d.window.stage import Stage
 
-from ..record.by_hand import run
+from ..record.samples import run
 
 CLASSES = LabelSpec("classes", question="How polite?", classes=("poor", "fair", "good"))
 LONG = "The robot brings medicine to a patient next door; the people here know it. " * 12

@@ -9,15 +9,15 @@ import pygame
 import pygame_gui
 import pytest
 
-from sonata2d.window import Stage
 from sonata2d.window.actions import Action
 from sonata2d.window.bindings import DIRECTIONS, Target, bound, cleared, in_short, inverted, is_bindable
 from sonata2d.window.hands import Hands, Move
 from sonata2d.window.profiles import Profile, Profiles
 from sonata2d.window.remap import RemapScreen
 from sonata2d.window.remap_layout import TARGETS
+from sonata2d.window.stage import Stage
 
-from . import pretend as p
+from . import fake_devices as p
 
 AHEAD, BACK, LEFT, RIGHT, ASIDE, _, BRAKE = DIRECTIONS
 

@@ -9,12 +9,12 @@ import pygame
 import pytest
 
 from sonata2d.errors import RecordError
-from sonata2d.record import JsonRecorder
-from sonata2d.window import Stage
+from sonata2d.record.recorder import JsonRecorder
 from sonata2d.window import facts as words
+from sonata2d.window.stage import Stage
 from sonata2d.window.view_screen import ViewScreen
 
-from ..record.by_hand import run
+from ..record.samples import run
 
 TICKS = 30
 

@@ -1,0 +1,1 @@
+"""Robot controllers: the `Controller` interface and the stock controllers."""

@@ -1,1 +1,0 @@
-"""What moves a walker: one file per force, each an array function that returns accelerations in m/s2."""

@@ -1,0 +1,1 @@
+"""Pedestrians: the crowd, wayfinding, reactions to the robot and body orientation."""

@@ -1,0 +1,1 @@
+"""Pedestrian models, one file each: how walkers accelerate."""

@@ -1,0 +1,1 @@
+"""Social behaviour: conversations, visits to objects, and formations."""

@@ -1,0 +1,1 @@
+"""Data collection by people: sessions, journals, ratings and their agreement; independent of pygame."""

@@ -1,0 +1,1 @@
+"""Values and arithmetic that every other package uses: geometry, entities, scenes, snapshots, random streams."""

@@ -1,0 +1,10 @@
+from .graph import NODE_TYPES as NODE_TYPES
+from .graph import RELATIONS as RELATIONS
+from .graph import Graph as Graph
+from .modern import MODERN_FEATURES as MODERN_FEATURES
+from .modern import modern_graph as modern_graph
+from .paper import FEATURES as FEATURES
+from .paper import kept_ticks as kept_ticks
+from .paper import paper_graphs as paper_graphs
+from .pyg import to_data as to_data
+from .pyg import to_hetero as to_hetero

@@ -1,0 +1,191 @@
+"""Named objects: the built-in ones, and those that installed packages publish as entry points.
+
+Five kinds can be extended by other packages, each through an entry-point group: controllers (`sonata2d.controllers`),
+pedestrian models (`sonata2d.pedestrian_models`), formats (`sonata2d.formats`), metrics (`sonata2d.metrics`) and room
+kinds (`sonata2d.room_kinds`). CONTRIBUTING.md says what an entry point of each group must provide.
+
+A name is listed without importing anything; the object behind it is imported when it is loaded.
+"""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from difflib import get_close_matches
+from functools import cached_property
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from .errors import ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
+
+Check = Callable[[object], str | None]  # the reason why an object cannot be used under its name, or None
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """A hint for an error message: the closest known word, or nothing.
+
+    >>> did_you_mean("tabels", ["tables", "plants"])
+    "; did you mean 'tables'?"
+    """
+    close = get_close_matches(word, known, n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+class Registry:
+    """The objects of one kind by name.
+
+    Built-in names come first and cannot be replaced by a plug-in.
+
+    Args:
+        kind: what the objects are called in messages, e.g. `controller`.
+        group: entry-point group of the plug-ins.
+        built_in: where each built-in object is defined, as `module:attribute`.
+        error: raised for unknown names and for plug-ins that do not load.
+
+    >>> "orca" in CONTROLLERS
+    True
+    """
+
+    def __init__(
+        self, kind: str, group: str, built_in: Mapping[str, str], error: type[Sonata2dError] = Sonata2dError
+    ) -> None:
+        self.kind, self.group, self.built_in, self.error = kind, group, dict(built_in), error
+        self._loaded: dict[str, Any] = {}
+
+    @cached_property
+    def plugins(self) -> dict[str, EntryPoint]:
+        """The entry points of other packages by name; one whose name is taken is skipped with a warning."""
+        found: dict[str, EntryPoint] = {}
+        for point in sorted(entry_points(group=self.group), key=lambda point: (point.name, point.value)):
+            if point.name in self.built_in or point.name in found:
+                warnings.warn(
+                    f"{self.kind} plug-in {point.name!r} ({point.value}) is skipped: the name is taken",
+                    PluginWarning,
+                    stacklevel=2,
+                )
+            else:
+                found[point.name] = point
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.built_in, *self.plugins))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.built_in or name in self.plugins
+
+    def load(self, name: str, check: Check = lambda found: None) -> Any:
+        """Import the object of a name.
+
+        Args:
+            name: a built-in name or that of a plug-in.
+            check: says why an object is not of this kind.
+
+        Raises:
+            Sonata2dError: of the registry's own class: the name is unknown, or the plug-in does not load or is
+                not what it should be.
+        """
+        if name not in self._loaded:
+            if name in self.built_in:
+                found = resolve(self.built_in[name])
+            elif name in self.plugins:
+                found = self._load_plugin(self.plugins[name], check)
+            else:
+                raise self.error(self.unknown(name))
+            self._loaded[name] = found
+        return self._loaded[name]
+
+    def load_all(self, check: Check = lambda found: None) -> dict[str, Any]:
+        """Every object by name; a plug-in that does not load is named in a `PluginWarning` and skipped."""
+        found = {name: self.load(name) for name in self.built_in}
+        for name in self.plugins:
+            try:
+                found[name] = self.load(name, check)
+            except Sonata2dError as error:
+                warnings.warn(f"{error}; skipped", PluginWarning, stacklevel=2)
+        return found
+
+    def unknown(self, name: str) -> str:
+        """The message for a name that does not exist."""
+        return f"no {self.kind} is named {name!r}{did_you_mean(name, self) or '; known are ' + ', '.join(self)}"
+
+    def _load_plugin(self, point: EntryPoint, check: Check) -> Any:
+        where = f"{self.kind} plug-in {point.name!r} ({point.value})"
+        try:
+            found = point.load()
+        except Exception as error:  # whatever the other package's code raises while it is imported
+            raise self.error(f"{where} does not load: {type(error).__name__}: {error}") from error
+        reason = check(found)
+        if reason is not None:
+            raise self.error(f"{where} {reason}")
+        return found
+
+
+def resolve(place: str) -> Any:
+    """The object at `module:attribute`."""
+    module, _, attribute = place.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+_CONTROLLERS = "sonata2d.agents.controllers"
+CONTROLLERS = Registry(
+    "controller",
+    "sonata2d.controllers",
+    {
+        "straight-to-goal": f"{_CONTROLLERS}.reactive:StraightToGoal",
+        "social-force": f"{_CONTROLLERS}.reactive:SocialForce",
+        "social-planner": f"{_CONTROLLERS}.planner:SocialPlanner",
+        "orca": f"{_CONTROLLERS}.reactive:Orca",
+        "human-like": f"{_CONTROLLERS}.human_like:HumanLike",
+        "teleoperation": f"{_CONTROLLERS}.teleoperation:Teleoperation",
+        "graph-policy": "sonata2d.learning.policy:GraphPolicy",
+    },
+    ControllerError,
+)
+
+_MODELS = "sonata2d.agents.pedestrians.models"
+PEDESTRIAN_MODELS = Registry(
+    "pedestrian model",
+    "sonata2d.pedestrian_models",
+    {
+        "sonata2026": f"{_MODELS}.sonata2026:Sonata2026Model",
+        "moussaid2009": f"{_MODELS}.moussaid2009:Moussaid2009Model",
+        "helbing1995": f"{_MODELS}.helbing1995:Helbing1995Model",
+        "helbing2000": f"{_MODELS}.helbing2000:Helbing2000Model",
+        "farina2017": f"{_MODELS}.farina2017:Farina2017Model",
+        "orca2011": f"{_MODELS}.orca2011:Orca2011Model",
+    },
+)
+
+FORMATS = Registry(
+    "format",
+    "sonata2d.formats",
+    {
+        "sonata": "sonata2d.formats.sonata:FORMAT",
+        "socnav3": "sonata2d.formats.socnav3:FORMAT",
+        "csv": "sonata2d.formats.csv_tracks:FORMAT",
+        "trajnet": "sonata2d.formats.trajnet:FORMAT",
+        "npz": "sonata2d.formats.npz:FORMAT",
+        "parquet": "sonata2d.formats.parquet:FORMAT",
+    },
+    RecordError,
+)
+
+METRICS = Registry("metric", "sonata2d.metrics", {}, MetricError)  # built-in ones: sonata2d.metrics.catalogue
+
+_ROOMS = "sonata2d.scenegen.floor_plans"
+ROOM_KINDS = Registry(
+    "room kind",
+    "sonata2d.room_kinds",
+    {
+        "square": f"{_ROOMS}:SQUARE",
+        "rectangle": f"{_ROOMS}:RECTANGLE",
+        "l": f"{_ROOMS}:L",
+        "t": f"{_ROOMS}:T",
+        "u": f"{_ROOMS}:U",
+        "corridor": f"{_ROOMS}:CORRIDOR",
+        "doorway": f"{_ROOMS}:DOORWAY",
+        "crossing": f"{_ROOMS}:CROSSING",
+        "hall": f"{_ROOMS}:HALL",
+    },
+)

@@ -1,0 +1,2 @@
+from .stage import Screen as Screen
+from .stage import Stage as Stage

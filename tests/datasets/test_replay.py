@@ -1,0 +1,156 @@
+"""A file proves itself: its commands, run again, give its bytes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import sonata2d as s2
+from sonata2d.core.devices import DeviceEvent
+from sonata2d.core.geometry import Twist
+from sonata2d.core.scene import Rules, Scene
+from sonata2d.core.snapshot import Snapshot
+from sonata2d.datasets.replay import branch, check_replay, check_rerun
+from sonata2d.datasets.verify import prove
+from sonata2d.record.reader import read_episode
+from sonata2d.version import PHYSICS_VERSION
+
+
+class Labels(s2.StraightToGoal):
+    """Labels what it does, and stops after two seconds."""
+
+    labels = {"tick": "number of the tick", "near": "a person is within 2 m"}  # noqa: RUF012
+
+    def act(self, snapshot: Snapshot) -> s2.Twist | s2.Stop:  # type: ignore[override]
+        return s2.Stop("two seconds are enough") if snapshot.tick == 20 else super().act(snapshot)
+
+    def label(self, snapshot: Snapshot, twist: Twist) -> dict[str, object]:
+        return {"tick": snapshot.tick, "near": s2.clearance(snapshot) < 2.0}
+
+
+class Stick(s2.Controller):
+    """Drives by the last event of a device."""
+
+    def reset(self, scene: Scene) -> None:
+        self._value = 0.0
+
+    def act(self, snapshot: Snapshot) -> Twist:
+        self._value = snapshot.events[-1].value if snapshot.events else self._value
+        return Twist(self._value)
+
+
+def recorded(path: Path, scene: Scene, controller: s2.Controller) -> Path:
+    with s2.JsonRecorder(path, contributor="Ada", context="a test") as recorder:
+        s2.Episode(scene, controller, observers=[recorder]).run()
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".json", ".json.gz", ".json.zst"])
+def test_a_generated_episode_replays_to_its_bytes(tmp_path: Path, suffix: str) -> None:
+    scene = s2.generate(s2.ScenarioConfig(rules={"time_limit": 5.0}), seed=2, episode=3)
+    path = recorded(tmp_path / f"one{suffix}", scene, s2.SocialPlanner())
+    assert check_replay(path) == []
+    assert check_rerun(path) == []
+
+
+def test_scenes_made_by_hand_labels_and_stops_replay_too(tmp_path: Path, busy: Scene) -> None:
+    path = recorded(tmp_path / "one.json", busy, Labels())
+    assert read_episode(path).outcome.status == "stopped"
+    assert check_replay(path) == []
+    assert check_rerun(path, f"{__name__}:Labels") == []
+    assert check_rerun(path, "straight-to-goal") != []
+
+
+def test_an_episode_that_an_error_ended_replays(tmp_path: Path, busy: Scene) -> None:
+    class Falls(s2.Controller):
+        def act(self, snapshot: Snapshot) -> Twist:
+            return Twist(0.1 / (9 - snapshot.tick))
+
+    with pytest.raises(ZeroDivisionError):
+        recorded(tmp_path / "one.json", busy, Falls())
+    record = read_episode(tmp_path / "one.json")
+    assert (record.outcome.status, len(record)) == ("error", 9)
+    assert check_replay(tmp_path / "one.json") == []
+
+
+def test_device_events_are_in_the_file_and_replay(tmp_path: Path, busy: Scene) -> None:
+    with s2.JsonRecorder(tmp_path / "one.json") as recorder:
+        episode = s2.Episode(replace(busy, rules=Rules(time_limit=1.0)), Stick(), observers=[recorder])
+        episode.step()
+        episode.step([DeviceEvent("pad", "left_y", 0.7)])
+        episode.run()
+    record = read_episode(tmp_path / "one.json")
+    assert record.snapshot(1).events == (DeviceEvent("pad", "left_y", 0.7),)
+    assert record.command[2, 0] == 0.7
+    assert check_replay(tmp_path / "one.json") == []
+
+
+def test_reruns_feed_the_events_and_the_past_of_a_branch(tmp_path: Path, busy: Scene) -> None:
+    scene = replace(busy, rules=Rules(time_limit=2.0))
+    with s2.JsonRecorder(tmp_path / "stick.json") as recorder:
+        episode = s2.Episode(scene, Stick(), observers=[recorder])
+        episode.step()
+        episode.step([DeviceEvent("pad", "left_y", 0.7)])
+        episode.run()
+    assert check_rerun(tmp_path / "stick.json", f"{__name__}:Stick") == []
+    with s2.JsonRecorder(tmp_path / "two.json", branched_from=("stick", 9)) as recorder:
+        branch(tmp_path / "stick.json", 9, s2.SocialForce(), observers=[recorder]).run()
+    assert check_rerun(tmp_path / "two.json") == []
+
+
+def test_a_relation_that_is_none_is_told_and_not_run(tmp_path: Path, busy: Scene) -> None:
+    path = recorded(tmp_path / "one.json", busy, Labels())
+    path.write_text(path.read_text().replace('"interactions":[]', '"interactions":[[1,"nonsense",99]]', 1))
+    told = [str(problem) for problem in prove(path, replay=True)]
+    assert any("nonsense of 1 and 99" in line for line in told)
+    assert any("replay: KeyError" in line for line in told)
+
+
+def test_any_changed_number_is_told_with_its_line(tmp_path: Path, busy: Scene) -> None:
+    path = recorded(tmp_path / "one.json", busy, Labels())
+    text = path.read_text()
+    tenth = next(line for line in text.splitlines() if line.startswith('{"tick":10,'))
+    x = json.loads(tenth.rstrip(","))["robot"][0]
+    path.write_text(text.replace(f'"robot":[{x}', f'"robot":[{x + 0.0001:.4f}', 1))
+    (problem,) = check_replay(path)
+    assert problem.message.startswith("line ")
+    assert f"[{x}" in problem.message
+
+
+def test_another_scene_than_seed_and_settings_give_is_told(tmp_path: Path) -> None:
+    scene = s2.generate(s2.ScenarioConfig(standing=2, rules={"time_limit": 1.0}), seed=2)
+    path = recorded(tmp_path / "one.json", replace(scene, seed=3), s2.StraightToGoal())
+    assert [problem.place for problem in check_replay(path)] == ["scene"]
+
+
+def test_a_file_of_another_physics_version_is_told_and_not_replayed(tmp_path: Path, busy: Scene) -> None:
+    path = recorded(tmp_path / "one.json", busy, Labels())
+    path.write_text(path.read_text().replace(f'"physics":{PHYSICS_VERSION}', '"physics":99'))
+    (problem,) = check_replay(path)
+    assert "physics version 99" in problem.message
+
+
+def test_a_branch_from_a_file_is_the_branch_from_the_episode(tmp_path: Path, busy: Scene) -> None:
+    scene = replace(busy, rules=Rules(time_limit=3.0))
+    with s2.JsonRecorder(tmp_path / "one.json") as recorder:
+        episode = s2.Episode(scene, s2.StraightToGoal(), observers=[recorder])
+        episode.run()
+    from_file = branch(tmp_path / "one.json", 12, s2.SocialForce())
+    from_memory = episode.branch(12, s2.SocialForce())
+    from_file.run()
+    from_memory.run()
+    assert from_file.past == from_memory.past
+    with pytest.raises(ValueError, match="the ticks in"):
+        branch(tmp_path / "one.json", 99, s2.SocialForce())
+
+
+def test_a_recorded_branch_replays_and_tells_where_it_came_from(tmp_path: Path, busy: Scene) -> None:
+    scene = replace(busy, rules=Rules(time_limit=3.0))
+    recorded(tmp_path / "one.json", scene, s2.StraightToGoal())
+    with s2.JsonRecorder(tmp_path / "two.json", branched_from=("one", 12)) as recorder:
+        branch(tmp_path / "one.json", 12, s2.SocialForce(), observers=[recorder]).run()
+    assert read_episode(tmp_path / "two.json").document["branched_from"] == {"id": "one", "tick": 12}
+    assert check_replay(tmp_path / "two.json") == []

@@ -1,0 +1,102 @@
+"""A controller that asks for a camera image finds one in its snapshot; one that does not pays nothing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sonata2d.agents.controllers.base import Controller
+from sonata2d.agents.controllers.reactive import StraightToGoal
+from sonata2d.core.devices import ImageRequest
+from sonata2d.core.geometry import Twist
+from sonata2d.core.scene import Scene
+from sonata2d.core.snapshot import Snapshot
+from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets.verify import prove
+from sonata2d.errors import ControllerError
+from sonata2d.scenegen.scenario.config import ScenarioConfig
+from sonata2d.sim.episode import Episode
+from sonata2d.testing.controllers import check_controller
+from sonata2d.view.eye import image_of
+
+EYE = """
+import sonata2d as s2
+from sonata2d.core.devices import ImageRequest
+
+
+class Looker(s2.Controller):
+    image = ImageRequest(width=64, height=48)
+
+    def act(self, snapshot):
+        green = int((snapshot.image[..., 1] > snapshot.image[..., 0]).sum())
+        return s2.Twist(vx=0.5, omega=0.001 * green)
+
+    def label(self, snapshot, twist):
+        return {"mean": float(snapshot.image.mean())}
+"""
+
+
+class Looker(Controller):
+    """Keeps what it sees."""
+
+    image = ImageRequest(width=64, height=48)
+
+    def __init__(self) -> None:
+        self._seen: list[Any] = []
+
+    def act(self, snapshot: Snapshot) -> Twist:
+        self._seen.append(snapshot.image)
+        return Twist(0.5)
+
+
+def test_the_image_is_drawn_anew_at_every_look(busy: Scene) -> None:
+    controller = Looker()
+    episode = Episode(busy, controller, renderer=image_of)
+    for _ in range(3):
+        episode.step()
+    assert [image.shape for image in controller._seen] == [(48, 64, 3)] * 3
+    assert controller._seen[0].dtype == np.uint8
+    assert not np.array_equal(controller._seen[0], controller._seen[2])
+
+
+def test_without_a_renderer_the_way_out_is_told(busy: Scene) -> None:
+    with pytest.raises(ControllerError, match=r"Episode\(renderer=sonata2d.view.image_of\)"):
+        Episode(busy, Looker())
+
+
+def test_who_does_not_ask_is_given_none_and_costs_none(busy: Scene) -> None:
+    def never(snapshot: Snapshot, request: ImageRequest) -> Any:
+        raise AssertionError("nobody asked")
+
+    frame = Episode(busy, StraightToGoal(), renderer=never).step()
+    assert frame is not None
+    assert frame.snapshot.image is None
+    code = (
+        "import sys, sonata2d as s2; from sonata2d.sim.episode import renderer_for;"
+        "c = s2.StraightToGoal(); s2.Episode(s2.generate(s2.ScenarioConfig(), 1), c, renderer=renderer_for(c)).step();"
+        "print('pygame' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
+def test_data_sets_are_made_and_proven_with_images(tmp_path: Path) -> None:
+    (tmp_path / "looker.py").write_text(EYE)
+    name = f"{tmp_path / 'looker.py'}:Looker"
+    config = ScenarioConfig(humans=2, rules={"time_limit": 2.0})
+    generate_dataset(tmp_path / "out", config, name, episodes=2)
+    assert prove(tmp_path / "out", replay=True, rerun=True) == []
+
+
+def test_authors_can_check_a_controller_that_looks() -> None:
+    class Still(Looker):
+        def act(self, snapshot: Snapshot) -> Twist:
+            assert snapshot.image is not None
+            return Twist(0.0, 0.0, float(snapshot.image[0, 0, 0]) / 255.0)
+
+    assert len(check_controller(Still(), time_limit=0.5)) == 3
