@@ -15,7 +15,7 @@ import numpy as np
 from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.core.entities import Goal, Human, Robot, Wall
 from sonata2d.core.geometry import Pose, Twist
-from sonata2d.core.rng import Chance
+from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Scene
 from sonata2d.sim.world import World
 
@@ -26,7 +26,7 @@ THROUGH = 0.3  # m beyond the door
 
 def two_rooms(width: float, left: int, right: int, seed: int, model: str) -> Scene:
     """People on both sides of a door, each with a goal on the other side."""
-    chance, humans = Chance(seed, 0, "scene"), []
+    chance, humans = RandomStream(seed, 0, "scene"), []
     corners = ((-6.0, -3.0), (6.0, -3.0), (6.0, 3.0), (-6.0, 3.0))
     outline = [Wall(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
     door = [Wall((0.0, -3.0), (0.0, -width / 2)), Wall((0.0, width / 2), (0.0, 3.0))]

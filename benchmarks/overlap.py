@@ -18,7 +18,7 @@ import numpy as np
 import sonata2d as s2
 from sonata2d.core.geometry import inside_polygon
 from sonata2d.core.humans import ACTIVITIES
-from sonata2d.core.rng import Chance
+from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Author, Frame, Outcome, Snapshot
 
@@ -34,7 +34,7 @@ class Dash(s2.Controller):
     """Full speed in a random direction, another one every second."""
 
     def reset(self, scene: Scene) -> None:
-        self._chance = Chance(scene.seed, scene.episode, "controller")
+        self._chance = RandomStream(scene.seed, scene.episode, "controller")
 
     def act(self, snapshot: Snapshot) -> s2.Twist:
         if snapshot.tick % 10 == 0:

@@ -27,11 +27,11 @@ def command(path: Path, replay: bool, rerun: bool, controller: str | None, worke
 
     Exit code 1 if anything is wrong.
     """
-    from sonata2d.datasets.verify import files_of, prove
+    from sonata2d.datasets.verification import files_of, verify
 
     files = files_of(path)
     with progress(len(files), "files") as advance:
-        problems = prove(
+        problems = verify(
             path, replay=replay, rerun=rerun or controller is not None, controller=controller, workers=workers,
             advance=advance,
         )  # fmt: skip

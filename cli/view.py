@@ -59,7 +59,7 @@ def command(
 def _recorded(path: Path, view: View, speed: float, fps: int, size: tuple[int, int], as_json: bool) -> None:
     """Play a file, or those of a folder."""
     from sonata2d.datasets.check import Listed
-    from sonata2d.datasets.verify import files_of
+    from sonata2d.datasets.verification import files_of
     from sonata2d.window.stage import Stage
     from sonata2d.window.view_screen import ViewScreen
 

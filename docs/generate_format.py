@@ -15,7 +15,7 @@ from sonata2d.record import models
 from sonata2d.record import models as scene_models
 from sonata2d.scenegen.scenario import sections, social
 from sonata2d.scenegen.scenario.config import ScenarioConfig
-from sonata2d.scenegen.scenario.people import GivenPersonConfig
+from sonata2d.scenegen.scenario.people import PersonSpec
 from sonata2d.scenegen.scenario.ranges import Normal, Settings
 from sonata2d.version import FORMAT, FORMAT_VERSION
 
@@ -121,7 +121,7 @@ Fixed furniture has a type of `sizes`, or a size of its own. Doors are gaps betw
 def scenario_page() -> str:
     """docs/scenario.md."""
     kinds = {**vars(sections), **vars(social)}.values()
-    parts = [ScenarioConfig, *dict.fromkeys(filter(_is_section, kinds)), GivenPersonConfig]
+    parts = [ScenarioConfig, *dict.fromkeys(filter(_is_section, kinds)), PersonSpec]
     return "\n".join([SCENARIO_INTRO, *(_settings(part) for part in parts)])
 
 

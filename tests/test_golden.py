@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.datasets.verify import prove
+from sonata2d.datasets.verification import verify
 from sonata2d.version import PHYSICS_VERSION
 
 GOLDEN = Path(__file__).parents[2] / "shared" / "golden"
@@ -17,4 +17,4 @@ FOLDERS = sorted(path for path in GOLDEN.iterdir()) if GOLDEN.is_dir() else []
 @pytest.mark.skipif(PHYSICS_VERSION != 2, reason="the episodes of 0.1.0 are of physics version 2")
 @pytest.mark.parametrize("folder", FOLDERS or [None], ids=lambda folder: folder.name if folder else "absent")
 def test_episodes_of_the_first_version_replay_and_rerun(folder: Path) -> None:
-    assert prove(folder, replay=True, rerun=True) == []
+    assert verify(folder, replay=True, rerun=True) == []

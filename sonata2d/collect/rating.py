@@ -16,7 +16,7 @@ import orjson
 
 from ..core.labels import LabelSpec
 from ..datasets.check import Listed
-from ..datasets.verify import files_of
+from ..datasets.verification import files_of
 from ..errors import ConfigError, NewerFormatError, RecordError
 from ..record.files import LARGEST, read_bytes, safe_stem
 from ..record.reader import read_episode

@@ -20,7 +20,7 @@ from .journal import Journal, OpenRun
 State = Literal["waiting", "driving", "paused", "ended"]
 
 
-class Run:
+class CollectionRun:
     """What `Session` does with the run that is open.
 
     Args:

@@ -19,14 +19,14 @@ from ..scenegen.scenario.config import ScenarioConfig
 from ..version import PHYSICS_VERSION
 from .collection import Collection
 from .journal import Journal, OpenRun, read_journal
-from .run import Run
+from .run import CollectionRun
 
 logger = logging.getLogger(__name__)
 
 TRIES = 20  # scenes in a row that find no place for all, before it is an error
 
 
-class Session(Run):
+class Session(CollectionRun):
     """Run after run of one contributor in one folder.
 
     The world waits for the first tick (`waiting`), each `tick` drives it on (`driving`) until it ends (`ended`), and

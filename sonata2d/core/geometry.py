@@ -10,7 +10,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .portable_math import PI, Array, heading
+from .portable_math import Array, unit_vector
+from .vectors import wrap_angle
 
 PRECISION = 1e-4  # m, rad, m/s …: what files hold and what worlds are built from
 LARGEST = 1e11  # beyond it the precision is lost in a double
@@ -37,12 +38,6 @@ def quantised(value: float) -> float:
     return float(round(value * 10_000.0)) / 10_000.0 + 0.0
 
 
-def wrapped(angle: float) -> float:
-    """The same direction in (-pi, pi]."""
-    turned = angle - 2 * PI * math.ceil((angle - PI) / (2 * PI))
-    return turned if turned > -PI else PI
-
-
 @dataclass(frozen=True, slots=True)
 class Pose:
     """A place and a direction, world frame unless said: metres, metres, radians."""
@@ -56,9 +51,9 @@ class Pose:
         return self.x, self.y
 
     @property
-    def heading(self) -> Point:
+    def direction(self) -> Point:
         """Unit vector along theta."""
-        return heading(self.theta)
+        return unit_vector(self.theta)
 
     def to_local(self, point: HasXY | Point) -> Point:
         """(ahead, left) of a world point, seen from this pose.
@@ -67,14 +62,14 @@ class Pose:
         (2.0, 1.0)
         """
         x, y = point if isinstance(point, tuple) else (point.x, point.y)
-        c, s = self.heading
+        c, s = self.direction
         dx, dy = x - self.x, y - self.y
         return dx * c + dy * s, dy * c - dx * s
 
     def to_world(self, point: HasXY | Point) -> Point:
         """World coordinates of a point given as (ahead, left) of this pose; the inverse of `to_local`."""
         ahead, left = point if isinstance(point, tuple) else (point.x, point.y)
-        c, s = self.heading
+        c, s = self.direction
         return self.x + ahead * c - left * s, self.y + ahead * s + left * c
 
     def rounded(self) -> Pose:
@@ -84,7 +79,7 @@ class Pose:
 
 def canonical_angle(theta: float) -> float:
     """An angle as files hold it: a multiple of `PRECISION` in (-3.1416, 3.1416]."""
-    angle = quantised(wrapped(theta))
+    angle = quantised(wrap_angle(theta))
     return 3.1416 if angle <= -3.1416 else angle
 
 

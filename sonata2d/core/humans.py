@@ -15,7 +15,9 @@ from .portable_math import Array, angle_of, arctan2
 from .scene import Scene
 
 # Columns of the one array that holds the people: (N, 9), world frame.
-X, Y, VX, VY, HX, HY, LX, LY, OMEGA = range(9)  # place, velocity, body's direction, look's direction, turn rate
+X, Y, VX, VY, BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA = range(
+    9
+)  # place, velocity, body's direction, look's direction, turn rate
 ACTIVITIES = ("standing", "walking", "walking together", "talking", "using", "looking")
 
 _DOING = {
@@ -97,14 +99,14 @@ class Humans:
         return self.state[:, VX : VY + 1]
 
     @property
-    def heading(self) -> Array:
+    def direction(self) -> Array:
         """(N, 2), unit vectors of the bodies."""
-        return self.state[:, HX : HY + 1]
+        return self.state[:, BODY_X : BODY_Y + 1]
 
     @property
     def look(self) -> Array:
         """(N, 2), unit vectors of the heads."""
-        return self.state[:, LX : LY + 1]
+        return self.state[:, GAZE_X : GAZE_Y + 1]
 
     @property
     def omega(self) -> Array:
@@ -114,12 +116,12 @@ class Humans:
     @cached_property
     def theta(self) -> Array:
         """(N,), rad, of the bodies."""
-        return arctan2(self.state[:, HY], self.state[:, HX])
+        return arctan2(self.state[:, BODY_Y], self.state[:, BODY_X])
 
     @cached_property
     def head(self) -> Array:
         """(N,), rad, of the heads, world frame."""
-        return arctan2(self.state[:, LY], self.state[:, LX])
+        return arctan2(self.state[:, GAZE_Y], self.state[:, GAZE_X])
 
     def __len__(self) -> int:
         return len(self.state)
@@ -128,10 +130,10 @@ class Humans:
         row = [float(value) for value in self.state[index]]
         return HumanState(
             id=int(self.id[index]),
-            pose=Pose(row[X], row[Y], angle_of(row[HY], row[HX])),
+            pose=Pose(row[X], row[Y], angle_of(row[BODY_Y], row[BODY_X])),
             velocity=(row[VX], row[VY]),
             omega=row[OMEGA],
-            head=angle_of(row[LY], row[LX]),
+            head=angle_of(row[GAZE_Y], row[GAZE_X]),
             radius=float(self.radius[index]),
             activity=ACTIVITIES[int(self.activity_index[index])],
         )

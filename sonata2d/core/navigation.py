@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from . import vectors
 from .geometry import Barriers, Point, inside_edges, segment_distances, segments_cross
-from .portable_math import PI, Array, headings
+from .portable_math import PI, Array, unit_vectors
 
-_HEXAGON = headings(np.arange(6) * PI / 3) * 1.1547005383792517  # its edges touch the unit circle
-_DODECAGON = headings(np.arange(12) * PI / 6) * 1.0352761804100832
+_HEXAGON = unit_vectors(np.arange(6) * PI / 3) * 1.1547005383792517  # its edges touch the unit circle
+_DODECAGON = unit_vectors(np.arange(12) * PI / 6) * 1.0352761804100832
 _SQUARE = ((1.0, 1.0), (1.0, -1.0))
 _CUT = 0.41421356237309503  # tan 22.5°
 _OCTAGON = ((1.0, _CUT), (1.0, -_CUT), (_CUT, 1.0), (_CUT, -1.0))
@@ -31,13 +32,6 @@ def surroundings(barriers: Barriers, offset: float) -> tuple[tuple[Array, Array]
     return (_discs(barriers, offset), *_corners(barriers, offset))
 
 
-def vector_lengths(vectors: Array) -> Array:
-    """Lengths of vectors; (..., 2) to (...)."""
-    x, y = vectors[..., 0], vectors[..., 1]
-    sizes: Array = np.sqrt(x * x + y * y)
-    return sizes
-
-
 def _discs(barriers: Barriers, offset: float) -> tuple[Array, Array]:
     """Hexagons (D, 6, 2) round the discs among barriers inflated by `offset`, and closer polygons (D, 12, 2)."""
     is_disc = (barriers.start == barriers.end).all(axis=1)
@@ -48,7 +42,7 @@ def _discs(barriers: Barriers, offset: float) -> tuple[Array, Array]:
 def _corners(barriers: Barriers, offset: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Mitres (C, 1, 2) where two barriers meet, squares (E, 2, 2) round other ends; each also with its corners cut."""
     along = barriers.end - barriers.start
-    length = vector_lengths(along)
+    length = vectors.lengths(along)
     long = length > 0.0
     unit = along[long] / length[long, None]
     ends = np.concatenate((barriers.start[long], barriers.end[long]))
@@ -58,7 +52,7 @@ def _corners(barriers: Barriers, offset: float) -> tuple[tuple[Array, Array], tu
     meets = (ends[:, None, :] == ends[None, :, :]).all(axis=2) & ~np.eye(len(ends), dtype=bool)
     partner = meets.argmax(axis=1) if len(ends) else np.zeros(0, dtype=int)
     both = outward + outward[partner]
-    cosine = vector_lengths(both) / 2  # of half the angle between the two barriers
+    cosine = vectors.lengths(both) / 2  # of half the angle between the two barriers
     sine = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
     joined = (meets.sum(axis=1) == 1) & (sine >= _SHARP)
     first = joined & (np.arange(len(ends)) < partner) & (cosine > _STRAIGHT)  # 0: a wall that goes straight on
@@ -187,7 +181,7 @@ class FreeSpace:
         clear = self._is_clear(nodes[i], nodes[j])
         i, j = i[clear], j[clear]
         lengths = np.where(np.eye(count, dtype=bool), 0.0, np.inf)
-        lengths[i, j] = lengths[j, i] = vector_lengths(nodes[i] - nodes[j])
+        lengths[i, j] = lengths[j, i] = vectors.lengths(nodes[i] - nodes[j])
         hop = np.tile(np.arange(count), (count, 1))
         for k in range(count):
             detour = lengths[:, k, None] + lengths[None, k, :]
@@ -222,7 +216,7 @@ class FreeSpace:
         nodes = nodes[~segments_cross(np.repeat(here, len(nodes), axis=0), nodes, self.barriers).any(axis=0)]
         if len(nodes) == 0:
             return None
-        x, y = nodes[int(np.argmin(vector_lengths(nodes - here)))]
+        x, y = nodes[int(np.argmin(vectors.lengths(nodes - here)))]
         return float(x), float(y)
 
 
@@ -243,7 +237,7 @@ class GoalField:
         """Length of the shortest way from each point; (P, 2) to (P,), m; inf if there is none."""
         starts = self._starts(points)
         lengths, _ = self._entries(starts)
-        return np.where(np.isfinite(lengths), lengths + vector_lengths(starts - points), np.inf)
+        return np.where(np.isfinite(lengths), lengths + vectors.lengths(starts - points), np.inf)
 
     def path(self, start: Point) -> Array | None:
         """The shortest way as (K, 2), start and goal included; None if there is none."""
@@ -268,7 +262,7 @@ class GoalField:
         """For each node: the length of its way to the goal, and the last node on it."""
         graph = self.space._graph
         end = np.array([self._end]).repeat(len(graph.nodes), axis=0)
-        last = np.where(self.space._is_clear(graph.nodes, end), vector_lengths(graph.nodes - end), np.inf)
+        last = np.where(self.space._is_clear(graph.nodes, end), vectors.lengths(graph.nodes - end), np.inf)
         whole = graph.lengths + last[None, :]
         exits = np.argmin(whole, axis=1)
         return whole[np.arange(len(whole)), exits], exits
@@ -281,7 +275,7 @@ class GoalField:
             return lengths, entries
         end = np.array([self._end]).repeat(len(starts), axis=0)
         straight = self.space._is_clear(starts, end)
-        lengths[straight] = vector_lengths(end - starts)[straight]
+        lengths[straight] = vectors.lengths(end - starts)[straight]
         still = np.flatnonzero(~straight & ~np.isnan(starts[:, 0]))
         if len(still) and len(self.space._graph.nodes):
             self._enter(starts, still, lengths, entries)
@@ -290,7 +284,7 @@ class GoalField:
     def _enter(self, starts: Array, still: Any, lengths: Array, entries: Any) -> None:
         """Fill in the starts that must go round something: nodes are tried from the one that promises most."""
         nodes = self.space._graph.nodes
-        promised = vector_lengths(nodes[None, :, :] - starts[still, None, :]) + self._from_nodes[0]
+        promised = vectors.lengths(nodes[None, :, :] - starts[still, None, :]) + self._from_nodes[0]
         order = np.argsort(promised, axis=1, kind="stable")
         promised = np.take_along_axis(promised, order, axis=1)
         tried, width = 0, 2

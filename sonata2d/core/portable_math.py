@@ -64,7 +64,7 @@ def arctan2(y: Array, x: Array) -> Array:
     return signed
 
 
-def heading(theta: float) -> tuple[float, float]:
+def unit_vector(theta: float) -> tuple[float, float]:
     """(cos theta, sin theta), the unit vector that points along theta."""
     quarters = math.floor(theta / (PI / 2) + 0.5)
     x = theta - quarters * (PI / 2)
@@ -73,9 +73,9 @@ def heading(theta: float) -> tuple[float, float]:
     return ((c, s), (-s, c), (-c, -s), (s, -c))[quarters % 4]
 
 
-def headings(theta: Array) -> Array:
+def unit_vectors(theta: Array) -> Array:
     """Unit vectors that point along the angles; (N,) to (N, 2)."""
-    return np.array([heading(float(angle)) for angle in theta], dtype=float).reshape(-1, 2)
+    return np.array([unit_vector(float(angle)) for angle in theta], dtype=float).reshape(-1, 2)
 
 
 def angle_of(y: float, x: float) -> float:

@@ -19,7 +19,7 @@ _ULP = 1.0 / 9007199254740992.0  # of a 53-bit fraction
 _CHILDREN: tuple[Child, ...] = ("scene", "people", "noise", "controller", "company", "glances", "manners")
 
 
-class Chance:
+class RandomStream:
     """One named stream of random numbers of one episode.
 
     Args:

@@ -34,7 +34,7 @@ class RobotState:
     """The robot as seen in a snapshot.
 
     Attributes:
-        position, heading, velocity: m, unit vector, m/s; world frame.
+        position, direction, velocity: m, unit vector, m/s; world frame.
         omega: rad/s.
         executed: body-frame twist that the drive carried out in the last tick, guard included.
         guarded: whether the guard stepped in during the last tick.
@@ -42,7 +42,7 @@ class RobotState:
     """
 
     position: Point
-    heading: Point
+    direction: Point
     velocity: Point
     omega: float
     executed: Twist
@@ -51,7 +51,7 @@ class RobotState:
 
     @property
     def pose(self) -> Pose:
-        return Pose(*self.position, angle_of(self.heading[1], self.heading[0]))
+        return Pose(*self.position, angle_of(self.direction[1], self.direction[0]))
 
     @property
     def radius(self) -> float:
@@ -60,7 +60,7 @@ class RobotState:
     @property
     def twist(self) -> Twist:
         """Its velocity now, body frame."""
-        (c, s), (vx, vy) = self.heading, self.velocity
+        (c, s), (vx, vy) = self.direction, self.velocity
         return Twist(vx * c + vy * s, vy * c - vx * s, self.omega)
 
 

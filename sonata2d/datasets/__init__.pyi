@@ -48,5 +48,5 @@ from .reference_frames import (
 )
 from .replay import branch as branch
 from .split import split_dataset as split_dataset
-from .verify import files_of as files_of
-from .verify import prove as prove
+from .verification import files_of as files_of
+from .verification import verify as verify

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..core.humans import frozen
 from ..core.portable_math import Array
+from ..core.vectors import wrap_angles
 from .motion import Motion
-from .reference_frames import wrapped_angles
 
 
 def with_pose_noise(
@@ -38,7 +38,7 @@ def with_pose_noise(
     humans = motion.humans.copy()
     humans[..., 0:2] += position * errors[..., 0:2]
     for column, k in ((2, 2), (6, 3)):
-        humans[..., column] = wrapped_angles(humans[..., column] + angle * errors[..., k])
+        humans[..., column] = wrap_angles(humans[..., column] + angle * errors[..., k])
     return replace(motion, humans=frozen(humans))
 
 

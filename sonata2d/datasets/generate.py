@@ -29,7 +29,7 @@ from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, author_of, renderer_for
 from . import manifest as dataset
-from .manifest import Entry, Plan
+from .manifest import DatasetSpec, Entry
 from .progress import Failure, LeftOut, Result, Tally, log, log_left_out, logged_left_out
 
 logger = logging.getLogger(__name__)
@@ -47,7 +47,7 @@ class Job:
 
     out: Path
     scenario: ScenarioConfig
-    plan: Plan
+    plan: DatasetSpec
 
 
 def generate_dataset(
@@ -91,7 +91,7 @@ def generate_dataset(
     out = Path(out)
     kept = _in_order(keep)
     author = author_of(load_controller(controller), controller)
-    plan = Plan(scenario.name, scenario.settings(), seed, episodes, author, suffix, kept)
+    plan = DatasetSpec(scenario.name, scenario.settings(), seed, episodes, author, suffix, kept)
     split = dataset.read_manifest(out)["split"] if resume and (out / dataset.MANIFEST).exists() else None
     listed = dataset.start(out, plan, resume=resume)
     tally = Tally(plan, _known(out, plan, listed) if resume else ())
@@ -115,7 +115,7 @@ def _in_order(keep: Sequence[str]) -> tuple[Status, ...]:
     return tuple(status for status in KEEPABLE if status in keep)
 
 
-def _known(out: Path, plan: Plan, listed: Mapping[str, str]) -> list[Entry | LeftOut]:
+def _known(out: Path, plan: DatasetSpec, listed: Mapping[str, str]) -> list[Entry | LeftOut]:
     """What earlier runs came to."""
     done, faults = dataset.existing(out, plan, listed)
     for fault in faults:

@@ -97,7 +97,7 @@ METRICS = "metrics.json"  # what `sonata2d evaluate` leaves beside the episodes
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class DatasetSpec:
     """What a data set is asked to be: all that decides its bytes.
 
     Attributes:
@@ -136,7 +136,7 @@ class Entry:
     ticks: int
 
 
-def start(folder: Path, plan: Plan, *, resume: bool = False) -> dict[str, str]:
+def start(folder: Path, plan: DatasetSpec, *, resume: bool = False) -> dict[str, str]:
     """Begin a data set in a new or empty folder, or go on with one that was interrupted.
 
     Returns:
@@ -164,7 +164,7 @@ def start(folder: Path, plan: Plan, *, resume: bool = False) -> dict[str, str]:
     return listed
 
 
-def store(folder: Path, plan: Plan, episode: int, document: bytes) -> Entry:
+def store(folder: Path, plan: DatasetSpec, episode: int, document: bytes) -> Entry:
     """Write an episode's document to its place; what the manifest will say of it."""
     path, head = folder / plan.file_name(episode), head_of(document)
     data, outcome = packed(document, path), head["outcome"]
@@ -180,7 +180,7 @@ def entry_of(record: EpisodeRecord) -> Entry:
     return Entry(record.path.name, _sha256(data), len(data), record.episode, record.family, status, len(record))
 
 
-def existing(folder: Path, plan: Plan, listed: Mapping[str, str]) -> tuple[dict[int, Entry], list[str]]:
+def existing(folder: Path, plan: DatasetSpec, listed: Mapping[str, str]) -> tuple[dict[int, Entry], list[str]]:
     """The whole episodes of this plan that a folder holds, and why others must be made again.
 
     Args:
@@ -206,7 +206,7 @@ def existing(folder: Path, plan: Plan, listed: Mapping[str, str]) -> tuple[dict[
     return entries, faults
 
 
-def _numbers(folder: Path, plan: Plan) -> list[int]:
+def _numbers(folder: Path, plan: DatasetSpec) -> list[int]:
     """The numbers of episodes that files in the folder are named after, as far as the plan may ask for them."""
     stems = (path.name.removesuffix(plan.suffix) for path in folder.iterdir() if path.name.endswith(plan.suffix))
     numbers = sorted(int(stem) for stem in stems if stem.isdecimal() and stem.isascii())
@@ -215,7 +215,7 @@ def _numbers(folder: Path, plan: Plan) -> list[int]:
 
 def finish(
     folder: Path,
-    plan: Plan,
+    plan: DatasetSpec,
     entries: Iterable[Entry],
     *,
     left_out: Mapping[str, int] | None = None,
@@ -273,7 +273,7 @@ def read_manifest(folder: Path) -> Tree:
 
 
 def manifest_of(
-    plan: Plan,
+    plan: DatasetSpec,
     files: Iterable[Entry],
     *,
     complete: bool,
@@ -302,7 +302,7 @@ def _sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def _identity(plan: Plan) -> Tree:
+def _identity(plan: DatasetSpec) -> Tree:
     author = plan.author
     controller = {"path": author.path, "version": author.version, "settings": author.settings}
     told = {
@@ -316,7 +316,7 @@ def _identity(plan: Plan) -> Tree:
     return {key: plain(value, f"{key} of the data set", exact=True) for key, value in told.items()}
 
 
-def _refuse_another(folder: Path, plan: Plan) -> None:
+def _refuse_another(folder: Path, plan: DatasetSpec) -> None:
     """Only the same data set can be resumed, or the same with more episodes."""
     there, asked = read_manifest(folder), {"keep": None, **_identity(plan), "physics": PHYSICS_VERSION}
     if there.get("mirrored"):
@@ -329,7 +329,7 @@ def _refuse_another(folder: Path, plan: Plan) -> None:
             raise RecordError(f"{folder} holds another data set: {key} {told}; choose another folder")
 
 
-def _refuse_other_packing(folder: Path, plan: Plan) -> None:
+def _refuse_other_packing(folder: Path, plan: DatasetSpec) -> None:
     """One data set, one way to pack files."""
     for path in folder.iterdir():
         is_episode = path.name.split(".")[0].isdigit() and path.name.endswith(SUFFIXES)
@@ -344,7 +344,7 @@ def _difference(there: Tree | None, asked: Tree | None) -> str:
     return f"{key} {there.get(key)!r} there, {asked.get(key)!r} asked"
 
 
-def _refuse_stranger(record: EpisodeRecord, plan: Plan, episode: int) -> None:
+def _refuse_stranger(record: EpisodeRecord, plan: DatasetSpec, episode: int) -> None:
     """An episode counts only if this plan would make it, and if it came to its end."""
     asked = {**_identity(plan), "episode": episode, "physics": PHYSICS_VERSION, "id": stem_of(record.path)}
     for key, value in asked.items():

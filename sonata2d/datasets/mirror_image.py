@@ -11,8 +11,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..core.geometry import quantised, wrapped
+from ..core.geometry import quantised
 from ..core.portable_math import PI
+from ..core.vectors import wrap_angle
 from ..errors import RecordError
 from ..record.layout import Tree
 
@@ -35,7 +36,7 @@ def flipped_angle(theta: Any) -> Any:
 def turned_angle(theta: Any) -> float:
     """pi - theta, as a multiple of the file's precision where theta is one: then twice gives theta."""
     if quantised(theta) != theta:
-        return wrapped(PI - theta)
+        return wrap_angle(PI - theta)
     turned = quantised(HALF_TURN - theta)
     return turned if turned <= HALF_TURN else quantised(turned - 2 * HALF_TURN)
 

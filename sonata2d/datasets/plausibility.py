@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from ..core.entities import RELATIONS, ROBOT_ID, Furniture
-from ..core.geometry import Barriers, Disc, inside_polygon, wrapped
+from ..core.geometry import Barriers, Disc, inside_polygon
 from ..core.humans import ACTIVITIES
 from ..core.portable_math import Array
 from ..core.scene import Scene
+from ..core.vectors import wrap_angle
 from ..record.canonical import rounded_rows
 from ..record.layout import HUMAN_ANGLES, ROBOT_ANGLES
 from ..record.record import EpisodeRecord
@@ -217,7 +218,7 @@ def _distance(points: Array, thing: Furniture) -> Array:
     offset = points - np.array(thing.pose.position)
     if isinstance(thing.shape, Disc):
         return np.asarray(np.hypot(offset[:, 0], offset[:, 1]) - thing.shape.radius)
-    c, s = thing.pose.heading
+    c, s = thing.pose.direction
     local = np.stack((offset[:, 0] * c + offset[:, 1] * s, offset[:, 1] * c - offset[:, 0] * s), axis=1)
     beyond = np.abs(local) - np.array([thing.shape.length, thing.shape.width]) / 2
     outside = np.maximum(beyond, 0.0)
@@ -232,7 +233,7 @@ def _about_outcome(record: EpisodeRecord) -> Iterator[Doubt]:
     goal, robot = scene.goal, looks.robot
     reached = np.hypot(robot[:, 0] - goal.x, robot[:, 1] - goal.y) - goal.distance
     if goal.angle < 3.14:
-        turned = np.array([abs(wrapped(theta - goal.theta)) for theta in robot[:, 2].tolist()])
+        turned = np.array([abs(wrap_angle(theta - goal.theta)) for theta in robot[:, 2].tolist()])
         reached = np.maximum(reached, turned - goal.angle)
     if outcome.status == "goal" and reached[-1] > ROUNDING:
         yield "outcome", f"says the goal was reached, but {reached[-1]:.3f} m or rad were missing"

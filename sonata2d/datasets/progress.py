@@ -13,7 +13,7 @@ import orjson
 
 from ..errors import RecordError, Sonata2dError
 from ..record.canonical import plain
-from .manifest import Entry, Plan
+from .manifest import DatasetSpec, Entry
 
 LOG = "run.jsonl"
 
@@ -96,7 +96,7 @@ class Tally:
         RecordError: hardly any episode ends as the plan asks.
     """
 
-    def __init__(self, plan: Plan, known: Iterable[Entry | LeftOut] = ()) -> None:
+    def __init__(self, plan: DatasetSpec, known: Iterable[Entry | LeftOut] = ()) -> None:
         self._plan = plan
         self._results: dict[int, Result] = {}
         self._next = 0

@@ -8,7 +8,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ..core.humans import frozen
-from ..core.portable_math import Array, arctan2, headings
+from ..core.portable_math import Array, arctan2, unit_vectors
+from ..core.vectors import wrap_angles
 from .motion import Motion, Reference
 
 _TURN = 2 * np.pi
@@ -30,7 +31,7 @@ def seen_from(motion: Motion, origin: Any, reference: Reference) -> Motion:
     if origins.shape not in ((3,), (looks, 3)) or not np.isfinite(origins).all():
         raise ValueError(f"origin must be finite, of shape (3,) or ({looks}, 3), got shape {origins.shape}")
     origins = np.broadcast_to(origins, (looks, 3))
-    axes = headings(origins[:, 2])
+    axes = unit_vectors(origins[:, 2])
     starts, ends = (_poses(motion.walls[..., k : k + 2], origins, axes) for k in (0, 2))
     return replace(
         motion,
@@ -75,7 +76,7 @@ def world_frame(motion: Motion, origin: Any) -> Motion:
         origin: as it was given.
     """
     origins = np.array(origin, dtype=float).reshape(-1, 3)
-    axes = headings(origins[:, 2])
+    axes = unit_vectors(origins[:, 2])
     x, y = origins[:, 0], origins[:, 1]
     back = np.column_stack((-(x * axes[:, 0] + y * axes[:, 1]), x * axes[:, 1] - y * axes[:, 0], -origins[:, 2]))
     return seen_from(motion, back if np.ndim(origin) > 1 else back[0], "world")
@@ -90,14 +91,8 @@ def _poses(rows: Array, origins: Array, axes: Array) -> Array:
     seen[..., 0], seen[..., 1] = dx * c + dy * s, dy * c - dx * s
     for k in (2, 6):
         if rows.shape[-1] > k:
-            seen[..., k] = wrapped_angles(rows[..., k] - origins[:, 2].reshape(shape))
+            seen[..., k] = wrap_angles(rows[..., k] - origins[:, 2].reshape(shape))
     if rows.shape[-1] > 4:
         vx, vy = rows[..., 3], rows[..., 4]
         seen[..., 3], seen[..., 4] = vx * c + vy * s, vy * c - vx * s
     return seen
-
-
-def wrapped_angles(angles: Array) -> Array:
-    """The same directions in (-pi, pi]; NaN stays."""
-    turned: Array = angles - _TURN * np.ceil((angles - np.pi) / _TURN)
-    return np.where(turned <= -np.pi, np.pi, turned)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..datasets.check import Listed
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO
-from ..datasets.verify import files_of
+from ..datasets.verification import files_of
 from ..errors import RecordError
 from ..record.files import SUFFIXES, packed, safe_text, stem_of, write_atomically
 from ..record.reader import read_episode

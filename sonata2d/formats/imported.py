@@ -15,17 +15,13 @@ from ..core.geometry import PRECISION, Barriers, Pose
 from ..core.humans import ACTIVITIES
 from ..core.portable_math import Array
 from ..core.scene import Rules
+from ..core.vectors import wrap_angles
 from ..record.canonical import rounded, rounded_rows
 from ..record.layout import HUMAN_ANGLES, ROBOT_ANGLES, Tree, columns, software
 from ..version import FORMAT, FORMAT_VERSION
 
 MOVES = 0.1  # m/s; whoever is slower stands
 _MEETS = 0.05  # m, ends of walls that are one corner
-
-
-def turned_by(angle: Array) -> Array:
-    """The same turns in (-pi, pi]; any shape, rad."""
-    return np.asarray(np.pi - (np.pi - angle) % (2 * np.pi))
 
 
 def velocities(time: Array, poses: Array) -> Array:
@@ -42,7 +38,7 @@ def velocities(time: Array, poses: Array) -> Array:
     if len(poses) > 1:
         step = np.diff(time).reshape(-1, *([1] * (poses.ndim - 1)))
         change = np.diff(poses, axis=0)
-        change[..., 2] = turned_by(change[..., 2])
+        change[..., 2] = wrap_angles(change[..., 2])
         rates[1:] = change / step
         unknown = np.isnan(rates) & ~np.isnan(poses)  # they have just come, or are looked at first
         unknown[0] = True
@@ -206,7 +202,7 @@ def _executed(found: Found, dt: float) -> Array:
     """Body-frame twists that explain the change of pose from look to look; (T - 1, 3)."""
     step = np.maximum(np.diff(found.time), PRECISION) if len(found.time) > 1 else np.full(0, dt)
     moved, theta = np.diff(found.robot[:, 0:2], axis=0) / step[:, None], found.robot[:-1, 2]
-    turn = turned_by(np.diff(found.robot[:, 2])) / step
+    turn = wrap_angles(np.diff(found.robot[:, 2])) / step
     c, s = np.cos(theta), np.sin(theta)
     return rounded(np.stack((moved[:, 0] * c + moved[:, 1] * s, moved[:, 1] * c - moved[:, 0] * s, turn), axis=1))
 

@@ -77,7 +77,7 @@ def _near(points: Array, start: Array, end: Array, reach: float) -> Any:
 
 def _within(points: Array, thing: Furniture) -> Any:
     """Whether points are in a thing's outline."""
-    offset, (c, s) = points - np.array(thing.pose.position), thing.pose.heading
+    offset, (c, s) = points - np.array(thing.pose.position), thing.pose.direction
     if isinstance(thing.shape, Disc):
         return np.hypot(offset[:, 0], offset[:, 1]) <= thing.shape.radius
     ahead, left = offset[:, 0] * c + offset[:, 1] * s, offset[:, 1] * c - offset[:, 0] * s

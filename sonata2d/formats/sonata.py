@@ -15,6 +15,7 @@ from ..core.geometry import Disc, Shape
 from ..core.humans import ACTIVITIES
 from ..core.portable_math import Array
 from ..core.scene import Scene
+from ..core.vectors import wrap_angles
 from ..errors import RecordError
 from ..record.canonical import rounded, rounded_rows
 from ..record.layout import Tree
@@ -29,7 +30,6 @@ from .imported import (
     goal_of,
     polygon_of,
     radii_that_fit,
-    turned_by,
     velocities,
 )
 from .parse import load_json, numbers, table
@@ -58,7 +58,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     steps = np.zeros(poses.shape)
     steps[1:] = poses[:-1] - poses[1:]
     if not options.original:
-        steps[..., 2] = turned_by(steps[..., 2])
+        steps[..., 2] = wrap_angles(steps[..., 2])
     commands = _stick(record, chosen)
     parts: tuple[Any, ...] = (
         chosen,
@@ -124,7 +124,7 @@ def _local_poses(record: EpisodeRecord, chosen: list[int]) -> Array:
     world = np.concatenate((people, things), axis=1)
     robot = looks.robot[chosen][:, None, 0:3]
     place = local(world[..., 0:2], robot)
-    angle = -turned_by(world[..., 2] - robot[..., 2] + np.pi / 2)
+    angle = -wrap_angles(world[..., 2] - robot[..., 2] + np.pi / 2)
     return np.concatenate((place, angle[..., None]), axis=-1)
 
 
@@ -310,7 +310,7 @@ def _way(anchors: Array) -> Array:
     worst = np.hypot(off[..., 0], off[..., 1]).max(axis=1)
     if worst.max() > _STILL:
         raise ValueError(f"its walls move by {worst.max():.2f} m at frame {int(np.argmax(worst))}")
-    return np.concatenate((place, turned_by(turn + np.pi / 2)[:, None]), axis=1)
+    return np.concatenate((place, wrap_angles(turn + np.pi / 2)[:, None]), axis=1)
 
 
 def _refuse_motion(places: Array, names: list[str]) -> None:
@@ -334,7 +334,7 @@ def _in_the_world(
     place = _turned(bodies[..., 0:2], turn) + robot[:, None, 0:2]
     standing = np.concatenate((place[:, count:], _turned(goal, turn) + robot[:, None, 0:2]), axis=1)
     _refuse_motion(standing, [*(f"object {id}" for id in things), "the goal"])
-    poses = np.concatenate((place, turned_by(turn - bodies[..., 2])[..., None]), axis=-1)
+    poses = np.concatenate((place, wrap_angles(turn - bodies[..., 2])[..., None]), axis=-1)
     humans = np.concatenate((poses[:, :count], velocities(time, poses[:, :count])), axis=-1)
     humans = np.concatenate((humans, humans[..., 2:3]), axis=-1)  # the head is not told: as the body
     known = {*people, *things}

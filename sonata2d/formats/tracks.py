@@ -15,6 +15,7 @@ import numpy as np
 
 from ..core.geometry import PRECISION
 from ..core.portable_math import Array
+from ..core.vectors import wrap_angles
 from ..record.layout import Tree
 from .imported import (
     ROBOT,
@@ -25,7 +26,6 @@ from .imported import (
     goal_of,
     headings_along,
     radii_that_fit,
-    turned_by,
     velocities,
 )
 
@@ -85,7 +85,7 @@ def _found(tracks: Tracks, walls: Array) -> Found:
     rates = velocities(time, np.concatenate((place, np.zeros((*place.shape[:2], 1))), axis=-1))[..., 0:2]
     theta = headings_along(rates)
     poses = np.concatenate((place, theta[..., None]), axis=-1)
-    omega = turned_by(np.nan_to_num(velocities(time, poses)[..., 2]) * PRECISION) / PRECISION
+    omega = wrap_angles(np.nan_to_num(velocities(time, poses)[..., 2]) * PRECISION) / PRECISION
     rows = np.concatenate((poses, rates, np.where(np.isnan(theta), np.nan, omega)[..., None], theta[..., None]), -1)
     box = box_round(np.concatenate((tracks.place, walls.reshape(-1, 2))), _MARGIN)
     corner = box[0] + _MARGIN / 2

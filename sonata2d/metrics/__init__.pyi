@@ -45,4 +45,4 @@ from .summary import (
 from .summary import (
     wilson_interval as wilson_interval,
 )
-from .trajectory import Run as Run
+from .trajectory import Trajectory as Trajectory

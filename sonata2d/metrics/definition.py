@@ -7,14 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from .trajectory import Run
+from .trajectory import Trajectory
 
 DEFINITIONS_VERSION = 1  # of all metrics together; a changed formula raises it
 METRICS_FORMAT = "sonata2d-metrics"
 OURS = "sonata2d"
 
 Better = Literal["more", "less", "neither"]
-Function = Callable[[Run], float | None]
+Function = Callable[[Trajectory], float | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Metric:
     headline: bool = False
     variant_of: str | None = None
 
-    def of(self, run: Run) -> float | None:
+    def of(self, run: Trajectory) -> float | None:
         """The value of a run, rounded to 1e-6; None where it is not defined."""
         value = self.function(run)
         return None if value is None or not math.isfinite(value) else round(float(value), 6) + 0.0

@@ -19,7 +19,7 @@ from ..record.record import EpisodeRecord
 from ..sim.episode import Episode
 from ..version import PHYSICS_VERSION
 from .definition import OURS, Metric
-from .trajectory import Run, distances
+from .trajectory import Trajectory, distances
 
 FAR = 100.0  # m beyond the room: where the robot waits, minded by nobody, while the people walk alone
 
@@ -71,7 +71,7 @@ def _emptied(scene: Scene) -> Scene:
     return replace(scene, robot=robot, humans=people, rules=replace(scene.rules, ends_on=()))
 
 
-def human_speed_ratio(run: Run) -> float | None:
+def human_speed_ratio(run: Trajectory) -> float | None:
     """Mean over looks and walkers of speed over desired speed; None where nobody walks."""
     there = run.present & _walkers(run)
     if not there.any():
@@ -80,19 +80,19 @@ def human_speed_ratio(run: Run) -> float | None:
     return float((distances(run.people[:, :, 3:5], (0.0, 0.0)) / wanted)[there].mean())
 
 
-def human_deviation_mean(run: Run) -> float | None:
+def human_deviation_mean(run: Trajectory) -> float | None:
     """m, mean over looks and walkers, from where they would have been without the robot; None if that is unknown."""
     away = _deviation(run)
     return None if away is None or np.isnan(away).all() else float(np.nanmean(away))
 
 
-def human_deviation_max(run: Run) -> float | None:
+def human_deviation_max(run: Trajectory) -> float | None:
     """m, the largest of any walker at any look."""
     away = _deviation(run)
     return None if away is None or np.isnan(away).all() else float(np.nanmax(away))
 
 
-def human_slowing(run: Run) -> float | None:
+def human_slowing(run: Trajectory) -> float | None:
     """m/s, by which walkers got on more slowly than without the robot; negative if faster; None if unknown."""
     took = float(run.time[-1] - run.time[0])
     if run.alone is None or took == 0.0:
@@ -107,12 +107,12 @@ def human_slowing(run: Run) -> float | None:
     return float(each) / (float(np.where(both, run.lasted[:, None], 0.0).sum()))
 
 
-def _walkers(run: Run) -> Any:
+def _walkers(run: Trajectory) -> Any:
     """(N,) of bool."""
     return np.array([_walks(human) for human in run.scene.humans], dtype=bool)
 
 
-def _deviation(run: Run) -> Array | None:
+def _deviation(run: Trajectory) -> Array | None:
     """(L, W), m, of W walkers."""
     if run.alone is None:
         return None

@@ -15,6 +15,7 @@ from ..core.portable_math import Array
 from ..core.proxemics import SOCIAL_DISTANCE
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
+from ..core.vectors import lengths
 from ..record.record import EpisodeRecord
 
 WINDOW = 2.0  # s, before and after the nearest moment: the way each goes while they meet
@@ -137,7 +138,7 @@ def doorways(scene: Scene) -> list[tuple[Point, Point]]:
     ends = [end for wall in scene.walls for end in (wall.start, wall.end)]
     barriers = [Barriers.of([(wall.start, wall.end, 0.0)]) for wall in scene.walls]
     loose = [end for end in ends if sum(b.gaps(np.array([end])).min() < 1e-3 for b in barriers) == 1]
-    return [(a, b) for a, b in combinations(loose, 2) if 0.0 < _length(np.subtract(a, b)) <= DOOR]
+    return [(a, b) for a, b in combinations(loose, 2) if 0.0 < lengths(np.subtract(a, b)) <= DOOR]
 
 
 def _meeting(course: Course, k: int) -> Meeting:
@@ -166,15 +167,15 @@ def _meeting(course: Course, k: int) -> Meeting:
 
 def _gaps(course: Course, k: int) -> Array:
     """(L,), m, between the outlines of robot and person; inf where the person is absent."""
-    away = _length(course.people[:, k] - course.robot) - course.scene.humans[k].radius - course.scene.robot.radius
+    away = lengths(course.people[:, k] - course.robot) - course.scene.humans[k].radius - course.scene.robot.radius
     return np.where(np.isfinite(away), away, np.inf)
 
 
 def _kind(ways: tuple[Array, Array], angle: float, before: Array, after: Array) -> Kind:
     """By the ways of robot and person, and where the person is, from the robot, before and after."""
-    if not _length(ways[1]) > STAYED:
+    if not lengths(ways[1]) > STAYED:
         return "standing"
-    if not _length(ways[0]) > STAYED:
+    if not lengths(ways[0]) > STAYED:
         return "waiting"
     if angle >= HEAD_ON:
         return "head-on"
@@ -195,7 +196,7 @@ def _sight(course: Course, k: int) -> float | None:
     hidden: Any = np.any(segments_cross(robot, person, walls), axis=0)
     if not hidden[0] or hidden.all():
         return None
-    return float(_length(person - robot)[int(np.argmin(hidden))])
+    return float(lengths(person - robot)[int(np.argmin(hidden))])
 
 
 def _missed(course: Course, k: int) -> float | None:
@@ -215,10 +216,10 @@ def _at_door(course: Course, k: int) -> float | None:
             along[0] * (who[:, 1] - middle[1]) - along[1] * (who[:, 0] - middle[0])
             for who in (course.robot, course.people[:, k])
         )
-        near = [_length(who - middle) < AT_DOOR for who in (course.robot, course.people[:, k])]
+        near = [lengths(who - middle) < AT_DOOR for who in (course.robot, course.people[:, k])]
         went_through = other[np.isfinite(other)][0] * other[np.isfinite(other)][-1] < 0.0
         if went_through and bool(((one * other < 0.0) & near[0] & near[1]).any()):
-            return float(_length(along))
+            return float(lengths(along))
     return None
 
 
@@ -227,8 +228,8 @@ def _group_meeting(course: Course, group: Group) -> GroupMeeting | None:
     index = {human.id: k for k, human in enumerate(course.scene.humans)}
     places = course.people[:, [index[m] for m in group.members]]
     middle = _middles(places, in_circle=group.kind == "talking" and len(group.members) > 2)
-    reach = _length(places - middle[:, None]).mean(axis=1)
-    away = np.where(reach < TOGETHER, _length(middle - course.robot), np.nan)
+    reach = lengths(places - middle[:, None]).mean(axis=1)
+    away = np.where(reach < TOGETHER, lengths(middle - course.robot), np.nan)
     if not np.isfinite(away).any():
         return None
     nearest = int(np.nanargmin(away))
@@ -255,14 +256,9 @@ def _middles(places: Array, *, in_circle: bool) -> Array:
         from_mean = places[k] - middles[k]
         rows = np.column_stack((2 * from_mean, np.ones(len(from_mean))))
         centre = np.linalg.lstsq(rows, (from_mean**2).sum(axis=1), rcond=None)[0][:2]
-        if _length(centre) < _length(from_mean).max():  # else they stand in a line
+        if lengths(centre) < lengths(from_mean).max():  # else they stand in a line
             middles[k] += centre
     return middles
-
-
-def _length(vectors: Any) -> Any:
-    """(…, 2) to (…)."""
-    return np.sqrt((np.asarray(vectors) ** 2).sum(axis=-1))
 
 
 def _angle(a: Array, b: Array) -> float:

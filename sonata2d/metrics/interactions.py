@@ -11,7 +11,7 @@ import numpy as np
 from ..core.portable_math import Array
 from ..core.proxemics import SOCIAL_DISTANCE
 from .definition import OURS, Metric
-from .trajectory import Run
+from .trajectory import Trajectory
 
 
 def times_to_collision(offset: Array, closing: Array, reach: Array | float) -> Array:
@@ -33,14 +33,14 @@ def times_to_collision(offset: Array, closing: Array, reach: Array | float) -> A
     return np.where(beyond <= 0.0, 0.0, np.where(meets, when, np.inf))
 
 
-def time_to_collision_min(run: Run) -> float | None:
+def time_to_collision_min(run: Trajectory) -> float | None:
     """s, the least over looks and people; None if the robot never was on a way to meet anybody."""
     closing = run.velocity[:, None, :] - run.people[:, :, 3:5]
     least = times_to_collision(run.offset, closing, run.radii + run.radius).min(initial=np.inf)
     return float(least) if np.isfinite(least) else None
 
 
-def group_intrusion(run: Run) -> float | None:
+def group_intrusion(run: Trajectory) -> float | None:
     """Share of looks at which the robot's outline is within a group; None where there are no groups."""
     column = {human.id: k for k, human in enumerate(run.scene.humans)}
     groups = [[column[m] for m in group.members] for group in run.scene.groups if len(group.members) > 1]
@@ -49,7 +49,7 @@ def group_intrusion(run: Run) -> float | None:
     return float(np.any([_within_group(run, members) for members in groups], axis=0).mean())
 
 
-def interaction_intrusion(run: Run) -> float | None:
+def interaction_intrusion(run: Trajectory) -> float | None:
     """Share of looks at which the robot's outline cuts the line between any two that interact; None if nobody does."""
     cut, any_tie = np.zeros(len(run), dtype=bool), False
     for looks, start, end in _ties(run):
@@ -58,7 +58,7 @@ def interaction_intrusion(run: Run) -> float | None:
     return float(cut.mean()) if any_tie else None
 
 
-def _within_group(run: Run, members: Sequence[int]) -> Any:
+def _within_group(run: Trajectory, members: Sequence[int]) -> Any:
     """(L,) of bool: is the outline less than its radius from the hull of those members who are near one another?
 
     A point of the hull is in a triangle of members, or on the line between two.
@@ -76,7 +76,7 @@ def _within_group(run: Run, members: Sequence[int]) -> Any:
     return within
 
 
-def _ties(run: Run) -> Iterator[tuple[Any, Array, Array]]:
+def _ties(run: Trajectory) -> Iterator[tuple[Any, Array, Array]]:
     """Of every two that interact: the looks at which they do, and where both are then, (K, 2) each."""
     document, column = run.record.document, {human.id: k for k, human in enumerate(run.scene.humans)}
     things = {thing.id: thing.pose.position for thing in run.scene.furniture}

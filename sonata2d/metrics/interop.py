@@ -12,11 +12,12 @@ from typing import Literal
 import numpy as np
 
 from ..core.portable_math import Array
+from ..core.vectors import wrap_angles
 from .definition import Better, Function, Metric
 from .interactions import times_to_collision
 from .paths import path_length
 from .space import ZONES
-from .trajectory import Run, distances, turns
+from .trajectory import Trajectory, distances
 
 SOCNAV3_PERSON = 0.3  # m, everybody's radius there
 HUNAV_TOUCH = 0.02  # m
@@ -26,29 +27,29 @@ HUNAV_GROUP_AHEAD = 1.5  # m ahead of each member, where the middle of the group
 SOCNAV3_SOON = 0.01  # s, below which fear is 10
 
 
-def socnavgym_compliance(run: Run) -> float | None:
+def socnavgym_compliance(run: Trajectory) -> float | None:
     """Share of looks with the robot's outline 0.45 m or more from every person's centre."""
     if not run.has_people:
         return None
     return float((run.distance.min(axis=1, initial=np.inf) - run.radius >= 0.45).mean())
 
 
-def socnavgym_distance(run: Run) -> float | None:
+def socnavgym_distance(run: Trajectory) -> float | None:
     """m, least distance between centres."""
     return float(run.distance.min()) if run.has_people else None
 
 
-def socnavgym_no_progress(run: Run) -> float:
+def socnavgym_no_progress(run: Trajectory) -> float:
     """Looks at which the goal is further, as the crow flies, than at the look before."""
     return float((np.diff(distances(run.position, run.scene.goal.position)) > 0.0).sum())
 
 
-def socnavgym_stalled(run: Run) -> float:
+def socnavgym_stalled(run: Trajectory) -> float:
     """s, of the ticks with a command of exactly no advance and no lateral speed; turning counts as stalled."""
     return float(run.lasted[(_executed(run)[:, :2] == 0.0).all(axis=1)].sum())
 
 
-def socnavgym_jerk(run: Run) -> float | None:
+def socnavgym_jerk(run: Trajectory) -> float | None:
     """m/s³, mean size of the second difference of the commanded (vx, vy), body frame, which was zero before."""
     if not len(run.lasted):
         return None
@@ -58,25 +59,25 @@ def socnavgym_jerk(run: Run) -> float | None:
     return float(distances(jerk, (0.0, 0.0)).mean())
 
 
-def socnavgym_obstacle(run: Run) -> float | None:
+def socnavgym_obstacle(run: Trajectory) -> float | None:
     """m, from the robot's centre to the nearest outline of a wall or thing."""
     return float(run.barrier_gaps.min()) + run.radius if len(run.barrier_gaps) else None
 
 
-def hunav_goal(run: Run) -> float:
+def hunav_goal(run: Trajectory) -> float:
     """1 if the last look is less than 5 cm beyond the goal's radius, whatever the heading."""
     away = float(distances(run.position[-1], run.scene.goal.position))
     return float(away - run.scene.goal.distance < HUNAV_GOAL_SLACK)
 
 
-def hunav_stalled(run: Run) -> float:
+def hunav_stalled(run: Trajectory) -> float:
     """s, looks with |v| < 0.01 and ω < 0.02 (a turn to the right counts as standing) times T / L."""
     omega = run.record.looks.robot[: len(run), 5]
     still = (distances(run.velocity, (0.0, 0.0)) < HUNAV_STILL_SPEED) & (omega < HUNAV_STILL_TURN)
     return float(still.sum()) * float(run.time[-1] - run.time[0]) / len(run)
 
 
-def hunav_hits(run: Run, by: Literal["robot", "person"]) -> float:
+def hunav_hits(run: Trajectory, by: Literal["robot", "person"]) -> float:
     """Looks times people nearer than 0.02 m, given to whoever has the other more straight ahead.
 
     α is the robot's bearing from the person; of the person's bearing from the robot the two arguments of atan2 are
@@ -85,13 +86,13 @@ def hunav_hits(run: Run, by: Literal["robot", "person"]) -> float:
     look, k = np.nonzero(run.gaps < HUNAV_TOUCH)
     person, offset = run.people[look, k], run.offset[look, k]
     alpha = np.abs(_bearing(-offset, person[:, 2]))
-    other = np.abs(turns(np.pi / 2.0 - _bearing(offset, run.heading[look])))
+    other = np.abs(wrap_angles(np.pi / 2.0 - _bearing(offset, run.heading[look])))
     own_speed, speed = distances(run.velocity[look], (0.0, 0.0)), distances(person[:, 3:5], (0.0, 0.0))
     first = alpha < other if by == "robot" else alpha > other
     return float(((first & (own_speed != speed)) | ((alpha == other) & (own_speed == speed))).sum())
 
 
-def hunav_group_zone(run: Run, low: float, high: float) -> float | None:
+def hunav_group_zone(run: Trajectory, low: float, high: float) -> float | None:
     """% of looks at which the nearest group's middle, 1.5 m ahead of its members, is in a zone from the robot's rim."""
     column = {human.id: k for k, human in enumerate(run.scene.humans)}
     groups = [[column[m] for m in group.members] for group in run.scene.groups]
@@ -104,14 +105,14 @@ def hunav_group_zone(run: Run, low: float, high: float) -> float | None:
     return 100.0 * float(inside.mean())
 
 
-def hunav_zone(run: Run, low: float, high: float) -> float | None:
+def hunav_zone(run: Trajectory, low: float, high: float) -> float | None:
     """% of looks with the nearest person in a zone."""
     if not run.has_people:
         return None
     return 100.0 * float(((run.nearest >= low) & (run.nearest < high)).mean())
 
 
-def hunav_overacceleration(run: Run) -> float | None:
+def hunav_overacceleration(run: Trajectory) -> float | None:
     """m/s³ by its name: sum of Δ|v| / Δt², signed, over the number of looks."""
     if not len(run.lasted):
         return None
@@ -119,23 +120,23 @@ def hunav_overacceleration(run: Run) -> float | None:
     return float((change / run.lasted / run.lasted).sum()) / len(run)
 
 
-def socnav3_intrusion(run: Run, threshold: float) -> float | None:
+def socnav3_intrusion(run: Trajectory, threshold: float) -> float | None:
     """Share of looks with somebody, of radius 0.3 m, nearer than the threshold."""
     return float((_socnav3_gaps(run).min(axis=1) < threshold).mean()) if run.has_people else None
 
 
-def socnav3_contact(run: Run) -> float | None:
+def socnav3_contact(run: Trajectory) -> float | None:
     """Share of looks with somebody, of radius 0.3 m, touched."""
     return float((_socnav3_gaps(run).min(axis=1) <= 0.0).mean()) if run.has_people else None
 
 
-def socnav3_time_to_collision(run: Run) -> float | None:
+def socnav3_time_to_collision(run: Trajectory) -> float | None:
     """s, the least; robot's radius √2 too large, person's 0.3 m, velocities from differences of places."""
     least = _socnav3_times(run).min(initial=np.inf)
     return float(least) if np.isfinite(least) else None
 
 
-def socnav3_fear(run: Run) -> float | None:
+def socnav3_fear(run: Trajectory) -> float | None:
     """1/s, largest of 1 / time to collision, 10 from 0.01 s down, 0 where there is none."""
     if not run.has_people:
         return None
@@ -143,29 +144,29 @@ def socnav3_fear(run: Run) -> float | None:
     return 1.0 / least if least > SOCNAV3_SOON else 10.0
 
 
-def socnav3_path_efficiency(run: Run) -> float:
+def socnav3_path_efficiency(run: Trajectory) -> float:
     """Distance to the goal's centre at the start, as the crow flies, over the way gone, at most 1."""
     straight, gone = float(distances(run.position[0], run.scene.goal.position)), path_length(run)
     return min(1.0, straight / gone) if gone > 0.0 else 1.0
 
 
-def _executed(run: Run) -> Array:
+def _executed(run: Trajectory) -> Array:
     """(L - 1, 3), what the drive carried out in each tick."""
     return run.record.executed[: len(run) - 1]
 
 
 def _bearing(offset: Array, heading: Array) -> Array:
     """Angle at which something lies, left of ahead, rad."""
-    return turns(np.arctan2(offset[:, 1], offset[:, 0]) - heading)
+    return wrap_angles(np.arctan2(offset[:, 1], offset[:, 0]) - heading)
 
 
-def _socnav3_gaps(run: Run) -> Array:
+def _socnav3_gaps(run: Trajectory) -> Array:
     """(L, N), m."""
     gaps: Array = np.maximum(run.distance - run.radius - SOCNAV3_PERSON, 0.0)
     return gaps
 
 
-def _socnav3_times(run: Run) -> Array:
+def _socnav3_times(run: Trajectory) -> Array:
     """(L, N), s; at the first look nobody moves."""
     own, others = np.zeros_like(run.position), np.zeros_like(run.people[:, :, :2])
     own[1:] = np.diff(run.position, axis=0) / run.lasted[:, None]

@@ -17,7 +17,7 @@ import orjson
 from ..datasets.check import Listed
 from ..datasets.manifest import METRICS as METRICS_FILE
 from ..datasets.manifest import write_tree
-from ..datasets.verify import files_of
+from ..datasets.verification import files_of
 from ..record.layout import layout_of, software
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
@@ -26,7 +26,7 @@ from .definition import DEFINITIONS_VERSION, METRICS_FORMAT, Metric
 from .disturbance import without_robot
 from .missing import is_measurable
 from .summary import LEVEL, RESAMPLES, Summary, differences, summarise
-from .trajectory import Run
+from .trajectory import Trajectory
 
 Advance = Callable[[int], None]
 
@@ -102,7 +102,7 @@ def measure(
     Returns:
         By name; None where a metric is not defined, or rests on what an imported run does not tell.
     """
-    run = Run(record, without_robot(record) if rerun else None)
+    run = Trajectory(record, without_robot(record) if rerun else None)
     return {metric.name: metric.of(run) if is_measurable(metric, record) else None for metric in metrics}
 
 

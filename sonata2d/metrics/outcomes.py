@@ -6,64 +6,65 @@ from functools import partial
 
 import numpy as np
 
+from ..core.vectors import wrap_angles
 from .definition import OURS, Metric
-from .trajectory import Kind, Run, distances, turns
+from .trajectory import Kind, Trajectory, distances
 
 STILL_SPEED, STILL_TURN = 0.01, 0.02  # m/s, rad/s, below which the robot stands (HuNavSim's thresholds)
 
 _FRANCIS = "Francis et al., arXiv 2306.16740, table of metrics"
 
 
-def success(run: Run) -> float:
+def success(run: Trajectory) -> float:
     """1 if the goal was reached in time, whatever happened on the way."""
     return float(run.reached is not None)
 
 
-def success_strict(run: Run) -> float:
+def success_strict(run: Trajectory) -> float:
     """1 if the goal was reached in time and nothing was touched before."""
     return float(run.reached is not None and not run.touches)
 
 
-def timeout(run: Run) -> float:
+def timeout(run: Trajectory) -> float:
     """1 if time ran out before the goal was reached."""
     return float(run.reached is None and run.record.outcome.status == "timeout")
 
 
-def collisions(run: Run, kind: Kind | None = None) -> float:
+def collisions(run: Trajectory, kind: Kind | None = None) -> float:
     """Touches with outlines of a kind, or with any."""
     return float(sum(kind in (None, touch.kind) for touch in run.touches))
 
 
-def robot_on_person(run: Run) -> float:
+def robot_on_person(run: Trajectory) -> float:
     """Touches with people in which the robot closed the gap."""
     return float(sum(t.kind == "human" and t.robot_at_fault for t in run.touches))
 
 
-def person_on_robot(run: Run) -> float:
+def person_on_robot(run: Trajectory) -> float:
     """Touches with people in which the person closed the gap."""
     return float(sum(t.kind == "human" and t.other_at_fault for t in run.touches))
 
 
-def both_on_each_other(run: Run) -> float:
+def both_on_each_other(run: Trajectory) -> float:
     """Touches with people in which both closed the gap."""
     return float(sum(t.kind == "human" and t.robot_at_fault and t.other_at_fault for t in run.touches))
 
 
-def time_to_first_collision(run: Run) -> float | None:
+def time_to_first_collision(run: Trajectory) -> float | None:
     """s, to the first touch; None if there was none."""
     found = run.touches
     return float(run.time[found[0].first] - run.time[0]) if found else None
 
 
-def time_to_goal(run: Run) -> float | None:
+def time_to_goal(run: Trajectory) -> float | None:
     """s, None where the goal was not reached."""
     return None if run.reached is None else float(run.time[-1] - run.time[0])
 
 
-def stalled_time(run: Run) -> float:
+def stalled_time(run: Trajectory) -> float:
     """s, of the ticks in which the robot neither went nor turned."""
     went = distances(run.position[1:], run.position[:-1]) < STILL_SPEED * run.lasted
-    turned = np.abs(turns(np.diff(run.heading))) < STILL_TURN * run.lasted
+    turned = np.abs(wrap_angles(np.diff(run.heading))) < STILL_TURN * run.lasted
     return float(run.lasted[went & turned].sum())
 
 

@@ -25,7 +25,7 @@ from .measurement import Evaluation, Measured
 from .plots import COLOURS
 from .summary import LEVEL
 from .table import ARROWS, KINDS, MARK, cell, differs, endings, kinds_of, number
-from .trajectory import Run, Touch
+from .trajectory import Touch, Trajectory
 
 COMPLIANCE = f"personal_space_compliance_{INTIMATE_DISTANCE:.2f}"
 
@@ -260,7 +260,7 @@ def extremes(runs: Sequence[Measured], files: Sequence[Path]) -> list[Strip]:
 
 def _strip(title: str, why: str, measured: Measured, file: Path) -> Strip:
     record = read_episode(file)
-    run = Run(record)
+    run = Trajectory(record)
     event = _event(run)
     looks = _looks(len(run), None if event is None else event[0])
     urls = filmstrip([record.snapshot(k) for k in range(len(run))], looks)
@@ -277,7 +277,7 @@ def _strip(title: str, why: str, measured: Measured, file: Path) -> Strip:
     )
 
 
-def _event(run: Run) -> tuple[int, str] | None:
+def _event(run: Trajectory) -> tuple[int, str] | None:
     """The look that tells most, and what happens then: the first touch by the robot's fault, any touch, a meeting."""
     by_rank = sorted(run.touches, key=lambda touch: (not touch.robot_at_fault, touch.kind != "human", touch.first))
     if by_rank:
@@ -298,7 +298,7 @@ def _looks(count: int, event: int | None) -> list[int]:
     return sorted(set(looks))
 
 
-def _facts(measured: Measured, run: Run) -> str:
+def _facts(measured: Measured, run: Trajectory) -> str:
     """The outcome, and the metrics by which runs are chosen."""
     outcome = run.record.outcome
     texts = [f"outcome: {outcome.status} at {outcome.time:.1f} s"]

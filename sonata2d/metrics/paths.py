@@ -5,89 +5,86 @@ from __future__ import annotations
 import numpy as np
 
 from ..core.portable_math import Array
+from ..core.vectors import lengths, wrap_angles
 from .definition import Metric
 from .outcomes import success
-from .trajectory import Run, distances, turns
+from .trajectory import Trajectory, distances
 
 _FRANCIS = "Francis et al., arXiv 2306.16740, table of metrics"
 
 
-def path_length(run: Run) -> float:
+def path_length(run: Trajectory) -> float:
     """m, gone by the robot's centre."""
     return float(distances(run.position[1:], run.position[:-1]).sum())
 
 
-def shortest_length(run: Run) -> float | None:
+def shortest_length(run: Trajectory) -> float | None:
     """m, of the shortest way to the rim of the goal; None where the robot does not fit through."""
     return run.shortest
 
 
-def spl(run: Run) -> float | None:
+def spl(run: Trajectory) -> float | None:
     """Success weighted by the share that the shortest way has in the way gone; None where there is no way at all."""
     return _weighted(run, run.shortest, path_length(run))
 
 
-def stl(run: Run) -> float | None:
+def stl(run: Trajectory) -> float | None:
     """Success weighted by the share that the shortest time has in the time taken; None where there is no way at all."""
     shortest = None if run.shortest is None else run.shortest / run.scene.robot.limits.ahead
     return _weighted(run, shortest, float(run.time[-1] - run.time[0]))
 
 
-def cumulative_heading_change(run: Run) -> float:
+def cumulative_heading_change(run: Trajectory) -> float:
     """rad, turned in all, either way."""
-    return float(np.abs(turns(np.diff(run.heading))).sum())
+    return float(np.abs(wrap_angles(np.diff(run.heading))).sum())
 
 
-def speed_mean(run: Run) -> float | None:
+def speed_mean(run: Trajectory) -> float | None:
     """m/s, way gone over time taken; None for a run without a tick."""
     took = float(run.time[-1] - run.time[0])
     return path_length(run) / took if took > 0.0 else None
 
 
-def speed_max(run: Run) -> float:
+def speed_max(run: Trajectory) -> float:
     """m/s, of the recorded velocities."""
-    return float(_lengths(run.velocity).max())
+    return float(lengths(run.velocity).max())
 
 
-def acceleration_mean(run: Run) -> float | None:
+def acceleration_mean(run: Trajectory) -> float | None:
     """m/s², mean of the size of the first difference of velocity."""
-    return _mean(_lengths(_acceleration(run)))
+    return _mean(lengths(_acceleration(run)))
 
 
-def acceleration_max(run: Run) -> float | None:
+def acceleration_max(run: Trajectory) -> float | None:
     """m/s², the largest."""
-    return _max(_lengths(_acceleration(run)))
+    return _max(lengths(_acceleration(run)))
 
 
-def jerk_mean(run: Run) -> float | None:
+def jerk_mean(run: Trajectory) -> float | None:
     """m/s³, mean of the size of the second difference of velocity."""
-    return _mean(_lengths(_jerk(run)))
+    return _mean(lengths(_jerk(run)))
 
 
-def jerk_max(run: Run) -> float | None:
+def jerk_max(run: Trajectory) -> float | None:
     """m/s³, the largest."""
-    return _max(_lengths(_jerk(run)))
+    return _max(lengths(_jerk(run)))
 
 
-def _acceleration(run: Run) -> Array:
+def _acceleration(run: Trajectory) -> Array:
     """(L - 1, 2), m/s², between looks."""
     return np.diff(run.velocity, axis=0) / run.lasted[:, None]
 
 
-def _jerk(run: Run) -> Array:
+def _jerk(run: Trajectory) -> Array:
     """(L - 2, 2), m/s³, at the looks that have one before and one after."""
     between = (run.lasted[1:] + run.lasted[:-1]) / 2.0
     return np.diff(_acceleration(run), axis=0) / between[:, None]
 
 
-def _weighted(run: Run, shortest: float | None, taken: float) -> float | None:
+def _weighted(run: Trajectory, shortest: float | None, taken: float) -> float | None:
     if shortest is None:
         return None
     return success(run) * (shortest / max(taken, shortest) if shortest > 0.0 else 1.0)
-
-
-def _lengths(vectors: Array) -> Array:
-    return distances(vectors, (0.0, 0.0))
 
 
 def _mean(values: Array) -> float | None:

@@ -9,7 +9,7 @@ import numpy as np
 from ..core.portable_math import Array
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, SOCIAL_DISTANCE
 from .definition import Metric
-from .trajectory import Run
+from .trajectory import Trajectory
 
 THRESHOLDS = (0.3, 0.45, 0.5, 0.8, 1.2)  # m; a sweep, since no single cut is right for every culture and task
 ZONES = {
@@ -23,40 +23,40 @@ _HALL = "E. T. Hall, The Hidden Dimension (1966)"
 _FRANCIS = "Francis et al., arXiv 2306.16740, table of metrics"
 
 
-def human_clearance_min(run: Run) -> float | None:
+def human_clearance_min(run: Trajectory) -> float | None:
     """m, to the nearest person ever; None where nobody ever is."""
     return float(run.nearest.min()) if run.has_people else None
 
 
-def human_clearance_mean(run: Run) -> float | None:
+def human_clearance_mean(run: Trajectory) -> float | None:
     """m, mean over looks at which somebody is there, of the clearance to the nearest; None where nobody ever is."""
     there = run.present.any(axis=1)
     return float(run.nearest[there].mean()) if run.has_people else None
 
 
-def obstacle_clearance_min(run: Run) -> float | None:
+def obstacle_clearance_min(run: Trajectory) -> float | None:
     """m, to the nearest wall or piece of furniture ever; None where there is none."""
     return float(_obstacles(run).min()) if len(run.barrier_gaps) else None
 
 
-def obstacle_clearance_mean(run: Run) -> float | None:
+def obstacle_clearance_mean(run: Trajectory) -> float | None:
     """m, mean over looks of the clearance to the nearest wall or piece of furniture; None where there is none."""
     return float(_obstacles(run).mean()) if len(run.barrier_gaps) else None
 
 
-def personal_space_compliance(run: Run, threshold: float) -> float | None:
+def personal_space_compliance(run: Trajectory, threshold: float) -> float | None:
     """Share of looks at which nobody is nearer than the threshold, m; None where nobody ever is."""
     return float((run.nearest >= threshold).mean()) if run.has_people else None
 
 
-def zone_share(run: Run, low: float, high: float) -> float | None:
+def zone_share(run: Trajectory, low: float, high: float) -> float | None:
     """Share of looks at which the nearest person is in [low, high), m; None where nobody ever is."""
     if not run.has_people:
         return None
     return float(((run.nearest >= low) & ((run.nearest < high) | (high == np.inf))).mean())
 
 
-def _obstacles(run: Run) -> Array:
+def _obstacles(run: Trajectory) -> Array:
     """(L,), m."""
     gaps: Array = np.maximum(run.barrier_gaps.min(axis=0), 0.0)
     return gaps

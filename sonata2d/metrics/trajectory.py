@@ -13,6 +13,7 @@ from ..core.geometry import Point
 from ..core.navigation import FreeSpace
 from ..core.portable_math import Array
 from ..core.scene import Scene
+from ..core.vectors import wrap_angles
 from ..record.record import EpisodeRecord
 from ..sim.safety import CLOSING
 
@@ -33,7 +34,7 @@ class Touch:
     other_at_fault: bool
 
 
-def touches_of(run: Run) -> list[Touch]:
+def touches_of(run: Trajectory) -> list[Touch]:
     """All touches of a run, in the order in which they begin."""
     marks: Marks = {}
     for key, look, faults in (*_near_people(run), *_near_barriers(run), *_recorded(run)):  # what was felt comes last
@@ -42,14 +43,14 @@ def touches_of(run: Run) -> list[Touch]:
     return sorted(found, key=lambda touch: (touch.first, touch.kind, touch.id))
 
 
-def _recorded(run: Run) -> Iterator[tuple[Key, int, tuple[bool, bool]]]:
+def _recorded(run: Trajectory) -> Iterator[tuple[Key, int, tuple[bool, bool]]]:
     document = run.record.document
     for look, told in enumerate([*document["frames"], document["final"]][: len(run)]):
         for row in told["contacts"]:
             yield (row["kind"], row["id"]), look, (row["robot_at_fault"], row["other_at_fault"])
 
 
-def _near_people(run: Run) -> Iterator[tuple[Key, int, tuple[bool, bool]]]:
+def _near_people(run: Trajectory) -> Iterator[tuple[Key, int, tuple[bool, bool]]]:
     for look, k in np.argwhere(run.gaps < run.scene.rules.contact_distance).tolist():
         towards = run.offset[look, k] / max(float(run.distance[look, k]), 1e-9)
         own = float(run.velocity[look] @ towards) > CLOSING
@@ -57,7 +58,7 @@ def _near_people(run: Run) -> Iterator[tuple[Key, int, tuple[bool, bool]]]:
         yield ("human", run.scene.humans[k].id), look, (own, other)
 
 
-def _near_barriers(run: Run) -> Iterator[tuple[Key, int, tuple[bool, bool]]]:
+def _near_barriers(run: Trajectory) -> Iterator[tuple[Key, int, tuple[bool, bool]]]:
     owners: Any = run.scene.barrier_owner
     near = np.argwhere(run.barrier_gaps < run.scene.rules.contact_distance).tolist()
     for m, look in near:
@@ -79,7 +80,7 @@ ANY_HEADING = 3.14  # rad; a goal with a wider angle takes every heading, as in 
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class Trajectory:
     """L looks at a robot among N people: all of an episode up to the look at which the goal is first reached.
 
     Args:
@@ -103,7 +104,7 @@ class Run:
             return len(robot) - 1
         there = distances(robot[:, :2], goal.position) <= goal.distance
         if goal.angle < ANY_HEADING:
-            there &= np.abs(turns(robot[:, 2] - goal.theta)) <= goal.angle
+            there &= np.abs(wrap_angles(robot[:, 2] - goal.theta)) <= goal.angle
         return int(np.argmax(there)) if there.any() else None
 
     def __len__(self) -> int:
@@ -211,9 +212,3 @@ def distances(points: Array, place: Point | Array) -> Array:
     away = points - np.asarray(place)
     lengths: Array = np.sqrt(away[..., 0] * away[..., 0] + away[..., 1] * away[..., 1])
     return lengths
-
-
-def turns(angles: Array) -> Array:
-    """The same angles in [-pi, pi)."""
-    turned: Array = (angles + np.pi) % (2.0 * np.pi) - np.pi
-    return turned

@@ -9,7 +9,7 @@ import numpy as np
 from ..core.devices import DeviceEvent
 from ..core.entities import Interaction
 from ..core.geometry import quantised
-from ..core.humans import HX, HY, LX, LY, OMEGA, VX, VY, X, Y
+from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
 from ..core.portable_math import Array, arctan2
 from ..core.snapshot import Contact
 from .canonical import plain, refuse_unfinite, rounded, rounded_rows
@@ -38,7 +38,7 @@ def human_rows(state: Array, present: Any, ids: list[int]) -> list[Any]:
         ids: of the people.
     """
     s = state.reshape(len(state), len(ids), 9)
-    theta, head = arctan2(s[..., HY], s[..., HX]), arctan2(s[..., LY], s[..., LX])
+    theta, head = arctan2(s[..., BODY_Y], s[..., BODY_X]), arctan2(s[..., GAZE_Y], s[..., GAZE_X])
     rows = np.stack((s[..., X], s[..., Y], theta, s[..., VX], s[..., VY], s[..., OMEGA], head), axis=-1)
     refuse_unfinite(np.where(present[..., None], rows, 0.0), HUMAN_NAMES, "human", ids)
     rows = rounded_rows(rows, HUMAN_ANGLES)

@@ -11,7 +11,7 @@ from ..core.snapshot import Status
 from ..version import FORMAT, FORMAT_VERSION
 
 Count = Annotated[int, Field(ge=0)]
-Chance = Annotated[float, Field(ge=0, le=1)]
+Probability = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
 
 
@@ -101,10 +101,14 @@ class Human(Placed):
 class Social(Part):
     """What people take up while the episode runs: chances, 0..1, and times."""
 
-    visits: Chance = Field(description="that a wanderer, on arrival, goes to a plant, laptop or other object")
-    joins: Chance = Field(description="that a wanderer, on arrival, joins somebody who stands, or a group that talks")
-    meets: Chance = Field(description="that two wanderers who come near each other stop and talk")
-    leaves: Chance = Field(description="that who attends to a person or a thing at the start goes away after a time")
+    visits: Probability = Field(description="that a wanderer, on arrival, goes to a plant, laptop or other object")
+    joins: Probability = Field(
+        description="that a wanderer, on arrival, joins somebody who stands, or a group that talks"
+    )
+    meets: Probability = Field(description="that two wanderers who come near each other stop and talk")
+    leaves: Probability = Field(
+        description="that who attends to a person or a thing at the start goes away after a time"
+    )
     visit_time: tuple[Positive, Positive] = Field(description="s, from and to")
     talk_time: tuple[Positive, Positive] = Field(description="s, from and to")
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from ..core.devices import DeviceEvent
 from ..core.geometry import Twist
-from ..core.humans import HX, LX, OMEGA, VX, Humans, frozen, human_ids
+from ..core.humans import BODY_X, GAZE_X, OMEGA, VX, Humans, frozen, human_ids
 from ..core.labels import LabelSpec
-from ..core.portable_math import Array, heading, headings
+from ..core.portable_math import Array, unit_vector, unit_vectors
 from ..core.scene import Scene
 from ..core.snapshot import Author, Contact, Frame, Outcome, RobotState, Snapshot
 from ..errors import RecordError
@@ -191,15 +191,15 @@ class EpisodeRecord:
         x, y, theta, vx, vy, omega = self.looks.robot[t].tolist()
         done = Twist(*self.executed[t - 1].tolist()) if t > 0 else Twist()
         guarded = bool(self.guarded[t - 1]) if t > 0 else False
-        return RobotState((x, y), heading(theta), (vx, vy), omega, done, guarded, self._scene.robot)
+        return RobotState((x, y), unit_vector(theta), (vx, vy), omega, done, guarded, self._scene.robot)
 
     def _humans(self, t: int) -> Humans:
         """The people who are there at a look."""
         rows, there = self.looks.humans[t], self.looks.present[t]
         state = np.full((len(rows), 9), np.nan)
         state[:, 0:2], state[:, VX : VX + 2], state[:, OMEGA] = rows[:, 0:2], rows[:, 3:5], rows[:, 5]
-        state[there, HX : HX + 2] = headings(rows[there, 2])
-        state[there, LX : LX + 2] = headings(rows[there, 6])
+        state[there, BODY_X : BODY_X + 2] = unit_vectors(rows[there, 2])
+        state[there, GAZE_X : GAZE_X + 2] = unit_vectors(rows[there, 6])
         return Humans(frozen(state), *self._people, self.looks.activity[t]).only(np.flatnonzero(there))
 
     @cached_property

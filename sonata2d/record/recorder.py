@@ -109,7 +109,7 @@ class EpisodeRecorder:
         robot, humans = snapshot.robot, snapshot.humans
         done = robot.executed
         self._robot.append(
-            (*robot.position, *robot.heading, *robot.velocity, robot.omega, done.vx, done.vy, done.omega)
+            (*robot.position, *robot.direction, *robot.velocity, robot.omega, done.vx, done.vy, done.omega)
         )
         count = len(snapshot.scene.humans)
         self._people.append(humans.among_all(humans.state, count, 0.0))

@@ -22,7 +22,7 @@ from ..core.geometry import (
     segments_cross,
 )
 from ..core.portable_math import Array
-from ..core.rng import Chance
+from ..core.rng import RandomStream
 from ..registry import ROOM_KINDS
 from .scenario.rooms import RoomConfig
 
@@ -63,10 +63,10 @@ class FloorPlan:
         left, right, bottom, top = self.box
         return f"{right - left:.1f} m" if self.kind == "square" else f"{right - left:.1f} x {top - bottom:.1f} m"
 
-    def sample(self, chance: Chance) -> Point:
+    def sample(self, rng: RandomStream) -> Point:
         """A place in the box round the room, all alike."""
         left, right, bottom, top = self.box
-        return chance.uniform(left, right), chance.uniform(bottom, top)
+        return rng.uniform(left, right), rng.uniform(bottom, top)
 
     def holds(self, shape: Shape, pose: Pose, gap: float) -> bool:
         """Whether an outline lies in the room, at least `gap` (m, above 0) from every wall."""
@@ -117,7 +117,7 @@ class RoomKind:
         turned: whether a scene may turn the plan by quarters of a circle (`RoomConfig.turns`).
     """
 
-    draw: Callable[[RoomConfig, Chance], tuple[Corners, Walls]]
+    draw: Callable[[RoomConfig, RandomStream], tuple[Corners, Walls]]
     turned: bool = True
 
 
@@ -136,75 +136,75 @@ def _problem(found: object) -> str | None:
     return None if isinstance(found, RoomKind) else "is no RoomKind; it must be sonata2d.scenegen.RoomKind(draw)"
 
 
-def draw_plan(config: RoomConfig, chance: Chance) -> FloorPlan:
+def draw_plan(config: RoomConfig, rng: RandomStream) -> FloorPlan:
     """One of the kinds of room, or the given one."""
     given = tuple(Wall(_rounded((x1, y1)), _rounded((x2, y2))) for x1, y1, x2, y2 in config.walls)
     if config.polygon is not None:
         return FloorPlan("given", _counter_clockwise(config.polygon), given)
-    name = chance.choice(list(config.kinds), list(config.kinds.values()))
+    name = rng.choice(list(config.kinds), list(config.kinds.values()))
     kind = room_kind(name)
-    corners, walls = kind.draw(config, chance)
-    quarters = config.turns.draw(chance) if kind.turned else 0
+    corners, walls = kind.draw(config, rng)
+    quarters = config.turns.draw(rng) if kind.turned else 0
     inner = tuple(Wall(_rounded(_turned(a, quarters)), _rounded(_turned(b, quarters))) for a, b in walls)
     return FloorPlan(name, _counter_clockwise(tuple(_turned(corner, quarters) for corner in corners)), inner + given)
 
 
-def _square(config: RoomConfig, chance: Chance) -> tuple[Corners, Walls]:
-    side = config.side.draw(chance)
+def _square(config: RoomConfig, rng: RandomStream) -> tuple[Corners, Walls]:
+    side = config.side.draw(rng)
     return _oblong(side, side), ()
 
 
-def _rectangle(config: RoomConfig, chance: Chance) -> tuple[Corners, Walls]:
-    breadth = config.breadth.draw(chance)
-    return _oblong(config.length.at_least(breadth).draw(chance), breadth), ()
+def _rectangle(config: RoomConfig, rng: RandomStream) -> tuple[Corners, Walls]:
+    breadth = config.breadth.draw(rng)
+    return _oblong(config.length.at_least(breadth).draw(rng), breadth), ()
 
 
-def _l(config: RoomConfig, chance: Chance) -> tuple[Corners, Walls]:
+def _l(config: RoomConfig, rng: RandomStream) -> tuple[Corners, Walls]:
     """An L in a square of three units."""
-    u = config.unit.draw(chance)
+    u = config.unit.draw(rng)
     a, b = 1.5 * u, 0.5 * u
     return ((-a, -b), (b, -b), (b, -a), (a, -a), (a, a), (-a, a)), ()
 
 
-def _t(config: RoomConfig, chance: Chance) -> tuple[Corners, Walls]:
+def _t(config: RoomConfig, rng: RandomStream) -> tuple[Corners, Walls]:
     """A T: the bar on top, the stem from its middle down."""
-    x, y, arm = config.span.draw(chance) / 2, config.depth.draw(chance) / 2, config.arm.draw(chance)
+    x, y, arm = config.span.draw(rng) / 2, config.depth.draw(rng) / 2, config.arm.draw(rng)
     low, s = y - arm, arm / 2
     return ((-s, -y), (s, -y), (s, low), (x, low), (x, y), (-x, y), (-x, low), (-s, low)), ()
 
 
-def _u(config: RoomConfig, chance: Chance) -> tuple[Corners, Walls]:
+def _u(config: RoomConfig, rng: RandomStream) -> tuple[Corners, Walls]:
     """A U: the bar below, an arm up from either end."""
-    x, y, arm = config.span.draw(chance) / 2, config.depth.draw(chance) / 2, config.arm.draw(chance)
+    x, y, arm = config.span.draw(rng) / 2, config.depth.draw(rng) / 2, config.arm.draw(rng)
     s, low = x - arm, arm - y
     return ((-x, -y), (x, -y), (x, y), (s, y), (s, low), (-s, low), (-s, y), (-x, y)), ()
 
 
-def _corridor(config: RoomConfig, chance: Chance) -> tuple[Corners, Walls]:
-    return _oblong(config.corridor_length.draw(chance), config.corridor_width.draw(chance)), ()
+def _corridor(config: RoomConfig, rng: RandomStream) -> tuple[Corners, Walls]:
+    return _oblong(config.corridor_length.draw(rng), config.corridor_width.draw(rng)), ()
 
 
-def _crossing(config: RoomConfig, chance: Chance) -> tuple[Corners, Walls]:
+def _crossing(config: RoomConfig, rng: RandomStream) -> tuple[Corners, Walls]:
     """A corridor along x and one along y, which cross in their middles."""
-    x, y = config.corridor_length.draw(chance) / 2, config.corridor_length.draw(chance) / 2
-    a, b = config.corridor_width.draw(chance) / 2, config.corridor_width.draw(chance) / 2  # of y's, of x's
+    x, y = config.corridor_length.draw(rng) / 2, config.corridor_length.draw(rng) / 2
+    a, b = config.corridor_width.draw(rng) / 2, config.corridor_width.draw(rng) / 2  # of y's, of x's
     right = ((a, -y), (a, -b), (x, -b), (x, b), (a, b), (a, y))
     return right + tuple((-p, q) for p, q in right[::-1]), ()
 
 
-def _doorway(config: RoomConfig, chance: Chance) -> tuple[Corners, Walls]:
+def _doorway(config: RoomConfig, rng: RandomStream) -> tuple[Corners, Walls]:
     """Two rooms side by side, and a wall between them with a doorway."""
-    left, right, breadth = (config.chamber.draw(chance) for _ in range(3))
-    half, wall = config.door.draw(chance) / 2, (left - right) / 2
+    left, right, breadth = (config.chamber.draw(rng) for _ in range(3))
+    half, wall = config.door.draw(rng) / 2, (left - right) / 2
     most = max(breadth / 2 - half - _BESIDE, 0.0)
-    middle = min(max(config.door_offset.draw(chance), -most), most)
+    middle = min(max(config.door_offset.draw(rng), -most), most)
     inner = (((wall, -breadth / 2), (wall, middle - half)), ((wall, middle + half), (wall, breadth / 2)))
     return _oblong(left + right, breadth), inner
 
 
-def _hall(config: RoomConfig, chance: Chance) -> tuple[Corners, Walls]:
-    breadth = config.hall.draw(chance)
-    return _oblong(config.hall.at_least(breadth).draw(chance), breadth), ()
+def _hall(config: RoomConfig, rng: RandomStream) -> tuple[Corners, Walls]:
+    breadth = config.hall.draw(rng)
+    return _oblong(config.hall.at_least(breadth).draw(rng), breadth), ()
 
 
 SQUARE = RoomKind(_square, turned=False)

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 from ..core.entities import Furniture, Human
 from ..core.geometry import Barriers, Pose
-from ..core.rng import Chance
+from ..core.rng import RandomStream
 from ..core.scene import Rules, Scene, standing_throughout
 from ..errors import SceneError
 from .floor_plans import FloorPlan, draw_plan
 from .placed import flipped, given_people, joined, put, refuse_outside, settled
 from .placement import Layout, extent
 from .robot_task import draw_journey, reserved
-from .sampling import Cluster, Company, Entity, draw_cast, fixed_furniture, numbered, shape_of
+from .sampling import Cluster, Entity, NumberedEntities, draw_cast, fixed_furniture, numbered, shape_of
 from .scenario.config import ScenarioConfig
 from .scenario.social import with_manners
 
@@ -36,16 +36,16 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
     >>> generate(ScenarioConfig(), seed=7) == generate(ScenarioConfig(), seed=7)
     True
     """
-    chance = Chance(seed, episode, "scene")
-    plan, given = draw_plan(config.room, chance), config
-    if config.flip and chance.uniform() < config.flip:
+    rng = RandomStream(seed, episode, "scene")
+    plan, given = draw_plan(config.room, rng), config
+    if config.flip and rng.uniform() < config.flip:
         plan, given = plan.flipped(), flipped(config)
     fixed = _checked(fixed_furniture(given), plan)
-    cast = draw_cast(given, chance)
+    cast = draw_cast(given, rng)
     for _ in range(config.max_layouts - 1):
         with suppress(SceneError):
-            return _completed(_lay_out(given, plan, fixed, cast, chance), config, seed, episode)
-    return _completed(_lay_out(given, plan, fixed, cast, chance), config, seed, episode)
+            return _completed(_lay_out(given, plan, fixed, cast, rng), config, seed, episode)
+    return _completed(_lay_out(given, plan, fixed, cast, rng), config, seed, episode)
 
 
 def _completed(scene: Scene, config: ScenarioConfig, seed: int, episode: int) -> Scene:
@@ -67,36 +67,36 @@ def _lay_out(
     plan: FloorPlan,
     fixed: tuple[Furniture, ...],
     cast: list[Cluster],
-    chance: Chance,
+    rng: RandomStream,
 ) -> Scene:
     """One try to find a place for all: people who are given one, clusters, the most demanding first, robot and goal."""
-    config = settled(config, chance)
-    given = given_people(config.people, config.person, config.rules.dt, chance)
+    config = settled(config, rng)
+    given = given_people(config.people, config.person, config.rules.dt, rng)
     refuse_outside(given, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
     layout = Layout(plan, config, reserved(config) + [(piece.shape, piece.pose) for piece in fixed if piece.on is None])
     put(config, given, layout)
     found: dict[int, tuple[Entity, ...]] = {}
     for k in sorted(range(len(cast)), key=lambda k: (cast[k].fixed is None, -extent(cast[k]))):
-        members = layout.place(cast[k], fixed, chance)
+        members = layout.place(cast[k], fixed, rng)
         if members is not None:
             found[k] = members
         elif not config.drop:
             raise SceneError(_no_spot(cast, k, plan, config.max_attempts))
-    company = numbered([(cast[k], found[k]) for k in sorted(found)], fixed)
+    numbered_entities = numbered([(cast[k], found[k]) for k in sorted(found)], fixed)
     robot, goal = draw_journey(
-        config, layout, _obstacles(plan, company).joined(standing_throughout(given.humans)), chance
+        config, layout, _obstacles(plan, numbered_entities).joined(standing_throughout(given.humans)), rng
     )
     scene = Scene(
         name=config.name,
         family=f"{config.name}/{plan.kind}",
         polygon=plan.polygon,
         walls=plan.walls,
-        furniture=company.furniture,
-        humans=company.humans,
+        furniture=numbered_entities.furniture,
+        humans=numbered_entities.humans,
         robot=robot,
         goal=goal,
-        groups=company.groups,
-        interactions=company.interactions,
+        groups=numbered_entities.groups,
+        interactions=numbered_entities.interactions,
         rules=Rules(**config.rules.model_dump()),
         social=config.social.social(),
         dropped=tuple(_label(cast, k) for k in range(len(cast)) if k not in found),
@@ -104,10 +104,10 @@ def _lay_out(
     return joined(scene, given)
 
 
-def _obstacles(plan: FloorPlan, company: Company) -> Barriers:
+def _obstacles(plan: FloorPlan, numbered_entities: NumberedEntities) -> Barriers:
     """Walls, furniture and people who stand: what the robot must go round."""
-    solid: list[Entity] = [piece for piece in company.furniture if piece.on is None]
-    solid += [human for human in company.humans if human.behaviour == "standing"]
+    solid: list[Entity] = [piece for piece in numbered_entities.furniture if piece.on is None]
+    solid += [human for human in numbered_entities.humans if human.behaviour == "standing"]
     edges = (edge for entity in solid for edge in shape_of(entity).edges(entity.pose))
     return plan.barriers.joined(Barriers.of(edges))
 

@@ -11,13 +11,13 @@ import numpy as np
 from ..core.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction
 from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
 from ..core.portable_math import PI, angle_of
-from ..core.rng import Chance
+from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..errors import SceneError
 from .placement import Layout, Spot, keeps_clear
 from .robot_task import reserved
 from .scenario.config import ScenarioConfig
-from .scenario.people import GivenPersonConfig, Track
+from .scenario.people import PersonSpec, Track
 from .scenario.ranges import Jitter
 from .scenario.sections import PersonConfig
 from .track import sampled
@@ -27,16 +27,16 @@ _TOLERANCE = 1e-6  # ticks
 _OVERLAP, _TOUCH = 0.09, 1e-6  # m, of outlines at a start that is given: the physics soon parts them
 
 
-def settled(config: ScenarioConfig, chance: Chance) -> ScenarioConfig:
+def settled(config: ScenarioConfig, rng: RandomStream) -> ScenarioConfig:
     """The same scenario with start, goal and people where one layout has them; where all is firm, nothing is drawn."""
-    moved = {"people": tuple(_settled_person(person, chance) for person in config.people)}
+    moved = {"people": tuple(_settled_person(person, rng) for person in config.people)}
     robot, goal = config.robot, config.goal
     if robot.pose is not None and any(robot.jitter):
-        dx, dy, turn = _drawn(robot.jitter, chance)
+        dx, dy, turn = _drawn(robot.jitter, rng)
         x, y, theta = robot.pose
         robot = robot.model_copy(update={"pose": (x + dx, y + dy, theta + turn)})
     if goal.position is not None and any(goal.jitter):
-        dx, dy, _ = _drawn((*goal.jitter, 0.0), chance)
+        dx, dy, _ = _drawn((*goal.jitter, 0.0), rng)
         goal = goal.model_copy(update={"position": (goal.position[0] + dx, goal.position[1] + dy)})
     return config.model_copy(update=moved | {"robot": robot, "goal": goal})
 
@@ -70,7 +70,7 @@ class Given:
     interactions: tuple[Interaction, ...] = ()
 
 
-def given_people(people: tuple[GivenPersonConfig, ...], usual: PersonConfig, dt: float, chance: Chance) -> Given:
+def given_people(people: tuple[PersonSpec, ...], usual: PersonConfig, dt: float, rng: RandomStream) -> Given:
     """The people of `people`; what is not said of them is drawn.
 
     Args:
@@ -84,7 +84,7 @@ def given_people(people: tuple[GivenPersonConfig, ...], usual: PersonConfig, dt:
     """
     taken = {person.id for person in people}
     free = (number for number in range(1, 2 * len(people) + 1) if number not in taken)
-    humans = [_human(person, person.id or next(free), usual, dt, chance) for person in people]
+    humans = [_human(person, person.id or next(free), usual, dt, rng) for person in people]
     members: dict[int, list[int]] = {}
     for human in humans:
         if human.group is not None:
@@ -106,7 +106,7 @@ def _group(number: int, ids: list[int], stands: bool) -> Group:
     return Group(number, "talking", tuple(ids), "circle" if len(ids) > 2 else None)
 
 
-def _in_company(human: Human, given: GivenPersonConfig, humans: list[Human]) -> Human:
+def _in_company(human: Human, given: PersonSpec, humans: list[Human]) -> Human:
     """Who walks in a group goes at its slowest's pace, and who talks in one faces its middle, unless told otherwise."""
     members = [other for other in humans if human.group is not None and other.group == human.group]
     if len(members) < 2:
@@ -121,9 +121,9 @@ def _in_company(human: Human, given: GivenPersonConfig, humans: list[Human]) -> 
     return replace(human, pose=Pose(human.pose.x, human.pose.y, canonical_angle(theta)))
 
 
-def _human(given: GivenPersonConfig, id: int, usual: PersonConfig, dt: float, chance: Chance) -> Human:
-    drawn_speed = usual.desired_speed.draw(chance)
-    drawn_radius, ignores = usual.radius.draw(chance), chance.uniform() < usual.ignores_robot
+def _human(given: PersonSpec, id: int, usual: PersonConfig, dt: float, rng: RandomStream) -> Human:
+    drawn_speed = usual.desired_speed.draw(rng)
+    drawn_radius, ignores = usual.radius.draw(rng), rng.uniform() < usual.ignores_robot
     reacts = given.reacts_to_robot
     if reacts is None:
         heeds = given.does != "recorded" and not ignores  # nothing holds up who is recorded
@@ -132,8 +132,8 @@ def _human(given: GivenPersonConfig, id: int, usual: PersonConfig, dt: float, ch
     human = Human(
         id=id,
         pose=Pose(*given.start).rounded(),
-        radius=quantised(given.radius.draw(chance) if given.radius else drawn_radius),
-        desired_speed=quantised(given.desired_speed.draw(chance) if given.desired_speed else drawn_speed),
+        radius=quantised(given.radius.draw(rng) if given.radius else drawn_radius),
+        desired_speed=quantised(given.desired_speed.draw(rng) if given.desired_speed else drawn_speed),
         behaviour=given.does,
         model=usual.model,
         reacts_to_robot=quantised(reacts),
@@ -246,7 +246,7 @@ def put(config: ScenarioConfig, given: Given, layout: Layout) -> None:
             solid.append(spot)
 
 
-def _fits(person: GivenPersonConfig, human: Human, layout: Layout, solid: list[Spot]) -> bool:
+def _fits(person: PersonSpec, human: Human, layout: Layout, solid: list[Spot]) -> bool:
     """Whether there is room at the start: with all clearances for one who is moved, with an overlap for others.
 
     Recorded crowds squeeze together: among people it is enough that nobody's middle is within somebody else.
@@ -259,17 +259,17 @@ def _fits(person: GivenPersonConfig, human: Human, layout: Layout, solid: list[S
     return in_room and (human.enters > 0 or keeps_clear(middle, human.pose, _TOUCH, solid))
 
 
-def _settled_person(person: GivenPersonConfig, chance: Chance) -> GivenPersonConfig:
+def _settled_person(person: PersonSpec, rng: RandomStream) -> PersonSpec:
     if not any(person.jitter):
         return person
-    dx, dy, turn = _drawn(person.jitter, chance)
+    dx, dy, turn = _drawn(person.jitter, rng)
     goals = tuple((x + dx, y + dy) for x, y in person.goals)
     x, y = person.start
     theta = None if person.theta is None else person.theta + turn
     return person.model_copy(update={"x": x + dx, "y": y + dy, "theta": theta, "goals": goals})
 
 
-def _flipped_person(person: GivenPersonConfig) -> GivenPersonConfig:
+def _flipped_person(person: PersonSpec) -> PersonSpec:
     return person.model_copy(
         update={
             "y": None if person.y is None else -person.y,
@@ -285,6 +285,6 @@ def _across(point: Point) -> Point:
     return point[0], -point[1]
 
 
-def _drawn(jitter: Jitter, chance: Chance) -> tuple[float, float, float]:
-    x, y, theta = (chance.uniform(-most, most) for most in jitter)
+def _drawn(jitter: Jitter, rng: RandomStream) -> tuple[float, float, float]:
+    x, y, theta = (rng.uniform(-most, most) for most in jitter)
     return x, y, theta

@@ -8,7 +8,7 @@ from dataclasses import replace
 from ..core.entities import TALKING, Furniture, Human
 from ..core.geometry import Disc, Pose, Rectangle, Shape, shape_gap
 from ..core.portable_math import PI, angle_of
-from ..core.rng import Chance
+from ..core.rng import RandomStream
 from .floor_plans import FloorPlan
 from .sampling import Cluster, Entity, shape_of
 from .scenario.config import ScenarioConfig
@@ -30,7 +30,7 @@ class Layout:
     def __init__(self, plan: FloorPlan, config: ScenarioConfig, taken: list[Spot]) -> None:
         self.plan, self.config, self.taken = plan, config, taken
 
-    def place(self, cluster: Cluster, fixed: tuple[Furniture, ...], chance: Chance) -> tuple[Entity, ...] | None:
+    def place(self, cluster: Cluster, fixed: tuple[Furniture, ...], rng: RandomStream) -> tuple[Entity, ...] | None:
         """Find a pose for a cluster and put it there.
 
         Returns:
@@ -38,8 +38,8 @@ class Layout:
         """
         target = None if cluster.fixed is None else fixed[cluster.fixed].pose
         for _ in range(self.config.max_attempts):
-            pose = target or self._draw_pose(cluster, chance)
-            members = _posed(cluster, pose, chance)
+            pose = target or self._draw_pose(cluster, rng)
+            members = _posed(cluster, pose, rng)
             spots = self._spots(cluster, members, target)
             if spots is not None and self._can_be_shared(cluster, members, pose):
                 self.taken += spots + _shared(cluster, members, pose)
@@ -50,10 +50,10 @@ class Layout:
         """Whether an outline keeps `gap` from all that stands, and `wall_gap` from walls."""
         return self.plan.holds(shape, pose, wall_gap) and keeps_clear(shape, pose, gap, self.taken)
 
-    def _draw_pose(self, cluster: Cluster, chance: Chance) -> Pose:
+    def _draw_pose(self, cluster: Cluster, rng: RandomStream) -> Pose:
         if cluster.place is not None:
-            return Pose(*cluster.place, cluster.yaw.draw(chance))
-        return Pose(*self.plan.sample(chance), cluster.yaw.draw(chance))
+            return Pose(*cluster.place, cluster.yaw.draw(rng))
+        return Pose(*self.plan.sample(rng), cluster.yaw.draw(rng))
 
     def _spots(self, cluster: Cluster, members: tuple[Entity, ...], target: Pose | None) -> list[Spot] | None:
         """The outlines of the members that touch the floor, if all of them are free and see what they attend to."""
@@ -104,11 +104,11 @@ def extent(cluster: Cluster) -> float:
     return max(math.sqrt(m.pose.x * m.pose.x + m.pose.y * m.pose.y) + shape_of(m).reach for m in cluster.members)
 
 
-def _posed(cluster: Cluster, pose: Pose, chance: Chance) -> tuple[Entity, ...]:
+def _posed(cluster: Cluster, pose: Pose, rng: RandomStream) -> tuple[Entity, ...]:
     """The members in world coordinates, at a file's precision; `pose` is the cluster's or that of its fixed piece."""
     local = [member.pose for member in cluster.members]
     if cluster.distance is not None:
-        local = [Pose(0.0, -cluster.distance.draw(chance), PI / 2)]
+        local = [Pose(0.0, -cluster.distance.draw(rng), PI / 2)]
     poses = (Pose(*pose.to_world((p.x, p.y)), pose.theta + p.theta).rounded() for p in local)
     return tuple(replace(member, pose=place) for member, place in zip(cluster.members, poses, strict=True))
 

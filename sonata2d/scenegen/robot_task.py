@@ -8,7 +8,7 @@ from ..core.entities import Goal, Limits, Robot
 from ..core.geometry import Barriers, Disc, Pose, inside_polygon, quantised
 from ..core.navigation import FreeSpace
 from ..core.portable_math import PI
-from ..core.rng import Chance
+from ..core.rng import RandomStream
 from ..errors import SceneError
 from .placement import Layout, Spot
 from .scenario.config import ScenarioConfig
@@ -24,7 +24,7 @@ def reserved(config: ScenarioConfig) -> list[Spot]:
     return [(disc, Pose(*place).rounded()) for place in given if place is not None]
 
 
-def draw_journey(config: ScenarioConfig, layout: Layout, barriers: Barriers, chance: Chance) -> tuple[Robot, Goal]:
+def draw_journey(config: ScenarioConfig, layout: Layout, barriers: Barriers, rng: RandomStream) -> tuple[Robot, Goal]:
     """The robot at its start, and its goal; what is not given is drawn.
 
     Args:
@@ -39,10 +39,10 @@ def draw_journey(config: ScenarioConfig, layout: Layout, barriers: Barriers, cha
     _refuse_given(config, space)
     ways = ways_of(config.people)
     for _ in range(config.max_attempts):
-        start = _draw_start(config, layout, ways, chance)
-        goal = _draw_goal(config, layout, ways, chance)
+        start = _draw_start(config, layout, ways, rng)
+        goal = _draw_goal(config, layout, ways, rng)
         if start and goal and _is_journey(config, space, start, goal):
-            return _robot(config, start), _goal(config, goal, chance)
+            return _robot(config, start), _goal(config, goal, rng)
     fewer = "or ask for fewer people and things"
     if config.robot.on_ways is not None:
         fewer = "ask for fewer people and things, or set robot.on_ways to null"
@@ -73,21 +73,21 @@ def _is_on_way(config: ScenarioConfig, ways: Barriers, place: Pose) -> bool:
     return near is None or bool((ways.gaps(np.array([place.position], dtype=float)) <= near).any())
 
 
-def _draw_start(config: ScenarioConfig, layout: Layout, ways: Barriers, chance: Chance) -> Pose | None:
+def _draw_start(config: ScenarioConfig, layout: Layout, ways: Barriers, rng: RandomStream) -> Pose | None:
     """The given start, or a place if it is free."""
     if config.robot.pose is not None:
         return Pose(*config.robot.pose).rounded()
-    pose = Pose(*layout.plan.sample(chance), chance.uniform(-PI, PI)).rounded()
+    pose = Pose(*layout.plan.sample(rng), rng.uniform(-PI, PI)).rounded()
     gap = max(config.robot.clearance, PATH_MARGIN)
     is_free = layout.is_free(Disc(config.robot.radius), pose, gap, gap)
     return pose if is_free and _is_on_way(config, ways, pose) else None
 
 
-def _draw_goal(config: ScenarioConfig, layout: Layout, ways: Barriers, chance: Chance) -> Pose | None:
+def _draw_goal(config: ScenarioConfig, layout: Layout, ways: Barriers, rng: RandomStream) -> Pose | None:
     """The given goal, or a place if it is free."""
     if config.goal.position is not None:
         return Pose(*config.goal.position).rounded()
-    pose = Pose(*layout.plan.sample(chance)).rounded()
+    pose = Pose(*layout.plan.sample(rng)).rounded()
     is_free = layout.is_free(Disc(config.robot.radius), pose, PATH_MARGIN, PATH_MARGIN)
     return pose if is_free and _is_on_way(config, ways, pose) else None
 
@@ -108,7 +108,7 @@ def _robot(config: ScenarioConfig, start: Pose) -> Robot:
     return Robot(start, quantised(config.robot.radius), config.robot.kinematics, limits)
 
 
-def _goal(config: ScenarioConfig, place: Pose, chance: Chance) -> Goal:
-    theta = chance.uniform(-PI, PI) if config.goal.theta is None else config.goal.theta
+def _goal(config: ScenarioConfig, place: Pose, rng: RandomStream) -> Goal:
+    theta = rng.uniform(-PI, PI) if config.goal.theta is None else config.goal.theta
     pose = Pose(place.x, place.y, theta).rounded()
     return Goal(pose.x, pose.y, pose.theta, quantised(config.goal.distance), quantised(config.goal.angle))

@@ -21,8 +21,8 @@ from ..core.entities import (
     Interaction,
 )
 from ..core.geometry import Disc, Point, Pose, Shape, quantised, shape_gap
-from ..core.portable_math import PI, heading
-from ..core.rng import Chance
+from ..core.portable_math import PI, unit_vector
+from ..core.rng import RandomStream
 from .scenario.config import ScenarioConfig
 from .scenario.ranges import Range
 from .scenario.sections import outline_of
@@ -49,7 +49,7 @@ def walking(formation: Formation, size: int, spacing: float, angle: float) -> Fi
         spacing: m, between neighbours.
         angle: rad, between the way and the line to a neighbour in a V.
     """
-    c, s = heading(angle if formation == "v" else PI / 2)
+    c, s = unit_vector(angle if formation == "v" else PI / 2)
     x = y = 0.0
     places = [(x, y)]
     for k in range(1, size):
@@ -69,14 +69,14 @@ def talking(formation: Formation, size: int, spacing: float) -> Figure:
         return Figure(formation, (Pose(-_BESIDE, -half), Pose(-_BESIDE, half)), _BESIDE - 0.1)
     whole = formation in ("circle", "face_to_face")
     step = PI / 2 if formation == "l" else 2 * PI / size if whole else PI / (size - 1)
-    radius = min(spacing / (2 * heading(step / 2)[1]), _FARTHEST)  # the spacing is a chord of the circle
+    radius = min(spacing / (2 * unit_vector(step / 2)[1]), _FARTHEST)  # the spacing is a chord of the circle
     poses = tuple(_inward(radius, PI + step * (k - (size - 1) / 2)) for k in range(size))
     return Figure(formation, poses, min(radius, _WIDEST) if formation == "semicircle" else radius)
 
 
 def _inward(radius: float, angle: float) -> Pose:
     """Someone on a circle round the origin, who faces it."""
-    c, s = heading(angle)
+    c, s = unit_vector(angle)
     return Pose(radius * c, radius * s, angle + PI)
 
 
@@ -161,16 +161,16 @@ def _is_over(piece: Furniture, table: Furniture) -> bool:
     return is_near and shape_gap(piece.shape, piece.pose, table.shape, table.pose) == 0.0
 
 
-def draw_cast(config: ScenarioConfig, chance: Chance) -> list[Cluster]:
+def draw_cast(config: ScenarioConfig, rng: RandomStream) -> list[Cluster]:
     """People and things in their clusters: those in relations first, then the others."""
-    casting = _Casting(config, chance)
-    counts = {relation: getattr(config, kind.setting).draw(chance) for relation, kind in _KINDS.items()}
+    casting = _Casting(config, rng)
+    counts = {relation: getattr(config, kind.setting).draw(rng) for relation, kind in _KINDS.items()}
     for relation, count in counts.items():
         for _ in range(count):
             casting.add(relation)
     casting.add_groups()
-    for _ in range(config.relations.draw(chance)):
-        first = chance.integer(0, len(_CYCLE) - 1)
+    for _ in range(config.relations.draw(rng)):
+        first = rng.integer(0, len(_CYCLE) - 1)
         casting.add_first_possible(_CYCLE[first:] + _CYCLE[:first])
     casting.add_the_others()
     return casting.clusters
@@ -179,24 +179,24 @@ def draw_cast(config: ScenarioConfig, chance: Chance) -> list[Cluster]:
 class _Casting:
     """The clusters so far, and who and what is still free for a relation."""
 
-    def __init__(self, config: ScenarioConfig, chance: Chance) -> None:
-        self.config, self.chance = config, chance
+    def __init__(self, config: ScenarioConfig, rng: RandomStream) -> None:
+        self.config, self.rng = config, rng
         self.clusters: list[Cluster] = []
-        standing, wandering = _draw_people(config, chance)
-        things = {type_: getattr(config, setting).draw(chance) for type_, setting in _COUNTED.items()}
+        standing, wandering = _draw_people(config, rng)
+        things = {type_: getattr(config, setting).draw(rng) for type_, setting in _COUNTED.items()}
         self.free = Counter({"standing": standing, "wandering": wandering, **things})
         self.spots: dict[str, list[int]] = {relation: [] for relation in ("", *_KINDS)}
-        for k in chance.shuffled(range(len(config.furniture))):
+        for k in rng.shuffled(range(len(config.furniture))):
             if config.furniture[k].attracts:
                 self.spots[_USES.get(config.furniture[k].type, AT_OBJECT)].append(k)
 
     def add(self, relation: str) -> None:
         """A relation of people who come along with it."""
         if relation == TALKING:
-            facing = PI + self.config.talking_angle.draw(self.chance)
-            self._add_pair(relation, Pose(self.config.talking_distance.draw(self.chance), 0.0, facing))
+            facing = PI + self.config.talking_angle.draw(self.rng)
+            self._add_pair(relation, Pose(self.config.talking_distance.draw(self.rng), 0.0, facing))
         elif relation == WALKING_TOGETHER:
-            self._add_pair(relation, Pose(0.0, self.config.pair_spacing.draw(self.chance)))
+            self._add_pair(relation, Pose(0.0, self.config.pair_spacing.draw(self.rng)))
         elif self.spots[relation]:
             self._add_at_fixed(relation, self.spots[relation].pop())
         else:
@@ -204,16 +204,16 @@ class _Casting:
 
     def add_groups(self) -> None:
         """Groups of two and more, who come along with them. Where none may be, chance is left as it is."""
-        config, groups, chance = self.config, self.config.groups, self.chance
-        for _ in range(config.walking_groups.draw(chance) if config.walking_groups.max else 0):
-            name = chance.choice(list(groups.walking_formations), list(groups.walking_formations.values()))
-            size, spacing = groups.walking_size.draw(chance), groups.walking_spacing.draw(chance)
-            figure = walking(name, size, spacing, groups.v_angle.draw(chance))
+        config, groups, rng = self.config, self.config.groups, self.rng
+        for _ in range(config.walking_groups.draw(rng) if config.walking_groups.max else 0):
+            name = rng.choice(list(groups.walking_formations), list(groups.walking_formations.values()))
+            size, spacing = groups.walking_size.draw(rng), groups.walking_spacing.draw(rng)
+            figure = walking(name, size, spacing, groups.v_angle.draw(rng))
             self._add_group("walking group", WALKING_TOGETHER, figure, None)
-        for k in range(config.talking_groups.draw(chance) if config.talking_groups.max else 0):
-            size, spacing = groups.talking_size.draw(chance), groups.talking_spacing.draw(chance)
+        for k in range(config.talking_groups.draw(rng) if config.talking_groups.max else 0):
+            size, spacing = groups.talking_size.draw(rng), groups.talking_spacing.draw(rng)
             weights = groups.weights(size)
-            figure = talking(chance.choice(list(weights), list(weights.values())), size, spacing)
+            figure = talking(rng.choice(list(weights), list(weights.values())), size, spacing)
             self._add_group("talking group", TALKING, figure, groups.places[k] if k < len(groups.places) else None)
 
     def add_first_possible(self, relations: tuple[str, ...]) -> None:
@@ -261,7 +261,7 @@ class _Casting:
         kind = _KINDS[relation]
         type_ = next((type_ for type_ in kind.things if self.free[type_]), kind.things[0])
         self.free[type_] -= min(self.free[type_], 1)
-        distance = getattr(self.config, kind.distance).draw(self.chance)
+        distance = getattr(self.config, kind.distance).draw(self.rng)
         human = self._human(kind.behaviour, Pose(0.0, -distance, PI / 2))
         things = self._things(type_, 1, with_laptop=relation == AT_LAPTOP)
         self.clusters.append(Cluster(kind.name, (human, *things), self.config.furniture_yaw, relation))
@@ -275,27 +275,27 @@ class _Casting:
 
     def _human(self, behaviour: Behaviour, pose: Pose) -> Human:
         """Somebody like everybody; their id comes with the numbering."""
-        usual, chance = self.config.person, self.chance
+        usual, rng = self.config.person, self.rng
         speed = usual.desired_speed
         return Human(
             id=0,
             pose=pose,
-            radius=quantised(usual.radius.draw(chance)),
-            desired_speed=quantised(speed.draw(chance)),
+            radius=quantised(usual.radius.draw(rng)),
+            desired_speed=quantised(speed.draw(rng)),
             behaviour=behaviour,
             model=usual.model,
-            reacts_to_robot=0.0 if chance.uniform() < usual.ignores_robot else 1.0,
+            reacts_to_robot=0.0 if rng.uniform() < usual.ignores_robot else 1.0,
         )
 
 
-def _draw_people(config: ScenarioConfig, chance: Chance) -> tuple[int, int]:
+def _draw_people(config: ScenarioConfig, rng: RandomStream) -> tuple[int, int]:
     """How many stand alone, and how many wander; a fraction of a person by chance."""
     if config.humans is None:
         assert config.standing is not None
         assert config.wandering is not None
-        return config.standing.draw(chance), config.wandering.draw(chance)
-    everybody = config.humans.draw(chance)
-    wandering = int(everybody * config.wandering_share + chance.uniform())
+        return config.standing.draw(rng), config.wandering.draw(rng)
+    everybody = config.humans.draw(rng)
+    wandering = int(everybody * config.wandering_share + rng.uniform())
     return everybody - wandering, wandering
 
 
@@ -307,7 +307,7 @@ _GROUPS: dict[str | None, Literal["talking", "walking"]] = {TALKING: "talking", 
 
 
 @dataclass(frozen=True, slots=True)
-class Company:
+class NumberedEntities:
     """Everybody and everything in a room, with their ids, and who belongs with whom."""
 
     humans: tuple[Human, ...]
@@ -316,7 +316,7 @@ class Company:
     interactions: tuple[Interaction, ...]
 
 
-def numbered(placed: list[tuple[Cluster, tuple[Entity, ...]]], fixed: tuple[Furniture, ...]) -> Company:
+def numbered(placed: list[tuple[Cluster, tuple[Entity, ...]]], fixed: tuple[Furniture, ...]) -> NumberedEntities:
     """Give ids to fixed pieces and to the members of placed clusters."""
     entries: dict[Key, Entity] = {(_FIXED, k): piece for k, piece in enumerate(fixed)}
     entries |= {(k, m): member for k, (_, members) in enumerate(placed) for m, member in enumerate(members)}
@@ -329,7 +329,7 @@ def numbered(placed: list[tuple[Cluster, tuple[Entity, ...]]], fixed: tuple[Furn
     relations = [(k, cluster) for k, (cluster, _) in enumerate(placed) if cluster.relation]
     groups = [(k, cluster) for k, cluster in relations if cluster.relation in _GROUPS]
     group = {k: number for number, (k, _) in enumerate(groups, start=1)}
-    return Company(
+    return NumberedEntities(
         tuple(replace(humans[key], id=ids[key], group=group.get(key[0])) for key in people),
         tuple(replace(things[key], id=ids[key], on=_carrier_id(key, things[key], ids)) for key in pieces),
         tuple(

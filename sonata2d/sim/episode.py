@@ -13,9 +13,10 @@ from ..agents.controllers.base import Controller, Regenerate, Stop, recorded_pat
 from ..agents.pedestrians.crowd import Crowd
 from ..core.devices import DeviceEvent, ImageRequest
 from ..core.entities import Robot
-from ..core.geometry import Twist, wrapped
+from ..core.geometry import Twist
 from ..core.scene import Scene
 from ..core.snapshot import Author, Contact, Frame, Observer, Outcome, Snapshot, Status
+from ..core.vectors import wrap_angle
 from ..errors import ControllerError, Sonata2dError
 from .world import World
 
@@ -238,7 +239,7 @@ def ending(snapshot: Snapshot) -> Outcome | None:
     scene, robot = snapshot.scene, snapshot.robot
     goal, rules = scene.goal, scene.rules
     dx, dy = goal.x - robot.position[0], goal.y - robot.position[1]
-    turned = abs(wrapped(robot.pose.theta - goal.theta)) if goal.angle < 3.14 else 0.0
+    turned = abs(wrap_angle(robot.pose.theta - goal.theta)) if goal.angle < 3.14 else 0.0
     if "goal" in rules.ends_on and math.sqrt(dx * dx + dy * dy) <= goal.distance and turned <= goal.angle:
         return Outcome("goal", f"within {goal.distance} m of the goal", snapshot.tick, snapshot.time)
     if "contact" in rules.ends_on and snapshot.contacts:

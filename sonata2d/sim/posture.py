@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..core.geometry import Point
-from ..core.navigation import vector_lengths as lengths
-from ..core.portable_math import PI, Array, arctan2, exp, headings, rotation
+from ..core.portable_math import PI, Array, arctan2, exp, rotation, unit_vectors
 from ..core.scene import Scene
+from ..core.vectors import lengths
 
 BODY_TURN = 2.6  # rad/s, the fastest that a body turns
 HEAD_TURN = 4.5  # rad/s, the fastest that a head turns on the body
@@ -42,14 +42,14 @@ class Posture:
 
     def __init__(self, scene: Scene) -> None:
         self._dt, self._side = scene.rules.dt, scene.rules.side
-        self.faces = headings(np.array([human.pose.theta for human in scene.humans]))
+        self.faces = unit_vectors(np.array([human.pose.theta for human in scene.humans]))
         self.looks, self.omega = self.faces.copy(), np.zeros(len(scene.humans))
         self._rate, self._neck_rate = self.omega.copy(), self.omega.copy()  # rad/s, now
         self._neck = self.omega.copy()  # rad, the head on its body
 
-    def begin(self, k: int, heading: Point) -> None:
+    def begin(self, k: int, direction: Point) -> None:
         """Somebody comes in, and looks ahead."""
-        self.faces[k] = self.looks[k] = heading
+        self.faces[k] = self.looks[k] = direction
         self.omega[k] = self._rate[k] = self._neck_rate[k] = self._neck[k] = 0.0
 
     def turn(self, bodies: Array, facing: Array, look: Array) -> None:

@@ -21,7 +21,7 @@ Vector = tuple[float, float]
 Key = tuple[Literal["human", "object", "wall"], int]
 
 
-class Bumper:
+class SafetyGuard:
     """Limits the robot's velocity by the gaps around it, and notes whom it touches by whose fault.
 
     The limit along the way to each outline is gap / h, so that a body that moves in steps of h stops at the skin.

@@ -18,13 +18,26 @@ from pymunk._chipmunk_cffi import ffi
 from ..core.devices import DeviceEvent
 from ..core.entities import Furniture, Human, Interaction
 from ..core.geometry import Disc, Point, Twist
-from ..core.humans import HX, HY, LX, LY, OMEGA, VY, Humans, X, activities_among, activities_of, frozen, human_ids
+from ..core.humans import (
+    BODY_X,
+    BODY_Y,
+    GAZE_X,
+    GAZE_Y,
+    OMEGA,
+    VY,
+    Humans,
+    X,
+    activities_among,
+    activities_of,
+    frozen,
+    human_ids,
+)
 from ..core.portable_math import Array, rotation
 from ..core.scene import Scene
 from ..core.snapshot import CrowdCommands, RobotState, Snapshot
 from .posture import Posture
 from .presence import Presence
-from .safety import Bumper
+from .safety import SafetyGuard
 
 MASS = 75.0  # kg, of a person and of the robot; only ratios matter
 
@@ -64,8 +77,8 @@ class World:
         self._force = _Rows(self._people + 1, 2)
         self._read()
         self._posture = Posture(scene)
-        self._heading = scene.robot.pose.heading
-        self._bumper = Bumper(scene)
+        self._heading = scene.robot.pose.direction
+        self._guard = SafetyGuard(scene)
         self._twist = self._executed = Twist()
         self._activity = activities_of(scene)
         self._interactions = scene.interactions
@@ -78,13 +91,13 @@ class World:
         """One frozen look at everything, now."""
         state = np.empty((self._people, 9))
         state[:, X : VY + 1] = self._body.rows[:-1]
-        state[:, HX : HY + 1] = self._posture.faces
-        state[:, LX : LY + 1] = self._posture.looks
+        state[:, BODY_X : BODY_Y + 1] = self._posture.faces
+        state[:, GAZE_X : GAZE_Y + 1] = self._posture.looks
         state[:, OMEGA] = self._posture.omega
         x, y, vx, vy = self._body.rows[-1].tolist()
-        bumper = self._bumper
+        guard = self._guard
         robot = RobotState(
-            (x, y), self._heading, (vx, vy), self._twist.omega, self._executed, bumper.stepped_in, self.scene.robot
+            (x, y), self._heading, (vx, vy), self._twist.omega, self._executed, guard.stepped_in, self.scene.robot
         )
         ties = self._interactions if self._presence.is_full else self._ties_of_those_present()
         return Snapshot(
@@ -94,7 +107,7 @@ class World:
             robot=robot,
             humans=self._humans(state, ties),
             interactions=ties,
-            contacts=bumper.contacts(),
+            contacts=guard.contacts(),
             events=events,
         )
 
@@ -109,7 +122,7 @@ class World:
         h = rules.dt / rules.substeps
         self._push(crowd.acceleration)
         self._presence.carry(self.tick)
-        self._bumper.begin_tick(self._body.rows)
+        self._guard.begin_tick(self._body.rows)
         done_x = done_y = 0.0
         turn = rotation(twist.omega * h)
         between = max(rules.substeps // crowd.evaluations, 1)
@@ -151,7 +164,7 @@ class World:
         """Bring in and take away whoever's tick it is; who comes looks ahead."""
         come, gone = self._presence.turn(self.tick, leaving, self._body.rows)
         for k in come:
-            self._posture.begin(k, self.scene.humans[k].pose.heading)
+            self._posture.begin(k, self.scene.humans[k].pose.direction)
         if come or gone:
             self._read()
 
@@ -159,7 +172,7 @@ class World:
         """Push the robot towards the wanted velocity, less what the guard takes away; that velocity, world frame."""
         c, s = self._heading
         wanted = (twist.vx * c - twist.vy * s, twist.vx * s + twist.vy * c)
-        vx, vy = self._bumper.limit(wanted, self._body.rows, h)
+        vx, vy = self._guard.limit(wanted, self._body.rows, h)
         _, _, now_x, now_y = self._body.rows[-1].tolist()
         self._force.rows[-1] = ((vx - now_x) * (MASS / h), (vy - now_y) * (MASS / h))
         return vx, vy

@@ -10,12 +10,12 @@ from ..core.snapshot import Outcome
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.load import load_scenario
-from ..scenegen.scenario.people import GivenPersonConfig
+from ..scenegen.scenario.people import PersonSpec
 from ..sim.episode import Episode, renderer_for
 
 SCENARIOS = ("empty", "sonata-2020", "sonata-2020-crowded")
 PASSERS = tuple(
-    GivenPersonConfig(x=-2.5, y=y, goals=((2.5, y),), exits=True, enters=0.3 * k, leaves=0.3 * k + 6.0)
+    PersonSpec(x=-2.5, y=y, goals=((2.5, y),), exits=True, enters=0.3 * k, leaves=0.3 * k + 6.0)
     for k, y in enumerate((-1.0, 1.0, 2.0))
 )  # who come and go, so that snapshots show now these and now those
 

@@ -31,15 +31,15 @@ class Brush:
     hairline: float = 1.0
     x: float = 0.0
     y: float = 0.0
-    heading: Point = (1.0, 0.0)
+    direction: Point = (1.0, 0.0)
 
-    def at(self, position: Point, heading: Point = (1.0, 0.0)) -> Brush:
+    def at(self, position: Point, direction: Point = (1.0, 0.0)) -> Brush:
         """The same brush standing at a world position, looking along a unit vector."""
-        return Brush(self.canvas, self.camera, self.hairline, *position, heading)
+        return Brush(self.canvas, self.camera, self.hairline, *position, direction)
 
     def pixels(self, points: Sequence[Point]) -> list[Point]:
         """Where points of the brush's frame lie on the canvas."""
-        (c, s), camera = self.heading, self.camera
+        (c, s), camera = self.direction, self.camera
         return [camera.to_pixels((self.x + a * c - b * s, self.y + a * s + b * c)) for a, b in points]
 
     def thickness(self, width: float) -> float:

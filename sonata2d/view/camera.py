@@ -65,12 +65,12 @@ class Camera:
 
     @classmethod
     def behind(
-        cls, place: Point, heading: Point, *, size: tuple[int, int], reach: float = 5.0, down: float = 0.72
+        cls, place: Point, direction: Point, *, size: tuple[int, int], reach: float = 5.0, down: float = 0.72
     ) -> Camera:
         """See what lies before someone, who looks up in the picture.
 
         Args:
-            place, heading: where they are, m, and the unit vector along which they look.
+            place, direction: where they are, m, and the unit vector along which they look.
             size: of the picture, pixels.
             reach: m from them to the upper edge.
             down: share of the picture's height that lies above them.
@@ -84,8 +84,8 @@ class Camera:
                 " and the reach is above 0: choose another size or reach"
             )
         scale = down * size[1] / reach
-        (hx, hy), aside = heading, size[0] / 2 / scale
-        return cls(scale, place[0] + reach * hx - aside * hy, place[1] + reach * hy + aside * hx, size, heading)
+        (hx, hy), aside = direction, size[0] / 2 / scale
+        return cls(scale, place[0] + reach * hx - aside * hy, place[1] + reach * hy + aside * hx, size, direction)
 
     def to_pixels(self, point: Point) -> Point:
         """Where a world point appears: pixels right and down from the upper left corner."""

@@ -32,7 +32,7 @@ from .people import (
     draw_zones,
     link_ends,
 )
-from .room import Plan, draw_furniture, draw_room
+from .room import FloorPlan, draw_furniture, draw_room
 from .smooth import Smooth
 from .things import half_size
 from .ties import circles, draw_circle, drawn_ties
@@ -79,7 +79,7 @@ def backdrop(
     surface = pygame.Surface(finer.size, pygame.SRCALPHA if outside is None else 0, 32)
     surface.fill(outside if outside is not None else (*WALL, 0))
     brush = Brush(Pixels(surface), finer, fine)
-    draw_room(brush, Plan.of(scene), grid=layers.grid)
+    draw_room(brush, FloorPlan.of(scene), grid=layers.grid)
     draw_furniture(brush, scene)
     return surface
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core.geometry import Point
-from ..core.humans import HX, LX, Humans, frozen
+from ..core.humans import BODY_X, GAZE_X, Humans, frozen
 from ..core.portable_math import Array
 from ..core.snapshot import RobotState, Snapshot
 
@@ -46,7 +46,7 @@ def _humans_between(before: Humans, after: Humans, share: float) -> Humans:
         was, now = was[np.argsort(now)], np.sort(now)
     start, end = before.state[was], after.state[now]
     state = start + (end - start) * share
-    for column in (HX, LX):
+    for column in (BODY_X, GAZE_X):
         pair = slice(column, column + 2)
         state[:, pair] = _turned(start[:, pair], end[:, pair], share)
     leaps = np.abs(end[:, :2] - start[:, :2]).sum(axis=1) > _LEAP
@@ -70,13 +70,13 @@ def _robot_between(before: RobotState, after: RobotState, share: float) -> Robot
     def blend(a: Point, b: Point) -> Point:
         return a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share
 
-    (ax, ay), (bx, by) = before.heading, after.heading
+    (ax, ay), (bx, by) = before.direction, after.direction
     angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by) * share
     c, s = math.cos(angle), math.sin(angle)
     return replace(
         after,
         position=blend(before.position, after.position),
         velocity=blend(before.velocity, after.velocity),
-        heading=(ax * c - ay * s, ax * s + ay * c),
+        direction=(ax * c - ay * s, ax * s + ay * c),
         omega=before.omega + (after.omega - before.omega) * share,
     )

@@ -36,7 +36,7 @@ def draw_legend(canvas: Canvas, size: tuple[int, int], activities: Iterable[str]
         for k, (name, draw) in enumerate(rows):
             x, y = plate.left + _PAD + _SIGN, plate.top + _PAD / 2 + (k + 0.5) * _ROW
             scale = _SIGN / 0.2
-            draw(Brush(canvas, Camera(scale, -x / scale, y / scale, size), heading=(0.0, 1.0)))
+            draw(Brush(canvas, Camera(scale, -x / scale, y / scale, size), direction=(0.0, 1.0)))
             canvas.text(INK, name, (x + _SIGN + 9, y), SMALL, "midleft")
 
 

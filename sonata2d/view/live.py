@@ -18,7 +18,7 @@ from .draw import Layers, backdrop, camera_for, draw_over, draw_under, draw_velo
 from .gaze import cut_short, walls_of
 from .palette import OUTSIDE
 from .people import draw_body, draw_chassis, draw_fan, draw_gaze, draw_head, draw_target, draw_zones, swing_of
-from .room import Plan, draw_room
+from .room import FloorPlan, draw_room
 from .smooth import Smooth
 from .sprites import Stamps
 from .tails import draw_tails
@@ -37,7 +37,7 @@ class Painter:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._scene, self._plan = scene, Plan.of(scene)
+        self._scene, self._plan = scene, FloorPlan.of(scene)
         self._ignoring, self._walls = ignoring(scene), walls_of(scene)
         self._things = sorted(scene.furniture, key=lambda thing: thing.on is not None)
         self._stamps = Stamps()
@@ -102,7 +102,7 @@ class Painter:
     ) -> Camera:
         """The camera that `draw` uses for a surface of this size."""
         if view == "follow":
-            return Camera.behind(snapshot.robot.position, snapshot.robot.heading, size=size, reach=reach / zoom)
+            return Camera.behind(snapshot.robot.position, snapshot.robot.direction, size=size, reach=reach / zoom)
         whole = camera_for(self._scene, size=size)
         return whole if zoom == 1.0 else whole.nearer(zoom, snapshot.robot.position)
 
@@ -142,7 +142,7 @@ class Painter:
         body = partial(draw_body, activity=kind, r=r, swing=swing, ignores_robot=ignores)
         look = math.cos(human.head), math.sin(human.head)
         parts = (
-            (("body", kind, r, swing, ignores), body, human.pose.heading),
+            (("body", kind, r, swing, ignores), body, human.pose.direction),
             (("head", r), partial(draw_head, r=r), look),
         )
         self._stamps.put(surface, camera, human.pose.position, *parts)
@@ -150,7 +150,7 @@ class Painter:
     def _draw_robot(self, surface: pygame.Surface, camera: Camera, snapshot: Snapshot) -> None:
         robot, touches = snapshot.robot, bool(snapshot.contacts)
         draw = partial(draw_chassis, r=robot.radius, touches=touches)
-        self._stamps.put(surface, camera, robot.position, (("robot", robot.radius, touches), draw, robot.heading))
+        self._stamps.put(surface, camera, robot.position, (("robot", robot.radius, touches), draw, robot.direction))
 
 
 def _smoothed(surface: pygame.Surface, size: tuple[int, int]) -> pygame.Surface:

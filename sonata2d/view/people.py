@@ -29,7 +29,7 @@ _MARGIN = 0.05  # m, between a link's end and the outline it belongs to
 def draw_human(brush: Brush, human: HumanState, time: float, *, ignores_robot: bool = False) -> None:
     """A person in their solid outline: a disc, dashed if they ignore the robot."""
     with brush.group("person"):
-        here = brush.at(human.pose.position, human.pose.heading)
+        here = brush.at(human.pose.position, human.pose.direction)
         draw_body(here, human.activity, human.radius, swing_of(human, time), ignores_robot=ignores_robot)
         draw_head(brush.at(human.pose.position, (math.cos(human.head), math.sin(human.head))), human.radius)
 
@@ -135,7 +135,7 @@ def draw_velocity(brush: Brush, position: Point, velocity: Point, colour: Colour
 def draw_robot(brush: Brush, robot: RobotState, *, touches: bool = False) -> None:
     """A robot where it is; see `draw_chassis`."""
     with brush.group("robot"):
-        draw_chassis(brush.at(robot.position, robot.heading), robot.radius, touches=touches)
+        draw_chassis(brush.at(robot.position, robot.direction), robot.radius, touches=touches)
 
 
 def draw_chassis(brush: Brush, r: float, *, touches: bool = False) -> None:

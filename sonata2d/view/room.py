@@ -20,7 +20,7 @@ Line = tuple[Point, Point]
 
 
 @dataclass(frozen=True)
-class Plan:
+class FloorPlan:
     """What is drawn of a room, worked out once.
 
     Attributes:
@@ -36,7 +36,7 @@ class Plan:
     grid: tuple[Line, ...]
 
     @classmethod
-    def of(cls, scene: Scene) -> Plan:
+    def of(cls, scene: Scene) -> FloorPlan:
         walls = tuple((wall.start, wall.end) for wall in scene.walls)
         if not scene.polygon:
             return cls((), walls, walls, ())
@@ -44,7 +44,7 @@ class Plan:
         return cls(scene.polygon, walls, within, tuple(_grid(scene.outline)))
 
 
-def draw_room(brush: Brush, plan: Plan, *, grid: bool) -> None:
+def draw_room(brush: Brush, plan: FloorPlan, *, grid: bool) -> None:
     """Walls, floor and lines."""
     for wall in plan.walls:
         brush.stroke(WALL, wall, 2 * _WALL_WIDTH)  # the floor will cover the inner half

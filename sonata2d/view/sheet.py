@@ -11,7 +11,7 @@ import pygame
 
 from ..core.geometry import Twist
 from ..core.humans import Humans, activities_among, activities_of, frozen, human_ids
-from ..core.portable_math import heading
+from ..core.portable_math import unit_vector
 from ..core.scene import Scene
 from ..core.snapshot import RobotState, Snapshot
 from ..errors import RenderError
@@ -32,9 +32,9 @@ def snapshot_of(scene: Scene) -> Snapshot:
     robot = scene.robot
     state = np.zeros((len(scene.humans), 9))
     for row, human in zip(state, scene.humans, strict=True):
-        row[:8] = (*human.pose.position, 0.0, 0.0, *human.pose.heading, *human.pose.heading)
+        row[:8] = (*human.pose.position, 0.0, 0.0, *human.pose.direction, *human.pose.direction)
     radius = np.array([human.radius for human in scene.humans], dtype=float)
-    still = RobotState(robot.pose.position, heading(robot.pose.theta), (0.0, 0.0), 0.0, Twist(), False, robot)
+    still = RobotState(robot.pose.position, unit_vector(robot.pose.theta), (0.0, 0.0), 0.0, Twist(), False, robot)
     later = {human.id for human in scene.humans if human.enters > 0}
     ties = tuple(tie for tie in scene.interactions if tie.src not in later and tie.dst not in later)
     activity = activities_among(activities_of(scene), human_ids(scene), ties) if later else activities_of(scene)

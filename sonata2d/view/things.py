@@ -48,7 +48,7 @@ def draw_thing(brush: Brush, thing: Furniture) -> None:
 
 def front_of(thing: Furniture) -> Point:
     """Unit vector from a thing to its front, world frame."""
-    (x, y), (length, width) = thing.pose.heading, half_size(thing)
+    (x, y), (length, width) = thing.pose.direction, half_size(thing)
     return (y, -x) if length > width else (x, y)
 
 

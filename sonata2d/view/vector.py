@@ -14,7 +14,7 @@ from .camera import Camera
 from .caption import STRIP, draw_strip, summary
 from .draw import Layers, camera_for, draw_all, draw_over, picture, present
 from .palette import PAPER
-from .room import Plan, draw_furniture, draw_room
+from .room import FloorPlan, draw_furniture, draw_room
 from .still import save_surface
 from .svg import Svg
 from .trails import Trails
@@ -69,7 +69,7 @@ def vectors(
     canvas.rectangle(PAPER, pygame.Rect(0, 0, width, height + strip))
     brush = Brush(canvas, camera)
     with canvas.window(camera.size):
-        draw_room(brush, Plan.of(snapshot.scene), grid=layers.grid)
+        draw_room(brush, FloorPlan.of(snapshot.scene), grid=layers.grid)
         draw_furniture(brush, snapshot.scene)
         draw_all(brush, snapshot, layers, trails)
         draw_over(brush, snapshot, present(snapshot), layers)
@@ -86,4 +86,4 @@ def _camera(snapshot: Snapshot, view: View, size: tuple[int, int] | None, scale:
     if size is None:
         raise RenderError("a picture from behind the robot needs a size; give width and height in pixels")
     robot = snapshot.robot
-    return Camera.behind(robot.position, robot.heading, size=(size[0], size[1] - strip))
+    return Camera.behind(robot.position, robot.direction, size=(size[0], size[1] - strip))

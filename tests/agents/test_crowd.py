@@ -170,5 +170,5 @@ def test_halving_the_step_hardly_changes_the_way() -> None:
 
 
 def test_models_that_are_unknown_or_mixed_are_refused() -> None:
-    with pytest.raises(ValueError, match="no pedestrian model is named .helbing.; did you mean .helbing"):
+    with pytest.raises(ValueError, match=r"no pedestrian model is named .helbing.; did you mean .helbing"):
         Crowd(room([walker(1, 0.0, 0.0, model="helbing")]))

@@ -30,7 +30,7 @@ def group(formation: Formation, size: int, *, told: bool = True, others: tuple[H
 def test_who_talks_in_a_formation_keeps_it(formation: Formation, size: int) -> None:
     seen = watched(group(formation, size), 4.0)
     start, end = seen[0].humans, seen[-1].humans
-    assert np.allclose(start.heading, end.heading, atol=1e-6)
+    assert np.allclose(start.direction, end.direction, atol=1e-6)
     assert np.abs(start.position - end.position).max() < 0.02
 
 
@@ -47,7 +47,7 @@ def test_without_a_formation_people_turn_to_the_middle_of_the_others(size: int) 
 
 def test_two_who_talk_face_each_other_as_ever() -> None:
     end = watched(group("l", 2, told=False), 3.0)[-1].humans
-    assert np.allclose(end.heading[0], -end.heading[1], atol=1e-2)
+    assert np.allclose(end.direction[0], -end.direction[1], atol=1e-2)
 
 
 def test_walkers_go_round_a_talking_group_not_through() -> None:

@@ -17,7 +17,7 @@ from sonata2d.agents.controllers.loading import load_controller
 from sonata2d.agents.controllers.reactive import SocialForce
 from sonata2d.core.entities import Limits, Robot
 from sonata2d.core.geometry import Pose, Twist
-from sonata2d.core.rng import Chance
+from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Frame, Snapshot
 from sonata2d.datasets.replay import check_replay, check_rerun
@@ -105,7 +105,7 @@ def test_an_episode_has_its_own_noise_and_always_the_same() -> None:
     assert not np.array_equal(first, commands(still(seed=2), hand))
     assert not np.array_equal(first, commands(replace(still(seed=1), episode=1), hand))
     assert np.array_equal(first, commands(still(seed=1), hand))
-    assert Chance(1, 0, "controller").uniform() != Chance(1, 0, "people").uniform()
+    assert RandomStream(1, 0, "controller").uniform() != RandomStream(1, 0, "people").uniform()
 
 
 def test_the_hand_mirrors_with_the_scene_and_its_side() -> None:

@@ -13,9 +13,9 @@ AXIS = np.arange(-1.5, 1.5 + STEP / 2, STEP)
 GRID = np.stack(np.meshgrid(AXIS, AXIS), axis=-1).reshape(-1, 2)
 
 
-def drawn(chance: np.random.Generator, count: int, low: float, high: float) -> list[HalfPlane]:
+def drawn(rng: np.random.Generator, count: int, low: float, high: float) -> list[HalfPlane]:
     """Half-planes whose edges are `low` to `high` m/s from standing still, negative where that is allowed."""
-    angle, least = chance.uniform(0.0, 2 * np.pi, count), chance.uniform(low, high, count)
+    angle, least = rng.uniform(0.0, 2 * np.pi, count), rng.uniform(low, high, count)
     return [(float(np.cos(a)), float(np.sin(a)), float(c)) for a, c in zip(angle, least, strict=True)]
 
 
@@ -27,9 +27,9 @@ def breaches(planes: list[HalfPlane], velocity: Array) -> Array:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_the_nearest_velocity_is_the_nearest_on_a_grid(seed: int) -> None:
-    chance = np.random.default_rng(seed)
-    planes = drawn(chance, int(chance.integers(1, 9)), -1.0, 0.3)
-    wish = (float(chance.uniform(-1.5, 1.5)), float(chance.uniform(-1.5, 1.5)))
+    rng = np.random.default_rng(seed)
+    planes = drawn(rng, int(rng.integers(1, 9)), -1.0, 0.3)
+    wish = (float(rng.uniform(-1.5, 1.5)), float(rng.uniform(-1.5, 1.5)))
     found, kept = nearest_velocity(planes, wish, 1.3)
     allowed = GRID[(breaches(planes, GRID).max(axis=0) <= 0.0) & (np.linalg.norm(GRID, axis=1) <= 1.3)]
     if kept < len(planes):
@@ -44,8 +44,8 @@ def test_the_nearest_velocity_is_the_nearest_on_a_grid(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_where_none_is_safe_the_worst_breach_is_the_least_on_a_grid(seed: int) -> None:
-    chance = np.random.default_rng(seed)
-    hard, soft = drawn(chance, 2, -0.5, 0.0), drawn(chance, int(chance.integers(3, 12)), 0.2, 1.0)
+    rng = np.random.default_rng(seed)
+    hard, soft = drawn(rng, 2, -0.5, 0.0), drawn(rng, int(rng.integers(3, 12)), 0.2, 1.0)
     found = np.array([chosen_velocity(hard, soft, (1.0, 0.2), 1.3)])
     assert breaches(hard, found).max() < 1e-9
     assert np.linalg.norm(found) < 1.3 + 1e-9
@@ -60,7 +60,7 @@ def test_a_safe_wish_is_granted_and_haste_is_cut() -> None:
 
 
 def test_the_order_of_half_planes_does_not_change_the_choice() -> None:
-    chance = np.random.default_rng(3)
-    planes = drawn(chance, 8, -0.8, 0.1)
+    rng = np.random.default_rng(3)
+    planes = drawn(rng, 8, -0.8, 0.1)
     there, back = (chosen_velocity([], order, (1.2, 0.3), 1.3) for order in (planes, planes[::-1]))
     assert there == pytest.approx(back, abs=1e-9)

@@ -34,8 +34,8 @@ def everybody(count: int) -> Array:
 
 
 def some_people(seed: int = 0, count: int = 6) -> tuple[Array, Array]:
-    chance = np.random.default_rng(seed)
-    return chance.uniform(-3, 3, (count, 2)), chance.uniform(-1.5, 1.5, (count, 2))
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-3, 3, (count, 2)), rng.uniform(-1.5, 1.5, (count, 2))
 
 
 def test_interaction_as_worked_out_by_hand() -> None:

@@ -37,15 +37,15 @@ BOTH = 1.0 - np.eye(2)
 
 def some_people(seed: int = 0, count: int = 6) -> Walkers:
     """People at random in a small place, and a robot, that all want to go somewhere."""
-    chance = np.random.default_rng(seed)
-    angle, turn = chance.uniform(-3.0, 3.0, (2, count))
+    rng = np.random.default_rng(seed)
+    angle, turn = rng.uniform(-3.0, 3.0, (2, count))
     direction = np.stack((np.cos(angle), np.sin(angle)), axis=1)
     direction[-1] = 0.0
     return Walkers(
-        position=chance.uniform(-1.5, 1.5, (count, 2)),
-        velocity=chance.uniform(-1.0, 1.0, (count, 2)),
-        direction=direction,
-        heading=np.stack((np.cos(turn), np.sin(turn)), axis=1),
+        position=rng.uniform(-1.5, 1.5, (count, 2)),
+        velocity=rng.uniform(-1.0, 1.0, (count, 2)),
+        desired_direction=direction,
+        body_direction=np.stack((np.cos(turn), np.sin(turn)), axis=1),
         desired_speed=np.array([1.3] * (count - 1) + [0.0]),
         radius=np.array([0.2] * (count - 1) + [0.3]),
         weight=1.0 - np.eye(count),
@@ -83,7 +83,7 @@ def test_whom_one_does_not_see_counts_half() -> None:
 
 def test_the_wall_of_1995_as_worked_out_by_hand() -> None:
     walkers = replace(some_people(count=2), position=np.array([[0.0, -3.5], [0.0, 0.0]]), velocity=np.zeros((2, 2)))
-    walkers = replace(walkers, direction=np.zeros((2, 2)), weight=np.zeros((2, 2)))
+    walkers = replace(walkers, desired_direction=np.zeros((2, 2)), weight=np.zeros((2, 2)))
     by_hand = 10.0 / 0.2 * (math.exp(-0.5 / 0.2) - math.exp(-7.5 / 0.2))
     assert felt("helbing1995", walkers)[0] == pytest.approx((0.0, by_hand), abs=1e-5)
 
@@ -111,8 +111,8 @@ def test_a_wall_presses_and_brakes_as_worked_out_by_hand(gap: float) -> None:
 
 def test_a_headed_body_takes_its_own_drive_ahead_only_and_slips_little() -> None:
     drive, others = np.array([[1.0, 2.0]]), np.array([[0.3, -0.4]])
-    velocity, heading = np.array([[0.5, 0.1]]), np.array([[0.0, 1.0]])  # faces +y, so its left is -x
-    made = headed_acceleration(drive, others, velocity, heading, Farina2017())
+    velocity, direction = np.array([[0.5, 0.1]]), np.array([[0.0, 1.0]])  # faces +y, so its left is -x
+    made = headed_acceleration(drive, others, velocity, direction, Farina2017())
     assert made[0] == pytest.approx((0.3 - 500.0 / 75.0 * 0.5, 2.0 - 0.4))
 
 
@@ -158,7 +158,7 @@ def test_a_wall_allows_the_speed_that_meets_it_at_the_horizon() -> None:
 def test_laws_turn_with_the_people(model: str) -> None:
     walkers, turn = some_people(), np.array([[0.6, -0.8], [0.8, 0.6]])
     there = Scene(**{**vars(room()), "polygon": (), "walls": ()})
-    names = ("position", "velocity", "direction", "heading")
+    names = ("position", "velocity", "desired_direction", "body_direction")
     turned = replace(walkers, **{name: getattr(walkers, name) @ turn.T for name in names})
     assert felt(model, turned, there) == pytest.approx(felt(model, walkers, there) @ turn.T, abs=1e-5)
 
@@ -166,7 +166,7 @@ def test_laws_turn_with_the_people(model: str) -> None:
 @pytest.mark.parametrize("model", LAWS)
 def test_laws_mirror_with_the_people_and_the_side(model: str) -> None:
     walkers, mirror = some_people(), np.array([-1.0, 1.0])
-    names = ("position", "velocity", "direction", "heading")
+    names = ("position", "velocity", "desired_direction", "body_direction")
     mirrored = replace(walkers, **{name: getattr(walkers, name) * mirror for name in names})
     other_side = room(rules=Rules(side=-1))
     assert felt(model, mirrored, other_side) == pytest.approx(felt(model, walkers) * mirror, abs=1e-9)

@@ -13,7 +13,7 @@ from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.core.entities import Human, Limits, Reaction, Wall
 from sonata2d.core.geometry import Pose, Twist
 from sonata2d.core.portable_math import Array
-from sonata2d.core.rng import Chance
+from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.scenegen.scenario.social import ClearanceConfig
@@ -64,10 +64,10 @@ def looks_at_robot(seen: list[Snapshot], k: int = 0) -> float:
 
 def test_crossing_walkers_keep_the_clearance_of_the_measured_ones() -> None:
     """0.83 ± 0.27 m, from outline to outline; the distribution is cut at two deviations."""
-    chance, law, kept, asked = Chance(1, 0, "scene"), ClearanceConfig(), [], []
+    rng, law, kept, asked = RandomStream(1, 0, "scene"), ClearanceConfig(), [], []
     for _ in range(24):
-        asked.append(chance.normal(law.mean, law.sd, law.min, law.max))
-        kept.append(gaps(crossing("avoids", chance.uniform(-0.5, 0.5), asked[-1])).min())
+        asked.append(rng.normal(law.mean, law.sd, law.min, law.max))
+        kept.append(gaps(crossing("avoids", rng.uniform(-0.5, 0.5), asked[-1])).min())
     assert np.mean(kept) == pytest.approx(0.83, abs=0.1)
     assert 0.18 < np.std(kept) < 0.32
     assert np.abs(np.array(kept) - asked).max() < 0.1
@@ -109,7 +109,7 @@ def test_the_curious_come_to_a_social_distance_face_the_robot_and_lose_interest(
     assert len(near) > 40
     there = near[20].humans
     to = np.array(near[20].robot.position) - there.position[0]
-    assert there.heading[0] @ to > 0.98 * np.linalg.norm(to)
+    assert there.direction[0] @ to > 0.98 * np.linalg.norm(to)
     assert there.look[0] @ to > 0.98 * np.linalg.norm(to)
     assert seen[-1].humans.position[0, 1] > 4.0
 

@@ -13,7 +13,7 @@ import pytest
 import sonata2d as s2
 from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.agents.pedestrians.social.f_formations import free_places, widened
-from sonata2d.agents.pedestrians.social.state import Company
+from sonata2d.agents.pedestrians.social.state import SocialState
 from sonata2d.core.entities import AT_LAPTOP, AT_PLANT, TALKING, Furniture, Group, Human, Interaction
 from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
 from sonata2d.core.humans import ACTIVITIES
@@ -132,7 +132,7 @@ def test_a_comer_takes_the_free_place_of_a_pair_and_they_make_a_circle() -> None
     place = threes[100].humans.position
     middle = place.mean(axis=0)
     assert np.linalg.norm(place - middle, axis=1) == pytest.approx(np.full(3, 0.65), abs=0.15)
-    facing = ((middle - place) * threes[100].humans.heading).sum(axis=1) / np.linalg.norm(place - middle, axis=1)
+    facing = ((middle - place) * threes[100].humans.direction).sum(axis=1) / np.linalg.norm(place - middle, axis=1)
     assert facing.min() > 0.95
     heads = np.array([s.humans.head[2] for s in threes[40:]])
     assert np.ptp(heads) > 0.3  # from face to face
@@ -183,11 +183,11 @@ def test_ways_no_longer_lead_round_what_a_group_shared_once_it_has_broken_up() -
     ring = [Human(k, Pose(math.cos(k), math.sin(k), k + math.pi), 0.2, group=1) for k in (0.5, 1.5, 2.5, 3.5)]
     ring = [replace(human, id=k) for k, human in enumerate(ring, 1)]
     scene = replace(room(ring, robot=CORNER), groups=(Group(1, "talking", (1, 2, 3, 4), "circle"),))
-    company = Company(scene)
-    assert company.shared().start.tolist() == scene.shared.start.tolist()
-    company.walk(1)
-    assert len(company.shared()) == 3
-    assert scene.humans[1].pose.position not in map(tuple, company.shared().start.tolist())
+    social = SocialState(scene)
+    assert social.shared().start.tolist() == scene.shared.start.tolist()
+    social.walk(1)
+    assert len(social.shared()) == 3
+    assert scene.humans[1].pose.position not in map(tuple, social.shared().start.tolist())
 
 
 def test_a_lively_episode_is_the_same_again_and_its_file_proves_it(tmp_path: Path) -> None:

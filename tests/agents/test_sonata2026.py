@@ -136,14 +136,15 @@ def test_who_is_behind_hurries_as_much_as_who_is_ahead_waits() -> None:
 
 
 def some_people(count: int = 12) -> Walkers:
-    chance = np.random.default_rng(3)
-    angle = chance.uniform(-3.0, 3.0, count)
+    rng = np.random.default_rng(3)
+    angle = rng.uniform(-3.0, 3.0, count)
     direction = np.stack((np.cos(angle), np.sin(angle)), axis=1)
     member = np.zeros((count, count))
     member[0, 1] = member[1, 0] = 1.0
     return Walkers(
-        position=chance.uniform(-2.0, 2.0, (count, 2)), velocity=chance.uniform(-1.0, 1.0, (count, 2)),
-        direction=direction, heading=direction, desired_speed=np.full(count, 1.3), radius=np.full(count, 0.2),
+        position=rng.uniform(-2.0, 2.0, (count, 2)), velocity=rng.uniform(-1.0, 1.0, (count, 2)),
+        desired_direction=direction, body_direction=direction,
+        desired_speed=np.full(count, 1.3), radius=np.full(count, 0.2),
         weight=1.0 - np.eye(count), member=member, bond=np.full(count, 0.5),
     )  # fmt: skip
 
@@ -157,7 +158,7 @@ def felt_by(people: Walkers, side: int = 1) -> Array:
 
 
 def moved(people: Walkers, by: Array) -> Walkers:
-    names = ("position", "velocity", "direction", "heading")
+    names = ("position", "velocity", "desired_direction", "body_direction")
     return replace(people, **{name: getattr(people, name) @ by.T for name in names})
 
 

@@ -19,7 +19,7 @@ from sonata2d.agents.controllers.teleoperation import Hand
 from sonata2d.collect.session import Session
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.datasets.manifest import read_manifest
-from sonata2d.datasets.verify import prove
+from sonata2d.datasets.verification import verify
 from sonata2d.errors import ConfigError, RecordError, SceneError
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.config import ScenarioConfig
@@ -70,7 +70,7 @@ def abandon(session: Session) -> None:
 
 
 def assert_sound(folder: Path, files: int) -> None:
-    assert prove(folder, replay=True, rerun=True) == []
+    assert verify(folder, replay=True, rerun=True) == []
     assert len([path for path in folder.glob("*.json") if "__" in path.name]) == files
 
 
@@ -122,7 +122,7 @@ def test_discarded_runs_go_to_the_bin_and_redo_brings_the_same_scene(tmp_path: P
     assert session.scene != scene
     assert session.kept == 0
     session.close()
-    assert prove(tmp_path / "discarded", replay=True, rerun=True) == []
+    assert verify(tmp_path / "discarded", replay=True, rerun=True) == []
     reasons = [json.loads(line).get("reason") for line in (tmp_path / "run.jsonl").read_text().splitlines()]
     assert {"driven again", "discarded"} <= set(reasons)
 

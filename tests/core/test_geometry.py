@@ -15,8 +15,8 @@ from sonata2d.core.geometry import (
     quantised,
     segment_distances,
     shape_gap,
-    wrapped,
 )
+from sonata2d.core.vectors import wrap_angle
 
 metres = st.floats(-20.0, 20.0)
 angles = st.floats(-50.0, 50.0)
@@ -25,7 +25,7 @@ poses = st.builds(Pose, metres, metres, angles)
 
 @given(angles)
 def test_wrapped_is_the_same_direction_within_half_a_turn(angle: float) -> None:
-    turned = wrapped(angle)
+    turned = wrap_angle(angle)
     assert -math.pi < turned <= math.pi
     assert math.cos(turned - angle) == pytest.approx(1.0, abs=1e-9)
 

@@ -30,7 +30,7 @@ def test_one_angle_and_many_give_the_same_bits(y: float, x: float) -> None:
 
 @given(angles)
 def test_heading_is_the_unit_vector_along_theta(theta: float) -> None:
-    assert exact.heading(theta) == pytest.approx((math.cos(theta), math.sin(theta)), abs=1e-12)
+    assert exact.unit_vector(theta) == pytest.approx((math.cos(theta), math.sin(theta)), abs=1e-12)
 
 
 @given(st.floats(-0.5, 0.5))

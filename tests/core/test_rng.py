@@ -1,42 +1,47 @@
 import numpy as np
 import pytest
 
-from sonata2d.core.rng import Chance
+from sonata2d.core.rng import RandomStream
 
 
 def test_the_stream_never_changes() -> None:
-    chance = Chance(7, 3, "scene")
-    drawn = [chance.uniform(), chance.integer(1, 6), chance.normal(1.3, 0.2, 0.8, 1.8)]
+    rng = RandomStream(7, 3, "scene")
+    drawn = [rng.uniform(), rng.integer(1, 6), rng.normal(1.3, 0.2, 0.8, 1.8)]
     assert drawn == [0.84588954125817, 2, 1.3078922575191396]
 
 
 def test_streams_of_other_seed_episode_or_name_differ() -> None:
-    streams = [Chance(7, 3, "scene"), Chance(8, 3, "scene"), Chance(7, 4, "scene"), Chance(7, 3, "people")]
+    streams = [
+        RandomStream(7, 3, "scene"),
+        RandomStream(8, 3, "scene"),
+        RandomStream(7, 4, "scene"),
+        RandomStream(7, 3, "people"),
+    ]
     assert len({stream.uniform() for stream in streams}) == 4
 
 
 def test_integers_fill_their_range_evenly() -> None:
-    chance = Chance(0, 0, "noise")
-    counts = np.bincount([chance.integer(2, 5) for _ in range(8000)], minlength=6)
+    rng = RandomStream(0, 0, "noise")
+    counts = np.bincount([rng.integer(2, 5) for _ in range(8000)], minlength=6)
     assert counts[:2].tolist() == [0, 0]
     assert np.abs(counts[2:] - 2000).max() < 200  # 5 standard deviations
 
 
 def test_normal_has_its_mean_and_spread_and_stays_within_bounds() -> None:
-    chance = Chance(0, 0, "noise")
-    drawn = np.array([chance.normal(0.0, 1.0, -4.0, 4.0) for _ in range(8000)])
+    rng = RandomStream(0, 0, "noise")
+    drawn = np.array([rng.normal(0.0, 1.0, -4.0, 4.0) for _ in range(8000)])
     assert abs(drawn.mean()) < 0.06
     assert drawn.std() == pytest.approx(1.0, abs=0.05)
     assert np.abs(drawn).max() <= 4.0
 
 
 def test_weights_are_kept() -> None:
-    chance = Chance(0, 0, "noise")
-    picks = [chance.choice("abc", [1.0, 0.0, 3.0]) for _ in range(4000)]
+    rng = RandomStream(0, 0, "noise")
+    picks = [rng.choice("abc", [1.0, 0.0, 3.0]) for _ in range(4000)]
     assert picks.count("b") == 0
     assert picks.count("c") == pytest.approx(3000, abs=150)
 
 
 def test_normal_refuses_an_empty_range() -> None:
     with pytest.raises(ValueError, match="low < high"):
-        Chance(0, 0, "noise").normal(0.0, 1.0, 2.0, 1.0)
+        RandomStream(0, 0, "noise").normal(0.0, 1.0, 2.0, 1.0)

@@ -19,7 +19,7 @@ from sonata2d.datasets.manifest import entry_of, read_manifest, write_tree
 from sonata2d.datasets.merge import merge_datasets
 from sonata2d.datasets.mirror import mirror_dataset
 from sonata2d.datasets.split import SHARES, dealt, scene_key, split_dataset
-from sonata2d.datasets.verify import prove
+from sonata2d.datasets.verification import verify
 from sonata2d.errors import RecordError
 from sonata2d.record.reader import read_episode
 
@@ -49,7 +49,7 @@ def names(folder: Path) -> set[str]:
 
 def test_a_data_set_mirrored_twice_is_the_same_folder(made: Path, tmp_path: Path) -> None:
     twin = mirror_dataset(made, tmp_path / "twin")
-    assert prove(tmp_path / "twin", replay=True) == []
+    assert verify(tmp_path / "twin", replay=True) == []
     assert twin["mirrored"]
     mirror_dataset(tmp_path / "twin", tmp_path / "back")
     assert names(tmp_path / "back") == names(made) - {"run.jsonl"}
@@ -92,10 +92,10 @@ def test_a_merger_keeps_bytes_settings_and_seeds(made: Path, both: Path, tmp_pat
     ]
     assert merged == json.loads((tmp_path / "all/manifest.json").read_text())
     assert (tmp_path / "all/both__one__000004.json").read_bytes() == (made / "000004.json").read_bytes()
-    assert prove(tmp_path / "all", replay=True) == []
+    assert verify(tmp_path / "all", replay=True) == []
     twin = mirror_dataset(tmp_path / "all", tmp_path / "twin")
     assert [source.get("mirrored", False) for source in twin["sources"]] == [True, False, True]
-    assert prove(tmp_path / "twin") == []
+    assert verify(tmp_path / "twin") == []
 
 
 def test_check_finds_a_merged_file_that_is_not_of_its_source(both: Path, tmp_path: Path) -> None:
@@ -104,12 +104,12 @@ def test_check_finds_a_merged_file_that_is_not_of_its_source(both: Path, tmp_pat
     manifest = json.loads(path.read_text())
     manifest["sources"][0]["seed"] = 5
     path.write_text(json.dumps(manifest))
-    assert {(p.place, p.message) for p in prove(tmp_path / "both")} == {("seed", "differs from the manifest's")}
+    assert {(p.place, p.message) for p in verify(tmp_path / "both")} == {("seed", "differs from the manifest's")}
     manifest["sources"][0]["seed"] = 3
     manifest["sources"][0]["files"].pop()
     manifest["split"] = {"train": ["one__000000.json", "one__000000.json", "none.json"]}
     path.write_text(json.dumps(manifest))
-    assert [problem.place for problem in prove(tmp_path / "both")] == ["sources", "split", "split"]
+    assert [problem.place for problem in verify(tmp_path / "both")] == ["sources", "split", "split"]
 
 
 def test_the_same_episode_is_not_merged_twice(made: Path, tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_mirror_images_are_in_the_part_of_their_originals(both: Path, seed: int)
         assert place[f"one__{k:06d}.json"] == place[f"twin__{k:06d}-mirror.json"]
     assert all(split.values())
     assert read_manifest(both)["split"] == split
-    assert prove(both) == []
+    assert verify(both) == []
 
 
 def test_another_controller_in_the_same_scene_is_the_same_scene(made: Path, tmp_path: Path) -> None:
@@ -195,13 +195,13 @@ def test_runs_that_people_drove_are_mirrored_merged_and_split_too(made: Path, tm
     write_tree(tmp_path / "driven/manifest.json", manifest_of_runs(rows))
     twin = mirror_dataset(tmp_path / "driven", tmp_path / "twin")
     assert twin["collected"]
-    assert prove(tmp_path / "twin", replay=True) == []
+    assert verify(tmp_path / "twin", replay=True) == []
     with pytest.raises(RecordError, match="holds mirror images"):
         Collection(tmp_path / "twin", "Ada", {})
     merged = merge_datasets([tmp_path / "driven", made, tmp_path / "twin"], tmp_path / "all")
     assert merged["counts"]["contributor"] == {"Ada": 4, "Bo": 4}
     assert [source["seed"] for source in merged["sources"]] == [None, 3, None]
-    assert prove(tmp_path / "all") == []
+    assert verify(tmp_path / "all") == []
     place = {name: part for part, files in split_dataset(tmp_path / "all").items() for name in files}
     scenes: dict[str, set[str]] = {}
     for name, part in place.items():

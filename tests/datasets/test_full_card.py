@@ -15,7 +15,7 @@ from sonata2d.core.proxemics import clearance
 from sonata2d.datasets.card_figure import clearances, surveyed
 from sonata2d.datasets.full_card import write_card
 from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.verify import prove
+from sonata2d.datasets.verification import verify
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 
@@ -61,7 +61,7 @@ def test_the_card_has_figures_and_the_set_stays_sound(made: Path) -> None:
     assert "![" in text
     assert text.index("## Figures") < text.index("## Known limits")
     assert (made / "card.png").read_bytes().startswith(b"\x89PNG")
-    assert prove(made) == []
+    assert verify(made) == []
 
 
 def test_metadata_names_the_manifest_by_its_hash(made: Path) -> None:

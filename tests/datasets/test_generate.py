@@ -13,7 +13,7 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.verify import prove
+from sonata2d.datasets.verification import verify
 from sonata2d.errors import ControllerError, RecordError
 from sonata2d.testing.controllers import check_controller
 
@@ -116,7 +116,7 @@ def test_a_fast_robot_among_fast_people_passes_the_check(tmp_path: Path) -> None
         wandering=12, standing=0, relations=0, robot={"limits": limits}, person={"desired_speed": speed}, rules=rules
     )
     generate_dataset(tmp_path / "out", scenario, f"{__name__}:Racer", episodes=4)
-    assert prove(tmp_path / "out", replay=True) == []
+    assert verify(tmp_path / "out", replay=True) == []
 
 
 class Racer(s2.Controller):
@@ -127,7 +127,7 @@ class Racer(s2.Controller):
 
 
 def test_everything_made_can_be_proven(made: Path) -> None:
-    assert prove(made, replay=True, rerun=True) == []
+    assert verify(made, replay=True, rerun=True) == []
 
 
 def test_progress_is_told_to_the_last_episode(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import yaml
 
 from sonata2d.datasets import manifest as dataset
 from sonata2d.datasets.card import card
-from sonata2d.datasets.manifest import Entry, Plan
+from sonata2d.datasets.manifest import DatasetSpec, Entry
 from sonata2d.datasets.progress import log
 from sonata2d.errors import RecordError
 from sonata2d.record.files import read_bytes
@@ -23,9 +23,9 @@ from ..record.samples import AUTHOR, run, scene
 SETTINGS = {"name": "by-hand", "tiny": 0.00001}
 
 
-def plan(episodes: int = 3, **changes: Any) -> Plan:
+def plan(episodes: int = 3, **changes: Any) -> DatasetSpec:
     given: dict[str, Any] = {"name": "by-hand", "settings": SETTINGS, "seed": 7, "author": AUTHOR}
-    return Plan(**{**given, "episodes": episodes, **changes})
+    return DatasetSpec(**{**given, "episodes": episodes, **changes})
 
 
 def document(episode: int) -> bytes:
@@ -34,7 +34,7 @@ def document(episode: int) -> bytes:
     return recorder.document()
 
 
-def made(folder: Path, of: Plan, *, resume: bool = False, most: int | None = None) -> dict[int, Entry]:
+def made(folder: Path, of: DatasetSpec, *, resume: bool = False, most: int | None = None) -> dict[int, Entry]:
     """Make what is missing of a data set, or the first of it; then finish, unless it was cut off."""
     dataset.start(folder, of, resume=resume)
     entries, _ = dataset.existing(folder, of, {})

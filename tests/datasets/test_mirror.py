@@ -15,15 +15,16 @@ import sonata2d as s2
 from sonata2d.agents.controllers.teleoperation import Teleoperation
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.core.entities import Human
-from sonata2d.core.geometry import Pose, Twist, canonical_angle, inside_polygon, wrapped
+from sonata2d.core.geometry import Pose, Twist, canonical_angle, inside_polygon
 from sonata2d.core.labels import LabelSpec
 from sonata2d.core.scene import Rules
 from sonata2d.core.snapshot import Snapshot
+from sonata2d.core.vectors import wrap_angle
 from sonata2d.datasets import mirror_image as image
 from sonata2d.datasets.check import check_episode
 from sonata2d.datasets.mirror import mirror_file, mirror_name, mirrored
 from sonata2d.datasets.replay import branch, check_replay, check_rerun
-from sonata2d.datasets.verify import prove
+from sonata2d.datasets.verification import verify
 from sonata2d.errors import RecordError
 from sonata2d.record.canonical import written
 from sonata2d.record.files import read_bytes
@@ -40,7 +41,7 @@ GRID = st.integers(-31415, 31416).map(lambda n: n / 10_000 + 0.0)
 def turned_back(snapshot: Snapshot) -> list[tuple[float, ...]]:
     """Where people are, seen from the robot."""
     pose = snapshot.robot.pose
-    return [(*pose.to_local(human.pose.position), wrapped(human.head - pose.theta)) for human in snapshot.humans]
+    return [(*pose.to_local(human.pose.position), wrap_angle(human.head - pose.theta)) for human in snapshot.humans]
 
 
 @pytest.mark.parametrize("suffix", [".json", ".json.gz", ".json.zst"])
@@ -79,7 +80,7 @@ def test_the_robot_sees_left_what_it_saw_right(odd: EpisodeRecord, generated: Ep
         for seen, image_seen in zip(record.snapshots(), mirrored(record).snapshots(), strict=True):
             for (x, y, head), (x2, y2, head2) in zip(turned_back(seen), turned_back(image_seen), strict=True):
                 assert (x2, y2) == pytest.approx((x, -y), abs=1e-9)
-                assert abs(wrapped(head2 + head)) < 3e-5  # half turns are 3.1416
+                assert abs(wrap_angle(head2 + head)) < 3e-5  # half turns are 3.1416
             assert image_seen.robot.executed.omega == -seen.robot.executed.omega
             assert image_seen.interactions == seen.interactions
             assert image_seen.contacts == seen.contacts
@@ -204,7 +205,7 @@ def test_a_driven_run_is_mirrored_by_what_its_controls_mean(tmp_path: Path) -> N
     ]
     assert [f["events"] for f in twin.document["frames"]] == [f["events"] for f in record.document["frames"]]
     mirror_file(path, tmp_path / "twin.json")
-    assert prove(tmp_path / "twin.json", replay=True, rerun=True) == []
+    assert verify(tmp_path / "twin.json", replay=True, rerun=True) == []
     assert written(mirrored(twin).document) == path.read_bytes()
 
 

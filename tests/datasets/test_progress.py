@@ -13,12 +13,12 @@ import sonata2d as s2
 from sonata2d.core.snapshot import Author
 from sonata2d.datasets.card import card
 from sonata2d.datasets.generate import KEEPABLE, generate_dataset
-from sonata2d.datasets.manifest import Entry, Plan, read_manifest
+from sonata2d.datasets.manifest import DatasetSpec, Entry, read_manifest
 from sonata2d.datasets.merge import merge_datasets
 from sonata2d.datasets.mirror import mirror_dataset
 from sonata2d.datasets.progress import Failure, LeftOut, Result, Tally
 from sonata2d.datasets.split import split_dataset
-from sonata2d.datasets.verify import prove
+from sonata2d.datasets.verification import verify
 from sonata2d.errors import ControllerError, RecordError
 
 from .test_generate import content
@@ -38,8 +38,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def plan(episodes: int = 3) -> Plan:
-    return Plan("by-hand", None, 0, episodes, Author("x"), keep=("goal",))
+def plan(episodes: int = 3) -> DatasetSpec:
+    return DatasetSpec("by-hand", None, 0, episodes, Author("x"), keep=("goal",))
 
 
 def kept(episode: int) -> Entry:
@@ -163,12 +163,12 @@ def test_outcomes_are_kept_in_whichever_order_they_are_named(tmp_path: Path) -> 
 
 
 def test_a_set_of_kept_runs_can_be_proven_split_mirrored_and_merged(made: Path, tmp_path: Path) -> None:
-    assert prove(made, replay=True, rerun=True) == []
+    assert verify(made, replay=True, rerun=True) == []
     mirror_dataset(made, tmp_path / "mirror")
     merged = merge_datasets([made, tmp_path / "mirror"], tmp_path / "both")
     split_dataset(tmp_path / "both", {"train": 0.5, "test": 0.5})
-    assert prove(tmp_path / "mirror", replay=True) == []
-    assert prove(tmp_path / "both") == []
+    assert verify(tmp_path / "mirror", replay=True) == []
+    assert verify(tmp_path / "both") == []
     assert [source["keep"] for source in merged["sources"]] == [["goal"], ["goal"]]
     assert [source["left_out"] for source in merged["sources"]] == [read_manifest(made)["left_out"]] * 2
 
@@ -198,7 +198,7 @@ def test_a_manifest_that_does_not_add_up_is_found(
     mirror_dataset(made, tmp_path / "twin")
     path = tmp_path / "twin/manifest.json"
     path.write_bytes(orjson.dumps(orjson.loads(path.read_bytes()) | change))
-    assert place in {problem.place for problem in prove(tmp_path / "twin")}
+    assert place in {problem.place for problem in verify(tmp_path / "twin")}
 
 
 class Broken(s2.Controller):

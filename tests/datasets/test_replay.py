@@ -14,7 +14,7 @@ from sonata2d.core.geometry import Twist
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets.replay import branch, check_replay, check_rerun
-from sonata2d.datasets.verify import prove
+from sonata2d.datasets.verification import verify
 from sonata2d.record.reader import read_episode
 from sonata2d.version import PHYSICS_VERSION
 
@@ -104,7 +104,7 @@ def test_reruns_feed_the_events_and_the_past_of_a_branch(tmp_path: Path, busy: S
 def test_a_relation_that_is_none_is_told_and_not_run(tmp_path: Path, busy: Scene) -> None:
     path = recorded(tmp_path / "one.json", busy, Labels())
     path.write_text(path.read_text().replace('"interactions":[]', '"interactions":[[1,"nonsense",99]]', 1))
-    told = [str(problem) for problem in prove(path, replay=True)]
+    told = [str(problem) for problem in verify(path, replay=True)]
     assert any("nonsense of 1 and 99" in line for line in told)
     assert any("replay: KeyError" in line for line in told)
 

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sonata2d.core.entities import PERSON_RADIUS
-from sonata2d.formats.imported import headings_along, polygon_of, radii_that_fit, turned_by, velocities
+from sonata2d.core.vectors import wrap_angles
+from sonata2d.formats.imported import headings_along, polygon_of, radii_that_fit, velocities
 from sonata2d.record.record import EpisodeRecord
 
 GONE = (np.nan, np.nan, np.nan)
@@ -36,7 +37,7 @@ def test_walls_that_close_nothing_are_no_room() -> None:
 
 @given(st.lists(st.floats(-50, 50), min_size=1, max_size=8))
 def test_turns_are_the_same_direction_and_less_than_half_a_round(angles: list[float]) -> None:
-    turns = turned_by(np.array(angles))
+    turns = wrap_angles(np.array(angles))
     assert ((turns > -np.pi) & (turns <= np.pi + 1e-9)).all()
     assert np.exp(1j * turns) == pytest.approx(np.exp(1j * np.array(angles)), abs=1e-9)
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sonata2d.core.geometry import Disc, Pose, Rectangle, inside_polygon, wrapped
+from sonata2d.core.geometry import Disc, Pose, Rectangle, inside_polygon
+from sonata2d.core.vectors import wrap_angle
 from sonata2d.datasets.check import check_episode
 from sonata2d.datasets.replay import check_replay
 from sonata2d.errors import RecordError
@@ -93,7 +94,7 @@ def test_velocities_are_what_poses_change_by(records: list[EpisodeRecord]) -> No
             off = math.hypot(vx * c + vy * s - new["speed_x"], vy * c - vx * s - new["speed_y"])
             guarded = before["sonata2d"]["guarded"]
             assert off < (0.3 if guarded else 0.06)
-            assert wrapped(new["angle"] - old["angle"]) / dt == pytest.approx(new["speed_a"], abs=0.003)
+            assert wrap_angle(new["angle"] - old["angle"]) / dt == pytest.approx(new["speed_a"], abs=0.003)
             ticks += not guarded
     assert ticks > 400
 

@@ -9,7 +9,8 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.core.entities import RELATIONS as TIES
-from sonata2d.core.geometry import Disc, wrapped
+from sonata2d.core.geometry import Disc
+from sonata2d.core.vectors import wrap_angle
 from sonata2d.datasets.mirror import mirrored
 from sonata2d.datasets.motion import motion_of
 from sonata2d.errors import Sonata2dError
@@ -126,7 +127,7 @@ def test_the_42_features_are_what_the_robot_sees(runs: list[EpisodeRecord]) -> N
             assert (row["hum_x_pos"], row["hum_y_pos"]) == pytest.approx((-left / 10, ahead / 10))
             assert row["human_x_vel"] == pytest.approx((left - last_left) / 10, abs=1e-12)
             assert row["human_y_vel"] == pytest.approx((last_ahead - ahead) / 10, abs=1e-12)
-            turn = wrapped(human.pose.theta - pose.theta)
+            turn = wrap_angle(human.pose.theta - pose.theta)
             faces_right, faces_ahead = -np.sin(turn), np.cos(turn)
             assert (row["hum_orientation_cos"], row["hum_orientation_sin"]) == pytest.approx(
                 (faces_right, -faces_ahead)
@@ -230,7 +231,7 @@ def test_the_modern_graph_tells_what_the_snapshot_shows(runs: list[EpisodeRecord
             assert (row["vx"], row["vy"], row["omega"]) == (*human.velocity, human.omega)
             assert np.arctan2(row["head_sin"], row["head_cos"]) == pytest.approx(human.head, abs=1e-9)
             assert np.hypot(seen["vx"], seen["vy"]) == pytest.approx(np.hypot(*human.velocity))
-            head = wrapped(human.head - origin.theta)
+            head = wrap_angle(human.head - origin.theta)
             assert (seen["head_cos"], seen["head_sin"]) == pytest.approx((np.cos(head), np.sin(head)), abs=1e-9)
     assert world.label == run.labels[40]
     assert modern_graph(run, len(run)).label is None

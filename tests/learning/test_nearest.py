@@ -10,7 +10,7 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.entities import Furniture, Human, Wall
 from sonata2d.core.geometry import Barriers, Disc, Pose, Rectangle, shape_gap
-from sonata2d.core.rng import Chance
+from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Scene
 from sonata2d.learning.graph.graph import Graph
 from sonata2d.learning.graph.modern import graph_of_looks
@@ -23,7 +23,7 @@ ORIGINS = ([0.0, 0.0, 0.0], [1.0, -2.0, 2.5])
 
 def scattered(seed: int) -> Scene:
     """Discs and oblongs turned every way, and inner walls, round a robot that stands free of all."""
-    chance = Chance(seed, 0, "people")
+    chance = RandomStream(seed, 0, "people")
 
     def pose() -> Pose:
         along = chance.uniform(-3.5, -1.0) if chance.uniform() < 0.5 else chance.uniform(1.0, 3.5)

@@ -12,7 +12,7 @@ import sonata2d as s2
 from sonata2d.agents.controllers.labelled import Labelled
 from sonata2d.core.entities import Human, Limits, Robot
 from sonata2d.core.geometry import Pose, Twist
-from sonata2d.core.rng import Chance
+from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.errors import ControllerError
@@ -248,7 +248,7 @@ def test_the_inputs_of_an_image_have_left_and_right_changed(tmp_path: Path) -> N
 
 
 def test_inputs_are_what_their_names_say() -> None:
-    chance = Chance(3, 0, "people")
+    chance = RandomStream(3, 0, "people")
     people = [walker(k, 3 * chance.uniform(-1, 1), 3 * chance.uniform(-1, 1), k) for k in range(1, 6)]
     scene = replace(room(people), robot=Robot(Pose(-2.0, 1.0, 0.7)))
     policy = Watching()

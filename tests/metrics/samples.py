@@ -12,7 +12,7 @@ from sonata2d.core.portable_math import Array
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Outcome, Status
 from sonata2d.metrics.catalogue import ALL
-from sonata2d.metrics.trajectory import Run
+from sonata2d.metrics.trajectory import Trajectory
 from sonata2d.record.layout import layout_of
 from sonata2d.record.record import EpisodeRecord, Looks
 
@@ -57,7 +57,7 @@ def record(
 
 def value(name: str, *args: Any, alone: Array | None = None, **more: Any) -> float | None:
     """A metric of the episode that `record` makes of the rest."""
-    return ALL[name].of(Run(record(*args, **more), alone))
+    return ALL[name].of(Trajectory(record(*args, **more), alone))
 
 
 def line(start: tuple[float, float], step: tuple[float, float], count: int, theta: float = 0.0) -> list[list[float]]:

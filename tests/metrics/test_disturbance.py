@@ -14,7 +14,7 @@ from sonata2d.core.scene import Rules, Scene
 from sonata2d.datasets.mirror import mirrored
 from sonata2d.metrics.disturbance import without_robot
 from sonata2d.metrics.measurement import measure
-from sonata2d.metrics.trajectory import Run
+from sonata2d.metrics.trajectory import Trajectory
 from sonata2d.record.reader import record_of
 from sonata2d.record.record import EpisodeRecord
 from sonata2d.record.recorder import EpisodeRecorder
@@ -102,4 +102,4 @@ def test_it_is_unknown_where_nobody_walks_and_where_other_physics_made_the_run()
     other = replace(walking, document={**walking.document, "physics": 0})
     assert without_robot(other) is None
     assert measure(walking, rerun=False)["human_slowing"] is None
-    assert Run(walking).alone is None
+    assert Trajectory(walking).alone is None

@@ -14,7 +14,7 @@ from sonata2d.core.entities import TALKING, Furniture, Goal, Group, Human, Wall
 from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
 from sonata2d.core.scene import Scene
 from sonata2d.metrics.catalogue import ALL
-from sonata2d.metrics.trajectory import Run
+from sonata2d.metrics.trajectory import Trajectory
 
 from ..conftest import L_SHAPE, room
 from .samples import record
@@ -56,7 +56,7 @@ def measured(scene: Scene, places: Places) -> dict[str, float | None]:
     ties = {look: [[1, TALKING, 2], [3, "human_plant_interaction", 21]] for look in range(0, LOOKS, 2)}
     people = np.array(places[1:])[:, :, :2].transpose(1, 0, 2)
     alone = people[:1] + 1.5 * (people - people[:1])
-    run = Run(record(scene, places[0], places[1:], ties=ties), alone)
+    run = Trajectory(record(scene, places[0], places[1:], ties=ties), alone)
     return {name: metric.of(run) for name, metric in ALL.items()}
 
 

@@ -17,7 +17,7 @@ from sonata2d.core.proxemics import obstacle_clearance, times_to_collision
 from sonata2d.datasets.check import check_dataset
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.mirror import mirror_dataset
-from sonata2d.datasets.verify import files_of
+from sonata2d.datasets.verification import files_of
 from sonata2d.errors import MetricError, RecordError
 from sonata2d.metrics.catalogue import ALL, METRICS, headline, named
 from sonata2d.metrics.definition import DEFINITIONS_VERSION

@@ -9,7 +9,7 @@ import pytest
 from sonata2d.core.entities import Furniture, Goal, Human
 from sonata2d.core.geometry import Disc, Pose, Rectangle
 from sonata2d.core.scene import Rules
-from sonata2d.metrics.trajectory import Run
+from sonata2d.metrics.trajectory import Trajectory
 
 from ..conftest import room
 from .samples import line, record, stay, value
@@ -24,7 +24,7 @@ def robot_at_fault(id: int, kind: str = "human") -> dict[str, object]:
 def test_success_is_the_first_look_within_reach_of_the_goal() -> None:
     assert value("success", room(), TO_GOAL) == 1.0
     assert value("time_to_goal", room(), TO_GOAL) == pytest.approx(5.6)
-    assert len(Run(record(room(), TO_GOAL))) == 57
+    assert len(Trajectory(record(room(), TO_GOAL))) == 57
     assert value("success", room(), TO_GOAL[:56]) == 0.0
     assert value("time_to_goal", room(), TO_GOAL[:56]) is None
 

@@ -22,7 +22,7 @@ from sonata2d.core.entities import (
 )
 from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
 from sonata2d.core.humans import Humans, human_ids
-from sonata2d.core.portable_math import heading, headings
+from sonata2d.core.portable_math import unit_vector, unit_vectors
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Author, Contact, Frame, Outcome, RobotState, Snapshot
 from sonata2d.record.recorder import EpisodeRecorder
@@ -81,7 +81,7 @@ def snapshot(of: Scene, tick: int, **changes: Any) -> Snapshot:
 def robot_state(of: Scene, time: float, *, moved: bool) -> RobotState:
     start, done = of.robot.pose, Twist(SPEED) if moved else Twist()
     place = (start.x + SPEED * time, start.y)
-    return RobotState(place, heading(start.theta), (SPEED, 0.0), 0.0, done, False, of.robot)
+    return RobotState(place, unit_vector(start.theta), (SPEED, 0.0), 0.0, done, False, of.robot)
 
 
 def people(of: Scene, time: float) -> Humans:
@@ -90,7 +90,7 @@ def people(of: Scene, time: float) -> Humans:
     for row, human in zip(rows, of.humans, strict=True):
         speed = -0.2 if human.behaviour == "wandering" else 0.0
         row[0:3] = human.pose.x + speed * time, human.pose.y, speed
-    faces = headings(np.array([human.pose.theta for human in of.humans]))
+    faces = unit_vectors(np.array([human.pose.theta for human in of.humans]))
     rows[:, 4:6] = rows[:, 6:8] = faces
     activity = np.array([1 if h.behaviour == "wandering" else 4 for h in of.humans], dtype=np.int64)
     return Humans(rows, human_ids(of), np.array([h.radius for h in of.humans]), activity)

@@ -59,7 +59,7 @@ def test_a_frame_tells_what_came_of_its_own_command() -> None:
     for tick in (1, 2):
         state = robot_state(of, 0.1 * tick, moved=True)
         done = Twist(0.1 * tick, 0.0, 0.0)
-        moved = type(state)(state.position, state.heading, state.velocity, 0.0, done, tick == 2, state.body)
+        moved = type(state)(state.position, state.direction, state.velocity, 0.0, done, tick == 2, state.body)
         looks.append(snapshot(of, tick, robot=moved))
     frames = document_of(Frame(looks[0], Twist(0.5)), Frame(looks[1], Twist(0.6)), last=looks[2])["frames"]
     assert [frame["command"][0] for frame in frames] == [0.5, 0.6]

@@ -18,9 +18,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sonata2d.core.entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Human
-from sonata2d.core.geometry import Disc, Pose, canonical_angle, inside_polygon, quantised, shape_gap, wrapped
+from sonata2d.core.geometry import Disc, Pose, canonical_angle, inside_polygon, quantised, shape_gap
 from sonata2d.core.navigation import FreeSpace
 from sonata2d.core.scene import Scene
+from sonata2d.core.vectors import wrap_angle
 from sonata2d.errors import SceneError
 from sonata2d.scenegen.generator import generate
 from sonata2d.scenegen.scenario.config import ScenarioConfig
@@ -151,7 +152,7 @@ def test_ids_are_people_who_stand_then_wander_then_tables_laptops_plants():
 def test_talking_pairs_stand_1_5_to_3_metres_apart_and_face_each_other_within_20_degrees():
     pairs = related(TALKING)
     assert ks_p_value([distance(a.pose, b) for a, b in pairs], 1.5, 3.0) > 0.01
-    turns = [wrapped(b.theta - a.pose.theta - math.pi) for a, b in pairs]
+    turns = [wrap_angle(b.theta - a.pose.theta - math.pi) for a, b in pairs]
     assert ks_p_value(turns, -math.radians(20), math.radians(20)) > 0.01
     for a, b in pairs:
         ahead, left = a.pose.to_local(b)

@@ -11,8 +11,9 @@ import pytest
 from pydantic import ValidationError
 
 from sonata2d.core.entities import TALKING, WALKING_TOGETHER, Group, Human
-from sonata2d.core.geometry import Pose, wrapped
+from sonata2d.core.geometry import Pose
 from sonata2d.core.scene import Scene
+from sonata2d.core.vectors import wrap_angle
 from sonata2d.scenegen.generator import generate
 from sonata2d.scenegen.sampling import talking, walking
 from sonata2d.scenegen.scenario.config import ScenarioConfig
@@ -62,7 +63,7 @@ def test_who_talks_in_a_circle_or_an_arc_faces_its_middle() -> None:
     for scene, group in groups("talking"):
         people = members(scene, group)
         if group.formation != "side_by_side":
-            (ax, ay), (bx, by) = people[0].pose.heading, people[1].pose.heading
+            (ax, ay), (bx, by) = people[0].pose.direction, people[1].pose.direction
             middle = crossing(people[0].pose, people[1].pose) if abs(ax * by - ay * bx) > 0.1 else None
             for human in people if middle else ():
                 _, left = human.pose.to_local(middle)
@@ -71,7 +72,7 @@ def test_who_talks_in_a_circle_or_an_arc_faces_its_middle() -> None:
 
 def crossing(a: Pose, b: Pose) -> tuple[float, float]:
     """Where two ways ahead meet."""
-    rows = np.array([[a.heading[0], -b.heading[0]], [a.heading[1], -b.heading[1]]])
+    rows = np.array([[a.direction[0], -b.direction[0]], [a.direction[1], -b.direction[1]]])
     along, _ = np.linalg.solve(rows, np.array(b.position) - np.array(a.position))
     return a.to_world((float(along), 0.0))
 
@@ -80,7 +81,7 @@ def crossing(a: Pose, b: Pose) -> tuple[float, float]:
 def test_two_stand_to_each_other_as_their_formation_says(name: str, turn: float) -> None:
     one, other = talking(name, 2, 1.0).poses
     assert math.dist(one.position, other.position) == pytest.approx(1.0)
-    assert abs(wrapped(other.theta - one.theta)) == pytest.approx(turn)
+    assert abs(wrap_angle(other.theta - one.theta)) == pytest.approx(turn)
 
 
 def test_nobody_else_and_nothing_stands_in_an_o_space() -> None:

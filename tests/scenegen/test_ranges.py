@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sonata2d.core.rng import Chance
+from sonata2d.core.rng import RandomStream
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.scenegen.scenario.ranges import IntRange, Range
 
@@ -39,14 +39,14 @@ def test_low_above_high_is_refused_with_field_and_values():
 
 @given(st.integers(0, 50), st.integers(0, 50), st.integers(0, 2**32))
 def test_draws_stay_in_their_range(low, more, seed):
-    chance = Chance(seed, 0, "scene")
-    assert low <= IntRange(low, low + more).draw(chance) <= low + more
-    assert low <= Range(low, low + more).draw(chance) <= low + more
+    rng = RandomStream(seed, 0, "scene")
+    assert low <= IntRange(low, low + more).draw(rng) <= low + more
+    assert low <= Range(low, low + more).draw(rng) <= low + more
 
 
 @given(st.floats(-5, 5), st.floats(0, 5), st.floats(0.01, 2), st.integers(0, 2**32))
 def test_draws_with_a_step_are_whole_steps_up_to_the_end(low, more, step, seed):
-    value = Range(low, low + more, step).draw(Chance(seed, 0, "scene"))
+    value = Range(low, low + more, step).draw(RandomStream(seed, 0, "scene"))
     steps = (value - low) / step
     assert steps == pytest.approx(round(steps), abs=1e-6)
     assert value <= low + more + 1e-6
@@ -59,8 +59,8 @@ def test_ranges_read_back_what_they_wrote(low, more):
 
 
 def test_both_ends_of_a_step_are_drawn():
-    chance = Chance(0, 0, "scene")
-    assert {Range(6, 10, 1).draw(chance) for _ in range(200)} == {6.0, 7.0, 8.0, 9.0, 10.0}
+    rng = RandomStream(0, 0, "scene")
+    assert {Range(6, 10, 1).draw(rng) for _ in range(200)} == {6.0, 7.0, 8.0, 9.0, 10.0}
 
 
 def test_an_unknown_key_brings_a_suggestion():

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from sonata2d.core.geometry import inside_polygon
 from sonata2d.core.navigation import FreeSpace
-from sonata2d.core.rng import Chance
+from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Scene
 from sonata2d.scenegen.floor_plans import FloorPlan, draw_plan
 from sonata2d.scenegen.generator import generate
@@ -22,7 +22,7 @@ NEW = ("t", "u", "corridor", "doorway", "crossing", "hall")
 
 def plans(kind: str, **sizes: object) -> list[FloorPlan]:
     config = RoomConfig(kinds=[kind], **sizes)
-    return [draw_plan(config, Chance(3, k, "scene")) for k in range(40)]
+    return [draw_plan(config, RandomStream(3, k, "scene")) for k in range(40)]
 
 
 def area(plan: FloorPlan) -> float:

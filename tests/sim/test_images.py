@@ -17,7 +17,7 @@ from sonata2d.core.geometry import Twist
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.verify import prove
+from sonata2d.datasets.verification import verify
 from sonata2d.errors import ControllerError
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.sim.episode import Episode
@@ -90,7 +90,7 @@ def test_data_sets_are_made_and_proven_with_images(tmp_path: Path) -> None:
     name = f"{tmp_path / 'looker.py'}:Looker"
     config = ScenarioConfig(humans=2, rules={"time_limit": 2.0})
     generate_dataset(tmp_path / "out", config, name, episodes=2)
-    assert prove(tmp_path / "out", replay=True, rerun=True) == []
+    assert verify(tmp_path / "out", replay=True, rerun=True) == []
 
 
 def test_authors_can_check_a_controller_that_looks() -> None:

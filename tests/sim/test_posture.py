@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from sonata2d.core.portable_math import Array, headings
+from sonata2d.core.portable_math import Array, unit_vectors
 from sonata2d.core.scene import Rules
 from sonata2d.sim.posture import BODY_TURN, HEAD_LIMIT, HEAD_TURN, Posture
 
@@ -23,7 +23,9 @@ def turned(target: float, *, speed: float = 1.3, look: float | None = None, tick
     for _ in range(ticks + 1):
         angles = [math.atan2(one[0, 1], one[0, 0]) for one in (posture.faces, posture.looks)]
         rows.append((angles[0], posture.omega[0], angles[1]))
-        posture.turn(bodies, headings(np.array([target])), headings(np.array([target if look is None else look])))
+        posture.turn(
+            bodies, unit_vectors(np.array([target])), unit_vectors(np.array([target if look is None else look]))
+        )
     return np.array(rows)
 
 

@@ -31,7 +31,7 @@ def drive(world: World, twist: Twist, ticks: int) -> Snapshot:
     for _ in range(ticks):
         humans = world.snapshot().humans
         still = np.zeros((len(humans), 2))
-        world.step(twist, CrowdCommands(still, humans.heading, humans.look, humans.activity_index, ()))
+        world.step(twist, CrowdCommands(still, humans.direction, humans.look, humans.activity_index, ()))
     return world.snapshot()
 
 

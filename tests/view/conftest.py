@@ -10,7 +10,7 @@ import pytest
 from sonata2d.core.entities import AT_LAPTOP, TALKING, Furniture, Goal, Human, Interaction, Robot, Wall
 from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
 from sonata2d.core.humans import ACTIVITIES, Humans, human_ids
-from sonata2d.core.portable_math import heading, headings
+from sonata2d.core.portable_math import unit_vector, unit_vectors
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import RobotState, Snapshot
 
@@ -42,10 +42,10 @@ def look(scene: Scene, tick: int = 0, robot: Pose | None = None) -> Snapshot:
     state = np.zeros((len(scene.humans), 9))
     state[:, :2] = [human.pose.position for human in scene.humans]
     angles = np.array([human.pose.theta for human in scene.humans])
-    state[:, 4:6], state[:, 6:8] = headings(angles), headings(angles + 0.3)
+    state[:, 4:6], state[:, 6:8] = unit_vectors(angles), unit_vectors(angles + 0.3)
     radius = np.array([human.radius for human in scene.humans])
     humans = Humans(state, human_ids(scene), radius, np.arange(len(state)) % len(ACTIVITIES))
-    body = RobotState(pose.position, heading(pose.theta), (1.0, 0.0), 0.0, Twist(1.0), False, scene.robot)
+    body = RobotState(pose.position, unit_vector(pose.theta), (1.0, 0.0), 0.0, Twist(1.0), False, scene.robot)
     return Snapshot(tick, tick * scene.rules.dt, scene, body, humans, scene.interactions)
 
 

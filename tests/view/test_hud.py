@@ -35,7 +35,7 @@ def pixels(surface):
 
 def shown(snapshot, hud=PLAIN, size=(1280, 800), scale=1.0, **texts):
     surface = floor(size)
-    camera = Camera.behind(snapshot.robot.position, snapshot.robot.heading, size=size)
+    camera = Camera.behind(snapshot.robot.position, snapshot.robot.direction, size=size)
     draw_hud(surface, hud, snapshot, camera, scale=scale, **texts)
     return surface
 

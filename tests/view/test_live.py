@@ -9,7 +9,7 @@ import pytest
 from sonata2d.core.devices import ImageRequest
 from sonata2d.core.entities import AT_OBJECT, Furniture, Human, Interaction
 from sonata2d.core.geometry import Disc, Pose, Rectangle
-from sonata2d.core.portable_math import heading
+from sonata2d.core.portable_math import unit_vector
 from sonata2d.errors import RenderError
 from sonata2d.view.camera import Camera
 from sonata2d.view.draw import Layers, picture
@@ -42,7 +42,7 @@ def colour_at(surface, camera, point):
 
 @pytest.mark.parametrize("theta", [0.0, 0.7, 2.0, -2.9])
 def test_a_turned_camera_goes_back_to_the_world(theta):
-    camera = Camera.behind((1.0, -2.0), heading(theta), size=(640, 480), reach=4.0)
+    camera = Camera.behind((1.0, -2.0), unit_vector(theta), size=(640, 480), reach=4.0)
     for point in ((0.0, 0.0), (3.5, -1.0), (1.0, -2.0)):
         assert camera.to_world(camera.to_pixels(point)) == pytest.approx(point)
         x, y = camera.to_pixels(point)
@@ -52,12 +52,12 @@ def test_a_turned_camera_goes_back_to_the_world(theta):
 @pytest.mark.parametrize("theta", [0.0, 1.2, -2.5])
 def test_the_follow_view_looks_up_along_the_robots_heading(theta):
     pose = Pose(1.0, -2.0, theta)
-    camera = Camera.behind(pose.position, heading(theta), size=(800, 600), reach=5.0)
+    camera = Camera.behind(pose.position, unit_vector(theta), size=(800, 600), reach=5.0)
     x, y = camera.to_pixels(pose.position)
     assert (x, y) == pytest.approx((400.0, 0.72 * 600))
     assert camera.to_pixels(pose.to_world((5.0, 0.0))) == pytest.approx((400.0, 0.0))
     assert camera.to_pixels(pose.to_world((0.0, 1.0)))[0] < x
-    assert camera.turned(heading(theta)) == pytest.approx((0.0, -1.0))
+    assert camera.turned(unit_vector(theta)) == pytest.approx((0.0, -1.0))
 
 
 @pytest.mark.parametrize("asked", [{"reach": 0.0}, {"reach": -1.0}, {"size": (4, 600)}])
@@ -177,12 +177,12 @@ def test_between_ends_at_both_looks(episode):
 def test_between_turns_the_short_way(scene, start, end, middle):
     before, after = (look(scene, k, robot=Pose(1.0, 0.5, theta)) for k, theta in enumerate((start, end)))
     for snapshot, theta in ((before, start), (after, end)):
-        snapshot.humans.state[:, 4:6] = heading(theta)
+        snapshot.humans.state[:, 4:6] = unit_vector(theta)
     half = between(before, after, 0.5)
-    assert half.robot.heading == pytest.approx(heading(middle), abs=1e-9)
-    assert half.humans.heading == pytest.approx(np.tile(heading(middle), (6, 1)), abs=1e-9)
+    assert half.robot.direction == pytest.approx(unit_vector(middle), abs=1e-9)
+    assert half.humans.direction == pytest.approx(np.tile(unit_vector(middle), (6, 1)), abs=1e-9)
     third = between(before, after, 1 / 3)
-    assert np.hypot(*third.humans.heading.T) == pytest.approx(1.0)
+    assert np.hypot(*third.humans.direction.T) == pytest.approx(1.0)
     assert np.hypot(*third.humans.look.T) == pytest.approx(1.0)
 
 

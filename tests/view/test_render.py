@@ -59,7 +59,7 @@ def test_between_ticks_everything_is_on_its_way(episode):
     fine = list(paced(episode, 0.05))
     assert [round(s.time, 6) for s in fine] == [round(0.05 * k, 6) for k in range(23)]
     assert fine[3].robot.position[0] == pytest.approx(1.15)
-    assert np.hypot(*fine[3].humans.heading.T) == pytest.approx(1.0)
+    assert np.hypot(*fine[3].humans.direction.T) == pytest.approx(1.0)
     coarse = list(paced(episode, 0.05, interpolate=False))
     assert coarse[3].robot.position == episode[1].robot.position
 

@@ -13,7 +13,7 @@ from pygame_gui.elements import UIButton
 from sonata2d_cli import main
 
 from sonata2d.collect.session import Session
-from sonata2d.datasets.verify import prove
+from sonata2d.datasets.verification import verify
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.window.collect_screen import CollectScreen
@@ -75,8 +75,8 @@ def test_three_runs_kept_discarded_and_driven_again(desk: Callable[..., Desk]) -
     assert session.kept == 2
     person.press(pygame.K_q, mod=pygame.KMOD_CTRL)
     assert person.screen is None
-    assert prove(it.folder, replay=True, rerun=True) == []
-    assert prove(it.folder / "discarded", replay=True, rerun=True) == []
+    assert verify(it.folder, replay=True, rerun=True) == []
+    assert verify(it.folder / "discarded", replay=True, rerun=True) == []
     assert len(list((it.folder / "discarded").iterdir())) == 2
 
 
@@ -105,7 +105,7 @@ def test_keys_drive_and_labels_are_noted(desk: Callable[..., Desk]) -> None:
     assert labels[0] == 2
     assert labels[-1] == 4
     assert record.command[2].tolist() == [1.0, 0.0, 1.5]
-    assert prove(it.folder, replay=True, rerun=True) == []
+    assert verify(it.folder, replay=True, rerun=True) == []
 
 
 def test_a_run_with_a_question_is_kept_once_it_is_answered(desk: Callable[..., Desk]) -> None:
@@ -162,7 +162,7 @@ def test_an_unplugged_pad_stops_the_robot_and_pauses(desk: Callable[..., Desk]) 
     (path,) = it.folder.glob("zoe__*.json")
     events = [event for frame in read_episode(path).frames() for event in frame.snapshot.events]
     assert [(event.device, event.value) for event in events] == [("pad0", -1.0), ("pad0", -0.9)]
-    assert prove(it.folder, replay=True, rerun=True) == []
+    assert verify(it.folder, replay=True, rerun=True) == []
 
 
 def test_pause_help_and_menu_hold_the_world(desk: Callable[..., Desk]) -> None:

@@ -9,7 +9,7 @@ import pygame
 import pytest
 
 import sonata2d as s2
-from sonata2d.datasets.verify import prove
+from sonata2d.datasets.verification import verify
 from sonata2d.record.recorder import JsonRecorder
 from sonata2d.window.view_screen import ViewScreen
 
@@ -39,7 +39,7 @@ def test_a_person_drives_among_them_and_the_run_is_proven(tmp_path: Path) -> Non
     desk.session._journal.shut()
     desk.session._folder._lock.release()
     assert desk.session.kept == 1
-    assert prove(tmp_path / "runs", replay=True) == []
+    assert verify(tmp_path / "runs", replay=True) == []
 
 
 def test_they_are_seen_at_every_moment_of_a_replay(tmp_path: Path) -> None:

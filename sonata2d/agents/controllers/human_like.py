@@ -13,7 +13,7 @@ import numpy as np
 from ...core.entities import Robot
 from ...core.geometry import Twist
 from ...core.portable_math import exp
-from ...core.rng import Chance
+from ...core.rng import RandomStream
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from .base import Answer, Controller, current_path, recorded_path
@@ -82,7 +82,7 @@ class HumanLike(Controller):
 
     def reset(self, scene: Scene) -> None:
         self._inner.reset(scene)
-        self._chance = Chance(scene.seed, scene.episode, "controller")
+        self._rng = RandomStream(scene.seed, scene.episode, "controller")
         self._side, dt = float(scene.rules.side), scene.rules.dt
         self._follows, self._fades = 1.0 - _decay(dt, self.lag), _decay(dt, FADING)
         self._held: deque[Twist] = deque(maxlen=int(self.delay / dt + 0.5) + 1)
@@ -113,7 +113,7 @@ class HumanLike(Controller):
         """What an unsteady hand adds: m/s, m/s, rad/s."""
         limits, kept = robot.limits, self._fades
         stir = math.sqrt(1.0 - kept * kept)  # so that the variance stays
-        draws = [self._chance.normal(0.0, 1.0, -3.0, 3.0) for _ in self._trembles]
+        draws = [self._rng.normal(0.0, 1.0, -3.0, 3.0) for _ in self._trembles]
         a, b, c = (kept * last + stir * new for last, new in zip(self._trembles, draws, strict=True))
         self._trembles = a, b, c
         ahead = limits.ahead if wanted.vx >= 0.0 else limits.back

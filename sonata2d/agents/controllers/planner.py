@@ -151,7 +151,7 @@ def rolled_out(twists: Array, snapshot: Snapshot, *, horizon: float, step: float
     turn_ramp = np.maximum(np.abs(domega) / limits.turn_acceleration, 1e-6)
     rows = np.empty((7, steps, count))
     x, y = np.full(count, robot.position[0]), np.full(count, robot.position[1])
-    c, s = np.full(count, robot.heading[0]), np.full(count, robot.heading[1])
+    c, s = np.full(count, robot.direction[0]), np.full(count, robot.direction[1])
     for k in range(steps):
         t = (k + 0.5) * step
         part, turned = np.minimum(t / ramp, 1.0), np.minimum(t / turn_ramp, 1.0)

@@ -86,7 +86,7 @@ class SocialForce(Controller):
         apart = max(math.sqrt(dx * dx + dy * dy), 1e-6)
         towards = (dx / apart, dy / apart)
         vx, vy = self._next_velocity(snapshot, towards)
-        c, s = robot.heading
+        c, s = robot.direction
         ahead, left = vx * c + vy * s, vy * c - vx * s
         if self._law.headed:
             turn = angle_of(towards[1] * c - towards[0] * s, towards[0] * c + towards[1] * s)
@@ -112,12 +112,12 @@ class SocialForce(Controller):
         humans, robot, count = snapshot.humans, snapshot.robot, len(self._radius)
         rows = [self._row[k] for k in humans.id.tolist()]
         position, velocity = np.tile([robot.position], (count, 1)), np.zeros((count, 2))
-        heading, direction = np.tile([robot.heading], (count, 1)), np.zeros((count, 2))
+        body_direction, direction = np.tile([robot.direction], (count, 1)), np.zeros((count, 2))
         speed, weight = np.zeros(count), np.zeros((count, count))
-        position[rows], velocity[rows], heading[rows] = humans.position, humans.velocity, humans.heading
+        position[rows], velocity[rows], body_direction[rows] = humans.position, humans.velocity, humans.direction
         velocity[-1], direction[-1], speed[-1] = robot.velocity, towards, self.speed
         weight[rows, -1] = 1.0
-        return Walkers(position, velocity, direction, heading, speed, self._radius, weight)
+        return Walkers(position, velocity, direction, body_direction, speed, self._radius, weight)
 
 
 class Orca(SocialForce):

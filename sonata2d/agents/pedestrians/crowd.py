@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.entities import DEFAULT_MODEL
-from ...core.humans import HX, LX, Humans, X, Y, activities_of, frozen, human_ids
-from ...core.navigation import vector_lengths as lengths
+from ...core.humans import BODY_X, GAZE_X, Humans, X, Y, activities_of, frozen, human_ids
 from ...core.portable_math import Array
 from ...core.scene import Scene
 from ...core.snapshot import CrowdCommands, Snapshot
+from ...core.vectors import lengths
 from ...registry import PEDESTRIAN_MODELS
 from .models.base import Sight, Walkers, pedestrian_model, standing_acceleration, times_a_tick
 from .orientation import AHEAD, SHORTEST, Attention, directed
 from .reactions import Reactions
 from .social.dynamics import SocialLife
-from .social.state import Company
+from .social.state import SocialState
 from .wayfinding import Wanderers
 
 
-def lined_up(snapshot: Snapshot) -> tuple[Snapshot, Array | None]:
+def with_absent_rows(snapshot: Snapshot) -> tuple[Snapshot, Array | None]:
     """The snapshot with a row for every person of the scene, and who is there.
 
     Returns:
@@ -38,7 +38,7 @@ def lined_up(snapshot: Snapshot) -> tuple[Snapshot, Array | None]:
     there[humans.row], there[-1] = 1.0, 1.0
     away = there[:-1] == 0.0
     state[away, X : Y + 1] = scene.parking[away]
-    state[away, HX] = state[away, LX] = 1.0
+    state[away, BODY_X] = state[away, GAZE_X] = 1.0
     radius = frozen(np.array([human.radius for human in scene.humans], dtype=float))
     everybody = Humans(frozen(state), human_ids(scene), radius, activities_of(scene))
     return replace(snapshot, humans=everybody, interactions=scene.interactions), there
@@ -70,10 +70,10 @@ class Crowd:
         self._scene = scene
         self._there: Array | None = None
         self._wanderers = Wanderers(scene)
-        self._company = Company(scene)
-        self._life = SocialLife(scene, self._company, self._wanderers)
+        self._social = SocialState(scene)
+        self._life = SocialLife(scene, self._social, self._wanderers)
         self._reactions, self._attention = Reactions(scene), Attention(scene)
-        self._keep_to = self._company.home
+        self._keep_to = self._social.home
         self._speed = self._group_speeds()
         radius = [*(human.radius for human in people), scene.robot.radius]
         self._radius = np.array(radius, dtype=float)
@@ -84,14 +84,14 @@ class Crowd:
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """What each person wants in this tick."""
-        snapshot, self._there = lined_up(snapshot)
-        humans, company = snapshot.humans, self._company
-        company.attend(self._there)
+        snapshot, self._there = with_absent_rows(snapshot)
+        humans, social = snapshot.humans, self._social
+        social.attend(self._there)
         self._life.update(snapshot.tick, humans)
         towards = self._wanderers.update(snapshot.tick, humans, self._there) - humans.position
-        direction = np.where(company.walks[:, None], directed(towards, humans.heading), 0.0)
+        direction = np.where(social.walks[:, None], directed(towards, humans.direction), 0.0)
         walkers = self._walkers(snapshot, direction, self._eased(towards))
-        self._keep_to = self._reactions.stepped_back(snapshot, company.home)
+        self._keep_to = self._reactions.stepped_back(snapshot, social.home)
         facing, look = self._posture(snapshot, walkers)
         often = min(times_a_tick(self._model.evaluations, snapshot.dt), self._scene.rules.substeps)
         until_asked_again = snapshot.dt / often
@@ -105,8 +105,8 @@ class Crowd:
             acceleration=self._within_reason(humans.velocity, self._acceleration(walkers), until_asked_again),
             facing=facing,
             look=look,
-            activity=company.activity,
-            interactions=company.interactions,
+            activity=social.activity,
+            interactions=social.interactions,
             refresh=refresh if often > 1 else None,
             evaluations=often,
             leaving=self._wanderers.leaving,
@@ -117,13 +117,13 @@ class Crowd:
         humans, robot = snapshot.humans, snapshot.robot
         position = np.concatenate((humans.position, np.array([robot.position])))
         seen = self._sight.seen(position)
-        direction, pace = self._reactions.course(snapshot, self._company.walks, direction, speed[:-1], seen[-1, :-1])
+        direction, pace = self._reactions.course(snapshot, self._social.walks, direction, speed[:-1], seen[-1, :-1])
         speed = np.concatenate((pace, speed[-1:]))
         return Walkers(
             position=position,
             velocity=np.concatenate((humans.velocity, np.array([robot.velocity]))),
-            direction=np.concatenate((direction, np.zeros((1, 2)))),
-            heading=np.concatenate((humans.heading, np.array([robot.heading]))),
+            desired_direction=np.concatenate((direction, np.zeros((1, 2)))),
+            body_direction=np.concatenate((humans.direction, np.array([robot.direction]))),
             desired_speed=speed,
             radius=self._radius,
             weight=self._among_those_present(self._weight * seen),
@@ -140,7 +140,7 @@ class Crowd:
         """(N, 2), m/s2: of those who walk by the model, of those who stand back to where they stood."""
         walking = self._model.acceleration(walkers)[:-1] + self._reactions.push(walkers.position)
         standing = standing_acceleration(walkers.position[:-1], walkers.velocity[:-1], self._keep_to)
-        return np.where(self._company.walks[:, None], walking, standing)
+        return np.where(self._social.walks[:, None], walking, standing)
 
     def _within_reason(self, velocity: Array, acceleration: Array, dt: float) -> Array:
         """Cut what would make anyone faster than their hurry within the tick."""
@@ -158,13 +158,13 @@ class Crowd:
 
     def _posture(self, snapshot: Snapshot, walkers: Walkers) -> tuple[Array, Array]:
         """Where bodies face and heads look, (N, 2) each, unit vectors."""
-        course = (walkers.direction * walkers.desired_speed[:, None])[:-1]
-        facing = self._attention.facing(snapshot, self._company, course, self._reactions)
+        course = (walkers.desired_direction * walkers.desired_speed[:, None])[:-1]
+        facing = self._attention.facing(snapshot, self._social, course, self._reactions)
         if self._model.headed:  # who goes where they face, faces where they want to go
-            facing = np.where(self._company.walks[:, None], walkers.direction[:-1], facing)
+            facing = np.where(self._social.walks[:, None], walkers.desired_direction[:-1], facing)
         reach = np.maximum(walkers.desired_speed[:-1] * AHEAD, SHORTEST)
         ahead = self._wanderers.ahead(snapshot.humans.position, reach)
-        return facing, self._attention.look(snapshot, self._company, facing, ahead, self._reactions)
+        return facing, self._attention.look(snapshot, self._social, facing, ahead, self._reactions)
 
     def _group_speeds(self) -> Array:
         """(N + 1,), m/s: who wanders in a group goes at the pace of its slowest; the robot's is 0."""

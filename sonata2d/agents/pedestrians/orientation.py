@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...core.navigation import vector_lengths as lengths
 from ...core.portable_math import Array
-from ...core.rng import Chance
+from ...core.rng import RandomStream
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
+from ...core.vectors import lengths
 from .reactions import Reactions
-from .social.state import Company
+from .social.state import SocialState
 
 AHEAD = 1.0  # s, by which the head is ahead of the way
 SHORTEST = 0.8  # m, at least that far ahead on the way
@@ -59,7 +59,7 @@ class Attention:
 
     def __init__(self, scene: Scene) -> None:
         people = scene.humans
-        self._chance = [Chance(scene.seed, scene.episode, "glances", human.id) for human in people]
+        self._rng = [RandomStream(scene.seed, scene.episode, "glances", human.id) for human in people]
         self._habit = [GLANCES.get(human.reaction) for human in people]
         self._reach = np.array([habit.reach if habit else -1.0 for habit in self._habit])
         self._is_scared = np.array([human.reaction == "scared" for human in people], dtype=bool)
@@ -67,7 +67,7 @@ class Attention:
         self._face: list[int] = [-1] * len(people)  # whom one looks at, or -1
         self._face_until = [0] * len(people)
 
-    def facing(self, snapshot: Snapshot, company: Company, course: Array, reactions: Reactions) -> Array:
+    def facing(self, snapshot: Snapshot, social: SocialState, course: Array, reactions: Reactions) -> Array:
         """(N, 2), unit vectors to which the bodies turn.
 
         Args:
@@ -79,15 +79,15 @@ class Attention:
         humans, velocity = snapshot.humans, snapshot.humans.velocity
         pace = lengths(course)
         way = course * (np.minimum(pace, STEADY) / np.maximum(pace, 1e-6))[:, None]
-        walking = directed(velocity + way, humans.heading, IDLE)
-        standing = directed(self._fronts(company, humans.position) - humans.position, humans.heading, 0.05)
-        facing = np.where(company.walks[:, None], walking, standing)
-        alone = np.array([company.walks[k] or not partners for k, partners in enumerate(company.partners)], dtype=bool)
+        walking = directed(velocity + way, humans.direction, IDLE)
+        standing = directed(self._fronts(social, humans.position) - humans.position, humans.direction, 0.05)
+        facing = np.where(social.walks[:, None], walking, standing)
+        alone = np.array([social.walks[k] or not partners for k, partners in enumerate(social.partners)], dtype=bool)
         moves = velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1] > MOVING * MOVING
-        turns = reactions.faces_it & alone & ~company.has_thing & ~(self._is_scared & company.walks & moves)
+        turns = reactions.faces_it & alone & ~social.has_thing & ~(self._is_scared & social.walks & moves)
         return np.where(turns[:, None], reactions.towards, facing)
 
-    def look(self, snapshot: Snapshot, company: Company, facing: Array, ahead: Array, reactions: Reactions) -> Array:
+    def look(self, snapshot: Snapshot, social: SocialState, facing: Array, ahead: Array, reactions: Reactions) -> Array:
         """(N, 2), unit vectors to which the heads turn.
 
         Args:
@@ -96,19 +96,19 @@ class Attention:
             ahead: (N, 2), m, where the way leads.
         """
         position = snapshot.humans.position
-        aim = np.where(company.walks[:, None], ahead - position, facing)
-        for k, partners in enumerate(company.partners):
-            other = self._whom(k, partners, bool(company.walks[k]), snapshot) if partners else -1
+        aim = np.where(social.walks[:, None], ahead - position, facing)
+        for k, partners in enumerate(social.partners):
+            other = self._whom(k, partners, bool(social.walks[k]), snapshot) if partners else -1
             if other >= 0:
                 aim[k] = position[other] - position[k]
         glances = self._glances(snapshot, reactions)
         return np.where(glances[:, None], reactions.towards, directed(aim, facing, 0.3))
 
-    def _fronts(self, company: Company, position: Array) -> Array:
+    def _fronts(self, social: SocialState, position: Array) -> Array:
         """(N, 2), m: what those who stand face: the partner, the middle of the circle, the thing."""
-        fronts = company.front.copy()
-        for k, partners in enumerate(company.partners):
-            if partners and not company.walks[k] and not company.keeps_facing[k]:
+        fronts = social.front.copy()
+        for k, partners in enumerate(social.partners):
+            if partners and not social.walks[k] and not social.keeps_facing[k]:
                 rows = position[partners] if len(partners) == 1 else position[[k, *partners]]
                 fronts[k] = np.add.reduce(rows, axis=0) / len(rows)
         return fronts
@@ -120,7 +120,7 @@ class Attention:
         tick, face = snapshot.tick, self._face[k]
         if tick >= self._face_until[k] or (face >= 0 and face not in partners):
             habit, pauses = (COMPANIONS, face >= 0 or tick == 0) if walks else (FACES, False)
-            self._face[k] = -1 if pauses else self._chance[k].choice(partners)
+            self._face[k] = -1 if pauses else self._rng[k].choice(partners)
             self._face_until[k] = tick + self._ticks(k, habit.pause if pauses else habit.look, snapshot.dt)
         return self._face[k]
 
@@ -128,7 +128,7 @@ class Attention:
         """(N,) of bool: who looks at the robot now."""
         humans, tick = snapshot.humans, snapshot.tick
         x, y = reactions.towards[:, 0], reactions.towards[:, 1]
-        in_view = humans.heading[:, 0] * x + humans.heading[:, 1] * y > IN_VIEW
+        in_view = humans.direction[:, 0] * x + humans.direction[:, 1] * y > IN_VIEW
         looks = np.zeros(len(humans), dtype=bool)
         for k in np.flatnonzero(
             reactions.notices & ~reactions.faces_it & (reactions.gap < self._reach) & in_view
@@ -141,7 +141,7 @@ class Attention:
         return looks | reactions.faces_it
 
     def _ticks(self, k: int, seconds: tuple[float, float], dt: float) -> int:
-        return max(int(self._chance[k].uniform(*seconds) / dt + 0.5), 1)
+        return max(int(self._rng[k].uniform(*seconds) / dt + 0.5), 1)
 
 
 def directed(vectors: Array, otherwise: Array, least: float = 1e-3) -> Array:

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ...core.navigation import vector_lengths as lengths
 from ...core.portable_math import Array, exp
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
+from ...core.vectors import lengths
 from .velocity_obstacle import course_past, held_by_walls
 
 NOTICED = 8.0  # m, from outline to outline, within which the robot matters

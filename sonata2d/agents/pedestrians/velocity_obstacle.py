@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ...core.geometry import Barriers
-from ...core.navigation import vector_lengths as lengths
 from ...core.portable_math import Array
+from ...core.vectors import lengths
 
 HORIZON, LATEST = 5.0, 3.0  # s to the closest approach: from the one on a course is changed, from the other in full
 BEHIND = 0.25  # m/s, by which a larger change of course is preferred for passing behind

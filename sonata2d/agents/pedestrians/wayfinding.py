@@ -14,10 +14,10 @@ from ...core.entities import PERSON_RADIUS
 from ...core.geometry import Barriers, Point
 from ...core.humans import Humans
 from ...core.navigation import FreeSpace
-from ...core.navigation import vector_lengths as lengths
 from ...core.portable_math import Array
-from ...core.rng import Chance
+from ...core.rng import RandomStream
 from ...core.scene import Scene
+from ...core.vectors import lengths
 
 CLEARANCE = 0.10  # m, that ways keep from walls, furniture and standing people
 SQUEEZE = 0.05  # m, by which a body may seem to be in a wall before its way counts as shut
@@ -51,7 +51,7 @@ class Wanderers:
         self._foresight = int(FORESIGHT / scene.rules.dt + 0.5)  # ticks
         self._exits = {k for k in walking if scene.humans[k].exits}
         self.leaving: tuple[int, ...] = ()  # who has reached where they leave
-        self._chance = {k: Chance(scene.seed, scene.episode, "people", scene.humans[k].id) for k in walking}
+        self._rng = {k: RandomStream(scene.seed, scene.episode, "people", scene.humans[k].id) for k in walking}
         self._goals = {k: list(scene.humans[k].goals) for k in walking if scene.humans[k].behaviour == "walking"}
         index = {human.id: k for k, human in enumerate(scene.humans)}
         follows = {m: index[g.members[0]] for g in scene.groups if g.kind == "walking" for m in g.members}
@@ -146,8 +146,8 @@ class Wanderers:
         """Somebody wanders from now on, even if they stood before; they choose a way at once."""
         self.led.discard(k)
         self.leader[k], self._ways[k], self._next[k] = k, np.array([place, place]), 1
-        if k not in self._chance:
-            self._chance[k] = Chance(self._scene.seed, self._scene.episode, "people", self._scene.humans[k].id)
+        if k not in self._rng:
+            self._rng[k] = RandomStream(self._scene.seed, self._scene.episode, "people", self._scene.humans[k].id)
 
     def ahead(self, position: Array, reach: Array) -> Array:
         """Where each walker's way leads, (N, 2), m: the point `reach` (N,) m ahead on it, or its end."""
@@ -190,10 +190,10 @@ class Wanderers:
         if self.errand is not None and self.errand(k, place):
             return
         x0, y0, x1, y1 = self._box
-        chance = self._chance[k]
+        rng = self._rng[k]
         wide = ELBOW_ROOM * sum(leader == k for leader in self.leader.values())
         for attempt in range(_ATTEMPTS):
-            goal = (chance.uniform(x0, x1), chance.uniform(y0, y1))
+            goal = (rng.uniform(x0, x1), rng.uniform(y0, y1))
             there = np.array([goal])
             if _within(place, goal, NEAREST_GOAL) or not self._space.is_free(there)[0]:
                 continue

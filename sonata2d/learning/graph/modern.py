@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...core.portable_math import Array, arctan2, headings
+from ...core.portable_math import Array, arctan2, unit_vectors
 from ...core.scene import Scene
 from ...record.record import EpisodeRecord
 from .graph import INTERVAL, NODE_TYPES, Cast, Graph, edges_of, wall_pieces
@@ -113,7 +113,11 @@ def _rows(scene: Scene, look: Look, here: Any, pieces: Array, origin: Array, age
     body = np.concatenate([*_solids(scene, look, here), _marks(scene, pieces)])
     poses, speed, head, size, round_ = body[:, :3], body[:, 3:6], body[:, 6], body[:, 7:9], body[:, 9]
     near, gap = _nearest(poses, size, round_, look.robot, scene.robot.radius)
-    axes, turned, looking = headings(origin[2:3])[0], headings(poses[:, 2] - origin[2]), headings(head - origin[2])
+    axes, turned, looking = (
+        unit_vectors(origin[2:3])[0],
+        unit_vectors(poses[:, 2] - origin[2]),
+        unit_vectors(head - origin[2]),
+    )
     place, nearest = (_turned(points - origin[:2], axes) for points in (poses[:, :2], near))
     velocity = np.column_stack((_turned(speed[:, :2], axes), speed[:, 2]))
     return np.column_stack((np.full(len(body), age), place, turned, velocity, looking, size, nearest, gap))
@@ -153,7 +157,7 @@ def _nearest(poses: Array, size: Array, radius: Array, robot: Array, own: float)
         robot: (6,).
         own: m, radius of the robot.
     """
-    axes = headings(poses[:, 2])
+    axes = unit_vectors(poses[:, 2])
     dx, dy = robot[0] - poses[:, 0], robot[1] - poses[:, 1]
     half = np.where(radius[:, None] > 0.0, 0.0, size / 2)  # of the core: of what is round, a point
     x = np.minimum(np.maximum(dx * axes[:, 0] + dy * axes[:, 1], -half[:, 0]), half[:, 0])

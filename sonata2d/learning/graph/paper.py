@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ...core.portable_math import Array, heading, headings
+from ...core.portable_math import Array, unit_vector, unit_vectors
 from ...core.scene import Scene
-from ...datasets.reference_frames import wrapped_angles
+from ...core.vectors import wrap_angles
 from ...record.record import EpisodeRecord
 from .graph import INTERVAL, NODE_TYPES, ROUNDING, Cast, Graph, edges_of, wall_pieces
 from .source import Look, people_at, recorded_look, thing_poses, thing_sizes, wall_ends
@@ -121,13 +121,13 @@ def share_of_limits(scene: Scene, label: Any, command: Array) -> Array:
 def legacy_points(points: Array, origin: Array) -> Array:
     """World points seen from a pose: x to the right, y ahead; (n, 2) and (3,) to (n, 2)."""
     dx, dy = points[:, 0] - origin[0], points[:, 1] - origin[1]
-    c, s = heading(float(origin[2]))
+    c, s = unit_vector(float(origin[2]))
     return np.column_stack((dx * s - dy * c, dx * c + dy * s))
 
 
 def _legacy_poses(poses: Array, origin: Array) -> Array:
     """(n, 3), x, y, theta, as the original's recorder told them: x, y, a, clockwise from the right."""
-    angle = -wrapped_angles(poses[:, 2] - origin[2] + np.pi / 2)
+    angle = -wrap_angles(poses[:, 2] - origin[2] + np.pi / 2)
     return np.column_stack((legacy_points(poses, origin), angle))
 
 
@@ -187,8 +187,8 @@ class _Source:
         """(P + O, 9): place, va, vx, vy, sin, cos, distance and its inverse."""
         now = _legacy_poses(self._poses(look), look.robot)
         change = _legacy_poses(self._poses(before), before.robot) - now
-        change[:, 2] = wrapped_angles(change[:, 2])
-        place, direction = _with_distance(now[:, :2] / FAR), headings(now[:, 2])
+        change[:, 2] = wrap_angles(change[:, 2])
+        place, direction = _with_distance(now[:, :2] / FAR), unit_vectors(now[:, 2])
         return np.column_stack((place[:, :2], change[:, [2, 0, 1]] / FAR, direction[:, [1, 0]], place[:, 2:]))
 
 

@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from ...errors import ConfigError
 from ...registry import did_you_mean
-from .people import GivenPersonConfig, refuse_twins
+from .people import PersonSpec, refuse_twins
 from .ranges import IntRange, Range, Settings, Share
 from .sections import (
     SIZES,
@@ -82,7 +82,7 @@ class ScenarioConfig(Settings):
     at_plant: IntRange = IntRange(0, 0)
     at_object: IntRange = IntRange(0, 0)
     furniture: tuple[FurnitureConfig, ...] = ()
-    people: tuple[GivenPersonConfig, ...] = ()
+    people: tuple[PersonSpec, ...] = ()
     sizes: dict[str, Size] = Field(default_factory=lambda: dict(SIZES))
     furniture_yaw: Range = Range(0, 0)
     talking_distance: Range = Range(1.5, 3.0)
@@ -140,7 +140,7 @@ class ScenarioConfig(Settings):
 
     @field_validator("people", mode="after")
     @classmethod
-    def _be_no_twins(cls, people: tuple[GivenPersonConfig, ...]) -> tuple[GivenPersonConfig, ...]:
+    def _be_no_twins(cls, people: tuple[PersonSpec, ...]) -> tuple[PersonSpec, ...]:
         refuse_twins(people)
         return people
 

@@ -16,7 +16,7 @@ from .ranges import Jitter, Range, Settings, Share
 Track = Annotated[tuple[Sighting, ...], Field(min_length=2)]
 
 
-class GivenPersonConfig(Settings):
+class PersonSpec(Settings):
     """One person of `people`, who are there besides those who are drawn.
 
     Attributes:
@@ -122,13 +122,13 @@ class GivenPersonConfig(Settings):
         return tuple((x, y) for _, x, y in self.track) if self.track else (self.start, *self.goals)
 
 
-def ways_of(people: tuple[GivenPersonConfig, ...]) -> Barriers:
+def ways_of(people: tuple[PersonSpec, ...]) -> Barriers:
     """The ways of people as thin segments; a point for who goes nowhere."""
     legs = (leg for person in people for leg in pairwise((person.start, *person.way)))  # from start to start first
     return Barriers.of((a, b, 0.0) for a, b in legs)
 
 
-def refuse_twins(people: tuple[GivenPersonConfig, ...]) -> None:
+def refuse_twins(people: tuple[PersonSpec, ...]) -> None:
     """Ids are given once; members of a group all stand or all go, and are together throughout if they choose their way.
 
     Raises:

@@ -18,7 +18,7 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError
 
-from ...core.rng import Chance
+from ...core.rng import RandomStream
 from ...registry import Registry, did_you_mean
 
 Jitter = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]  # m, m, rad
@@ -111,11 +111,11 @@ class Range(_Span):
     max: float
     step: PositiveFloat | None = None
 
-    def draw(self, chance: Chance) -> float:
+    def draw(self, rng: RandomStream) -> float:
         """A value, all alike."""
         if self.step is None:
-            return chance.uniform(self.min, self.max)
-        return self.min + self.step * chance.integer(0, int((self.max - self.min) / self.step + 1e-9))
+            return rng.uniform(self.min, self.max)
+        return self.min + self.step * rng.integer(0, int((self.max - self.min) / self.step + 1e-9))
 
     def at_least(self, low: float) -> Range:
         """The part of the range from `low` up; `low` itself if there is none."""
@@ -134,9 +134,9 @@ class IntRange(_Span):
     min: NonNegativeInt
     max: NonNegativeInt
 
-    def draw(self, chance: Chance) -> int:
+    def draw(self, rng: RandomStream) -> int:
         """A value, all alike."""
-        return chance.integer(self.min, self.max)
+        return rng.integer(self.min, self.max)
 
 
 class Normal(Settings):
@@ -156,6 +156,6 @@ class Normal(Settings):
             raise PydanticCustomError("range", "mean {mean} is not within {low}..{high}", told)
         return self
 
-    def draw(self, chance: Chance) -> float:
+    def draw(self, rng: RandomStream) -> float:
         """A number from it."""
-        return chance.normal(self.mean, self.sd, self.min, self.max)
+        return rng.normal(self.mean, self.sd, self.min, self.max)

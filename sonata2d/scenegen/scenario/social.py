@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from ...core.entities import Human, Reaction
 from ...core.geometry import quantised
-from ...core.rng import Chance
+from ...core.rng import RandomStream
 from ...core.scene import Social
 from .ranges import Normal, Range, Settings, Share
 
@@ -87,14 +87,14 @@ def with_manners(
     """
     told = [*chosen, *[None] * (len(humans) - len(chosen))]
     return tuple(
-        _mannered(human, own, reactions, clearance, Chance(seed, episode, "manners", human.id))
+        _mannered(human, own, reactions, clearance, RandomStream(seed, episode, "manners", human.id))
         for human, own in zip(humans, told, strict=True)
     )
 
 
 def _mannered(
-    human: Human, own: Reaction | None, reactions: dict[Reaction, float], clearance: ClearanceConfig, chance: Chance
+    human: Human, own: Reaction | None, reactions: dict[Reaction, float], clearance: ClearanceConfig, rng: RandomStream
 ) -> Human:
-    room = quantised(clearance.draw(chance))
-    reaction = chance.choice(list(reactions), list(reactions.values())) if own is None else own
+    room = quantised(clearance.draw(rng))
+    reaction = rng.choice(list(reactions), list(reactions.values())) if own is None else own
     return replace(human, reaction=reaction, robot_clearance=room)

@@ -20,8 +20,8 @@ class Walkers:
 
     Attributes:
         position, velocity: (M, 2).
-        direction: (M, 2), unit vectors to where each wants to go next; zero for who wants to stay, and for the robot.
-        heading: (M, 2), unit vectors of the bodies.
+        desired_direction: (M, 2), unit vectors towards the next waypoint; zero for those who stay and for the robot.
+        body_direction: (M, 2), unit vectors of the bodies.
         desired_speed: (M,), m/s.
         radius: (M,), m.
         weight: (M, M), how much column i minds row j, 0..1: nobody minds themselves, or whom a wall hides.
@@ -31,8 +31,8 @@ class Walkers:
 
     position: Array
     velocity: Array
-    direction: Array
-    heading: Array
+    desired_direction: Array
+    body_direction: Array
     desired_speed: Array
     radius: Array
     weight: Array

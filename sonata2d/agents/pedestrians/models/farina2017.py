@@ -29,14 +29,14 @@ class Farina2017:
     group_sideways_distance: float = 0.5  # d^o, m
 
 
-def headed_acceleration(drive: Array, others: Array, velocity: Array, heading: Array, law: Farina2017) -> Array:
+def headed_acceleration(drive: Array, others: Array, velocity: Array, body_direction: Array, law: Farina2017) -> Array:
     """Follow all forces ahead, and sideways only what others do, damped.
 
     Args:
         drive: (M, 2), m/s2, world frame, of one's own wish, f⁰ / m.
         others: (M, 2), m/s2, world frame, of people and walls, fᵉ / m.
         velocity: (M, 2), m/s, world frame.
-        heading: (M, 2), unit vectors of the bodies.
+        body_direction: (M, 2), unit vectors of the bodies.
         law: the parameters.
 
     Returns:
@@ -44,7 +44,7 @@ def headed_acceleration(drive: Array, others: Array, velocity: Array, heading: A
 
     Source: Farina et al. (2017), the inputs u^f = (f⁰ + fᵉ) · r^f and u^o = k^o fᵉ · r^o - k^d v^o.
     """
-    hx, hy = heading[:, 0], heading[:, 1]
+    hx, hy = body_direction[:, 0], body_direction[:, 1]
     ahead = (drive[:, 0] + others[:, 0]) * hx + (drive[:, 1] + others[:, 1]) * hy
     slip = velocity[:, 1] * hx - velocity[:, 0] * hy  # v^o
     aside = law.sideways_share * (others[:, 1] * hx - others[:, 0] * hy)
@@ -52,12 +52,12 @@ def headed_acceleration(drive: Array, others: Array, velocity: Array, heading: A
     return np.stack((ahead * hx - aside * hy, ahead * hy + aside * hx), axis=1)
 
 
-def headed_group_acceleration(position: Array, heading: Array, member: Array, law: Farina2017) -> Array:
+def headed_group_acceleration(position: Array, body_direction: Array, member: Array, law: Farina2017) -> Array:
     """Close up with one's group: a steady pull ahead or sideways to its centre while that is far in that direction.
 
     Args:
         position: (M, 2), m.
-        heading: (M, 2), unit vectors of the bodies.
+        body_direction: (M, 2), unit vectors of the bodies.
         member: (M, M), 1 where row j walks in column i's group (not i itself), else 0.
         law: the parameters.
 
@@ -70,7 +70,7 @@ def headed_group_acceleration(position: Array, heading: Array, member: Array, la
     dx, dy = (position[:, None, k] - position[None, :, k] for k in (0, 1))
     px, py = (np.add.reduce(member * d, axis=0) / count for d in (dx, dy))  # p
     size = np.maximum(np.sqrt(px * px + py * py), 1e-6)
-    hx, hy = heading[:, 0], heading[:, 1]
+    hx, hy = body_direction[:, 0], body_direction[:, 1]
     ahead, aside = px * hx + py * hy, py * hx - px * hy
     pull = np.where(np.abs(ahead) > law.group_ahead_distance, law.group_ahead, 0.0) * ahead / size
     close = np.where(np.abs(aside) > law.group_sideways_distance, law.group_sideways, 0.0) * aside / size
@@ -97,10 +97,12 @@ class Farina2017Model:
         others = pressing_acceleration(position, velocity, radius, walkers.weight, law.pressing)
         others += pressing_wall_acceleration(position, velocity, radius, self._barriers, law.pressing)
         drive = desired_acceleration(
-            velocity, walkers.direction, walkers.desired_speed, relaxation_time=law.pressing.relaxation_time
+            velocity, walkers.desired_direction, walkers.desired_speed, relaxation_time=law.pressing.relaxation_time
         )
-        heading = leaning(walkers.heading, self._side)  # a drive that leans would not do: aside it counts for nothing
-        total = headed_acceleration(drive, others, velocity, heading, law)
+        body_direction = leaning(
+            walkers.body_direction, self._side
+        )  # a drive that leans would not do: aside it counts for nothing
+        total = headed_acceleration(drive, others, velocity, body_direction, law)
         if walkers.member is not None:
-            total += headed_group_acceleration(position, heading, walkers.member, law)
+            total += headed_group_acceleration(position, body_direction, walkers.member, law)
         return total

@@ -79,9 +79,9 @@ class Helbing1995Model:
         self._barriers, self._side, self._law = scene.barriers, scene.rules.side, Helbing1995()
 
     def acceleration(self, walkers: Walkers) -> Array:
-        law, position, direction = self._law, walkers.position, walkers.direction
+        law, position, direction = self._law, walkers.position, walkers.desired_direction
         stays = (direction[:, 0] == 0.0) & (direction[:, 1] == 0.0)
-        looking = np.where(stays[:, None], walkers.heading, direction)
+        looking = np.where(stays[:, None], walkers.body_direction, direction)
         total = step_acceleration(position, walkers.velocity, looking, walkers.weight, law)
         total += wall_acceleration(  # U0 e^(-r/R), r from the centre: a person is a point
             position,

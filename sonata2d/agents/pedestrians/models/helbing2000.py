@@ -104,7 +104,7 @@ class Helbing2000Model:
         total += pressing_wall_acceleration(position, velocity, radius, self._barriers, law)
         total += desired_acceleration(
             velocity,
-            leaning(walkers.direction, self._side),
+            leaning(walkers.desired_direction, self._side),
             walkers.desired_speed,
             relaxation_time=law.relaxation_time,
         )

@@ -153,8 +153,8 @@ class Moussaid2009Model:
             position, walkers.radius, self._barriers, strength=law.wall_strength, reach=law.wall_reach
         )
         total += desired_acceleration(
-            velocity, walkers.direction, walkers.desired_speed, relaxation_time=law.relaxation_time
+            velocity, walkers.desired_direction, walkers.desired_speed, relaxation_time=law.relaxation_time
         )
         if walkers.member is not None:
-            total += group_acceleration(position, velocity, walkers.direction, walkers.member, self._group_law)
+            total += group_acceleration(position, velocity, walkers.desired_direction, walkers.member, self._group_law)
         return total

@@ -225,7 +225,7 @@ class Orca2011Model:
 
     def acceleration(self, walkers: Walkers) -> Array:
         """As the protocol says: what brings the chosen velocity about within the tick."""
-        law, direction = self._law, walkers.direction
+        law, direction = self._law, walkers.desired_direction
         walks = ((direction[:, 0] != 0.0) | (direction[:, 1] != 0.0)) & (walkers.desired_speed > 0.0)
         evades = (walkers.weight.T > 0.0) & walks[:, None]  # row j does its share towards column i
         people = reciprocal_half_planes(

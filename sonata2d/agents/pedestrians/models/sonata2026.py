@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....core.portable_math import PI, Array, exp, headings
+from ....core.portable_math import PI, Array, exp, unit_vectors
 from ....core.scene import Scene
 from .base import Gait, Walkers, paced_acceleration, wall_acceleration
 
@@ -167,7 +167,7 @@ def free_speed(ahead: Array, aside: Array, touching: Array, weight: Array, strip
 
 
 ANGLES = (0.0, 25.0, -25.0, 50.0, -50.0, 75.0, -75.0)  # degrees from the way that one wants to go, left positive
-_TURNS = headings(np.array(ANGLES) * (PI / 180.0))  # (K, 2)
+_TURNS = unit_vectors(np.array(ANGLES) * (PI / 180.0))  # (K, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,23 +314,23 @@ class Sonata2026Model:
             less = (1.0 - law.among_group) * (1.0 - walkers.bond)
             weight = weight * (1.0 - less * walkers.member)
         way, speed = steered(
-            dx, dy, velocity, walkers.direction, walkers.desired_speed, touching, weight,
+            dx, dy, velocity, walkers.desired_direction, walkers.desired_speed, touching, weight,
             choice=self._choice, strip=self._strip,
         )  # fmt: skip
-        faces = walkers.heading[:, 0] * way[:, 0] + walkers.heading[:, 1] * way[:, 1]
+        faces = walkers.body_direction[:, 0] * way[:, 0] + walkers.body_direction[:, 1] * way[:, 1]
         speed = speed * np.minimum(np.maximum(1.0 + faces, BACKWARDS), 1.0)  # who faces away turns before they walk
         total = paced_acceleration(velocity, way, speed, walkers.desired_speed, self._gait)
         if walkers.member is not None and walkers.bond is not None:
             total += company_acceleration(
-                dx, dy, walkers.direction, walkers.member, walkers.bond, cohesion=law.cohesion, spacing=law.spacing,
-                abreast=law.abreast,
+                dx, dy, walkers.desired_direction, walkers.member, walkers.bond, cohesion=law.cohesion,
+                spacing=law.spacing, abreast=law.abreast,
             )  # fmt: skip
         total += anticipation_acceleration(
             dx, dy, velocity, weight, touching, strength=law.foresight, reach=law.foresight_reach,
             horizon=law.horizon, side=self._side * law.side,
         )  # fmt: skip
         total += nearness_acceleration(
-            dx, dy, walkers.direction, weight, touching, strength=law.nearness, reach=law.nearness_reach,
+            dx, dy, walkers.desired_direction, weight, touching, strength=law.nearness, reach=law.nearness_reach,
             anisotropy=law.anisotropy,
         )  # fmt: skip
         total += wall_acceleration(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from itertools import combinations
 
 from ....core.geometry import Point
+from ....core.vectors import length
 
 LARGEST = 6  # people in one circle
 MEETING = 1.2  # m, between two who talk
@@ -36,11 +36,11 @@ def free_places(homes: list[Point], front: Point, comer: Point) -> list[tuple[Po
         return _beside(homes[0], homes[1], comer)
     centre = _middle(homes)
     spokes = [_unit(x - centre[0], y - centre[1]) for x, y in homes]
-    radius = max(*(_length(x - centre[0], y - centre[1]) for x, y in homes), RADIUS[len(homes) + 1])
+    radius = max(*(length(x - centre[0], y - centre[1]) for x, y in homes), RADIUS[len(homes) + 1])
     found = []
     for a, b in combinations(spokes, 2):
         x, y = a[0] + b[0], a[1] + b[1]
-        if _length(x, y) < 0.05:
+        if length(x, y) < 0.05:
             continue
         between = _unit(x, y)
         for ux, uy in (between, (-between[0], -between[1])):
@@ -54,7 +54,7 @@ def free_places(homes: list[Point], front: Point, comer: Point) -> list[tuple[Po
 def widened(home: Point, centre: Point, count: int) -> Point:
     """Where a member of a circle of so many stands: no nearer to its centre than such a circle wants."""
     dx, dy = home[0] - centre[0], home[1] - centre[1]
-    share = RADIUS[min(count, LARGEST)] / max(_length(dx, dy), 1e-6)
+    share = RADIUS[min(count, LARGEST)] / max(length(dx, dy), 1e-6)
     return home if share <= 1.0 else (centre[0] + dx * share, centre[1] + dy * share)
 
 
@@ -74,7 +74,7 @@ def _beside(one: Point, other: Point, comer: Point) -> list[tuple[Point, Point]]
     """Places that make an even triangle of two, or a flatter one where they stand far apart; the nearer first."""
     (ax, ay), (bx, by) = one, other
     ux, uy = _unit(bx - ax, by - ay)
-    height = min(max(0.866 * _length(bx - ax, by - ay), 1.5 * RADIUS[3]), FLATTEST)
+    height = min(max(0.866 * length(bx - ax, by - ay), 1.5 * RADIUS[3]), FLATTEST)
     found = []
     for side in (1.0, -1.0):
         x, y = -uy * height * side, ux * height * side
@@ -92,13 +92,9 @@ def _middle(places: list[Point]) -> Point:
 
 def apart(one: Point, other: Point) -> float:
     """m, between two places."""
-    return _length(one[0] - other[0], one[1] - other[1])
-
-
-def _length(x: float, y: float) -> float:
-    return math.sqrt(x * x + y * y)
+    return length(one[0] - other[0], one[1] - other[1])
 
 
 def _unit(x: float, y: float) -> Point:
-    size = max(_length(x, y), 1e-9)
+    size = max(length(x, y), 1e-9)
     return x / size, y / size

@@ -10,11 +10,11 @@ import numpy as np
 from ....core.entities import TALKING, Interaction
 from ....core.geometry import Barriers, Disc, Point, Pose
 from ....core.humans import activities
-from ....core.portable_math import Array, headings
+from ....core.portable_math import Array, unit_vectors
 from ....core.scene import Scene, outlines
 
 
-class Company:
+class SocialState:
     """What each person is about now, in the scene's order.
 
     Args:
@@ -39,7 +39,7 @@ class Company:
         self._things = {thing.id: thing.pose.position for thing in scene.furniture}
         self.walks = np.array([human.behaviour != "standing" for human in people], dtype=bool)
         self.home = np.array([human.pose.position for human in people], dtype=float).reshape(-1, 2)
-        self.front = self.home + 3.0 * headings(np.array([human.pose.theta for human in people]))
+        self.front = self.home + 3.0 * unit_vectors(np.array([human.pose.theta for human in people]))
         self.has_thing = np.zeros(len(people), dtype=bool)
         self._circles = [
             [self._index[m] for m in g.members] for g in scene.groups if g.kind == "talking" and g.formation

@@ -37,7 +37,7 @@ def files_of(path: Path) -> Sequence[Path | Listed]:
     return files
 
 
-def prove(
+def verify(
     path: Path,
     *,
     replay: bool = False,
