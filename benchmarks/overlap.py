@@ -1,10 +1,10 @@
-"""How deep bodies ever overlap, how many walkers get stuck, and how often a walking person's body jerks round.
+"""Deepest overlaps of bodies, stuck walkers, and abrupt turns of walking bodies.
 
     python benchmarks/overlap.py [--frames 100000] [--scenario sonata-2020 ...] [--model sonata2026 ...] [--json]
 
-By default two settings: default scenes with a robot that drives straight at its goal whatever stands there, and a
-crush of 60 people in 6 x 6 m with a robot that dashes about at 3.5 m/s. With scenarios or models: each of them, under
-the robot that drives straight. Overlaps are taken at every frame, in mm.
+By default two settings: default scenes with a robot that drives straight to its goal, and a crush of 60 people in
+6 x 6 m with a robot that moves at 3.5 m/s. With --scenario or --model: each of them, with the robot that drives
+straight. Overlaps are measured at every frame, in mm.
 """
 
 from __future__ import annotations
@@ -20,76 +20,80 @@ from sonata2d.core.geometry import inside_polygon
 from sonata2d.core.humans import ACTIVITIES
 from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Scene
-from sonata2d.core.snapshot import Author, Frame, Outcome, Snapshot
+from sonata2d.core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
 
-WINDOW = 200  # ticks, 20 s, in which a walker should get on
+WINDOW = 200  # ticks, 20 s, in which a walker should make progress
 STUCK = 0.5  # m
 JERK = 3.1416  # rad/s, of a walking person's body
 WALKING = 0.3  # m/s
-WALKS = [ACTIVITIES.index("walking"), ACTIVITIES.index("walking together")]
-DEEP = 0.01  # m, an overlap that is counted
+WALKING_ACTIVITIES = [ACTIVITIES.index("walking"), ACTIVITIES.index("walking together")]
+DEEP = 0.01  # m, depth from which an overlap is counted
 
 
-class Dash(s2.Controller):
-    """Full speed in a random direction, another one every second."""
+class RandomDriver(s2.Controller):
+    """Drives at full speed and changes its turning command at random every second."""
 
     def reset(self, scene: Scene) -> None:
-        self._chance = RandomStream(scene.seed, scene.episode, "controller")
+        self._rng = RandomStream(scene.seed, scene.episode, "controller")
 
     def act(self, snapshot: Snapshot) -> s2.Twist:
         if snapshot.tick % 10 == 0:
-            self._turn = self._chance.uniform(-3.0, 3.0)
+            self._turn = self._rng.uniform(-3.0, 3.0)
         return s2.Twist(vx=3.5, omega=self._turn)
 
 
 class Meter:
-    """An observer that keeps the worst of everything."""
+    """An observer that accumulates the deepest overlaps and counts."""
 
     def __init__(self) -> None:
         self.frames = self.guarded = self.not_finite = self.outside = self.windows = self.stuck = 0
         self.pairs = self.deep = self.walking = self.jerks = 0
         self.deepest = {"person-person": 0.0, "person-solid": 0.0, "robot-person": 0.0, "robot-solid": 0.0}
-        self._places: list[s2.Array] = []
-        self._goes: list[s2.Array] = []
+        self._positions: list[s2.Array] = []
+        self._is_walking: list[s2.Array] = []
 
-    def open(self, scene: Scene, author: Author) -> None:
-        self._places, self._goes = [], []
-        self._walks = [h.behaviour == "wandering" for h in scene.humans]
-        self._apart = np.triu_indices(len(scene.humans), 1)
+    def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
+        self._positions, self._is_walking = [], []
+        self._wandering = [h.behaviour == "wandering" for h in scene.humans]
+        self._pairs = np.triu_indices(len(scene.humans), 1)
 
     def note(self, frame: Frame) -> None:
         snapshot = frame.snapshot
-        people, robot = snapshot.humans, snapshot.robot
-        place = np.concatenate((people.position, [robot.position]))
-        radius = np.concatenate((people.radius, [robot.radius]))
+        humans, robot = snapshot.humans, snapshot.robot
+        position = np.concatenate((humans.position, [robot.position]))
+        radius = np.concatenate((humans.radius, [robot.radius]))
         self.frames += 1
         self.guarded += robot.guarded
-        self.not_finite += int((~np.isfinite(people.state)).sum()) + int((~np.isfinite(place[-1])).sum())
-        self.outside += int((~inside_polygon(place, snapshot.scene.outline)).sum())
-        solid = (radius - snapshot.scene.barriers.gaps(place)).max(axis=0)
-        i, j = self._apart
-        depth = radius[i] + radius[j] - np.linalg.norm(place[i] - place[j], axis=1)
+        self.not_finite += int((~np.isfinite(humans.state)).sum()) + int((~np.isfinite(position[-1])).sum())
+        self.outside += int((~inside_polygon(position, snapshot.scene.outline)).sum())
+        solid = (radius - snapshot.scene.barriers.gaps(position)).max(axis=0)
+        i, j = self._pairs
+        depth = radius[i] + radius[j] - np.linalg.norm(position[i] - position[j], axis=1)
         self.pairs, self.deep = self.pairs + len(depth), self.deep + int((depth > DEEP).sum())
-        walking = np.linalg.norm(people.velocity, axis=1) > WALKING
+        walking = np.linalg.norm(humans.velocity, axis=1) > WALKING
         self.walking += int(walking.sum())
-        self.jerks += int((np.abs(people.omega[walking]) > JERK).sum())
-        self._keep("person-person", depth)
-        self._keep("robot-person", people.radius + robot.radius - np.linalg.norm(place[:-1] - place[-1], axis=1))
-        self._keep("person-solid", solid[:-1])
-        self._keep("robot-solid", solid[-1:])
-        self._places.append(people.position[self._walks])
-        self._goes.append(np.isin(people.activity_index[self._walks], WALKS))
+        self.jerks += int((np.abs(humans.omega[walking]) > JERK).sum())
+        self._update("person-person", depth)
+        self._update(
+            "robot-person", humans.radius + robot.radius - np.linalg.norm(position[:-1] - position[-1], axis=1)
+        )
+        self._update("person-solid", solid[:-1])
+        self._update("robot-solid", solid[-1:])
+        self._positions.append(humans.position[self._wandering])
+        self._is_walking.append(np.isin(humans.activity_index[self._wandering], WALKING_ACTIVITIES))
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
-        places = np.array(self._places)
-        for start in range(0, len(places) - WINDOW + 1, WINDOW):
-            window = places[start : start + WINDOW]
-            goes = np.array(self._goes[start : start + WINDOW]).all(axis=0)  # who talks for a while is not stuck
-            far = np.linalg.norm(window - window[0], axis=2).max(axis=0)[goes]
-            self.windows += len(far)
-            self.stuck += int((far < STUCK).sum())
+        positions = np.array(self._positions)
+        for start in range(0, len(positions) - WINDOW + 1, WINDOW):
+            window = positions[start : start + WINDOW]
+            walking = np.array(self._is_walking[start : start + WINDOW]).all(
+                axis=0
+            )  # a person who talks for a while is not stuck
+            distance = np.linalg.norm(window - window[0], axis=2).max(axis=0)[walking]
+            self.windows += len(distance)
+            self.stuck += int((distance < STUCK).sum())
 
-    def _keep(self, kind: str, depth: s2.Array) -> None:
+    def _update(self, kind: str, depth: s2.Array) -> None:
         if len(depth):
             self.deepest[kind] = max(self.deepest[kind], float(depth.max()))
 
@@ -97,9 +101,9 @@ class Meter:
         return {
             "frames": self.frames,
             **{f"deepest {kind} (mm)": round(depth * 1000, 1) for kind, depth in self.deepest.items()},
-            "not finite": self.not_finite,
+            "non-finite values": self.not_finite,
             "outside the room": self.outside,
-            "guard stepped in (%)": round(100 * self.guarded / self.frames, 2),
+            "ticks limited by the guard (%)": round(100 * self.guarded / self.frames, 2),
             "stuck walkers (%)": round(100 * self.stuck / max(self.windows, 1), 2),
             "pairs deeper than 10 mm (%)": round(100 * self.deep / max(self.pairs, 1), 4),
             "jerks of walking bodies (%)": round(100 * self.jerks / max(self.walking, 1), 3),
@@ -107,7 +111,7 @@ class Meter:
 
 
 def scenes_of(name: str = "sonata-2020", model: str = "sonata2026") -> Iterator[Scene]:
-    """Scene after scene of a scenario, each a full minute."""
+    """Scenes of a scenario with episodes of a full minute."""
     config = s2.load_scenario(name)
     person = config.person.model_copy(update={"model": model})
     rules = config.rules.model_copy(update={"ends_on": ("time",), "time_limit": 60.0})
@@ -117,7 +121,7 @@ def scenes_of(name: str = "sonata-2020", model: str = "sonata2026") -> Iterator[
 
 
 def crush_scenes() -> Iterator[Scene]:
-    """60 people in 6 x 6 m and a robot that nothing slows but its guard."""
+    """Scenes of 60 people in 6 x 6 m and a robot that only its guard slows down."""
     limits = {
         "ahead": 3.5,
         "back": 3.5,
@@ -138,7 +142,7 @@ def crush_scenes() -> Iterator[Scene]:
 
 
 def measure(scenes: Iterator[Scene], controller: s2.Controller, frames: int) -> dict[str, float]:
-    """Run scene after scene until enough frames were seen."""
+    """Run scenes until enough frames were measured."""
     meter = Meter()
     while meter.frames < frames:
         s2.Episode(next(scenes), controller, observers=[meter]).run()
@@ -157,7 +161,7 @@ def main() -> None:
     table |= {name: measure(scenes_of(model=name), straight, frames) for name in arguments.model}
     table = table or {
         "default": measure(scenes_of(), straight, frames),
-        "crush": measure(crush_scenes(), Dash(), frames),
+        "crush": measure(crush_scenes(), RandomDriver(), frames),
     }
     if arguments.json:
         print(json.dumps(table, indent=2))

@@ -1,10 +1,10 @@
-"""Frames per CPU second, all in, beside the bare engine step of the same world in the same run.
+"""Cost of a whole frame relative to the bare physics step of the same world in the same run.
 
     python benchmarks/throughput.py [--people 5 10 20 50 100] [--model sonata2026 ...] [--repeats 5] [--json]
 
 Episodes of 200 frames in a room of 8 walls and 8 pieces of furniture, 4 m2 or more a person: scene, snapshot,
-controller, crowd, physics, recording and the JSON file on disk are all counted. "engine" is the sum, over the steps
-of the very same run, of the least time that `pymunk.Space.step` took in any repeat.
+controller, crowd, physics, recording and the JSON file on disk are included. "engine" is the sum, over the steps of
+the same run, of the shortest time that `pymunk.Space.step` took in any repeat.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def run(config: s2.ScenarioConfig, controller: s2.Controller, path: Path) -> flo
 
 
 def timed(function: Callable[..., Any], into: list[float]) -> Callable[..., Any]:
-    """The same function, which notes how long each call takes."""
+    """Wrap a function so that the duration of each call is appended to `into`."""
 
     def wrapper(*arguments: Any) -> Any:
         start = time.perf_counter()
@@ -61,7 +61,7 @@ def timed(function: Callable[..., Any], into: list[float]) -> Callable[..., Any]
 
 
 def calls_of(owner: Any, name: str, work: Callable[[], Any]) -> list[float]:
-    """Seconds of each call of a method while some work is done."""
+    """Duration of each call of a method during `work`, s."""
     original, seconds = getattr(owner, name), []
     setattr(owner, name, timed(original, seconds))
     try:
@@ -72,7 +72,7 @@ def calls_of(owner: Any, name: str, work: Callable[[], Any]) -> list[float]:
 
 
 def measure(people: int, model: str, repeats: int, folder: Path) -> dict[str, float | str]:
-    """One row of the table, microseconds a frame."""
+    """One row of the table."""
     config, path = scenario(people, model), folder / "episode.json"
     run(config, s2.StraightToGoal(), path)
     total, steps = [], []

@@ -1,4 +1,4 @@
-"""The command line: arguments in, exit code out. Installed as `sonata2d_cli`."""
+"""The command line of sonata2d, installed as the package `sonata2d_cli`: arguments in, text and exit code out."""
 
 from .main import main
 

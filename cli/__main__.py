@@ -1,4 +1,4 @@
-"""`python -m sonata2d_cli`."""
+"""Runs the command line as `python -m sonata2d_cli`."""
 
 from . import main
 

@@ -1,4 +1,4 @@
-"""`sonata2d collect`."""
+"""The command `sonata2d collect`."""
 
 from __future__ import annotations
 
@@ -7,32 +7,35 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .output import json_option, show_json
+from .common import PATH, compress_option, episode_suffix, examples, json_option, show_json, size_option
 
 if TYPE_CHECKING:
     from sonata2d.scenegen.scenario.config import ScenarioConfig
     from sonata2d.window.rate_screen import RateScreen
     from sonata2d.window.stage import Screen
 
-SCENARIO = "sonata-2020"
-
 
 @click.command(
-    epilog="Examples:  sonata2d collect runs --contributor zoe --scenario office.yaml --runs 20   ·   "
-    "sonata2d collect --rate runs --contributor rater-1 --scenario survey.yaml"
+    epilog=examples(
+        "collect runs --contributor zoe --scenario office.yaml --runs 20",
+        "collect --rate runs --contributor rater-1 --scenario survey.yaml",
+    )
 )
-@click.argument("out", type=click.Path(path_type=Path), required=False)
-@click.option("--contributor", metavar="ID", help="Who drives, or rates; asked for in the window unless given.")
-@click.option("--scenario", default=SCENARIO, show_default=True, metavar="NAME|FILE", help="Scenes, and what is asked.")
-@click.option("--runs", type=click.IntRange(1), help="How many are asked for; without it, as many as one likes.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the scenes, or of the order.")
-@click.option("--view", type=click.Choice(["follow", "top"]), default="follow", show_default=True, help="Camera.")
+@click.argument("out", type=PATH, required=False)
+@click.option("--contributor", metavar="ID", help="Pseudonym of the driver or rater.  [default: the window asks]")
 @click.option(
-    "--compress", type=click.Choice(["none", "gz", "zst"]), default="none", show_default=True, help="How to pack files."
+    "--scenario",
+    default="sonata-2020",
+    metavar="NAME|FILE",
+    help="Scenario: the rooms, and the question asked about each run.",
 )
-@click.option("--rate", type=click.Path(path_type=Path), metavar="DIR|FILE", help="Rate recorded runs instead.")
-@click.option("--repeats", type=click.FloatRange(0, 1), default=0.1, show_default=True, help="Share rated twice.")
-@click.option("--size", type=(click.IntRange(640), click.IntRange(480)), default=(1280, 800), help="Of the window.")
+@click.option("--runs", type=click.IntRange(1), help="Number of runs.  [default: unlimited]")
+@click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the rooms, or of the rating order.")
+@click.option("--view", type=click.Choice(["follow", "top"]), default="follow", help="Camera.")
+@compress_option
+@click.option("--rate", type=PATH, metavar="DIR|FILE", help="Rate these recorded runs instead of driving.")
+@click.option("--repeats", type=click.FloatRange(0, 1), default=0.1, help="Fraction of the runs rated twice.")
+@size_option
 @json_option
 def command(
     out: Path | None,
@@ -47,59 +50,59 @@ def command(
     size: tuple[int, int],
     as_json: bool,
 ) -> None:
-    """Open a window in which a person drives the robot, run after run, into the folder OUT.
+    """Open a window in which a person drives the robot, and store each run in the folder OUT.
 
-    The world waits for the first move. An ended run is kept or discarded; whatever was driven when the program ends,
-    however it ends, is there again the next time. With --rate, recorded runs are shown and judged instead.
+    Time starts with the first movement. After each run the person keeps or discards it. If the program ends during a
+    run, the same command continues that run. With --rate, the window shows recorded runs and asks for ratings.
     """
     if (out is None) == (rate is None):
-        both = "both were given; " if out is not None else ""
-        raise click.UsageError(f"{both}give a folder OUT for runs to be driven, or --rate and one of recorded runs")
+        problem = "both were given; " if out is not None else ""
+        raise click.UsageError(f"{problem}give either a folder OUT to drive, or --rate DIR|FILE to rate recorded runs")
     from sonata2d.scenegen.scenario.load import load_scenario
+    from sonata2d.window.name_screen import NameScreen
     from sonata2d.window.profiles import remember, remembered
     from sonata2d.window.stage import Stage
 
     config = load_scenario(scenario)
-    screens: list[RateScreen] = []
+    key = "contributor" if rate is None else "rater"
+    rating: list[RateScreen] = []
 
-    def follow(name: str) -> Screen:
+    def first_screen(name: str) -> Screen:
         screen: Screen
         if rate is not None:
-            screen = _rating(rate, name, config, seed, repeats, view)
-            screens.append(screen)
+            screen = _rate_screen(rate, name, config, seed, repeats, view)
+            rating.append(screen)
         else:
             assert out is not None
-            screen = _driving(out, name, config, seed, runs, view, "" if compress == "none" else f".{compress}")
-        remember(None, **{"contributor" if rate is None else "rater": name.strip()})
+            screen = _drive_screen(out, name, config, seed, runs, view, episode_suffix(compress))
+        remember(None, **{key: name.strip()})
         return screen
 
-    from sonata2d.window.name_screen import NameScreen
-
     stage = Stage("sonata2d: collect", size=size)
-    asked = {} if rate is None else {"title": "Who rates?", "line": "A pseudonym is best; it is kept with each rating."}
-    key = "contributor" if rate is None else "rater"
-    last = str(remembered().get(key) or "")
-    first = follow(contributor) if contributor is not None else NameScreen(follow, last, **asked)
-    stage.run(first)
+    if contributor is not None:
+        stage.run(first_screen(contributor))
+    else:
+        texts = {"title": "Who rates?", "line": "Use a pseudonym; it is stored with each rating."}
+        stage.run(NameScreen(first_screen, str(remembered().get(key) or ""), **({} if rate is None else texts)))
     if out is not None:
-        _tell(out, as_json)
-    elif as_json or screens:
-        _tell_rated(screens, as_json)
+        _show_runs(out, as_json)
+    elif as_json or rating:
+        _show_ratings(rating, as_json)
 
 
-def _driving(
-    out: Path, name: str, config: ScenarioConfig, seed: int, runs: int | None, view: str, packing: str
+def _drive_screen(
+    out: Path, name: str, config: ScenarioConfig, seed: int, runs: int | None, view: str, suffix: str
 ) -> Screen:
     from sonata2d.collect.session import Session
     from sonata2d.window.collect_screen import CollectScreen
-    from sonata2d.window.hands import Hands
+    from sonata2d.window.input import InputDevices
 
-    hands = Hands()
-    session = Session(out, name, config, seed=seed, hands=hands.hands, suffix=f".json{packing}")
-    return CollectScreen(session, hands, runs=runs, view="top" if view == "top" else "follow")
+    devices = InputDevices()
+    session = Session(out, name, config, seed=seed, mappings=devices.mappings, suffix=suffix)
+    return CollectScreen(session, devices, runs=runs, view="top" if view == "top" else "follow")
 
 
-def _rating(folder: Path, name: str, config: ScenarioConfig, seed: int, repeats: float, view: str) -> RateScreen:
+def _rate_screen(folder: Path, name: str, config: ScenarioConfig, seed: int, repeats: float, view: str) -> RateScreen:
     from sonata2d.collect.rating import RatingSession
     from sonata2d.window.rate_screen import RateScreen
 
@@ -107,8 +110,8 @@ def _rating(folder: Path, name: str, config: ScenarioConfig, seed: int, repeats:
     return RateScreen(session, view="top" if view == "top" else "follow", context=config.context)
 
 
-def _tell(out: Path, as_json: bool) -> None:
-    """What the folder holds now, and what to do with it."""
+def _show_runs(out: Path, as_json: bool) -> None:
+    """Print the contents of the folder, and commands to run next."""
     from sonata2d.datasets.manifest import MANIFEST, read_manifest
 
     manifest = read_manifest(out) if (out / MANIFEST).exists() else None
@@ -116,21 +119,21 @@ def _tell(out: Path, as_json: bool) -> None:
         show_json(manifest)
     if as_json or manifest is None:
         return
-    people = ", ".join(f"{count} by {name}" for name, count in manifest["counts"]["contributor"].items())
+    contributors = ", ".join(f"{count} by {name}" for name, count in manifest["counts"]["contributor"].items())
     count = len(manifest["files"])
-    click.echo(f"{out}: {count} {'run' if count == 1 else 'runs'}{f' ({people})' if people else ''}")
+    click.echo(f"{out}: {count} {'run' if count == 1 else 'runs'}{f' ({contributors})' if contributors else ''}")
     if any((out / "journal").glob("*.jsonl")):
-        click.echo("a run is left open; the same command goes on with it")
+        click.echo("one run is unfinished; the same command continues it")
     if count:
-        click.echo(f"next:  sonata2d view {out}   ·   sonata2d check {out} --replay")
+        click.echo(f"next:  sonata2d view {out}\n       sonata2d check {out} --replay")
 
 
-def _tell_rated(screens: list[RateScreen], as_json: bool) -> None:
-    """How far the rating has come, and where the answers are."""
+def _show_ratings(screens: list[RateScreen], as_json: bool) -> None:
+    """Print how many runs are rated, and where the ratings are stored."""
+    sessions = [screen.session for screen in screens]
     if as_json:
-        sessions = [screen.session for screen in screens]
         show_json([{"rated": session.done, "of": session.total, "file": str(session.path)} for session in sessions])
         return
-    session = screens[-1].session
+    session = sessions[-1]
     click.echo(f"{session.path}: {session.done} of {session.total} rated")
     click.echo(f"next:  sonata2d describe {session.folder}")

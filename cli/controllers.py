@@ -1,27 +1,34 @@
-"""`sonata2d controllers list`."""
+"""The command `sonata2d controllers`, and the help text on how controllers are named."""
 
 from __future__ import annotations
 
 import click
 
-from .output import json_option, show_json, show_table
+from .common import examples, json_option, show_json, show_table
 
-NAMES = "A name, module:Class, ./file.py:Class, weights ./policy.npz, or two: driver+labeller."
+CONTROLLER_NAMES = "A listed name, package.module:Class, ./file.py:Class, ./weights.npz, or driver+labeller."
 
 
 @click.group()
 def command() -> None:
-    """Controllers: stock ones, and those that installed packages publish.
+    """List the available controllers.
 
-    Your own is named package.module:Class, or ./mine.py:Class; a learned one by its weights, ./policy.npz. Two joined
-    by a plus, driver+labeller: one drives, and each frame's label is the twist that the other would have asked for.
+    Commands take a controller as one of:
+
+    \b
+      name                   a built-in controller or a plug-in, as listed
+      package.module:Class   a class in an installed package
+      ./file.py:Class        a class in a file
+      ./weights.npz          the weights of a learned controller
+      driver+labeller        the first drives the robot; the label of each
+                             frame is the twist that the second would command
     """
 
 
-@command.command("list", epilog="Example:  sonata2d controllers list --json")
+@command.command("list", epilog=examples("controllers list", "controllers list --json"))
 @json_option
 def list_controllers(as_json: bool) -> None:
-    """List every controller that has a name."""
+    """List the built-in controllers and those of installed plug-ins."""
     from sonata2d.agents.controllers.loading import named_controllers
 
     rows = [
@@ -32,4 +39,4 @@ def list_controllers(as_json: bool) -> None:
         show_json(rows)
     else:
         show_table((row["name"], row["about"]) for row in rows)
-        click.echo("\nYour own: package.module:Class, ./mine.py:Class, weights ./policy.npz; or driver+labeller")
+        click.echo("\nYour own: package.module:Class, ./file.py:Class, ./weights.npz, or driver+labeller")

@@ -1,51 +1,55 @@
-"""`sonata2d describe`."""
+"""The command `sonata2d describe`."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from .output import json_option, show_json, show_table
+from .common import PATH, examples, json_option, show_json, show_table
 
 if TYPE_CHECKING:
-    from sonata2d.collect.agreement import Agreement, Steadiness
+    from sonata2d.collect.agreement import Agreement, RaterConsistency
 
 Rows = list[tuple[str, object]]
 
-_MOST_DISPUTED = 5  # runs told of a question; in JSON, all
+MAX_DISPUTED = 5  # disputed runs printed without --json
 
 
-@click.command(epilog="Examples:  sonata2d describe demo   ·   sonata2d describe demo/000000.json --json")
-@click.argument("path", type=click.Path(path_type=Path), metavar="DIR|FILE")
+@click.command(epilog=examples("describe demo", "describe demo/000000.json", "describe demo --json"))
+@click.argument("path", type=PATH, metavar="DIR|FILE")
 @json_option
 def command(path: Path, as_json: bool) -> None:
-    """Say what an episode file or a data set holds: who, where, how it ended, and what its columns mean."""
-    judged = _agreements(path) if path.is_dir() else []
-    rows = _folder(path, rated=bool(judged)) if path.is_dir() else _episode(path)
-    if as_json:
-        told = {name.replace(" ", "_"): value for name, value in rows}
-        show_json(told | {"ratings": [_agreement_tree(one) for one in judged]} if judged else told)
+    """Summarise a data set or an episode file.
+
+    Shows the scenario, controller, people, outcome and columns; for rated data sets also how well the raters agree.
+    """
+    ratings: list[Agreement] = []
+    if path.is_dir():
+        from sonata2d.collect.agreement import agreements
+        from sonata2d.collect.rating import ratings_of
+
+        ratings = agreements(ratings_of(path))
+        rows = _dataset_rows(path, is_rated=bool(ratings))
     else:
-        rated = [row for one in judged for row in _agreement_rows(one)]
-        show_table((name, _shown(value)) for name, value in [*rows, *rated])
+        rows = _episode_rows(path)
+    if as_json:
+        values = {name.replace(" ", "_"): value for name, value in rows}
+        show_json(values | {"ratings": [_agreement_json(one) for one in ratings]} if ratings else values)
+    else:
+        rows += [row for one in ratings for row in _agreement_rows(one)]
+        show_table((name, _text(value)) for name, value in rows)
 
 
-def _folder(folder: Path, *, rated: bool) -> Rows:
-    """What the manifest tells; rated runs may lie in a folder that has none."""
-    from sonata2d.datasets.manifest import MANIFEST
+def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
+    """What the manifest of a data set contains."""
+    from sonata2d.datasets.manifest import MANIFEST, read_manifest
 
-    return [("folder", str(folder))] if rated and not (folder / MANIFEST).exists() else _dataset(folder)
-
-
-def _dataset(folder: Path) -> Rows:
-    """What the manifest tells."""
-    from sonata2d.datasets.manifest import read_manifest
-
+    if is_rated and not (folder / MANIFEST).exists():  # single files can be rated without a manifest
+        return [("folder", str(folder))]
     manifest = read_manifest(folder)
     files, counts = manifest["files"], manifest["counts"]
     origin: Rows = [
@@ -68,148 +72,132 @@ def _dataset(folder: Path) -> Rows:
     if manifest.get("keep"):
         rows += [("kept are", ", ".join(manifest["keep"])), ("left out", manifest["left_out"] or "none")]
     if manifest.get("mirrored"):
-        rows.append(("mirrored", "each episode is the mirror image of one that settings and seed give"))
-    rows += [("merged from", [_source(source) for source in manifest["sources"]])] if manifest.get("sources") else []
+        rows.append(("mirrored", "each episode is the mirror image of the one generated from settings and seed"))
+    if manifest.get("sources"):
+        rows.append(("merged from", [_source_text(source) for source in manifest["sources"]]))
     if manifest["split"]:
         rows.append(("split", {part: len(names) for part, names in manifest["split"].items()}))
+    return rows + (_answer_rows(folder, files) if manifest["collected"] else [])
 
-    return rows + (_answers(folder, files) if manifest["collected"] else [])
+
+def _source_text(source: dict[str, Any]) -> str:
+    """One source of a merged data set."""
+    scenario = source["scenario"] or "driven by people"
+    seed = "" if source["seed"] is None else f", seed {source['seed']}"
+    mirrored = ", mirrored" if source.get("mirrored") else ""
+    return f"{source['name']}: {len(source['files'])} of {scenario}{seed}{mirrored}"
 
 
-def _answers(folder: Path, files: list[dict[str, Any]]) -> Rows:
-    """What was answered of whole runs, by question."""
+def _answer_rows(folder: Path, files: list[dict[str, Any]]) -> Rows:
+    """Counts of the labels of whole runs, by question."""
     from sonata2d.core.labels import LabelSpec
-    from sonata2d.record.canonical import head_of
+    from sonata2d.record.canonical import parse_header
     from sonata2d.record.files import read_bytes
 
-    told: dict[str, Counter[str]] = {}
+    answers: dict[str, Counter[str]] = {}
     for file in files:
-        head = head_of(read_bytes(folder / file["name"]))
-        if "label" in head:
-            spec = LabelSpec.restored(head["label_spec"])
-            told.setdefault(spec.question or spec.name, Counter())[spec.in_words(head["label"])] += 1
-    return [(f"answers to {question!r}", dict(sorted(counts.items()))) for question, counts in told.items()]
+        header = parse_header(read_bytes(folder / file["name"]))
+        if "label" in header:
+            spec = LabelSpec.from_settings(header["label_spec"])
+            answers.setdefault(spec.question or spec.name, Counter())[spec.in_words(header["label"])] += 1
+    return [(f"answers to {question!r}", dict(sorted(counts.items()))) for question, counts in answers.items()]
 
 
-def _episode(path: Path) -> Rows:
-    """What the file tells."""
+def _episode_rows(path: Path) -> Rows:
+    """What an episode file contains."""
     from sonata2d.record.reader import read_episode
 
     record = read_episode(path)
     scene, document = record.scene(), record.document
     walking = sum(human.behaviour != "standing" for human in scene.humans)
     recorded = sum(human.behaviour == "recorded" for human in scene.humans)
-    passing = int((~record.looks.present).any(axis=0).sum())
-    return [
+    sometimes_absent = int((~record.states.present).any(axis=0).sum())
+    rows: Rows = [
         ("episode", record.id),
         ("scenario", scene.family),
         ("seed, episode", [record.seed, record.episode]),
-        ("controller", record.author.path),
+        ("controller", record.controller_info.path),
         ("contributor", record.contributor),
         ("context", record.context),
         ("people", f"{len(scene.humans)}, {walking} of them walking"),
         *([("recorded people", recorded)] if recorded else []),
-        *([("people who come or go", passing)] if passing else []),
+        *([("people who come or go", sometimes_absent)] if sometimes_absent else []),
         ("ignore the robot", sum(human.reacts_to_robot == 0.0 for human in scene.humans)),
         ("towards the robot", dict(sorted(Counter(human.reaction for human in scene.humans).items()))),
         ("objects", [thing.type for thing in scene.furniture]),
-        ("interactions", [[tie.src, tie.relation, tie.dst] for tie in scene.interactions]),
+        ("interactions", [[i.src, i.relation, i.dst] for i in scene.interactions]),
         ("robot", f"{scene.robot.kinematics}, radius {scene.robot.radius} m"),
         ("goal", f"({scene.goal.x}, {scene.goal.y}), reached within {scene.goal.distance} m"),
         ("frames", f"{len(record)}, one each {scene.rules.dt} s"),
         ("outcome", f"{record.outcome.status}: {record.outcome.reason}"),
         ("labels", document["labels"] or "the command itself"),
         ("not placed", list(scene.dropped)),
-        *_origin(document),
-        *_columns(document["columns"]),
     ]
-
-
-def _source(source: dict[str, Any]) -> str:
-    """One of the data sets that were merged."""
-    scenario = source["scenario"] or "driven by people"
-    seed = "" if source["seed"] is None else f", seed {source['seed']}"
-    return (
-        f"{source['name']}: {len(source['files'])} of {scenario}{seed}{', mirrored' if source.get('mirrored') else ''}"
-    )
-
-
-def _origin(document: dict[str, Any]) -> Iterator[tuple[str, object]]:
-    """Where an episode is from, if it was not simply run."""
     if branched := document["branched_from"]:
-        yield "branched from", f"{branched['id']} at tick {branched['tick']}"
+        rows.append(("branched from", f"{branched['id']} at tick {branched['tick']}"))
     if mirrored := document.get("mirrored_from"):
-        yield "mirror image of", mirrored["id"]
+        rows.append(("mirror image of", mirrored["id"]))
     if imported := document.get("imported"):
-        yield "imported from", f"{imported['file']} ({imported['format']})"
-        yield "not in the source", imported["lacks"]
+        rows.append(("imported from", f"{imported['file']} ({imported['format']})"))
+        rows.append(("not in the source", imported["lacks"]))
+    for block, columns in document["columns"].items():
+        rows.append((f"{block} columns", [f"{c['name']} [{c['unit']}, {c['frame']}]" for c in columns]))
+    return rows
 
 
-def _columns(columns: dict[str, list[dict[str, str]]]) -> Iterator[tuple[str, object]]:
-    """What the numbers in a row mean."""
-    for block, told in columns.items():
-        yield f"{block} columns", [f"{c['name']} [{c['unit']}, {c['frame']}]" for c in told]
-
-
-def _agreements(folder: Path) -> list[Agreement]:
-    """How well the ratings beside the episodes agree, question by question."""
-    from sonata2d.collect.agreement import agreements
-    from sonata2d.collect.rating import ratings_of
-
-    return agreements(ratings_of(folder))
-
-
-def _agreement_tree(told: Agreement) -> dict[str, Any]:
-    """All of it, for programs."""
-    between = {"measure": told.measure, "value": told.alpha} if told.measure else None
+def _agreement_json(agreement: Agreement) -> dict[str, Any]:
+    """Agreement of the ratings of one question, complete, as JSON."""
+    between = {"measure": agreement.measure, "value": agreement.alpha} if agreement.measure else None
     return {
-        "question": told.spec.question,
-        "kind": told.spec.kind,
-        "raters": told.raters,
-        "ratings": told.ratings,
-        "runs": told.runs,
-        "runs_rated_by_two_or_more": told.shared,
+        "question": agreement.spec.question,
+        "kind": agreement.spec.kind,
+        "raters": agreement.raters,
+        "ratings": agreement.ratings,
+        "runs": agreement.runs,
+        "runs_rated_by_two_or_more": agreement.shared,
         "between_raters": between,
-        "within_raters": [asdict(one) for one in told.within],
-        "disputed": [asdict(one) for one in told.disputed],
+        "within_raters": [asdict(one) for one in agreement.within],
+        "disputed": [asdict(one) for one in agreement.disputed],
     }
 
 
-def _agreement_rows(told: Agreement) -> Rows:
-    """What people want to know first."""
-    question = f"{told.spec.question or told.spec.name} ({told.spec.kind})"
+def _agreement_rows(agreement: Agreement) -> Rows:
+    """Agreement of the ratings of one question, in short."""
+    ratings = f"{agreement.ratings}, of {agreement.runs} runs; {agreement.shared} of them rated by two or more"
     rows: Rows = [
-        ("asked", question),
-        ("raters", list(told.raters)),
-        ("ratings", f"{told.ratings}, of {told.runs} runs; {told.shared} of them rated by two or more"),
+        ("asked", f"{agreement.spec.question or agreement.spec.name} ({agreement.spec.kind})"),
+        ("raters", list(agreement.raters)),
+        ("ratings", ratings),
     ]
-    if told.measure:
-        rows.append(("between raters", f"{told.measure}: {_number(told.alpha)}"))
-    rows += [(f"within {one.rater}", _steadiness(one)) for one in told.within]
+    if agreement.measure:
+        rows.append(("between raters", f"{agreement.measure}: {_coefficient(agreement.alpha)}"))
+    rows += [(f"within {one.rater}", _consistency_text(one)) for one in agreement.within]
     disputed = [
         f"{run.file} ({', '.join(f'{rater}: {label}' for rater, label in run.labels.items())})"
-        for run in told.disputed[:_MOST_DISPUTED]
+        for run in agreement.disputed[:MAX_DISPUTED]
     ]
     return [*rows, ("most disputed", disputed)] if disputed else rows
 
 
-def _steadiness(one: Steadiness) -> str:
-    """How well a person agrees with their own answers."""
+def _consistency_text(one: RaterConsistency) -> str:
+    """Agreement of a rater's first and repeated ratings."""
     if one.same is None:
-        return "nothing rated twice"
-    alike = f"{one.repeats} rated twice, {one.same:.0%} alike, mean difference {one.difference:.2f}"
-    return f"{alike}, {one.measure}: {_number(one.value)}"
+        return "no run rated twice"
+    return (
+        f"{one.repeats} rated twice, {one.same:.0%} equal, mean difference {one.difference:.2f},"
+        f" {one.measure}: {_coefficient(one.value)}"
+    )
 
 
-def _number(value: float | None) -> str:
-    return "not defined (too few ratings, or all alike)" if value is None else f"{value:.3f}"
+def _coefficient(value: float | None) -> str:
+    return "not defined (too few ratings, or all equal)" if value is None else f"{value:.3f}"
 
 
-def _shown(value: Any) -> str:
-    """A value on one line."""
+def _text(value: Any) -> str:
+    """Format a value in one line."""
     if isinstance(value, dict):
         return ", ".join(
-            f"{count} {name}" if type(count) is int else f"{name}: {_shown(count)}" for name, count in value.items()
+            f"{count} {name}" if type(count) is int else f"{name}: {_text(count)}" for name, count in value.items()
         )
     if isinstance(value, list):
         return ", ".join(" ".join(map(str, v)) if isinstance(v, list) else str(v) for v in value) or "none"

@@ -1,4 +1,4 @@
-"""`sonata2d doctor`."""
+"""The command `sonata2d doctor`."""
 
 from __future__ import annotations
 
@@ -15,35 +15,23 @@ from pathlib import Path
 
 import click
 
-from .output import json_option, show_json
+from .common import examples, json_option, show_json
 
 PACKAGES = (
-    "pymunk",
-    "numpy",
-    "pydantic",
-    "pygame-ce",
-    "pygame-gui",
-    "orjson",
-    "click",
-    "tqdm",
-    "PyYAML",
-    "jinja2",
-    "zstandard",
-    "platformdirs",
-)
-DIGEST = (
-    "fa69ca01d021e9e09ab297d39f0ef070"  # of the trial episode's numbers: the same wherever sonata2d works as it should
-)
+    "pymunk", "numpy", "pydantic", "pygame-ce", "pygame-gui", "orjson", "click", "tqdm", "PyYAML", "jinja2",
+    "zstandard", "platformdirs",
+)  # fmt: skip
+DIGEST = "fa69ca01d021e9e09ab297d39f0ef070"  # of the frames of the trial episode, the same on every machine
 
-Finding = tuple[bool | None, str]  # whether it holds (None: optional and absent), and what was found
+Finding = tuple[bool | None, str]  # whether the check passed (None: an optional part is missing), and a description
 
 
-@click.command(epilog="Example:  sonata2d doctor --json")
+@click.command(epilog=examples("doctor", "doctor --json"))
 @json_option
 def command(as_json: bool) -> None:
-    """Check that this installation works: packages, engine, reproducibility, writing, films, display, speed.
+    """Check that the installation works: packages, engine, reproducibility, file access, films, display and speed.
 
-    Exit code 1 if anything that data sets need is broken; what is only missing is told.
+    The exit code is 1 if a required part fails; missing optional parts are only listed.
     """
     rows = [(name, ok, found) for name, (ok, found) in findings().items()]
     if as_json:
@@ -57,51 +45,51 @@ def command(as_json: bool) -> None:
 
 
 def findings() -> dict[str, Finding]:
-    """Everything that was checked."""
-    trial = _tried(_trial)
-    film = all(importlib.util.find_spec(name) for name in ("imageio_ffmpeg", "PIL"))
-    screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")) or sys.platform in ("win32", "darwin")
+    """Run all checks."""
+    has_film = all(importlib.util.find_spec(name) for name in ("imageio_ffmpeg", "PIL"))
+    has_display = sys.platform in ("win32", "darwin") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
     return {
         "python": (True, f"{platform.python_version()} on {platform.platform()}"),
-        **{package: _installed(package) for package in PACKAGES},
-        "trial episode": trial,
-        "writing": _tried(_writing),
-        "films": (True, "gif and mp4") if film else (None, "none; pip install 'sonata2d[video]'"),
-        "display": (True, "yes") if screen else (None, "none; everything but a window works"),
+        **{package: _package(package) for package in PACKAGES},
+        "trial episode": _run(_trial_episode),
+        "writing": _run(_writing),
+        "films": (True, "gif and mp4") if has_film else (None, "not available; pip install 'sonata2d[video]'"),
+        "display": (True, "available") if has_display else (None, "not available; all commands without a window work"),
     }
 
 
-def _installed(package: str) -> Finding:
+def _package(name: str) -> Finding:
     try:
-        return True, version(package)
+        return True, version(name)
     except PackageNotFoundError:
-        return False, f"missing; pip install {package}"
+        return False, f"missing; pip install {name}"
 
 
-def _tried(check: Callable[[], Finding]) -> Finding:
+def _run(check: Callable[[], Finding]) -> Finding:
+    """The finding of a check; an exception is a failure."""
     try:
         return check()
     except Exception as error:
         return False, f"{type(error).__name__}: {error}"
 
 
-def _trial() -> Finding:
-    """Run an episode twice, and compare its numbers with each other and with those of other machines."""
+def _trial_episode() -> Finding:
+    """Run an episode twice and compare its numbers with each other and with those of other machines."""
     digest, ticks = trial_digest()
     start = time.process_time()
-    again, _ = trial_digest()
-    pace = f"{ticks / (time.process_time() - start):.0f} frames a CPU second with social-planner"
-    if again != digest:
-        return False, "two runs of one episode differ; please report this"
-    if platform.machine() not in ("x86_64", "AMD64"):
-        return True, f"two runs agree; {pace}"
+    second, _ = trial_digest()
+    speed = f"{ticks / (time.process_time() - start):.0f} frames per CPU second with social-planner"
+    if second != digest:
+        return False, "two runs of the same episode differ; please report this"
+    if platform.machine() not in ("x86_64", "AMD64"):  # the digest is known for these only
+        return True, f"two runs of the same episode are equal; {speed}"
     if digest != DIGEST:
         return False, f"numbers differ from those of other machines ({digest}); please report this with your processor"
-    return True, f"the same numbers as on other machines; {pace}"
+    return True, f"the same numbers as on other machines; {speed}"
 
 
 def trial_digest() -> tuple[str, int]:
-    """First half of the SHA-256 of a crowded episode's frames, and how many there are."""
+    """First half of the SHA-256 of the frames of a crowded episode, and the number of frames."""
     import orjson
 
     import sonata2d as s2

@@ -1,8 +1,7 @@
-"""`sonata2d evaluate`."""
+"""The command `sonata2d evaluate`."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,76 +10,71 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .controllers import NAMES
-from .output import json_option, progress, show_json
+from .common import PATH, examples, json_option, progress, show_json, workers_option
+from .controllers import CONTROLLER_NAMES
 
 if TYPE_CHECKING:
     from sonata2d.metrics.definition import Metric
     from sonata2d.metrics.measurement import Evaluation, Measured
 
 COMPARISON = "evaluation.json"
+DEFAULT_SCENARIO = "sonata-2020"
 
 
 @click.command(
-    epilog="Examples:  sonata2d evaluate demo   ·   sonata2d evaluate runs-a runs-b --picture compared.pdf   ·   "
-    "sonata2d evaluate --controller social-planner --controller ./mine.py:Mine --scenario sonata-2020 --episodes 50 "
-    "--page mine.html"
+    epilog=examples(
+        "evaluate demo",
+        "evaluate runs-a runs-b --picture compared.pdf",
+        "evaluate --controller social-planner --controller ./mine.py:Mine --episodes 50 --page mine.html",
+    )
 )
-@click.argument("paths", nargs=-1, type=click.Path(path_type=Path), metavar="[DIR|FILE]...")
+@click.argument("paths", nargs=-1, type=PATH, metavar="[DIR|FILE]...")
 @click.option(
     "--controller",
     "controllers",
     multiple=True,
     metavar="NAME",
-    help=f"Make runs of it, and measure these; may be given again. {NAMES}",
+    help=f"Run this controller and evaluate it; may be repeated. {CONTROLLER_NAMES}",
 )
 @click.option(
     "--scenario",
     "scenarios",
     multiple=True,
     metavar="NAME|FILE",
-    help="What scenes the controllers meet; may be given again.  [default: sonata-2020]",
+    help=f"Scenario in which controllers run; may be repeated.  [default: {DEFAULT_SCENARIO}]",
 )
 @click.option(
-    "--episodes",
-    type=click.IntRange(1),
-    default=20,
-    show_default=True,
-    help="How many, of each controller in each scenario.",
+    "--episodes", type=click.IntRange(1), default=20, help="Number of episodes for each controller and scenario."
 )
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the scenes, alike for all.")
-@click.option(
-    "--workers", type=click.IntRange(1, 256), default=min(2, os.cpu_count() or 1), show_default=True, help="Processes."
-)
+@click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the scenes, the same for all.")
+@workers_option
 @click.option(
     "-o",
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="DIR",
-    help="Keep what the controllers did there, to go on with it later; else it is thrown away.",
+    help="Store the episodes of the controllers in this folder, and continue them later; else they are deleted.",
 )
 @click.option(
     "--metric",
     "names",
     multiple=True,
     metavar="NAME",
-    help="Show it; `all`, or variants: `socnavgym`, `hunavsim`, `socnav3`.  [default: the main ones]",
+    help="Metric to show; may be repeated. `all` shows all metrics; `socnavgym`, `hunavsim` or `socnav3` those of"
+    " another project.  [default: the main metrics]",
 )
 @click.option(
-    "--rerun/--no-rerun",
-    default=True,
-    show_default=True,
-    help="Run each seed without a robot too, to see what it cost the people.",
+    "--rerun/--no-rerun", default=True, help="Also run each seed without a robot, for metrics of its effect on people."
 )
 @click.option(
-    "--resamples", type=click.IntRange(100, 100_000), default=2000, show_default=True, help="Of the bootstrap."
+    "--resamples", type=click.IntRange(100, 100_000), default=2000, help="Number of resamples of the bootstrap."
 )
-@click.option("--picture", type=click.Path(path_type=Path), metavar="FILE", help="Draw it: .png, .pdf or .svg.")
+@click.option("--picture", type=PATH, metavar="FILE", help="Draw means and intervals: .png, .pdf or .svg.")
 @click.option(
     "--page",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE.html",
-    help="Write a page for a browser: outcomes, metrics, plots, film strips of each one's best and worst run.",
+    help="Write an HTML page: outcomes, metrics, plots, and film strips of the best and the worst episodes.",
 )
 @json_option
 def command(
@@ -98,81 +92,90 @@ def command(
     page: Path | None,
     as_json: bool,
 ) -> None:
-    """Measure recorded runs, or controllers: means with 95 % bootstrap intervals, side by side.
+    """Compute metrics of recorded episodes, or run controllers in the same scenes and compare them.
 
-    Data sets get a metrics.json beside their episodes, with every metric of every run. Formulas are in
-    docs/metrics.md.
-    """  # fmt: skip
-    from sonata2d.metrics.catalogue import headline, named
-    from sonata2d.metrics.measurement import Evaluation
-    from sonata2d.metrics.page import refuse_page, save_page
-    from sonata2d.metrics.plots import chart, refuse_picture
+    The table shows means with 95 % bootstrap intervals. Each data set gets a metrics.json with all metrics of every
+    episode. docs/metrics.md explains the metrics.
+    """
+    from sonata2d.metrics.catalogue import headline_metrics, select_metrics
+    from sonata2d.metrics.measurement import Evaluation, episode_files, measure_files
+    from sonata2d.metrics.page import check_page_path, save_page
+    from sonata2d.metrics.plots import chart, check_picture_path
 
-    _refuse_mixture(paths, controllers, scenarios, out)
-    shown = named(names) if names else headline()
+    _check_arguments(paths, controllers, scenarios, out)
+    metrics = select_metrics(names) if names else headline_metrics()
     if picture is not None:
-        refuse_picture(picture)
+        check_picture_path(picture)
     if page is not None:
-        refuse_page(page)
-    with _folders(paths, controllers, scenarios or ("sonata-2020",), out, (episodes, seed, workers)) as of:
-        files = _files(of)
-        measured = _measured(files, rerun=rerun, workers=workers)
-        evaluations = [Evaluation(label, runs, resamples) for label, runs in measured.items()]
-        _keep(of, measured, resamples)
-        if page is not None:  # before the runs are thrown away, since it shows some of them
-            save_page(page, evaluations, list(files.values()), shown if names else None)
+        check_page_path(page)
+    settings = episodes, seed, workers
+    with _sources(paths, controllers, scenarios or (DEFAULT_SCENARIO,), out, settings) as sources:
+        files = {label: [file for path in own for file in episode_files(path)] for label, own in sources.items()}
+        with progress(sum(map(len, files.values())), "episodes measured") as advance:
+            measured = {
+                label: measure_files(own, rerun=rerun, workers=workers, advance=advance) for label, own in files.items()
+            }
+        evaluations = [Evaluation(label, own, resamples) for label, own in measured.items()]
+        _save_metrics(sources, measured, resamples)
+        if page is not None:  # before temporary episodes are deleted, since the page shows pictures of them
+            save_page(page, evaluations, list(files.values()), metrics if names else None)
     if out is not None:
-        from sonata2d.datasets.manifest import write_tree
+        from sonata2d.datasets.manifest import write_json
 
-        write_tree(out / COMPARISON, _compared(evaluations))
+        write_json(out / COMPARISON, _comparison(evaluations))
     if picture is not None:
-        chart(picture, evaluations, shown, title=_title(evaluations))
+        chart(picture, evaluations, metrics, title=_title(evaluations))
     if as_json:
-        show_json(_compared(evaluations))
+        show_json(_comparison(evaluations))
     else:
-        _tell(evaluations, shown, {"kept": out and out / COMPARISON, "picture": picture, "page": page})
+        _show_table(evaluations, metrics)
+        for name, path in {"stored": out and out / COMPARISON, "picture": picture, "page": page}.items():
+            if path is not None:
+                click.echo(f"{name}  {path}")
 
 
-def _refuse_mixture(
+def _check_arguments(
     paths: Sequence[Path], controllers: Sequence[str], scenarios: Sequence[str], out: Path | None
 ) -> None:
-    """Either runs that exist, or controllers to make runs of."""
+    """Require either recorded episodes or controllers to run."""
     if bool(paths) == bool(controllers):
-        told = "not both" if paths else "neither was given"
-        raise click.UsageError(f"give folders of recorded runs, or --controller to make runs: {told}")
+        problem = "not both" if paths else "neither was given"
+        raise click.UsageError(f"give folders of recorded episodes, or --controller to run controllers: {problem}")
     if paths and (scenarios or out):
-        raise click.UsageError("--scenario and --out go with --controller; recorded runs have their scenes")
+        raise click.UsageError("--scenario and --out require --controller; recorded episodes have their own scenes")
 
 
 @contextmanager
-def _folders(
+def _sources(
     paths: Sequence[Path],
     controllers: Sequence[str],
     scenarios: Sequence[str],
     out: Path | None,
-    how: tuple[int, int, int],
+    settings: tuple[int, int, int],
 ) -> Iterator[dict[str, list[Path]]]:
-    """The folders or files of each label: those given, or those that are made for the controllers."""
+    """Yield the folders or files to evaluate by label: the given ones, or data sets generated for the controllers."""
     if paths:
         yield {str(path): [path] for path in paths}
         return
     from sonata2d.record.files import safe_texts
 
     with TemporaryDirectory(prefix="sonata2d-") as temporary:
-        place, names = out or Path(temporary), list(dict.fromkeys(controllers))
-        yield {name: [_generated(place / own, name, scenario, *how) for scenario in dict.fromkeys(scenarios)]
-               for name, own in zip(names, safe_texts(names), strict=True)}  # fmt: skip
+        root, names = out or Path(temporary), list(dict.fromkeys(controllers))
+        yield {
+            name: [_generate(root / folder, name, scenario, *settings) for scenario in dict.fromkeys(scenarios)]
+            for name, folder in zip(names, safe_texts(names), strict=True)
+        }
 
 
-def _generated(place: Path, controller: str, scenario: str, episodes: int, seed: int, workers: int) -> Path:
-    """A data set of one controller, whose folder is the place, in one scenario: made, or gone on with if begun."""
+def _generate(parent: Path, controller: str, scenario: str, episodes: int, seed: int, workers: int) -> Path:
+    """Generate, or continue, the data set of a controller in a scenario, and return its folder."""
     from sonata2d.datasets.generate import generate_dataset
     from sonata2d.datasets.manifest import MANIFEST
     from sonata2d.record.files import safe_text
     from sonata2d.scenegen.scenario.load import load_scenario
 
     config = load_scenario(scenario)
-    folder = place / safe_text(config.name)
+    folder = parent / safe_text(config.name)
     resume = (folder / MANIFEST).exists()
     with progress(episodes, f"episodes of {controller}") as advance:
         generate_dataset(
@@ -181,65 +184,43 @@ def _generated(place: Path, controller: str, scenario: str, episodes: int, seed:
     return folder
 
 
-def _files(of: dict[str, list[Path]]) -> dict[str, list[Path]]:
-    """The episode files of each label, folder after folder."""
-    from sonata2d.metrics.measurement import episode_files
-
-    return {label: [file for folder in folders for file in episode_files(folder)] for label, folders in of.items()}
-
-
-def _measured(files: dict[str, list[Path]], *, rerun: bool, workers: int) -> dict[str, list[Measured]]:
-    """Every run of each label, in the order of its files."""
-    from sonata2d.metrics.measurement import measure_files
-
-    with progress(sum(map(len, files.values())), "runs measured") as advance:
-        return {
-            label: measure_files(own, rerun=rerun, workers=workers, advance=advance) for label, own in files.items()
-        }
-
-
-def _keep(of: dict[str, list[Path]], measured: dict[str, list[Measured]], resamples: int) -> None:
-    """Write metrics.json into each data set; loose files get none."""
+def _save_metrics(sources: dict[str, list[Path]], measured: dict[str, list[Measured]], resamples: int) -> None:
+    """Write metrics.json into each data set; single files and folders without a manifest get none."""
     from sonata2d.datasets.manifest import MANIFEST, read_manifest
-    from sonata2d.metrics.measurement import Evaluation, keep
+    from sonata2d.metrics.measurement import Evaluation, save_metrics
 
-    for label, folders in of.items():
-        runs = iter(measured[label])  # in the order of the folders
-        for folder in folders:
-            if folder.is_dir() and (folder / MANIFEST).exists():
-                own = [next(runs) for _ in read_manifest(folder)["files"]]
-                keep(folder, Evaluation(folder.name, own, resamples))
+    for label, paths in sources.items():
+        remaining = iter(measured[label])  # in the order of the paths
+        for path in paths:
+            if path.is_dir() and (path / MANIFEST).exists():
+                own = [next(remaining) for _ in read_manifest(path)["files"]]
+                save_metrics(path, Evaluation(path.name, own, resamples))
 
 
-def _compared(evaluations: Sequence[Evaluation]) -> dict[str, Any]:
-    """All of it, and how each differs from the first, scene by scene."""
-    from sonata2d.metrics.measurement import tree_of
-
+def _comparison(evaluations: Sequence[Evaluation]) -> dict[str, Any]:
+    """All evaluations, and the differences of each from the first, as JSON."""
     first = evaluations[0]
-    names = next((list(one.runs[0].values) for one in evaluations if one.runs), [])
+    names = next((list(one.episodes[0].values) for one in evaluations if one.episodes), [])
     return {
-        "evaluations": [{"label": one.label, **tree_of(one)} for one in evaluations],
+        "evaluations": [{"label": one.label, **one.to_json()} for one in evaluations],
         "differences": [
-            {"of": one.label, "from": first.label} | {name: one.less(first, name).tree() for name in names}
+            {"of": one.label, "from": first.label} | {name: one.difference(first, name).to_json() for name in names}
             for one in evaluations[1:]
         ],
     }
 
 
 def _title(evaluations: Sequence[Evaluation]) -> str:
-    families = sorted({run.name for one in evaluations for run in one.runs})
-    counts = sorted({len(one.runs) for one in evaluations})
-    return f"{', '.join(families)}: {' or '.join(map(str, counts))} runs each; mean, 95 % bootstrap interval, every run"
+    scenarios = ", ".join(sorted({episode.name for one in evaluations for episode in one.episodes}))
+    counts = " or ".join(map(str, sorted({len(one.episodes) for one in evaluations})))
+    return f"{scenarios}: {counts} episodes each; mean, 95 % bootstrap interval, every episode"
 
 
-def _tell(evaluations: Sequence[Evaluation], shown: Sequence[Metric], written: dict[str, Path | None]) -> None:
-    from sonata2d.metrics.table import table
+def _show_table(evaluations: Sequence[Evaluation], metrics: Sequence[Metric]) -> None:
+    from sonata2d.metrics.measurement import comparison_table
 
-    for line in table(evaluations, shown):
+    for line in comparison_table(evaluations, metrics):
         click.echo(line)
-    counts = ", ".join(f"{len(one.runs)} runs of {one.label}" for one in evaluations)
-    mark = "; * differs from the first, scene by scene" if len(evaluations) > 1 else ""
+    counts = ", ".join(f"{len(one.episodes)} episodes of {one.label}" for one in evaluations)
+    mark = "; * significant difference from the first, in the common scenes" if len(evaluations) > 1 else ""
     click.echo(f"{counts}; mean [95 % bootstrap interval]{mark}")
-    for name, path in written.items():
-        if path is not None:
-            click.echo(f"{name}  {path}")

@@ -1,4 +1,4 @@
-"""`sonata2d …`: the commands, and what all of them share."""
+"""The program `sonata2d`: its commands, and how it reports errors and warnings."""
 
 from __future__ import annotations
 
@@ -10,29 +10,38 @@ from typing import Any
 
 import click
 
-# name: (module, one line for the overview); a module is imported when its command is run
-COMMANDS = {
-    "generate": ("generate", "Make a data set: many episodes, labelled, reproducible."),
-    "collect": ("collect", "A person drives in a window, and labels; or rates recorded runs."),
-    "check": ("check", "Prove a data set: schema, hashes, physical sense, replay."),
-    "describe": ("describe", "Say what an episode file or a data set holds."),
-    "mirror": ("mirror", "Mirror an episode or a data set, left for right, exactly."),
-    "split": ("split", "Part a data set into train, dev and test by scene family."),
-    "merge": ("merge", "Make one data set of several, seeds kept apart."),
-    "evaluate": ("evaluate", "Measure runs or controllers, side by side: table, JSON, picture."),
-    "render": ("render", "Turn an episode into a picture, a film or a page that plays."),
-    "view": ("view", "Play recorded runs in a window, or watch a controller at work."),
-    "export": ("export", "Write episodes in a format that other programs read."),
-    "import": ("import_", "Make episodes of files in another format."),
-    "card": ("card", "Write a data set's card: figures, front matter, Croissant metadata."),
-    "scenarios": ("scenarios", "List, show and draw scenarios."),
-    "controllers": ("controllers", "List the controllers that can be named."),
-    "doctor": ("doctor", "Check that this installation works, and how well."),
+# section of the overview: name of the command: (module and attribute, description)
+SECTIONS = {
+    "Create data": {
+        "generate": ("generate:command", "Generate a data set of labelled episodes."),
+        "collect": ("collect:command", "Drive the robot in a window, or rate recorded episodes."),
+        "import": ("convert:import_command", "Import episodes from files of another program."),
+    },
+    "Evaluate and view": {
+        "evaluate": ("evaluate:command", "Compute metrics of episodes, or compare controllers."),
+        "render": ("render:command", "Draw an episode as a picture, a film or an HTML page."),
+        "view": ("view:command", "Play episodes in a window, or watch a controller live."),
+    },
+    "Manage data sets": {
+        "check": ("dataset:check", "Verify a data set or an episode."),
+        "describe": ("describe:command", "Summarise a data set or an episode."),
+        "mirror": ("dataset:mirror", "Mirror a data set or an episode left to right."),
+        "split": ("dataset:split", "Split a data set into train, dev and test parts."),
+        "merge": ("dataset:merge", "Merge data sets into a new one."),
+        "card": ("dataset:card", "Write the data card of a data set, with figures."),
+        "export": ("convert:export_command", "Export episodes to a format of another program."),
+    },
+    "Set up": {
+        "scenarios": ("scenarios:command", "List, show, draw, check and create scenarios."),
+        "controllers": ("controllers:command", "List the available controllers."),
+        "doctor": ("doctor:command", "Check that the installation works."),
+    },
 }
+COMMANDS = {name: place for section in SECTIONS.values() for name, (place, _) in section.items()}
 
 
 class Commands(click.Group):
-    """Imports a command when it is asked for, so that `--help` is quick; shows errors in one line."""
+    """A group that imports a command only when it is used, so that `--help` is fast, and reports errors in one line."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -40,44 +49,45 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f".{COMMANDS[cmd_name][0]}", __package__)
-        command: click.Command = module.command
+        module, _, attribute = COMMANDS[cmd_name].partition(":")
+        command: click.Command = getattr(importlib.import_module(f".{module}", __package__), attribute)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, line) for name, (_, line) in COMMANDS.items()])
+        for title, commands in SECTIONS.items():
+            with formatter.section(title):
+                formatter.write_dl([(f"{name:<11}", description) for name, (_, description) in commands.items()])
 
     def invoke(self, ctx: click.Context) -> Any:
         warnings.formatwarning = _warning_line
         try:
             return super().invoke(ctx)
-        except BrokenPipeError:  # `sonata2d describe out | head`
+        except BrokenPipeError:  # the reader of a pipe has ended, as in `sonata2d describe out | head`
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise SystemExit(141) from None
         except Exception as error:
             from sonata2d.errors import Sonata2dError
 
             if isinstance(error, Sonata2dError):
-                raise click.ClickException(_one_line(error)) from error
+                raise click.ClickException(_error_line(error)) from error
             raise
 
 
-def _one_line(error: Exception) -> str:
-    """`SceneError: no free spot …`, with the notes that were added on the way."""
+def _error_line(error: Exception) -> str:
+    """`SceneError: no free spot ...`, followed by the notes that were added to the error."""
     return "; ".join([f"{type(error).__name__}: {error}", *getattr(error, "__notes__", [])])
 
 
 def _warning_line(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
 ) -> str:
-    """A warning as one line, without the place in sonata2d that issued it."""
+    """A warning in one line, without the source line that issued it."""
     return f"Warning: {message}\n"
 
 
-def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
-    """Say which versions are at work, and leave."""
-    if asked:
+def _show_version(ctx: click.Context, _: click.Parameter, is_set: bool) -> None:
+    """Print the versions and exit."""
+    if is_set:
         from sonata2d.version import FORMAT_VERSION, PHYSICS_VERSION, __version__
 
         click.echo(f"sonata2d {__version__}, physics {PHYSICS_VERSION}, format {FORMAT_VERSION}")
@@ -86,11 +96,17 @@ def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
 
 @click.group(
     cls=Commands,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="A first data set:  sonata2d generate demo   — then:  sonata2d render demo/000000.json -o demo.html",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100, "show_default": True},
+    epilog="First steps:\n\n\b\n  sonata2d generate demo\n  sonata2d render demo/000000.json -o demo.html",
 )
 @click.option(
-    "--version", is_flag=True, callback=_show_version, expose_value=False, is_eager=True, help="Show versions."
+    "--version", is_flag=True, callback=_show_version, expose_value=False, is_eager=True, help="Show versions and exit."
 )
 def main() -> None:
-    """Labelled, reproducible social-navigation data sets from a light 2-D simulator."""
+    """Generate and evaluate data sets for social robot navigation with a 2-D simulator.
+
+    An episode is one run of a robot among people; it is stored as a JSON file. A data set is a folder of episodes. A
+    controller drives the robot. A scenario describes which rooms, people and objects are generated.
+
+    'sonata2d COMMAND --help' shows the options and examples of a command.
+    """

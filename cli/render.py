@@ -1,4 +1,4 @@
-"""`sonata2d render`."""
+"""The command `sonata2d render`."""
 
 from __future__ import annotations
 
@@ -7,49 +7,48 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .output import json_option, show_json
+from .common import PATH, examples, json_option, show_json
 
 if TYPE_CHECKING:
     from sonata2d.record.record import EpisodeRecord
 
 
 @click.command(
-    epilog="Examples:  sonata2d render demo/000000.json -o a.html   ·   … -o b.png --strip 4   ·   … -o c.png --graph"
+    epilog=examples(
+        "render demo/000000.json -o episode.html",
+        "render demo/000000.json -o moments.png --strip 4",
+        "render demo/000000.json -o film.mp4 --speed 2",
+        "render demo/000000.json -o graph.png --graph",
+    )
 )
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help=".png, .gif, .mp4 or .html")
-@click.option("--strip", type=click.IntRange(2, 20), help="A .png of this many moments side by side.")
-@click.option("--fps", type=click.IntRange(1, 120), help="Pictures a second of a film.")
-@click.option("--speed", type=click.FloatRange(0.05, 50.0), help="Pace of a film; 1 is real time.")
-@click.option("--size", type=(click.IntRange(16, 8000), click.IntRange(16, 8000)), help="Width and height in pixels.")
-@click.option("--zones", is_flag=True, help="Draw people's intimate and personal space.")
-@click.option("--ids", is_flag=True, help="Write the ids of people and things.")
-@click.option("--graph", is_flag=True, help="A .png of the run as a graph, its last three instants side by side.")
+@click.argument("file", type=PATH)
+@click.option("-o", "--output", type=PATH, required=True, help="Output file: .png, .svg, .gif, .mp4 or .html.")
+@click.option("--strip", type=click.IntRange(2, 20), help="Draw this number of moments side by side (.png).")
+@click.option("--fps", type=click.IntRange(1, 120), help="Frames per second of a film.")
+@click.option("--speed", type=click.FloatRange(0.05, 50.0), help="Speed of a film; 1 is real time.")
+@click.option(
+    "--size", type=(click.IntRange(16, 8000), click.IntRange(16, 8000)), metavar="WIDTH HEIGHT", help="Size, pixels."
+)
+@click.option("--zones", is_flag=True, help="Draw the intimate and personal space of people.")
+@click.option("--ids", is_flag=True, help="Draw the ids of people and objects.")
+@click.option("--graph", is_flag=True, help="Draw the last graph of the episode: up to three instants (.png).")
 @json_option
-def command(
-    file: Path,
-    output: Path,
-    strip: int | None,
-    fps: int | None,
-    speed: float | None,
-    size: tuple[int, int] | None,
-    zones: bool,
-    ids: bool,
-    graph: bool,
-    as_json: bool,
-) -> None:
-    """Turn an episode into a picture (.png), a film (.gif, .mp4) or one self-contained page that plays (.html)."""
+def command(file: Path, output: Path, zones: bool, ids: bool, graph: bool, as_json: bool, **options: Any) -> None:
+    """Draw the episode FILE as a picture, a film or a page.
+
+    The suffix of the output selects the format: a picture (.png, .svg), a film (.gif, .mp4) or a self-contained page
+    that plays the episode (.html).
+    """
     from sonata2d.record.reader import read_episode
     from sonata2d.view.draw import Layers
     from sonata2d.view.files import render
 
     record = read_episode(file)
     if graph:
-        if any((strip, fps, speed, size, zones, ids)):
-            raise click.UsageError("--graph takes none of --strip, --fps, --speed, --size, --zones, --ids")
-        _graph(record, output, as_json)
+        if any((*options.values(), zones, ids)):
+            raise click.UsageError("--graph cannot be combined with --strip, --fps, --speed, --size, --zones or --ids")
+        _draw_graph(record, output, as_json)
         return
-    given: dict[str, Any] = {"strip": strip, "fps": fps, "speed": speed, "size": size}
     render(
         list(record.snapshots()),
         output,
@@ -57,7 +56,7 @@ def command(
         outcome=record.outcome.status,
         commands=record.command.tolist(),
         labels=record.labels,
-        **{name: value for name, value in given.items() if value is not None},
+        **{name: value for name, value in options.items() if value is not None},  # strip, fps, speed, size
     )
     if as_json:
         show_json({"output": str(output), "frames": len(record)})
@@ -65,15 +64,14 @@ def command(
         click.echo(f"{output}: {len(record)} frames, {record.outcome.status}")
 
 
-def _graph(record: EpisodeRecord, output: Path, as_json: bool) -> None:
-    """The last of the paper's graphs of an episode."""
+def _draw_graph(record: EpisodeRecord, output: Path, as_json: bool) -> None:
+    """Draw the last of the paper's graphs of an episode."""
     from sonata2d.errors import RenderError
-    from sonata2d.learning.graph.paper import paper_graphs
-    from sonata2d.learning.graph.picture import save_graph
+    from sonata2d.learning.graph import paper_graphs, save_graph
 
     graphs = paper_graphs(record)
     if not graphs:
-        raise RenderError(f"{record.path} gives no graph: it has {len(record)} frames, which is less than a second")
+        raise RenderError(f"{record.path} is too short for a graph: {len(record)} frames last less than a second")
     save_graph(output, graphs[-1], dt=record.scene().rules.dt, title=f"{record.family}   {record.id}")
     if as_json:
         show_json({"output": str(output), "graphs": len(graphs), "edges": len(graphs[-1].relation)})

@@ -1,4 +1,4 @@
-"""`sonata2d view`."""
+"""The command `sonata2d view`."""
 
 from __future__ import annotations
 
@@ -7,26 +7,29 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .controllers import NAMES
-from .output import json_option, show_json
+from .common import PATH, examples, json_option, show_json, size_option
+from .controllers import CONTROLLER_NAMES
 
 if TYPE_CHECKING:
     from sonata2d.core.devices import View
 
 
 @click.command(
-    epilog="Examples:  sonata2d view demo   ·   sonata2d view demo/000000.json --follow --speed 2   ·   "
-    "sonata2d view --live --controller ./polite.py:Polite --scenario office.yaml --seed 7"
+    epilog=examples(
+        "view demo",
+        "view demo/000000.json --follow --speed 2",
+        "view --live --controller ./polite.py:Polite --scenario office.yaml --seed 7",
+    )
 )
-@click.argument("path", type=click.Path(path_type=Path), metavar="DIR|FILE", required=False)
-@click.option("--follow/--top", default=None, help="From behind the robot, or the whole room [default: --top].")
-@click.option("--speed", type=click.FloatRange(0.25, 8.0), default=1.0, show_default=True, help="1 is real time.")
-@click.option("--fps", type=click.IntRange(5, 240), default=60, show_default=True, help="Pictures a second at most.")
-@click.option("--live", is_flag=True, help="Watch a controller at work instead of a recorded run.")
-@click.option("--controller", metavar="NAME", help=f"Drives the robot of --live. {NAMES}")
-@click.option("--scenario", metavar="NAME|FILE", help="What scenes of --live look like  [default: sonata-2020].")
-@click.option("--seed", type=click.IntRange(0), help="Of the scenes of --live  [default: 0].")
-@click.option("--size", type=(click.IntRange(640), click.IntRange(480)), default=(1280, 800), help="Of the window.")
+@click.argument("path", type=PATH, metavar="[DIR|FILE]", required=False)
+@click.option("--follow/--top", default=None, help="Camera behind the robot, or the whole room.  [default: --top]")
+@click.option("--speed", type=click.FloatRange(0.25, 8.0), default=1.0, help="1 is real time.")
+@click.option("--fps", type=click.IntRange(5, 240), default=60, help="Maximum pictures per second.")
+@click.option("--live", is_flag=True, help="Run a controller and watch it, instead of recorded episodes.")
+@click.option("--controller", metavar="NAME", help=f"Controller of --live. {CONTROLLER_NAMES}")
+@click.option("--scenario", metavar="NAME|FILE", help="Scenario of --live.  [default: sonata-2020]")
+@click.option("--seed", type=click.IntRange(0), help="Seed of the scenes of --live.  [default: 0]")
+@size_option
 @json_option
 def command(
     path: Path | None,
@@ -40,31 +43,29 @@ def command(
     size: tuple[int, int],
     as_json: bool,
 ) -> None:
-    """Play recorded runs in a window, one after another; F1 shows the keys.
+    """Play recorded episodes in a window, or watch a controller drive.
 
-    Play and pause, step, scrub, change the camera, save the moment as PNG or SVG. With --live, watch any controller
-    drive.
+    DIR plays all episodes of a data set, FILE a single one. In the window you can pause, step, change the camera and
+    save pictures (PNG or SVG); F1 shows the keys.
     """
     view: View = "follow" if follow else "top"
     if live:
         if path is not None or controller is None:
-            raise click.UsageError("--live takes a --controller and no DIR|FILE")
-        _live(controller, scenario or "sonata-2020", seed or 0, view, speed, fps, size, as_json)
+            raise click.UsageError("--live needs --controller and takes no DIR|FILE")
+        _run_live(controller, scenario or "sonata-2020", seed or 0, view, speed, fps, size, as_json)
         return
     if path is None or (controller, scenario, seed) != (None, None, None):
         raise click.UsageError("give a DIR|FILE to play, or --live with --controller, --scenario and --seed")
-    _recorded(path, view, speed, fps, size, as_json)
+    _play(path, view, speed, fps, size, as_json)
 
 
-def _recorded(path: Path, view: View, speed: float, fps: int, size: tuple[int, int], as_json: bool) -> None:
-    """Play a file, or those of a folder."""
-    from sonata2d.datasets.check import Listed
-    from sonata2d.datasets.verification import files_of
+def _play(path: Path, view: View, speed: float, fps: int, size: tuple[int, int], as_json: bool) -> None:
+    """Play an episode file or a data set."""
+    from sonata2d.datasets.manifest import files_of
     from sonata2d.window.stage import Stage
     from sonata2d.window.view_screen import ViewScreen
 
-    paths = [file.path if isinstance(file, Listed) else file for file in files_of(path)]
-    screen = ViewScreen(paths, view=view, speed=speed)
+    screen = ViewScreen(files_of(path), view=view, speed=speed)
     Stage(f"sonata2d: {path}", size=size, fps=fps).run(screen)
     if as_json:
         show_json({"saved": [str(path) for path in screen.saved]})
@@ -72,10 +73,10 @@ def _recorded(path: Path, view: View, speed: float, fps: int, size: tuple[int, i
         click.echo(f"saved: {path}")
 
 
-def _live(
+def _run_live(
     controller: str, scenario: str, seed: int, view: View, speed: float, fps: int, size: tuple[int, int], as_json: bool
 ) -> None:
-    """Watch a controller at work."""
+    """Run a controller in generated scenes; exit with 1 if it fails."""
     from sonata2d.scenegen.scenario.load import load_scenario
     from sonata2d.window.live_screen import LiveScreen
     from sonata2d.window.stage import Stage

@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/scenarios.md: one run of each situation, and the kinds of room.
+"""Draws the pictures of docs/scenarios.md: one run of each situation, the room kinds, and the formations.
 
 python docs/draw_situations.py [FOLDER]
 """
@@ -10,60 +10,77 @@ from pathlib import Path
 
 from sonata2d import Episode, ScenarioConfig, SocialPlanner, generate, load_scenario
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.metrics.situations import SITUATIONS, Looker, judge
-from sonata2d.scenegen.scenario.rooms import RoomConfig, RoomKind
+from sonata2d.metrics.situations import SITUATIONS, SnapshotCollector, judge
+from sonata2d.registry import ROOM_KINDS
+from sonata2d.scenegen.scenario.rooms import RoomConfig
+from sonata2d.view.draw import Layers
 from sonata2d.view.files import render
-from sonata2d.view.sheet import scene_picture
-from sonata2d.view.still import save_surface
+from sonata2d.view.film import save_film
+from sonata2d.view.stills import scene_picture
+from sonata2d.view.stills import save_surface
 
 ROOT = Path(__file__).parent.parent
 
 SEED = 4
+OFFICE_SEED = 11
 WIDTH = 620  # px
 LAST = 4.0  # s
-PARTED = 4.5  # s after the nearest moment, at which a picture of two who met is taken
+AFTER = 4.5  # s after the closest approach, at which a picture of an encounter ends
 
 
 def main(folder: Path) -> None:
-    """Draw all of them."""
+    """Draw all pictures."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in SITUATIONS:
-        looks = run(name)
-        verdict = judge(name, looks)
-        assert verdict.took_place, f"{name}: {verdict.told}"
-        render(shown(looks), folder / f"situation-{name}.png", size=size_of(looks[0]), caption=name)
-        sys.stdout.write(f"{name}: {verdict.told}\n")
+        snapshots = run(name)
+        verdict = judge(name, snapshots)
+        assert verdict.took_place, f"{name}: {verdict.description}"
+        render(selected(snapshots), folder / f"situation-{name}.png", size=size_of(snapshots[0]), caption=name)
+        sys.stdout.write(f"{name}: {verdict.description}\n")
+    demo(folder / "demo.gif")
     rooms(folder / "rooms.png")
     groups(folder / "groups.png")
 
 
 def run(name: str) -> list[Snapshot]:
-    """All looks of one run."""
-    looker = Looker()
-    Episode(generate(load_scenario(name), SEED), SocialPlanner(), observers=[looker]).run()
-    return looker.snapshots
+    """All snapshots of one run."""
+    collector = SnapshotCollector()
+    Episode(generate(load_scenario(name), SEED), SocialPlanner(), observers=[collector]).run()
+    return collector.snapshots
 
 
-def shown(looks: list[Snapshot]) -> list[Snapshot]:
-    """Up to a little after the nearest moment, where there is but one person; of many the last seconds; else all."""
-    if len(looks[0].humans) > 10:
-        return looks[-round(LAST / looks[0].dt) :]
-    if len(looks[0].humans) > 1:
-        return looks
-    gaps = [abs(complex(*look.robot.position) - complex(*look.humans.position[0].tolist())) for look in looks]
-    return looks[: gaps.index(min(gaps)) + round(PARTED / looks[0].dt)]
+def selected(snapshots: list[Snapshot]) -> list[Snapshot]:
+    """The part of a run to draw: of one person up to the closest approach, of many the end, otherwise all."""
+    if len(snapshots[0].humans) > 10:
+        return snapshots[-round(LAST / snapshots[0].dt) :]
+    if len(snapshots[0].humans) > 1:
+        return snapshots
+    gaps = [
+        abs(complex(*snapshot.robot.position) - complex(*snapshot.humans.position[0].tolist()))
+        for snapshot in snapshots
+    ]
+    return snapshots[: gaps.index(min(gaps)) + round(AFTER / snapshots[0].dt)]
 
 
-def size_of(look: Snapshot) -> tuple[int, int]:
+def size_of(snapshot: Snapshot) -> tuple[int, int]:
     """Width and height, px, of the picture of a room."""
-    span = look.scene.outline.max(axis=0) - look.scene.outline.min(axis=0)
+    span = snapshot.scene.outline.max(axis=0) - snapshot.scene.outline.min(axis=0)
     width = WIDTH if span[0] > 1.4 * span[1] else round(0.6 * WIDTH)
     return width, round(width * (span[1] + 0.4) / (span[0] + 0.4)) + 30
 
 
+def demo(path: Path) -> None:
+    """The film of the README: the expert in an office."""
+    collector = SnapshotCollector()
+    office = load_scenario(ROOT / "examples/scenarios/office.yaml")
+    Episode(generate(office, OFFICE_SEED), SocialPlanner(), observers=[collector]).run()
+    layers = Layers(grid=False, caption=False)
+    save_film(path, collector.snapshots, fps=8, speed=2.0, size=(520, 362), layers=layers, interpolate=False)
+
+
 def rooms(path: Path) -> None:
-    """One room of each kind."""
-    kinds = [kind for kind in RoomKind.__args__ if kind != "square"]
+    """One scene of each room kind."""
+    kinds = [kind for kind in ROOM_KINDS.built_in if kind != "square"]
     scenes = [
         generate(ScenarioConfig(humans=4, relations=0, room=RoomConfig(kinds={kind: 1.0}, turns=0)), 2)
         for kind in kinds
@@ -72,14 +89,14 @@ def rooms(path: Path) -> None:
 
 
 def groups(path: Path) -> None:
-    """Formations of people who talk, and of people who walk."""
+    """Formations of talking and of walking groups."""
     room = RoomConfig(kinds={"rectangle": 1.0}, breadth=5, length=5)
     empty = {"standing": 0, "wandering": 0, "tables": 0, "plants": 0, "relations": 0, "room": room}
     talking = [("face_to_face", 2), ("l", 2), ("side_by_side", 2), ("circle", 4), ("circle", 6), ("semicircle", 5)]
-    own = [{"talking_groups": 1, "groups": {"formations": [name], "talking_size": n}} for name, n in talking]
+    settings = [{"talking_groups": 1, "groups": {"formations": [name], "talking_size": n}} for name, n in talking]
     walking = ("abreast", "v")
-    own += [{"walking_groups": 1, "groups": {"walking_formations": [name], "walking_size": 4}} for name in walking]
-    scenes = [generate(ScenarioConfig(**empty, **given), 1) for given in own]
+    settings += [{"walking_groups": 1, "groups": {"walking_formations": [name], "walking_size": 4}} for name in walking]
+    scenes = [generate(ScenarioConfig(**empty, **given), 1) for given in settings]
     titles = [*(f"{name}, {n}" for name, n in talking), *(f"{name}, 4" for name in walking)]
     save_surface(scene_picture(*scenes, scale=26, titles=titles, columns=4), path)
 

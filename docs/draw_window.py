@@ -1,8 +1,8 @@
-"""Draws the pictures of docs/window.md: opens the window, drives it by pressing keys, and saves what it shows.
+"""Draws the pictures of docs/window.md: opens the window, presses keys, and saves its content.
 
     python docs/draw_window.py [FOLDER]
 
-Needs no display; with one, a real window is seen at work.
+Needs no display; with one, a real window opens.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from sonata2d.collect.rating import RatingSession  # noqa: E402
 from sonata2d.collect.session import Session  # noqa: E402
 from sonata2d.datasets.generate import generate_dataset  # noqa: E402
 from sonata2d.scenegen.scenario.config import ScenarioConfig  # noqa: E402
-from sonata2d.view.still import save_surface  # noqa: E402
+from sonata2d.view.stills import save_surface  # noqa: E402
 from sonata2d.window.collect_screen import CollectScreen  # noqa: E402
-from sonata2d.window.hands import Hands  # noqa: E402
+from sonata2d.window.controls_screen import ControlsScreen  # noqa: E402
+from sonata2d.window.input import InputDevices  # noqa: E402
 from sonata2d.window.rate_screen import RateScreen  # noqa: E402
-from sonata2d.window.remap import RemapScreen  # noqa: E402
 from sonata2d.window.view_screen import ViewScreen  # noqa: E402
 from tests.window.volunteer import Person  # noqa: E402
 
 
 def main(folder: Path) -> None:
-    """Draw all of them."""
+    """Draw all pictures."""
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         os.environ["SONATA2D_CONFIG"] = str(Path(scratch) / "config")
@@ -52,9 +52,9 @@ def collect(folder: Path, runs: Path, config: ScenarioConfig) -> None:
     made: list[Session] = []
 
     def screen() -> CollectScreen:
-        hands = Hands()
-        made.append(Session(runs, "volunteer-07", config, seed=3, hands=hands.hands))
-        return CollectScreen(made[0], hands, runs=20)
+        devices = InputDevices()
+        made.append(Session(runs, "volunteer-07", config, seed=3, mappings=devices.mappings))
+        return CollectScreen(made[0], devices, runs=20)
 
     person = Person(screen)
     session, shoot = made[0], shooter(person, folder)
@@ -75,8 +75,7 @@ def collect(folder: Path, runs: Path, config: ScenarioConfig) -> None:
     shoot("scene_panel")
     person.press(pygame.K_ESCAPE)
     person.stage.ui.clear_and_reset()
-    hands = Hands()
-    person.screen = RemapScreen(hands, hands.profiles, person.screen)  # type: ignore[arg-type]
+    person.screen = ControlsScreen(InputDevices(), person.screen)  # type: ignore[arg-type]
     person.screen.enter(person.stage)
     person.wait(0.2)
     shoot("remap")
@@ -85,7 +84,7 @@ def collect(folder: Path, runs: Path, config: ScenarioConfig) -> None:
 
 
 def replay(folder: Path, runs: Path) -> None:
-    """A recorded run, in mid-play."""
+    """A recorded run during playback."""
     person = Person(lambda: ViewScreen(sorted(runs.glob("0*.json"))))
     person.press(pygame.K_t)
     person.wait(4.0)
@@ -95,7 +94,7 @@ def replay(folder: Path, runs: Path) -> None:
 
 
 def rate(folder: Path, runs: Path, config: ScenarioConfig) -> None:
-    """A run to be judged, after it was watched."""
+    """The question after a run was watched."""
     person = Person(lambda: RateScreen(RatingSession(runs, "rater-1", config.label.spec())))
     person.press(pygame.K_RETURN)
     person.wait(40.0)
@@ -105,7 +104,7 @@ def rate(folder: Path, runs: Path, config: ScenarioConfig) -> None:
 
 
 def shooter(person: Person, folder: Path) -> Callable[[str], None]:
-    """Saves what the window shows."""
+    """A function that saves the content of the window."""
 
     def shoot(name: str) -> None:
         person.wait()

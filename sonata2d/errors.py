@@ -1,24 +1,24 @@
-"""What goes wrong in use. A bad argument is a plain ValueError or TypeError."""
+"""Exceptions caused by use. A bad argument raises a plain ValueError or TypeError."""
 
 
 class Sonata2dError(Exception):
-    """Base of every error that a user of sonata2d can run into."""
+    """Base class of all errors of sonata2d."""
 
 
 class ConfigError(Sonata2dError):
-    """A scenario or settings file says something that cannot be used."""
+    """A scenario or settings file is invalid."""
 
 
 class SceneError(Sonata2dError):
-    """A scene cannot be laid out as asked."""
+    """A scene cannot be laid out with the given settings."""
 
 
 class ControllerError(Sonata2dError):
-    """A controller cannot be loaded, or answered something that is no command."""
+    """A controller cannot be loaded, or its answer is not a valid command."""
 
 
 class RecordError(Sonata2dError):
-    """An episode file or a data set cannot be read, written or trusted."""
+    """An episode file or a data set cannot be read or written, or fails verification."""
 
 
 class NewerFormatError(RecordError):
@@ -26,7 +26,7 @@ class NewerFormatError(RecordError):
 
 
 class RenderError(Sonata2dError):
-    """A picture or a film cannot be made."""
+    """A picture or film cannot be rendered."""
 
 
 class WindowError(Sonata2dError):

@@ -1,10 +1,10 @@
-"""Named objects: the built-in ones, and those that installed packages publish as entry points.
+"""Named objects: built-in ones, and plug-ins that installed packages publish as entry points.
 
 Five kinds can be extended by other packages, each through an entry-point group: controllers (`sonata2d.controllers`),
 pedestrian models (`sonata2d.pedestrian_models`), formats (`sonata2d.formats`), metrics (`sonata2d.metrics`) and room
 kinds (`sonata2d.room_kinds`). CONTRIBUTING.md says what an entry point of each group must provide.
 
-A name is listed without importing anything; the object behind it is imported when it is loaded.
+Listing names imports nothing; an object is imported when it is loaded.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from typing import Any
 
 from .errors import ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
 
-Check = Callable[[object], str | None]  # the reason why an object cannot be used under its name, or None
+Check = Callable[[object], str | None]  # why an object is not of the registry's kind, or None
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A hint for an error message: the closest known word, or nothing.
+    """The closest known word as the end of an error message; empty if none is close.
 
     >>> did_you_mean("tabels", ["tables", "plants"])
     "; did you mean 'tables'?"
@@ -35,13 +35,13 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 class Registry:
     """The objects of one kind by name.
 
-    Built-in names come first and cannot be replaced by a plug-in.
+    Built-in names come first, and a plug-in cannot replace them.
 
     Args:
-        kind: what the objects are called in messages, e.g. `controller`.
+        kind: name of the kind in messages, e.g. `controller`.
         group: entry-point group of the plug-ins.
-        built_in: where each built-in object is defined, as `module:attribute`.
-        error: raised for unknown names and for plug-ins that do not load.
+        built_in: location of each built-in object, as `module:attribute`.
+        error: class of the errors for unknown names and for plug-ins that do not load.
 
     >>> "orca" in CONTROLLERS
     True
@@ -55,12 +55,13 @@ class Registry:
 
     @cached_property
     def plugins(self) -> dict[str, EntryPoint]:
-        """The entry points of other packages by name; one whose name is taken is skipped with a warning."""
+        """Entry points of other packages by name; those whose name is taken are skipped with a `PluginWarning`."""
         found: dict[str, EntryPoint] = {}
         for point in sorted(entry_points(group=self.group), key=lambda point: (point.name, point.value)):
             if point.name in self.built_in or point.name in found:
                 warnings.warn(
-                    f"{self.kind} plug-in {point.name!r} ({point.value}) is skipped: the name is taken",
+                    f"{self.kind} plug-in {point.name!r} ({point.value}) is skipped: the name is taken; "
+                    "rename the entry point",
                     PluginWarning,
                     stacklevel=2,
                 )
@@ -75,15 +76,18 @@ class Registry:
         return name in self.built_in or name in self.plugins
 
     def load(self, name: str, check: Check = lambda found: None) -> Any:
-        """Import the object of a name.
+        """Import an object.
 
         Args:
-            name: a built-in name or that of a plug-in.
-            check: says why an object is not of this kind.
+            name: of a built-in object or a plug-in.
+            check: called with the object of a plug-in; returns why it is not of the registry's kind, or None.
+
+        Returns:
+            The object; the same one on every call.
 
         Raises:
-            Sonata2dError: of the registry's own class: the name is unknown, or the plug-in does not load or is
-                not what it should be.
+            Sonata2dError: the name is unknown, or the plug-in does not load or fails the check; an instance of the
+                registry's own error class.
         """
         if name not in self._loaded:
             if name in self.built_in:
@@ -96,7 +100,7 @@ class Registry:
         return self._loaded[name]
 
     def load_all(self, check: Check = lambda found: None) -> dict[str, Any]:
-        """Every object by name; a plug-in that does not load is named in a `PluginWarning` and skipped."""
+        """All objects by name; a plug-in that does not load or fails the check is skipped with a `PluginWarning`."""
         found = {name: self.load(name) for name in self.built_in}
         for name in self.plugins:
             try:
@@ -106,24 +110,24 @@ class Registry:
         return found
 
     def unknown(self, name: str) -> str:
-        """The message for a name that does not exist."""
+        """The error message for an unknown name: with the closest name, else with all names."""
         return f"no {self.kind} is named {name!r}{did_you_mean(name, self) or '; known are ' + ', '.join(self)}"
 
     def _load_plugin(self, point: EntryPoint, check: Check) -> Any:
-        where = f"{self.kind} plug-in {point.name!r} ({point.value})"
+        plugin = f"{self.kind} plug-in {point.name!r} ({point.value})"
         try:
             found = point.load()
-        except Exception as error:  # whatever the other package's code raises while it is imported
-            raise self.error(f"{where} does not load: {type(error).__name__}: {error}") from error
+        except Exception as error:  # importing another package can raise anything
+            raise self.error(f"{plugin} does not load: {type(error).__name__}: {error}") from error
         reason = check(found)
         if reason is not None:
-            raise self.error(f"{where} {reason}")
+            raise self.error(f"{plugin} {reason}")
         return found
 
 
-def resolve(place: str) -> Any:
+def resolve(location: str) -> Any:
     """The object at `module:attribute`."""
-    module, _, attribute = place.partition(":")
+    module, _, attribute = location.partition(":")
     return getattr(importlib.import_module(module), attribute)
 
 

@@ -1,4 +1,4 @@
-"""Scenes made by hand, for tests that want to know every number."""
+"""Scenes built by hand, for tests that rely on exact positions."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ from dataclasses import replace
 import pytest
 
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
-from sonata2d.core.geometry import Point, Pose
+from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
 from sonata2d.core.scene import Rules, Scene
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 SQUARE: tuple[Point, ...] = ((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0))
 L_SHAPE: tuple[Point, ...] = ((-4.0, -4.0), (4.0, -4.0), (4.0, 0.0), (0.0, 0.0), (0.0, 4.0), (-4.0, 4.0))
-
-
 LEFT = Pose(-3.0, 0.0)
 
 
@@ -31,9 +29,14 @@ def room(
     inner: Sequence[Wall] = (),
     rules: Rules | None = None,
     limits: Limits | None = None,
-    **more: object,
+    **fields: object,
 ) -> Scene:
-    """A scene in an 8 m room, the robot to the left and the goal to the right."""
+    """A scene in a room of 8 m by 8 m, with the robot on the left and the goal on the right.
+
+    Args:
+        inner: walls in addition to the edges of the polygon.
+        fields: further fields of the scene.
+    """
     edges = [Wall(a, b) for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True)]
     return Scene(
         name="by-hand",
@@ -45,22 +48,20 @@ def room(
         robot=Robot(robot, limits=limits or Limits()),
         goal=Goal(*goal),
         rules=rules or Rules(),
-        **more,  # type: ignore[arg-type]
+        **fields,  # type: ignore[arg-type]
     )
 
 
-def walker(number: int, x: float, y: float, theta: float = 0.0, **more: object) -> Human:
-    """A person who wanders."""
-    return replace(Human(number, Pose(x, y, theta), 0.2, behaviour="wandering"), **more)  # type: ignore[arg-type]
+def walker(number: int, x: float, y: float, theta: float = 0.0, **fields: object) -> Human:
+    """A wandering pedestrian with the id `number`; `fields` replace its other fields."""
+    return replace(Human(number, Pose(x, y, theta), 0.2, behaviour="wandering"), **fields)  # type: ignore[arg-type]
 
 
 @pytest.fixture
 def busy() -> Scene:
-    """Ten walkers and some furniture in an L-shaped room."""
-    from sonata2d.core.geometry import Disc, Rectangle
-
-    places = [(x, y) for y in (-3.2, -1.0) for x in (-3.2, -1.7, 0.6, 2.2, 3.4)]
-    humans = [walker(k + 1, x, y, desired_speed=1.0 + 0.05 * k) for k, (x, y) in enumerate(places)]
+    """Ten wandering pedestrians and two pieces of furniture in an L-shaped room."""
+    positions = [(x, y) for y in (-3.2, -1.0) for x in (-3.2, -1.7, 0.6, 2.2, 3.4)]
+    humans = [walker(k + 1, x, y, desired_speed=1.0 + 0.05 * k) for k, (x, y) in enumerate(positions)]
     furniture = [
         Furniture(20, "table", Pose(-2.0, -2.1, 0.5), Rectangle(0.8, 0.8)),
         Furniture(21, "plant", Pose(1.5, -2.2), Disc(0.2)),

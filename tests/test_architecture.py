@@ -16,11 +16,19 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "sonata2d"
 
 TABLE = tomllib.loads((PACKAGE.parent / "docs" / "architecture.toml").read_text())
-ROOMS = {room["name"]: room for room in TABLE["package"]}
+PACKAGES = {package["name"]: package for package in TABLE["package"]}
 
 
 def imported(node: ast.AST, parts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
-    """("inside", package of sonata2d) or ("outside", third-party package) for each import of a module."""
+    """What a node of a module imports.
+
+    Args:
+        node: any node of the syntax tree.
+        parts: path of the module within sonata2d.
+
+    Yields:
+        ("inside", package of sonata2d) or ("outside", third-party package).
+    """
     if isinstance(node, ast.Import):
         for alias in node.names:
             yield "outside", alias.name.split(".")[0]
@@ -34,7 +42,7 @@ def imported(node: ast.AST, parts: tuple[str, ...]) -> Iterator[tuple[str, str]]
 
 
 def all_imports() -> set[tuple[str, str, str, str]]:
-    """(package, module, "inside" or "outside", what it imports), for every module of sonata2d."""
+    """(package, module, "inside" or "outside", imported package), for all imports of sonata2d."""
     found = set()
     for path in [*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")]:
         parts = path.relative_to(PACKAGE).with_suffix("").parts
@@ -46,39 +54,39 @@ def all_imports() -> set[tuple[str, str, str, str]]:
 IMPORTS = all_imports()
 
 
-def test_every_package_has_a_place_in_the_table() -> None:
-    there = {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != "__pycache__"}
-    there |= {path.stem for path in PACKAGE.glob("*.py")} - {"__init__"}
-    assert there == set(ROOMS)
+def test_the_table_lists_every_package() -> None:
+    packages = {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != "__pycache__"}
+    packages |= {path.stem for path in PACKAGE.glob("*.py")} - {"__init__"}
+    assert packages == set(PACKAGES)
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_imports_go_down_only(room: str) -> None:
-    here = ROOMS[room]
-    allowed = {name for name, other in ROOMS.items() if other["floor"] < here["floor"]}
-    allowed |= {room, *here.get("beside", {})}
+@pytest.mark.parametrize("package", PACKAGES)
+def test_imports_go_down_only(package: str) -> None:
+    entry = PACKAGES[package]
+    allowed = {name for name, other in PACKAGES.items() if other["floor"] < entry["floor"]}
+    allowed |= {package, *entry.get("beside", {})}
     wrong = {
         f"{module} imports {name}"
-        for r, module, where, name in IMPORTS
-        if r == room and where == "inside" and name not in allowed
+        for importer, module, where, name in IMPORTS
+        if importer == package and where == "inside" and name not in allowed
     }
     assert not wrong
 
 
-@pytest.mark.parametrize("package", TABLE["restricted"])
-def test_third_party_packages_stay_where_the_table_allows_them(package: str) -> None:
-    rooms = {room for room, _, where, name in IMPORTS if where == "outside" and name == package}
-    assert rooms == {name for name, room in ROOMS.items() if package in room.get("outside", ())}
+@pytest.mark.parametrize("third_party", TABLE["restricted"])
+def test_restricted_third_party_packages_are_imported_where_the_table_allows_it(third_party: str) -> None:
+    importers = {package for package, _, where, name in IMPORTS if where == "outside" and name == third_party}
+    assert importers == {name for name, package in PACKAGES.items() if third_party in package.get("outside", ())}
 
 
-def test_no_two_modules_import_each_other() -> None:
-    """Modules import in a fixed order: the graph of imports at the top of modules has no cycle."""
+def test_module_imports_have_no_cycle() -> None:
+    """Considers imports at the top level of modules only."""
     order = TopologicalSorter(module_graph())
     order.prepare()  # raises CycleError and names the cycle
 
 
 def module_graph() -> dict[str, set[str]]:
-    """Each module and the modules of sonata2d that it imports at its top level."""
+    """The modules of sonata2d that each module imports at its top level."""
     paths = {".".join(path.relative_to(PACKAGE).with_suffix("").parts): path for path in PACKAGE.rglob("*.py")}
     graph: dict[str, set[str]] = {}
     for module, path in paths.items():
@@ -93,8 +101,8 @@ def module_graph() -> dict[str, set[str]]:
     return graph
 
 
-def test_public_names_are_not_names_of_modules() -> None:
-    """Importing a module sets an attribute of its package, which would hide a public name that is loaded lazily."""
+def test_no_public_name_is_the_name_of_a_module() -> None:
+    """Importing a module sets an attribute of its package, which would hide a lazily loaded public name."""
     for stub in PACKAGE.rglob("__init__.pyi"):
         names = {
             alias.asname
@@ -113,15 +121,14 @@ def test_every_public_name_loads(stub: Path) -> None:
         getattr(package, name)
 
 
-LOOP = [
-    *(path for room in ("core", "agents", "scenegen", "sim", "learning") for path in (PACKAGE / room).rglob("*.py")),
-    PACKAGE / "datasets" / "reference_frames.py",  # frames of reference, which learned controllers use in the loop
-]
-LOOP = [path for path in LOOP if path.name not in ("pyg.py", "picture.py")]  # of recorded graphs only
-FIXED = PACKAGE / "learning" / "fixed_point.py"  # fixed point, where no product and no sum is ever rounded
+# Modules that run within a tick.
+IN_LOOP = ("core", "agents", "scenegen", "sim", "learning")
+LOOP = [path for package in IN_LOOP for path in (PACKAGE / package).rglob("*.py")]
+LOOP.append(PACKAGE / "datasets" / "reference_frames.py")  # used by learned controllers
+FIXED_POINT = PACKAGE / "learning" / "fixed_point.py"  # fixed-point products and sums are exact in any order
 
 
-def test_no_global_generator_and_no_wall_clock_inside_the_loop() -> None:
+def test_the_loop_uses_no_global_generator_and_no_wall_clock() -> None:
     for path in LOOP:
         text = path.read_text()
         for banned in ("import random", "np.random.default_rng", "np.random.seed", "import time", "datetime"):
@@ -136,7 +143,7 @@ def test_the_loop_uses_no_function_that_differs_between_processors() -> None:
         "linalg", "sum", "mean", "std", "var", "average", "cumsum", "prod", "trapezoid",
     }  # fmt: skip
     banned_math = {"exp", "sin", "cos", "tan", "atan2", "atan", "hypot", "pow", "log", "dist", "fsum"}
-    for path in [*LOOP, *(PACKAGE / "record" / f"{name}.py" for name in ("canonical", "frames", "recorder"))]:
+    for path in [*LOOP, *(PACKAGE / "record" / f"{name}.py" for name in ("canonical", "recorder"))]:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
                 banned = {"np": banned_numpy, "math": banned_math}.get(node.value.id, set())
@@ -147,28 +154,27 @@ def test_the_loop_uses_no_function_that_differs_between_processors() -> None:
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
                 method = node.func.attr in ("mean", "std", "var", "dot", "cumsum")
                 assert not method, f"{path.name}:{node.lineno} calls .{node.func.attr}()"
-            refused = ast.Pow if path == FIXED else ast.MatMult | ast.Pow
-            assert not (isinstance(node, ast.BinOp) and isinstance(node.op, refused)), (
+            operators = ast.Pow if path == FIXED_POINT else ast.MatMult | ast.Pow
+            assert not (isinstance(node, ast.BinOp) and isinstance(node.op, operators)), (
                 f"{path.name}:{node.lineno} uses @ or **"
             )
 
 
-def test_sums_inside_the_loop_are_not_pairwise() -> None:
-    """NumPy adds the first axis row by row, others pairwise in an order of its own: fit for fixed point only."""
+def test_the_loop_sums_along_the_first_axis_only() -> None:
+    """NumPy adds along the first axis in sequence, and along other axes pairwise in an order that can vary."""
     for path in LOOP:
         for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == "np.add.reduce" and path != FIXED:
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "np.add.reduce" and path != FIXED_POINT:
                 axes = [ast.unparse(word.value) for word in node.keywords if word.arg == "axis"]
-                assert axes == ["0"], f"{path.name}:{node.lineno} adds along another axis than the first"
+                assert axes == ["0"], f"{path.name}:{node.lineno} sums along another axis than the first"
 
 
-def test_values_are_rounded_to_fixed_point_in_one_place() -> None:
+def test_only_one_module_rounds_to_fixed_point() -> None:
     for path in LOOP:
-        assert ("np.rint" in path.read_text()) == (path == FIXED), path
+        assert ("np.rint" in path.read_text()) == (path == FIXED_POINT), path
 
 
-def test_what_is_installed_is_all_there_is() -> None:
-    """A wheel holds every package and every file that is no module."""
+def test_wheels_contain_every_package_and_every_data_file() -> None:
     project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["tool"]["setuptools"]
     folders = {path.parent for path in PACKAGE.rglob("__init__.py")}
     packages = {".".join(folder.relative_to(PACKAGE.parent).parts) for folder in folders} | {"sonata2d_cli"}
@@ -178,7 +184,7 @@ def test_what_is_installed_is_all_there_is() -> None:
     assert listed == others
 
 
-def test_import_is_silent_and_opens_no_window() -> None:
+def test_import_is_silent_and_loads_no_heavy_package() -> None:
     heavy = {"numpy", "pymunk", "pygame", "pydantic", "yaml", "jinja2", "tqdm", "multiprocessing", "sonata2d.core"}
     code = f"import sys, sonata2d; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -186,7 +192,7 @@ def test_import_is_silent_and_opens_no_window() -> None:
     assert done.stderr == ""
 
 
-def test_reading_a_data_set_loads_no_engine() -> None:
+def test_reading_a_data_set_loads_no_simulation() -> None:
     heavy = {"pymunk", "pygame", "multiprocessing", "sonata2d.sim", "sonata2d.agents", "sonata2d.scenegen"}
     code = "import sys; from sonata2d import read_episode; from sonata2d.datasets import read_manifest;"
     code += f"print(sorted({heavy} & set(sys.modules)))"

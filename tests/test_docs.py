@@ -1,7 +1,9 @@
-"""Everything in the documentation runs: Python blocks, `sonata2d` commands, and the files they speak of."""
+"""Every example in the documentation runs: Python blocks, `sonata2d` commands, and the files they use."""
 
 from __future__ import annotations
 
+import doctest
+import importlib
 import re
 import shlex
 import shutil
@@ -13,9 +15,10 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 
 ROOT = Path(__file__).parent.parent
-PAGES = ["docs/first-steps.md", "docs/how-to.md", "docs/scenarios.md"]
+PAGES = ["README.md", "docs/first-steps.md", "docs/how-to.md", "docs/scenarios.md"]
 BLOCK = re.compile(r"^```(\w+)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+LINK = re.compile(r"\]\(([^)#:]*)(?:#([^)]*))?\)")
+HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -27,7 +30,7 @@ def test_every_example_runs_in_the_order_of_the_page(
     monkeypatch.delitem(sys.modules, "polite", raising=False)
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     names: dict[str, object] = {"__name__": "example"}
-    for language, file, text in BLOCK.findall((ROOT / page).read_text()):
+    for language, file, text in BLOCK.findall((ROOT / page).read_text())[2 if page == "README.md" else 0 :]:
         if file:
             (tmp_path / file).write_text(text)
         elif language == "python":
@@ -44,26 +47,53 @@ def run(line: str) -> None:
     assert result.exit_code == 0, f"{line}\n{result.output}"
 
 
-@pytest.mark.parametrize("page", ["README.md", *(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))])
-def test_every_link_leads_somewhere(page: str) -> None:
-    for target in LINK.findall((ROOT / page).read_text()):
-        assert ((ROOT / page).parent / target).exists(), f"{page}: {target}"
+@pytest.mark.parametrize(
+    "page",
+    [
+        "README.md",
+        "CONTRIBUTING.md",
+        "examples/plugin/README.md",
+        *(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md")),
+    ],
+)
+def test_every_link_has_a_target(page: str) -> None:
+    for file, anchor in LINK.findall((ROOT / page).read_text()):
+        target = (ROOT / page).parent / file if file else ROOT / page
+        assert target.exists(), f"{page}: {file}"
+        assert not anchor or anchor in anchors_of(target), f"{page}: {file}#{anchor}"
+
+
+def anchors_of(page: Path) -> set[str]:
+    """The anchors of the headings of a page, as code hosts derive them."""
+    headings = (re.sub(r"[^\w\- ]", "", heading.lower()) for heading in HEADING.findall(page.read_text()))
+    return {heading.replace(" ", "-") for heading in headings}
 
 
 def test_readme_gives_two_commands_and_the_gate_runs_the_second() -> None:
-    commands = [text.strip() for _, _, text in BLOCK.findall((ROOT / "README.md").read_text())]
-    assert len(commands) == 2
+    commands = [text.strip() for _, _, text in BLOCK.findall((ROOT / "README.md").read_text())[:2]]
     gate = (ROOT / ".ci/run").read_text()
     assert "'.[test]'" in commands[1]
     assert "'.[test]'" in gate
-    assert commands[1].endswith(".venv/bin/python -m pytest")
-    assert gate.strip().splitlines()[-1].startswith(".venv/bin/python -m pytest")
+    assert commands[1].endswith(".venv/bin/python -m pytest -n 2")
+    assert gate.strip().splitlines()[-1].startswith(".venv/bin/python -m pytest -n 2")
 
 
 @pytest.mark.parametrize("name", ["home", "office", "clinic_corridor"])
-def test_example_scenarios_are_used_as_they_stand(name: str, tmp_path: Path) -> None:
+def test_example_scenarios_can_be_solved_by_the_expert(name: str, tmp_path: Path) -> None:
     import sonata2d as s2
 
     config = s2.load_scenario(ROOT / f"examples/scenarios/{name}.yaml")
     outcomes = [s2.Episode(s2.generate(config, seed), s2.SocialPlanner()).run().status for seed in range(3)]
     assert outcomes.count("goal") >= 2
+
+
+def modules_with_examples() -> list[str]:
+    paths = (path for path in (ROOT / "sonata2d").rglob("*.py") if ">>> " in path.read_text())
+    return sorted(".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths)
+
+
+@pytest.mark.parametrize("module", modules_with_examples())
+def test_examples_in_docstrings_are_right(module: str) -> None:
+    result = doctest.testmod(importlib.import_module(module))
+    assert result.attempted
+    assert not result.failed

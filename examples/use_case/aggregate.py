@@ -1,9 +1,9 @@
-"""Data-set aggregation: the learner drives, the expert says what it would have done there, and the learner learns that.
+"""Data-set aggregation (DAgger): the learner drives, the expert labels each tick, and the learner trains on the labels.
 
     python examples/use_case/aggregate.py --network paper -o runs
 
-Source: DAgger, S. Ross, G. Gordon & D. Bagnell, "A reduction of imitation learning and structured prediction to
-no-regret online learning", AISTATS 2011.
+Source: S. Ross, G. Gordon & D. Bagnell, "A reduction of imitation learning and structured prediction to no-regret
+online learning", AISTATS 2011.
 """
 
 from __future__ import annotations
@@ -13,25 +13,24 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
-from data import ROOMS, drive, run_cleanly, with_mirrors
+from data import PRESET, add_mirror_images, record_runs, run_command
 from networks import NETWORKS
 from train import train
 
-from sonata2d.datasets.mirror_image import twist_image
+from sonata2d import ScenarioConfig, load_scenario
+from sonata2d.datasets import twist_image
 from sonata2d.record.files import safe_text
-from sonata2d.scenegen.scenario.config import ScenarioConfig
-from sonata2d.scenegen.scenario.load import load_scenario
 
 ROUNDS, EPISODES, EPOCHS = 2, 300, 8
 SEED = 3000
-LONGEST = 30.0  # s: whoever is lost for so long is lost
+TIME_LIMIT = 30.0  # s: a learner that has not reached the goal by then is stuck
 EXPERT = "social-planner"
 
 
 def aggregate(
     name: str,
     start: Path,
-    into: Path,
+    out: Path,
     data: Sequence[Path],
     *,
     scenarios: Mapping[str, int],
@@ -41,61 +40,73 @@ def aggregate(
     seed: int = SEED,
     workers: int = 1,
 ) -> Path:
-    """Let a learner drive and learn of it, round after round.
+    """Run rounds of data-set aggregation.
+
+    Each round records runs of the last network, labelled by the expert, and continues its training on all data.
 
     Args:
-        name: of `NETWORKS`.
-        start: folder of the trained network.
-        into: folder for the last round's; those of the rounds before, and what was met, stand beside it.
-        data: what it has learned from so far; its dev and test parts are the first one's.
-        scenarios: where it drives, and how many runs in each.
-        expert: name of the controller that tells what should have been done.
-        rounds, epochs: how often, and how long to learn from it.
-        seed: of the scenes before the first round's.
-        workers: processes.
+        name: key of `NETWORKS`.
+        start: folder of a trained network.
+        out: folder for the network of the last round. Recorded runs and networks of earlier rounds are written beside
+            it, to `{out}-met1`, `{out}-round1`, ...; recorded runs that exist are reused.
+        data: data sets of the first training; the first one provides the dev and test parts.
+        scenarios: names of the scenarios, and the number of runs in each per round.
+        expert: name of the controller that labels.
+        rounds: number of rounds.
+        epochs: of training per round.
+        seed: round k records scenes of seed `seed` + k.
+        workers: number of processes.
 
     Returns:
-        `into`.
+        `out`.
     """
-    data, last = [*data], start
+    data, network = [*data], start
     for k in range(1, rounds + 1):
-        met, after = (into.with_name(f"{into.name}-{what}{k}") for what in ("met", "round"))
-        if not met.exists():
-            met_by(f"{last / 'policy.npz'}+{expert}", met, scenarios, seed + k, workers)
-        data.append(met)
-        last = train(name, data, into if k == rounds else after, start=last, epochs=epochs)
-    return last
+        recorded, trained = (out.with_name(f"{out.name}-{kind}{k}") for kind in ("met", "round"))
+        if not recorded.exists():
+            record_scenarios(f"{network / 'policy.npz'}+{expert}", recorded, scenarios, seed + k, workers)
+        data.append(recorded)
+        network = train(name, data, out if k == rounds else trained, start=network, epochs=epochs)
+    return network
 
 
-def met_by(controller: str, out: Path, scenarios: Mapping[str, int], seed: int, workers: int) -> None:
-    """What a controller meets in some scenarios, so many runs in each, with its mirror image."""
-    places = [out.with_name(f"{out.name}-{safe_text(scenario)}") for scenario in scenarios]
-    for place, (scenario, episodes) in zip(places, scenarios.items(), strict=True):
-        drive(controller, place, cut_short(scenario), episodes, seed, workers)
-    with_mirrors(places, out, twist_image)
-    for place in places:
-        shutil.rmtree(place)
+def record_scenarios(controller: str, out: Path, scenarios: Mapping[str, int], seed: int, workers: int) -> None:
+    """Record runs of a controller in several scenarios, and write them with their mirror images to one data set.
+
+    Args:
+        controller: name of the controller; a pair `driver+labeller` labels every frame.
+        out: a new folder.
+        scenarios: names of the scenarios, and the number of runs in each.
+        seed: of the scenes.
+        workers: number of processes.
+    """
+    folders = [out.with_name(f"{out.name}-{safe_text(scenario)}") for scenario in scenarios]
+    for folder, (scenario, episodes) in zip(folders, scenarios.items(), strict=True):
+        record_runs(controller, folder, short_scenario(scenario), episodes, seed, workers)
+    add_mirror_images(folders, out, twist_image)
+    for folder in folders:
+        shutil.rmtree(folder)
 
 
-def cut_short(scenario: str) -> ScenarioConfig:
-    """A scenario by its name, in which runs are left sooner."""
-    return load_scenario(scenario).changed(rules={"time_limit": LONGEST})
+def short_scenario(name: str) -> ScenarioConfig:
+    """Load a scenario and set its time limit to `TIME_LIMIT`."""
+    return load_scenario(name).changed(rules={"time_limit": TIME_LIMIT})
 
 
 @click.command()
 @click.option("--network", type=click.Choice(list(NETWORKS)), default="paper", show_default=True)
 @click.option("-o", "--out", type=click.Path(path_type=Path, exists=True), default=Path("runs"), show_default=True)
 @click.option("--rounds", type=click.IntRange(1), default=ROUNDS, show_default=True)
-@click.option("--episodes", type=click.IntRange(1), default=EPISODES, show_default=True, help="A round.")
-@click.option("--epochs", type=click.IntRange(1), default=EPOCHS, show_default=True, help="A round.")
+@click.option("--episodes", type=click.IntRange(1), default=EPISODES, show_default=True, help="Runs per round.")
+@click.option("--epochs", type=click.IntRange(1), default=EPOCHS, show_default=True, help="Epochs per round.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True)
 def main(network: str, out: Path, rounds: int, episodes: int, epochs: int, workers: int) -> None:
-    """Let the network in OUT/NETWORK drive, and train it on what the expert says of that: OUT/NETWORK-aggregated."""
-    into = out / f"{network}-aggregated"
-    data, scenarios = [out / "data"], {ROOMS: episodes}
-    aggregate(network, out / network, into, data, scenarios=scenarios, rounds=rounds, epochs=epochs, workers=workers)
-    click.echo(into / "policy.npz")
+    """Improve the network in OUT/NETWORK by data-set aggregation; write OUT/NETWORK-aggregated."""
+    target = out / f"{network}-aggregated"
+    data, scenarios = [out / "data"], {PRESET: episodes}
+    aggregate(network, out / network, target, data, scenarios=scenarios, rounds=rounds, epochs=epochs, workers=workers)
+    click.echo(target / "policy.npz")
 
 
 if __name__ == "__main__":
-    run_cleanly(main)
+    run_command(main)

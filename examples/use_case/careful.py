@@ -1,23 +1,20 @@
-"""An expert that keeps a little further from walls and furniture, for learners who never steer to the centimetre."""
+"""An expert that keeps more distance from walls and furniture, as a margin for the errors of the learner."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from sonata2d import SocialPlanner
-from sonata2d.agents.controllers.planner import STEP, Ways
-from sonata2d.core.snapshot import Snapshot
+from sonata2d import Array, Snapshot, SocialPlanner
+from sonata2d.agents.controllers.planner import STEP, Trajectories
 
-CLEAR = 0.15  # m, gap to a thing from which on it costs nothing
-PRICE = 2.0  # a second at the skin of a thing, beside 1 for a metre of way
+CLEARANCE = 0.15  # m to walls and furniture, below which a trajectory costs more
+PRICE = 2.0  # cost per second at zero clearance, falling linearly to 0 at CLEARANCE; a metre of path costs 1
 
 
 class Careful(SocialPlanner):
-    """The stock expert passes things at two centimetres where that is shorter; this one would rather not."""
+    """`social-planner` with a cost of small clearances; the stock expert passes obstacles at 2 cm if that is shorter."""
 
-    def _bumps(self, ways: Ways, snapshot: Snapshot) -> Any:
-        gap = self._gaps_to_things(ways, snapshot) - snapshot.robot.radius
-        near = np.minimum(np.maximum(1.0 - gap / CLEAR, 0.0), 1.0)
-        return super()._bumps(ways, snapshot) + PRICE * STEP * np.add.reduce(near, axis=0)
+    def _obstacle_cost(self, trajectories: Trajectories, snapshot: Snapshot) -> Array:
+        clearance = self._obstacle_distance(trajectories, snapshot) - snapshot.robot.radius  # (S, K), m
+        closeness = np.minimum(np.maximum(1.0 - clearance / CLEARANCE, 0.0), 1.0)
+        return super()._obstacle_cost(trajectories, snapshot) + PRICE * STEP * np.add.reduce(closeness, axis=0)

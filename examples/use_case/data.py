@@ -1,4 +1,4 @@
-"""The data set that the paper's network learns from: kept runs of an expert and their mirror images, split by scene.
+"""The data set for training: runs of an expert that reached the goal, with mirror images, split by scene.
 
 python examples/use_case/data.py -o runs
 python examples/use_case/data.py -o runs --add my-recordings
@@ -16,54 +16,50 @@ from typing import Any
 import click
 from tqdm import tqdm
 
-from sonata2d.datasets.full_card import write_card
-from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.manifest import read_manifest
-from sonata2d.datasets.merge import merge_datasets
-from sonata2d.datasets.mirror import mirror_dataset
-from sonata2d.datasets.mirror_image import twist_image
-from sonata2d.datasets.split import split_dataset
-from sonata2d.errors import RecordError, Sonata2dError
-from sonata2d.record.reader import read_episode
-from sonata2d.scenegen.scenario.config import ScenarioConfig
-from sonata2d.scenegen.scenario.load import load_scenario
+from sonata2d import ScenarioConfig, Sonata2dError, generate_dataset, load_scenario, read_episode
+from sonata2d.datasets import merge_datasets, mirror_dataset, read_manifest, split_dataset, twist_image, write_card
+from sonata2d.errors import RecordError
 
-ROOMS = "sonata-2020"
-KEPT = 3092  # trajectories, as in the paper
+PRESET = "sonata-2020"
+EPISODES = 3092  # runs that reached the goal, as in the paper
 SEED = 2020
 PARTS = {"train": 0.9, "dev": 0.05, "test": 0.05}
 
+LabelImage = Callable[[Any], Any]
 
-def make(out: Path, driver: str, episodes: int, seed: int, workers: int, added: tuple[Path, ...] = ()) -> Path:
-    """Make the data set in `out/data`; what is there of it already is used.
+
+def make_dataset(out: Path, driver: str, episodes: int, seed: int, workers: int, added: tuple[Path, ...] = ()) -> Path:
+    """Record runs, add their mirror images, split the result, and write its card.
 
     Args:
-        out: folder for it and for what it is made from.
+        out: the runs are recorded into `out/driven`, where an interrupted recording is continued; `out/data` is
+            written anew.
         driver: name of the controller.
-        episodes: how many runs that reached the goal are kept.
+        episodes: number of runs that reach the goal; other runs are not kept.
         seed: of the scenes.
-        workers: processes.
-        added: data sets of others, such as what people drove in the window.
+        workers: number of processes.
+        added: further data sets to include, such as runs that people drove in the window.
 
     Returns:
-        Its folder.
+        `out/data`.
 
     Raises:
-        RecordError: `out/data` is there and was not made here, or a data set is damaged or made otherwise.
+        RecordError: `out/data` exists and was not made by this function, `out/driven` has other settings, or a data set
+            is damaged.
     """
     driven, data = out / "driven", out / "data"
-    refuse_others(data)
-    drive(driver, driven, load_scenario(ROOMS), episodes, seed, workers, keep=("goal",))
+    check_replaceable(data)
+    record_runs(driver, driven, load_scenario(PRESET), episodes, seed, workers, keep=("goal",))
     originals = [driven, *added]
     shutil.rmtree(data, ignore_errors=True)
-    with_mirrors(originals, data)
+    add_mirror_images(originals, data)
     split_dataset(data, PARTS)
-    with bar("card", len(read_manifest(data)["files"])) as advance:
+    with progress_bar("card", len(read_manifest(data)["files"])) as advance:
         write_card(data, advance=advance)
     return data
 
 
-def drive(
+def record_runs(
     controller: str,
     folder: Path,
     scenario: ScenarioConfig,
@@ -73,8 +69,8 @@ def drive(
     *,
     keep: tuple[str, ...] = (),
 ) -> None:
-    """Runs of a controller in a scenario; what is there of them is used. The rest is as of `generate_dataset`."""
-    with bar(f"runs of {folder.name}", episodes) as advance:
+    """Record runs with a progress bar, or the missing ones if the folder exists; arguments as `generate_dataset`."""
+    with progress_bar(f"runs of {folder.name}", episodes) as advance:
         generate_dataset(
             folder,
             scenario,
@@ -89,43 +85,45 @@ def drive(
         )
 
 
-def refuse_others(data: Path) -> None:
-    """Say before the work whether a folder that will be made anew holds something else.
+def check_replaceable(data: Path) -> None:
+    """Check, before any work is done, that a folder may be replaced.
 
     Raises:
-        RecordError: it is there, and is no merged data set.
+        RecordError: the folder exists and is not a merged data set.
     """
     if data.exists() and not read_manifest(data).get("sources"):
-        raise RecordError(f"{data} was not made here; name another folder by -o")
+        raise RecordError(f"{data} was not made by this script; choose another output folder with -o")
 
 
-def with_mirrors(folders: list[Path], out: Path, label: Callable[[Any], Any] | None = None) -> None:
-    """Data sets and their mirror images, together; twists that label frames are mirrored as commands are.
+def add_mirror_images(folders: list[Path], out: Path, label_image: LabelImage | None = None) -> None:
+    """Merge data sets and their mirror images into one data set, the originals first.
 
     Args:
         folders: complete data sets.
         out: a new folder.
-        label: the image of a label, for all of them; unless given, each set's own labels tell.
+        label_image: mirrors one label, in all data sets. By default, twists are mirrored as commands are, and other
+            labels are left to `mirror_dataset`.
     """
-    with TemporaryDirectory(prefix="mirrors-", dir=out.parent) as place:
-        twins = [Path(place, str(k), f"{folder.resolve().name}-mirrored") for k, folder in enumerate(folders)]
-        for folder, twin in zip(folders, twins, strict=True):
-            with bar("mirrors", len(read_manifest(folder)["files"])) as advance:
-                mirror_dataset(folder, twin, label=label or label_image(folder), advance=advance)
-        merge_datasets([*folders, *twins], out)
+    with TemporaryDirectory(prefix="mirrors-", dir=out.parent) as temporary:
+        # Data sets of one name stay apart: each mirror image has a numbered folder.
+        mirrored = [Path(temporary, str(k), f"{folder.resolve().name}-mirrored") for k, folder in enumerate(folders)]
+        for folder, target in zip(folders, mirrored, strict=True):
+            with progress_bar("mirrors", len(read_manifest(folder)["files"])) as advance:
+                mirror_dataset(folder, target, label=label_image or label_image_of(folder), advance=advance)
+        merge_datasets([*folders, *mirrored], out)
 
 
-def label_image(folder: Path) -> Callable[[Any], Any] | None:
-    """`twist_image` if frames of a data set are labelled with twists, as the loader learns these, not the commands."""
+def label_image_of(folder: Path) -> LabelImage | None:
+    """Return `twist_image` if frames of a data set are labelled with twists, which the loader prefers to commands."""
     for row in read_manifest(folder)["files"]:
-        told = (frame.get("label") for frame in read_episode(folder / row["name"]).document["frames"])
-        if any(isinstance(label, list) and len(label) == 3 for label in told):
+        labels = (frame.get("label") for frame in read_episode(folder / row["name"]).document["frames"])
+        if any(isinstance(label, list) and len(label) == 3 for label in labels):
             return twist_image
     return None
 
 
-def run_cleanly(command: click.Command) -> None:
-    """Run a script's command; what a user can mend is one line, and not a traceback."""
+def run_command(command: click.Command) -> None:
+    """Run the command of a script; errors that a user can correct are printed without a traceback."""
     try:
         command()
     except (Sonata2dError, ValueError, OSError) as error:
@@ -133,24 +131,41 @@ def run_cleanly(command: click.Command) -> None:
 
 
 @contextmanager
-def bar(what: str, count: int) -> Iterator[Callable[[int], object]]:
-    """A progress bar, quiet where nobody looks."""
-    with tqdm(total=count, desc=what, disable=None) as shown:
-        yield shown.update
+def progress_bar(description: str, count: int) -> Iterator[Callable[[int], object]]:
+    """Show a progress bar of `count` steps, on a terminal only; yields the function that advances it."""
+    with tqdm(total=count, desc=description, disable=None) as bar:
+        yield bar.update
 
 
 @click.command()
 @click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("runs"), show_default=True)
-@click.option("--driver", default="social-planner", show_default=True, help="human-like: an unsteady hand.")
-@click.option("--episodes", type=click.IntRange(20), default=KEPT, show_default=True, help="Kept runs.")
+@click.option(
+    "--driver",
+    default="social-planner",
+    show_default=True,
+    help="Controller that drives; human-like: the expert with human delay and noise.",
+)
+@click.option(
+    "--episodes",
+    type=click.IntRange(20),
+    default=EPISODES,
+    show_default=True,
+    help="Number of runs that reach the goal.",
+)
 @click.option("--seed", type=click.IntRange(0), default=SEED, show_default=True)
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
-@click.option("--add", "added", type=click.Path(path_type=Path, exists=True), multiple=True, help="Another data set.")
+@click.option(
+    "--add",
+    "added",
+    type=click.Path(path_type=Path, exists=True),
+    multiple=True,
+    help="Include another data set; may be repeated.",
+)
 def main(out: Path, driver: str, episodes: int, seed: int, workers: int, added: tuple[Path, ...]) -> None:
-    """Make the data set OUT/data: kept runs, their mirror images, a split by scene, a card."""
+    """Make the data set OUT/data: runs that reached the goal, mirror images, a split by scene, and a card."""
     out.mkdir(parents=True, exist_ok=True)
-    click.echo(make(out, driver, episodes, seed, workers, added))
+    click.echo(make_dataset(out, driver, episodes, seed, workers, added))
 
 
 if __name__ == "__main__":
-    run_cleanly(main)
+    run_command(main)

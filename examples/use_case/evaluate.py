@@ -1,4 +1,4 @@
-"""Evaluate the learned controllers beside their expert and two that learned nothing, on scenes that none has met.
+"""Compares the learned controllers with their expert and with two simple controllers, in unseen scenes.
 
 python examples/use_case/evaluate.py -o runs
 """
@@ -11,31 +11,38 @@ from pathlib import Path
 
 import click
 import numpy as np
-from data import run_cleanly
-from samples import samples_of
+from data import PRESET, run_command
+from samples import load_samples
 
-from sonata2d.learning.weights import GRAPHS, Weights, write_weights
-from sonata2d.scenegen.scenario.load import scenario_names
+from sonata2d.learning import Weights, write_weights
+from sonata2d.learning.weights import GRAPHS
+from sonata2d.scenegen import scenario_names
 
-OTHERS = ("social-planner", "social-force", "straight-to-goal")
+REFERENCES = ("social-planner", "social-force", "straight-to-goal")  # controllers without training
 SHIPPED = "graph-policy"
 LEARNED = ("paper", "paper-aggregated", "attention", "attention-aggregated", SHIPPED)
-MEAN = "mean"
-SCENES = {"few": (60, 60), "many": (1000, 1000), "everywhere": (20, 30)}  # how many in a scenario, and their seed
+MEAN = "mean"  # folder of the policy that always answers the mean command
+SCENES = {"few": (60, 60), "many": (1000, 1000), "everywhere": (20, 30)}  # episodes per scenario, seed
 
 
 def controllers_for(scenes: str, out: Path) -> list[str]:
-    """Weights of the learned, names of the others; always the mean command only where few runs are made of it."""
+    """Return the controllers to compare: paths of weights, then names.
+
+    Args:
+        scenes: key of `SCENES`. `everywhere` compares the shipped policy with the expert only, and the mean command
+            takes part in `few` only.
+        out: output folder of the use case.
+    """
     if scenes == "everywhere":
-        learned, others = (SHIPPED,), OTHERS[:1]
+        learned, references = (SHIPPED,), REFERENCES[:1]
     else:
-        learned, others = (*LEARNED, *((MEAN,) if scenes == "few" else ())), OTHERS
-    return [*(str(out / name / "policy.npz") for name in learned), *others]
+        learned, references = (*LEARNED, *((MEAN,) if scenes == "few" else ())), REFERENCES
+    return [*(str(out / name / "policy.npz") for name in learned), *references]
 
 
-def write_mean(out: Path) -> None:
-    """A policy that always answers the mean command: a network without weights."""
-    samples = samples_of(out / "data", "paper")
+def write_mean_policy(out: Path) -> None:
+    """Write `out/mean/policy.npz`, which always answers the mean command of the training part: its weights are zero."""
+    samples = load_samples(out / "data", "paper")
     mean = samples.y[samples.part == 0].mean(axis=0)
     inputs, relations = GRAPHS["paper"]
     arrays = {"layer0.weight": np.zeros((relations, inputs, len(mean))), "layer0.bias": np.arctanh(mean)}
@@ -46,29 +53,33 @@ def write_mean(out: Path) -> None:
 @click.command()
 @click.option("-o", "--out", type=click.Path(path_type=Path, exists=True), default=Path("runs"), show_default=True)
 @click.option(
-    "--scenes", type=click.Choice(list(SCENES)), default="few", show_default=True, help="60, 1000, or all scenarios."
+    "--scenes",
+    type=click.Choice(list(SCENES)),
+    default="few",
+    show_default=True,
+    help=f"60 or 1000 scenes of {PRESET}, or 20 of every scenario.",
 )
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
 def main(out: Path, scenes: str, workers: int) -> None:
-    """Let `sonata2d evaluate` make OUT/evaluation-SCENES, with its page and picture."""
+    """Run `sonata2d evaluate` into OUT/evaluation-SCENES, with a page and a picture."""
     episodes, seed = SCENES[scenes]
     if scenes == "few":
-        write_mean(out)
-    scenarios = sorted(scenario_names()) if scenes == "everywhere" else ["sonata-2020"]
-    place = out / f"evaluation-{scenes}"
+        write_mean_policy(out)
+    scenarios = sorted(scenario_names()) if scenes == "everywhere" else [PRESET]
+    folder = out / f"evaluation-{scenes}"
     options = {
         "episodes": episodes,
         "seed": seed,
         "workers": workers,
-        "out": place,
-        "page": place.with_suffix(".html"),
-        "picture": place.with_suffix(".png"),
+        "out": folder,
+        "page": folder.with_suffix(".html"),
+        "picture": folder.with_suffix(".png"),
     }
-    words = [word for controller in controllers_for(scenes, out) for word in ("--controller", controller)]
-    words += [word for scenario in scenarios for word in ("--scenario", scenario)]
-    words += [word for key, value in options.items() for word in (f"--{key}", str(value))]
-    subprocess.run([sys.executable, "-m", "sonata2d_cli", "evaluate", *words, "--no-rerun"], check=True)
+    arguments = [word for controller in controllers_for(scenes, out) for word in ("--controller", controller)]
+    arguments += [word for scenario in scenarios for word in ("--scenario", scenario)]
+    arguments += [word for key, value in options.items() for word in (f"--{key}", str(value))]
+    subprocess.run([sys.executable, "-m", "sonata2d_cli", "evaluate", *arguments, "--no-rerun"], check=True)
 
 
 if __name__ == "__main__":
-    run_cleanly(main)
+    run_command(main)

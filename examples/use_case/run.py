@@ -1,9 +1,9 @@
-"""The whole use case, from nothing to the report: stages in order, two at a time where they do not need each other.
+"""Runs the whole use case: stages in order, independent ones at the same time.
 
-    pip install 'sonata2d[learn]'
+    pip install '.[learn]'
     python examples/use_case/run.py -o runs
 
-A stage that is done is not done again; one that was interrupted goes on.
+Finished stages are skipped, and an interrupted stage is continued.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import click
-from data import run_cleanly
+from data import run_command
 
 HERE = Path(__file__).parent
-STAGES = (  # each a group of stages that run beside each other
+STAGES = (  # groups of stages; the stages of a group run at the same time
     {"data": "data.py"},
     {name: f"train.py --network {name} --data {{out}}/data" for name in ("paper", "attention")},
     {f"{name}-aggregated": f"aggregate.py --network {name}" for name in ("paper", "attention")},
@@ -31,27 +31,36 @@ STAGES = (  # each a group of stages that run beside each other
     {"evaluation everywhere": "evaluate.py --scenes everywhere"},
     {"report": "report.py"},
 )
-OWN_FOLDER = ("paper", "attention")  # of these stages `-o` names the network's folder
+OWN_FOLDER = ("paper", "attention")  # stages whose option `-o` names the folder of the network
 
 
-def main_of(name: str, words: str, out: Path) -> None:
-    """Run a stage, unless it is done; note what it took, of CPU only where the system tells it."""
+def run_stage(name: str, command: str, out: Path) -> None:
+    """Run a stage unless it is finished, and record its run times in `out/stages`.
+
+    Args:
+        name: of the stage.
+        command: script and options; `{out}` is replaced by the output folder.
+        out: output folder of the use case.
+
+    Raises:
+        ClickException: the script failed.
+    """
     done = out / "stages" / f"{name.replace(' ', '-')}.json"
-    if done.exists() and name != "report":
+    if done.exists() and name != "report":  # the report takes seconds, and its texts may have changed
         return
-    place = out / name if name in OWN_FOLDER else out
-    script, *options = (word.format(out=out) for word in words.split())
+    folder = out / name if name in OWN_FOLDER else out
+    script, *options = (word.format(out=out) for word in command.split())
     start = time.perf_counter()
-    process = subprocess.Popen([sys.executable, str(HERE / script), *options, "-o", str(place)])
-    cpu, wall = ended(process), time.perf_counter() - start
+    process = subprocess.Popen([sys.executable, str(HERE / script), *options, "-o", str(folder)])
+    cpu, wall = wait_for(process), time.perf_counter() - start
     if process.returncode:
-        raise click.ClickException(f"{script} failed; what is whole stays, and the same command goes on")
+        raise click.ClickException(f"{script} failed; finished work is kept, run the same command again to continue")
     done.parent.mkdir(exist_ok=True)
     done.write_text(json.dumps({"stage": name, "wall": round(wall, 1), "cpu": cpu}))
 
 
-def ended(process: subprocess.Popen[bytes]) -> float | None:
-    """Wait for a process; the CPU time of it and its workers, s. None on Windows, which does not tell."""
+def wait_for(process: subprocess.Popen[bytes]) -> float | None:
+    """Wait for a process; return the CPU time of it and its workers, s, or None on Windows, which does not report it."""
     if sys.platform == "win32":
         process.wait()
         return None
@@ -62,13 +71,15 @@ def ended(process: subprocess.Popen[bytes]) -> float | None:
 
 @click.command()
 @click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("runs"), show_default=True)
-@click.option("--until", type=click.Choice([name for group in STAGES for name in group]), help="Stop after it.")
+@click.option(
+    "--until", type=click.Choice([name for group in STAGES for name in group]), help="Stop after the group of a stage."
+)
 def main(out: Path, until: str | None) -> None:
-    """Make the data, train, aggregate, evaluate, and tell the story in OUT/report.md."""
+    """Make the data, train, aggregate, evaluate, and write OUT/report.md."""
     out.mkdir(parents=True, exist_ok=True)
     for group in STAGES:
         with ThreadPoolExecutor(len(group)) as pool:
-            for finished in [pool.submit(main_of, name, words, out) for name, words in group.items()]:
+            for finished in [pool.submit(run_stage, name, command, out) for name, command in group.items()]:
                 finished.result()
         if until in group:
             return
@@ -76,4 +87,4 @@ def main(out: Path, until: str | None) -> None:
 
 
 if __name__ == "__main__":
-    run_cleanly(main)
+    run_command(main)

@@ -1,4 +1,4 @@
-"""Recorded runs as training samples: one loader for what the expert drove, what people drove, and what learners met."""
+"""Loads recorded runs as training samples, whether the expert, a person or a learner drove."""
 
 from __future__ import annotations
 
@@ -14,81 +14,99 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from sonata2d.learning.graph.modern import modern_graph
-from sonata2d.learning.graph.paper import FEATURES, TURNED, kept_ticks, paper_graphs, share_of_limits
-from sonata2d.learning.inputs import INPUTS, inputs_of
-from sonata2d.record.reader import read_episode
-from sonata2d.record.record import EpisodeRecord
+from sonata2d import Array, EpisodeRecord, read_episode
+from sonata2d.core.portable_math import IntArray
+from sonata2d.learning import INPUTS, inputs_of
+from sonata2d.learning.graph import FEATURES, kept_ticks, modern_graph, paper_graphs
+from sonata2d.learning.graph.paper import LABEL_SIGNS, command_fractions
 
 PARTS = ("train", "dev", "test")
+CACHE_NAMES = ("x", "edges", "relation", "y", "nodes", "ties", "part")  # of the fields of `Samples` in a cache file
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """S graphs in a row, of V nodes and E edges in all.
+    """S graphs one after the other, with V nodes and E edges in all.
 
     Attributes:
-        x: (V, F) of float32, inputs.
-        edges: (2, E) of int32, from and to, counted within each graph.
-        relation: (E,) of int8.
-        y: (S, 3) of float32, shares of the robot's limits.
-        nodes, ties: (S,) of int64, how many nodes and edges each graph has.
-        part: (S,) of int8, into `PARTS`.
+        x: (V, F), float32, inputs of the nodes.
+        edges: (2, E), int32, source and destination; nodes are counted within each graph.
+        relation: (E,), int8.
+        y: (S, 3), float32, wanted output, as fractions of the robot's limits: ahead, right, clockwise for `paper`;
+            ahead, left, counter-clockwise for `modern`.
+        node_count, edge_count: (S,), int64, nodes and edges of each graph.
+        part: (S,), int8, index into `PARTS`.
     """
 
     x: Any
     edges: Any
     relation: Any
     y: Any
-    nodes: Any
-    ties: Any
+    node_count: Any
+    edge_count: Any
     part: Any
 
     def __len__(self) -> int:
         return len(self.y)
 
 
-def samples_of(folder: Path, graph: str, *, workers: int = 2) -> Samples:
-    """The samples of a data set, from its cache if they and what is read of them are as they were.
+def load_samples(folder: Path, graph: str, *, workers: int = 2) -> Samples:
+    """Load the samples of a data set.
+
+    They are computed once and cached in the folder `cache` beside the data set. The name of a cache file contains a
+    hash of the manifest and of the names of the inputs, so a changed data set is computed anew.
 
     Args:
-        folder: a data set; what is in no part of its split is for training.
+        folder: of a data set; files that its split does not name belong to the training part.
         graph: `paper` or `modern`.
-        workers: processes.
+        workers: number of processes.
 
     Raises:
-        ValueError: it is split into other parts than `PARTS`.
+        ValueError: the split has a part that is not in `PARTS`.
     """
     text = (folder / "manifest.json").read_bytes()
-    told = hashlib.sha256(text + repr((FEATURES, INPUTS)).encode()).hexdigest()
-    cache = folder.parent / "cache" / f"{folder.name}-{graph}-{told[:12]}.npz"
+    digest = hashlib.sha256(text + repr((FEATURES, INPUTS)).encode()).hexdigest()
+    cache = folder.parent / "cache" / f"{folder.name}-{graph}-{digest[:12]}.npz"
     if not cache.exists():
-        manifest = json.loads(text)
-        split = manifest["split"] or {}
-        if strange := sorted(set(split) - set(PARTS)):
-            raise ValueError(f"{folder} has a part {strange[0]!r}; split it again, into {', '.join(PARTS)}")
-        parts = {name: PARTS.index(part) for part, names in split.items() for name in names}
-        jobs = [(folder / row["name"], graph, parts.get(row["name"], 0)) for row in manifest["files"]]
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-            found = tqdm(pool.map(_of_file, jobs, chunksize=16), f"graphs of {folder.name}", len(jobs), disable=None)
-            whole = joined([samples for samples in found if samples is not None])
-        cache.parent.mkdir(exist_ok=True)
-        part = cache.with_suffix(".part.npz")  # so that an interrupted one is not taken for whole
-        np.savez(part, **{field.name: getattr(whole, field.name) for field in fields(Samples)})
-        part.replace(cache)
-    with np.load(cache) as held:
-        return Samples(**{field.name: held[field.name] for field in fields(Samples)})
+        _write_cache(cache, _compute_samples(folder, graph, json.loads(text), workers))
+    with np.load(cache) as arrays:
+        return Samples(*(arrays[name] for name in CACHE_NAMES))
 
 
-def joined(many: Sequence[Samples]) -> Samples:
-    """Several one after the other."""
-    return Samples(*(np.concatenate([getattr(one, f.name) for one in many], axis=-1 if f.name == "edges" else 0)
-                     for f in fields(Samples)))  # fmt: skip
+def concatenate(samples: Sequence[Samples]) -> Samples:
+    """Concatenate the graphs of several `Samples`."""
+    return Samples(
+        *(
+            np.concatenate([getattr(one, field.name) for one in samples], axis=-1 if field.name == "edges" else 0)
+            for field in fields(Samples)
+        )
+    )
 
 
-def _of_file(job: tuple[Path, str, int]) -> Samples | None:
+def _compute_samples(folder: Path, graph: str, manifest: dict[str, Any], workers: int) -> Samples:
+    split = manifest["split"] or {}
+    if unknown := sorted(set(split) - set(PARTS)):
+        raise ValueError(f"{folder} has a part {unknown[0]!r}; split it again, into {', '.join(PARTS)}")
+    parts = {name: PARTS.index(part) for part, names in split.items() for name in names}
+    jobs = [(folder / row["name"], graph, parts.get(row["name"], 0)) for row in manifest["files"]]
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        results = pool.map(_samples_of_file, jobs, chunksize=16)
+        bar = tqdm(results, f"graphs of {folder.name}", len(jobs), disable=None)
+        return concatenate([samples for samples in bar if samples is not None])
+
+
+def _write_cache(cache: Path, samples: Samples) -> None:
+    cache.parent.mkdir(exist_ok=True)
+    partial = cache.with_suffix(".part.npz")  # renamed at the end, so that an interrupted file is not read
+    arrays = (getattr(samples, field.name) for field in fields(Samples))
+    np.savez(partial, **dict(zip(CACHE_NAMES, arrays, strict=True)))
+    partial.replace(cache)
+
+
+def _samples_of_file(job: tuple[Path, str, int]) -> Samples | None:
+    """Return the samples of an episode file; None if the episode is too short to have any."""
     path, kind, part = job
-    rows = list(_rows(read_episode(path), kind))
+    rows = list(_labelled_graphs(read_episode(path), kind))
     if not rows:
         return None
     return Samples(
@@ -96,20 +114,21 @@ def _of_file(job: tuple[Path, str, int]) -> Samples | None:
         edges=np.concatenate([edges for _, edges, *_ in rows], axis=1).astype(np.int32),
         relation=np.concatenate([relation for *_, relation, _ in rows]).astype(np.int8),
         y=np.array([y for *_, y in rows], dtype=np.float32),
-        nodes=np.array([len(x) for x, *_ in rows]),
-        ties=np.array([len(relation) for *_, relation, _ in rows]),
+        node_count=np.array([len(x) for x, *_ in rows]),
+        edge_count=np.array([len(relation) for *_, relation, _ in rows]),
         part=np.full(len(rows), part, dtype=np.int8),
     )
 
 
-def _rows(record: EpisodeRecord, kind: str) -> Iterator[tuple[Any, Any, Any, Any]]:
-    """Inputs, edges, relations and label, a second apart; of the modern kind from the very first look on."""
-    if kind == "paper":
+def _labelled_graphs(record: EpisodeRecord, kind: str) -> Iterator[tuple[Array, IntArray, IntArray, Array]]:
+    """Yield inputs, edges, relations and wanted output of one graph per second."""
+    if kind == "paper":  # needs a second of history, so the first instant gives no graph
         for graph in paper_graphs(record):
+            assert graph.label is not None
             yield inputs_of(graph), graph.edges, graph.relation, graph.label
         return
     scene, labels = record.scene(), record.labels
     for tick in kept_ticks(record.time):
         graph = modern_graph(record, tick, instants=1)
-        label = share_of_limits(scene, labels[tick], record.command[tick]) * TURNED
+        label = command_fractions(scene, labels[tick], record.command[tick]) * LABEL_SIGNS  # to left, counter-clockwise
         yield inputs_of(graph), graph.edges, graph.relation, label

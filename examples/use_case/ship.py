@@ -1,4 +1,4 @@
-"""The weights that sonata2d ships: the better network, taught by a careful expert in every scenario that has a name.
+"""Makes the weights that sonata2d ships: the attention network, trained with a careful expert in every preset.
 
 python examples/use_case/ship.py -o runs
 """
@@ -8,16 +8,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from aggregate import aggregate, met_by
-from data import PARTS, ROOMS, run_cleanly
+from aggregate import aggregate, record_scenarios
+from data import PARTS, PRESET, run_command
 
-from sonata2d.datasets.split import split_dataset
-from sonata2d.scenegen.scenario.load import scenario_names
+from sonata2d.datasets import split_dataset
+from sonata2d.scenegen import scenario_names
 
 NETWORK = "attention"
 CAREFUL = f"{Path(__file__).with_name('careful.py')}:Careful"
-DRIVEN = {ROOMS: 600, "sonata-2020-crowded": 100}  # runs of the expert; in other scenarios 30
-MET = {ROOMS: 300, "sonata-2020-crowded": 60}  # runs of the learner a round; in others 20
+EXPERT_EPISODES = {PRESET: 600, "sonata-2020-crowded": 100}  # runs of the expert; 30 in every other scenario
+LEARNER_EPISODES = {PRESET: 300, "sonata-2020-crowded": 60}  # runs of the learner per round; 20 in every other scenario
 ROUNDS, EPOCHS = 1, 10
 SEED = 5000
 
@@ -27,25 +27,26 @@ SEED = 5000
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
 def main(out: Path, workers: int) -> None:
     """Write OUT/graph-policy/policy.npz."""
-    names, everywhere = sorted(scenario_names()), out / "everywhere"
+    scenarios, everywhere = sorted(scenario_names()), out / "everywhere"
     if not everywhere.exists():
-        met_by(CAREFUL, everywhere, {name: DRIVEN.get(name, 30) for name in names}, SEED, workers)
+        episodes = {name: EXPERT_EPISODES.get(name, 30) for name in scenarios}
+        record_scenarios(CAREFUL, everywhere, episodes, SEED, workers)
     split_dataset(everywhere, PARTS)
-    into = out / "graph-policy"
+    target = out / "graph-policy"
     aggregate(
         NETWORK,
         out / f"{NETWORK}-aggregated",
-        into,
+        target,
         [everywhere],
-        scenarios={name: MET.get(name, 20) for name in names},
+        scenarios={name: LEARNER_EPISODES.get(name, 20) for name in scenarios},
         expert=CAREFUL,
         rounds=ROUNDS,
         epochs=EPOCHS,
         seed=SEED,
         workers=workers,
     )
-    click.echo(into / "policy.npz")
+    click.echo(target / "policy.npz")
 
 
 if __name__ == "__main__":
-    run_cleanly(main)
+    run_command(main)

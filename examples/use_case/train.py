@@ -1,4 +1,4 @@
-"""Train a network on data sets: deterministic, and to be stopped and gone on with at any time.
+"""Trains a network on data sets: deterministic, and continued by the same command after an interruption.
 
 python examples/use_case/train.py --network paper --data runs/data -o runs/paper
 """
@@ -17,28 +17,30 @@ from typing import Any
 import click
 import numpy as np
 import torch
-from data import run_cleanly
+from data import run_command
 from networks import NETWORKS, export
-from samples import PARTS, Samples, joined, samples_of
+from samples import PARTS, Samples, concatenate, load_samples
 from torch import nn
 from tqdm import tqdm
 
+from sonata2d.core.portable_math import IntArray
+from sonata2d.learning import read_weights
 from sonata2d.learning.network import network_of
-from sonata2d.learning.weights import read_weights
 
 THREADS = 1  # the order of sums, and so their bits, depend on it; two trainings at a time use two cores better
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How to train.
+    """Settings of a training. The names are recorded in `state.pt`.
 
     Attributes:
-        rate, decay: of Adam.
-        fading: whether the rate falls to nothing along half a cosine wave.
-        batch: graphs a step.
-        epochs: at most.
-        every, patience: the dev part is looked at every so many epochs; it ends after so many looks without a better.
+        rate, decay: learning rate and weight decay of Adam.
+        fading: whether the learning rate falls to zero along half a cosine.
+        batch: graphs per step.
+        epochs: maximum number of epochs.
+        every: epochs between evaluations of the dev part.
+        patience: evaluations without improvement after which the training ends.
     """
 
     rate: float
@@ -58,61 +60,79 @@ RECIPES = {
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Some of the samples, as tensors on a device, cut into batches on demand."""
+    """A part of the samples, such as `train`, from which batches of tensors are made.
+
+    Attributes:
+        samples: all samples.
+        chosen: (P,), indices of the samples of the part.
+        device: of the tensors.
+    """
 
     samples: Samples
-    chosen: Any
+    chosen: IntArray
     device: torch.device
 
     def __len__(self) -> int:
         return len(self.chosen)
 
-    def batches(self, size: int, order: Any) -> Iterator[tuple[list[torch.Tensor], torch.Tensor]]:
-        """Inputs of a network and what it should answer; `order` are the numbers of the part's samples."""
-        held = self.samples
-        node_at, tie_at = (np.concatenate(([0], np.cumsum(counts))) for counts in (held.nodes, held.ties))
+    def batches(self, size: int, order: IntArray) -> Iterator[tuple[list[torch.Tensor], torch.Tensor]]:
+        """Yield batches: the arguments of a network's `forward`, and the wanted outputs (S, 3).
+
+        Args:
+            size: graphs per batch; the last batch may be smaller.
+            order: (Q,), indices into the part.
+        """
+        samples = self.samples
+        first_node, first_edge = (
+            np.concatenate(([0], np.cumsum(counts))) for counts in (samples.node_count, samples.edge_count)
+        )
         for start in range(0, len(order), size):
             rows = self.chosen[order[start : start + size]]
-            offset = np.concatenate(([0], np.cumsum(held.nodes[rows])))
-            nodes = np.concatenate([np.arange(node_at[k], node_at[k + 1]) for k in rows])
-            ties = np.concatenate([np.arange(tie_at[k], tie_at[k + 1]) for k in rows])
-            edges = held.edges[:, ties] + np.repeat(offset[:-1], held.ties[rows])
-            told = (held.x[nodes], edges, held.relation[ties].astype(np.int64), offset[:-1])
-            yield [torch.from_numpy(a).to(self.device) for a in told], torch.from_numpy(held.y[rows]).to(self.device)
+            offset = np.concatenate(([0], np.cumsum(samples.node_count[rows])))  # first node of each graph in the batch
+            nodes = np.concatenate([np.arange(first_node[k], first_node[k + 1]) for k in rows])
+            edges = np.concatenate([np.arange(first_edge[k], first_edge[k + 1]) for k in rows])
+            batch = (
+                samples.x[nodes],
+                samples.edges[:, edges] + np.repeat(offset[:-1], samples.edge_count[rows]),
+                samples.relation[edges].astype(np.int64),
+                offset[:-1],  # the hub is the first node of a graph
+            )
+            inputs = [torch.from_numpy(array).to(self.device) for array in batch]
+            yield inputs, torch.from_numpy(samples.y[rows]).to(self.device)
 
 
-def mean_square(network: nn.Module, part: Part) -> float:
-    """Mean squared error over a part; of three numbers each."""
+def mean_squared_error(network: nn.Module, part: Part) -> float:
+    """Return the mean squared error over the three outputs of all samples of a part."""
     total = 0.0
     with torch.no_grad():
-        for told, wanted in part.batches(500, np.arange(len(part))):
-            total += float(((network(*told) - wanted) ** 2).sum())
+        for inputs, wanted in part.batches(500, np.arange(len(part))):
+            total += float(((network(*inputs) - wanted) ** 2).sum())
     return total / (3 * len(part))
 
 
 def train(
     name: str, data: list[Path], out: Path, *, start: Path | None = None, epochs: int | None = None, seed: int = 0
 ) -> Path:
-    """Train a network, or go on with it.
+    """Train a network, or continue an interrupted training.
 
     Args:
-        name: of `NETWORKS`.
-        data: data sets; dev and test parts are the first one's, the rest is for training.
-        out: folder for the network, its log, and what it takes to go on.
-        start: folder of a trained network to begin with.
-        epochs: instead of the recipe's.
-        seed: of the first weights and of the order of samples.
+        name: key of `NETWORKS`.
+        data: data sets; the first one provides the dev and test parts, all of the others are for training.
+        out: folder for weights, log and the state of an unfinished training.
+        start: folder of a trained network whose weights are the initial ones.
+        epochs: replaces the number of epochs of the recipe.
+        seed: of the initial weights and of the order of the samples.
 
     Returns:
-        `out`, with `policy.npz`, what it learned, and `training.json`: errors on each part, of the network and of
-        predicting the mean, and times.
+        `out`, which contains the weights `policy.npz`, and `training.json` with run times and the errors on each part
+        of the network and of predicting the mean.
 
     Raises:
-        ValueError: the first data set has nothing for a part, or another training was begun in `out`.
+        ValueError: the first data set has no runs for a part, or `out` contains another training.
     """
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     torch.set_num_threads(THREADS)
-    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # without it cuBLAS refuses to be deterministic
+    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # cuBLAS is deterministic only if it is set
     torch.use_deterministic_algorithms(True, warn_only=device.type == "cuda")
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
@@ -120,23 +140,23 @@ def train(
     network = NETWORKS[name]().to(device)
     if start is not None:
         network.load_state_dict(torch.load(start / "best.pt", weights_only=True, map_location=device))
-    parts = _parts(data, network.graph, device)
+    parts = _load_parts(data, network.graph, device)
     if start is None:
-        told, _ = next(parts["train"].batches(200, np.arange(len(parts["train"]))))
-        network.settle(*told)
+        inputs, _ = next(parts["train"].batches(200, np.arange(len(parts["train"]))))
+        network.scale_weights(*inputs)
     facts = f"{name} on {', '.join(map(str, data))} from {start}, seed {seed}, {recipe}"
-    run = _Run(network, recipe, parts, out, seed, facts, keeps_last=start is not None)
-    run.go_on()
-    run.tell(name, data, parts)
+    training = _Training(network, recipe, parts, out, seed, facts, keep_last=start is not None)
+    training.fit()
+    training.write_results(name, data)
     return out
 
 
-def _parts(data: list[Path], graph: str, device: torch.device) -> dict[str, Part]:
-    first, *others = (samples_of(folder, graph) for folder in data)
+def _load_parts(data: list[Path], graph: str, device: torch.device) -> dict[str, Part]:
+    first, *others = (load_samples(folder, graph) for folder in data)
     for other in others:
         other.part[:] = 0
-    whole = joined([first, *others])
-    parts = {name: Part(whole, np.flatnonzero(whole.part == k), device) for k, name in enumerate(PARTS)}
+    samples = concatenate([first, *others])
+    parts = {name: Part(samples, np.flatnonzero(samples.part == k), device) for k, name in enumerate(PARTS)}
     for name, part in parts.items():
         if not len(part):
             raise ValueError(
@@ -145,11 +165,18 @@ def _parts(data: list[Path], graph: str, device: torch.device) -> dict[str, Part
     return parts
 
 
-class _Run:
-    """A training that can be interrupted after each epoch.
+class _Training:
+    """A training whose state is saved after each epoch.
 
-    It keeps the weights that fit the dev part best; or the last ones, where that part, which an expert drove, is not
-    what the network is trained for.
+    Args:
+        network: with its initial weights.
+        recipe: settings.
+        parts: `train`, `dev` and `test`.
+        out: folder for `state.pt` and `best.pt`.
+        seed: of the order of the samples.
+        facts: describes the training; a saved state is continued only if its facts are equal.
+        keep_last: keep the last weights instead of those with the smallest dev error. In aggregation the dev part
+            contains only states of the expert, for which the network is not improved.
     """
 
     def __init__(
@@ -161,87 +188,93 @@ class _Run:
         seed: int,
         facts: str,
         *,
-        keeps_last: bool,
+        keep_last: bool,
     ) -> None:
         self.network, self.recipe, self.parts, self.out, self.seed = network, recipe, parts, out, seed
-        self.facts, self._keeps_last = facts, keeps_last
+        self.facts, self._keep_last = facts, keep_last
         self.adam = torch.optim.Adam(network.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
+        # The names of these attributes are keys of state.pt. `waited` counts evaluations without improvement.
         self.epoch, self.best, self.waited, self.log = 0, float("inf"), 0, []
         self.wall = self.cpu = 0.0
 
-    def go_on(self) -> None:
-        """From the last whole epoch to the end."""
+    def fit(self) -> None:
+        """Train from the last completed epoch to the end, and load the weights to keep into the network."""
         if (self.out / "state.pt").exists():
             self._restore()
         recipe = self.recipe
         with tqdm(total=recipe.epochs, initial=self.epoch, desc=f"training {self.out.name}", disable=None) as bar:
             while self.epoch < recipe.epochs and self.waited < recipe.patience:
                 wall, cpu = time.perf_counter(), time.process_time()
-                told = self._one_epoch()
+                row = self._train_epoch()
                 self.wall += time.perf_counter() - wall
                 self.cpu += time.process_time() - cpu
-                self._keep()
-                bar.set_postfix(told)
+                self._save_state()
+                bar.set_postfix(row)
                 bar.update()
-        self.network.load_state_dict(self._held("best.pt"))
+        self.network.load_state_dict(self._load("best.pt"))
 
-    def _one_epoch(self) -> dict[str, float]:
+    def _train_epoch(self) -> dict[str, float]:
+        """Train one epoch and return its row of the log."""
         recipe, part = self.recipe, self.parts["train"]
+        # The order depends on seed and epoch only, so a continued training sees the same batches.
         order = np.random.Generator(np.random.PCG64([self.seed, self.epoch])).permutation(len(part))
         steps, total = -(-len(part) // recipe.batch), 0.0
-        for k, (given, wanted) in enumerate(part.batches(recipe.batch, order)):
+        for k, (inputs, wanted) in enumerate(part.batches(recipe.batch, order)):
             if recipe.fading:
-                done = (self.epoch + k / steps) / recipe.epochs
+                progress = (self.epoch + k / steps) / recipe.epochs
                 for group in self.adam.param_groups:
-                    group["lr"] = recipe.rate * 0.5 * (1.0 + math.cos(math.pi * done))
-            loss = ((self.network(*given) - wanted) ** 2).mean()
+                    group["lr"] = recipe.rate * 0.5 * (1.0 + math.cos(math.pi * progress))
+            loss = ((self.network(*inputs) - wanted) ** 2).mean()
             self.adam.zero_grad()
             loss.backward()
             self.adam.step()
             total += loss.item() * len(wanted)
         self.epoch += 1
-        told = {"epoch": self.epoch, "train": total / len(part)}
+        row = {"epoch": self.epoch, "train": total / len(part)}
         if self.epoch % recipe.every == 0 or self.epoch == recipe.epochs:
-            told["dev"] = mean_square(self.network, self.parts["dev"])
-            self._judge(told["dev"])
-        self.log.append(told)
-        return told
+            row["dev"] = mean_squared_error(self.network, self.parts["dev"])
+            self._update_best(row["dev"])
+        self.log.append(row)
+        return row
 
-    def _judge(self, dev: float) -> None:
+    def _update_best(self, dev: float) -> None:
         self.waited += 1
-        if dev < self.best or self._keeps_last:
+        if dev < self.best or self._keep_last:
             self.best, self.waited = dev, 0
             torch.save(self.network.state_dict(), self.out / "best.pt")
 
-    def _keep(self) -> None:
+    def _save_state(self) -> None:
         state = {key: getattr(self, key) for key in ("facts", "epoch", "best", "waited", "log", "wall", "cpu")}
-        whole = {"network": self.network.state_dict(), "adam": self.adam.state_dict(), **state}
-        torch.save(whole, self.out / "state.pt.part")
-        (self.out / "state.pt.part").replace(self.out / "state.pt")
+        state = {"network": self.network.state_dict(), "adam": self.adam.state_dict(), **state}
+        torch.save(state, self.out / "state.pt.part")
+        (self.out / "state.pt.part").replace(self.out / "state.pt")  # an interruption leaves the old or the new file
 
-    def _held(self, name: str) -> Any:
-        """What a file holds, on this run's device, whichever wrote it."""
+    def _load(self, name: str) -> Any:
+        """Return the content of a file, on the device of the network, whichever device it was saved from."""
         device = next(self.network.parameters()).device
         return torch.load(self.out / name, weights_only=True, map_location=device)
 
     def _restore(self) -> None:
-        state = self._held("state.pt")
+        state = self._load("state.pt")
         if state["facts"] != self.facts:
-            raise ValueError(f"{self.out} holds another training, {state['facts']}; remove it, or name another folder")
+            raise ValueError(
+                f"{self.out} contains another training, {state['facts']}; remove it, or choose another folder"
+            )
         self.network.load_state_dict(state.pop("network"))
         self.adam.load_state_dict(state.pop("adam"))
         for key, value in state.items():
             setattr(self, key, value)
 
-    def tell(self, name: str, data: list[Path], parts: dict[str, Part]) -> None:
-        """Write the weights and what there is to say of them."""
+    def write_results(self, name: str, data: list[Path]) -> None:
+        """Write `policy.npz` and `training.json`."""
+        parts = self.parts
         y, mean = parts["train"].samples.y, parts["train"].samples.y[parts["train"].chosen].mean(axis=0)
         result = {
             "network": name,
             "parameters": sum(p.numel() for p in self.network.parameters()),
             "data": [folder.name for folder in data],
             "graphs": {key: len(part) for key, part in parts.items()},
-            "error": {key: mean_square(self.network, part) for key, part in parts.items()},
+            "error": {key: mean_squared_error(self.network, part) for key, part in parts.items()},
             "error of the mean": {key: float(((y[p.chosen] - mean) ** 2).mean()) for key, p in parts.items()},
             "epochs": self.epoch,
             "seconds": {"wall": round(self.wall, 1), "cpu": round(self.cpu, 1)},
@@ -250,33 +283,40 @@ class _Run:
         }
         note = {key: result[key] for key in ("network", "data", "graphs", "error", "epochs")}
         export(self.network, self.out / "policy.npz", note)
-        result["dev error as it drives"] = self._error_as_it_drives()
+        result["dev error as it drives"] = self._fixed_point_error()
         (self.out / "training.json").write_text(json.dumps(result, indent=1))
 
-    def _error_as_it_drives(self) -> float:
-        """Of the dev part, in the fixed point of `sonata2d.learning`."""
-        drives, part = network_of(read_weights((self.out / "policy.npz").resolve())), self.parts["dev"]
+    def _fixed_point_error(self) -> float:
+        """Return the dev error of the exported weights, as `sonata2d.learning` computes with them when driving."""
+        policy, part = network_of(read_weights((self.out / "policy.npz").resolve())), self.parts["dev"]
         total = 0.0
-        for told, wanted in part.batches(1, np.arange(len(part))):
-            x, edges, relation, _ = (tensor.cpu().numpy() for tensor in told)
-            total += float(((drives(x.astype(float), edges, relation) - wanted.cpu().numpy()[0]) ** 2).sum())
+        for inputs, wanted in part.batches(1, np.arange(len(part))):
+            x, edges, relation, _ = (tensor.cpu().numpy() for tensor in inputs)
+            total += float(((policy(x.astype(float), edges, relation) - wanted.cpu().numpy()[0]) ** 2).sum())
         return total / (3 * len(part))
 
 
 @click.command()
 @click.option("--network", type=click.Choice(list(NETWORKS)), default="paper", show_default=True)
-@click.option("--data", type=click.Path(path_type=Path, exists=True), multiple=True, required=True, help="A data set.")
+@click.option(
+    "--data",
+    type=click.Path(path_type=Path, exists=True),
+    multiple=True,
+    required=True,
+    help="A data set; may be repeated. The first one provides the dev and test parts.",
+)
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for the network.")
-@click.option("--start", type=click.Path(path_type=Path, exists=True), help="Folder of a network to begin with.")
-@click.option("--epochs", type=click.IntRange(1), help="At most so many.  [default: the network's own]")
+@click.option(
+    "--start", type=click.Path(path_type=Path, exists=True), help="Folder of a network with the initial weights."
+)
+@click.option("--epochs", type=click.IntRange(1), help="Maximum number of epochs.  [default: depends on the network]")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 def main(network: str, data: tuple[Path, ...], out: Path, start: Path | None, epochs: int | None, seed: int) -> None:
-    """Train NETWORK on data sets; run again to go on."""
-    told = json.loads(
-        (train(network, list(data), out, start=start, epochs=epochs, seed=seed) / "training.json").read_text()
-    )
-    click.echo(json.dumps({key: value for key, value in told.items() if key != "log"}, indent=1))
+    """Train NETWORK on data sets; the same command continues an interrupted training."""
+    folder = train(network, list(data), out, start=start, epochs=epochs, seed=seed)
+    result = json.loads((folder / "training.json").read_text())
+    click.echo(json.dumps({key: value for key, value in result.items() if key != "log"}, indent=1))
 
 
 if __name__ == "__main__":
-    run_cleanly(main)
+    run_command(main)

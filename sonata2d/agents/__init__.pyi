@@ -1,13 +1,10 @@
-from .controllers.base import Answer as Answer
-from .controllers.base import Controller as Controller
-from .controllers.base import Regenerate as Regenerate
-from .controllers.base import Stop as Stop
+from .controllers.base import Answer as Answer, Controller as Controller, Regenerate as Regenerate, Stop as Stop
 from .controllers.human_like import HumanLike as HumanLike
 from .controllers.labelled import Labelled as Labelled
 from .controllers.planner import SocialPlanner as SocialPlanner
-from .controllers.reactive import Orca as Orca
-from .controllers.reactive import SocialForce as SocialForce
-from .controllers.reactive import StraightToGoal as StraightToGoal
-from .controllers.teleoperation import HANDS as HANDS
-from .controllers.teleoperation import Hand as Hand
-from .controllers.teleoperation import Teleoperation as Teleoperation
+from .controllers.reactive import Orca as Orca, SocialForce as SocialForce, StraightToGoal as StraightToGoal
+from .controllers.teleoperation import (
+    DEFAULT_MAPPINGS as DEFAULT_MAPPINGS,
+    DeviceMapping as DeviceMapping,
+    Teleoperation as Teleoperation,
+)

@@ -1,8 +1,9 @@
-"""How well ratings agree: of one person with their own of before, and of different people.
+"""Agreement of ratings: of each rater with their own repeated ratings, and between raters.
 
-Alpha is computed from sums of squares. With x a rating's place on the scale, or the vector with a 1 at its class, the
-squared differences of all pairs among m values sum to 2 m times their sum of squares about the mean, so observed and
-expected disagreement need no table of coincidences, however many places a slider has.
+Krippendorff's alpha is computed from sums of squares instead of a matrix of coincidences, whose memory grows with the
+square of the number of distinct values: too large for sliders. Each value is represented by a point such that squared
+distances of points are the squared differences of the metric. The squared distances of all pairs among m points sum to
+m times their sum of squares about the mean, which gives observed and expected disagreement.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from itertools import combinations
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..core.labels import LabelSpec
 from ..core.portable_math import Array
@@ -20,7 +22,7 @@ from .rating import Rating, questions
 
 Metric = Literal["nominal", "ordinal", "interval"]
 METRIC: dict[str, Metric] = {"yes_no": "nominal", "classes": "ordinal", "slider": "interval"}
-_STEADINESS = {
+_CONSISTENCY_MEASURE = {
     "yes_no": "Cohen's kappa",
     "classes": "Cohen's kappa, quadratic weights",
     "slider": "intraclass correlation ICC(2,1)",
@@ -28,16 +30,16 @@ _STEADINESS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Steadiness:
-    """How well a person agrees with their own answers, where a run was shown again unannounced.
+class RaterConsistency:
+    """Agreement of a rater with their own ratings of runs that were shown twice.
 
     Attributes:
-        rater: id of the person.
-        repeats: how many runs were rated twice.
-        same: share of those with the same label both times, 0 to 1; None without any.
-        difference: mean size of the difference, in classes, or in lengths of the slider; None without any.
+        rater: id of the rater.
+        repeats: number of runs that were rated twice.
+        same: fraction of these runs with equal labels, 0 to 1; None without repeats.
+        difference: mean absolute difference, in classes or in lengths of the slider; None without repeats.
         measure: name of the coefficient.
-        value: of the coefficient; None where it is not defined: fewer than two repeats, or all labels alike.
+        value: the coefficient; None if undefined: fewer than two repeats, or all labels equal.
     """
 
     rater: str
@@ -49,14 +51,14 @@ class Steadiness:
 
 
 @dataclass(frozen=True, slots=True)
-class Disputed:
-    """A run about which people differ.
+class DisputedRun:
+    """A run with different labels from different raters.
 
     Attributes:
-        file: its name.
-        sha256: of the file.
-        labels: by rater.
-        spread: mean difference between two raters, in lengths of the scale, 0 to 1.
+        file: file name.
+        sha256: hash of the file.
+        labels: labels by rater.
+        spread: mean absolute difference between two raters, as a fraction of the scale, 0 to 1.
     """
 
     file: str
@@ -67,18 +69,18 @@ class Disputed:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How well the ratings of one question agree.
+    """Agreement of the ratings of one question.
 
     Attributes:
-        spec: what was asked.
+        spec: specification of the label.
         raters: ids, sorted.
-        ratings: how many, repeats included.
-        runs: how many different runs.
-        shared: how many of them were rated by two people or more.
-        within: each rater with themselves; empty for texts.
+        ratings: number of ratings, repeats included.
+        runs: number of rated runs.
+        shared: number of runs rated by two or more raters.
+        within: consistency of each rater; empty for texts.
         measure: name of the coefficient between raters; empty for texts.
-        alpha: its value; None where it is not defined: nothing shared, or all labels alike.
-        disputed: shared runs on which people differ, the most disputed first.
+        alpha: the coefficient; None if undefined: no shared runs, or all labels equal.
+        disputed: shared runs with different labels, by decreasing spread.
     """
 
     spec: LabelSpec
@@ -86,48 +88,48 @@ class Agreement:
     ratings: int
     runs: int
     shared: int
-    within: tuple[Steadiness, ...]
+    within: tuple[RaterConsistency, ...]
     measure: str
     alpha: float | None
-    disputed: tuple[Disputed, ...]
+    disputed: tuple[DisputedRun, ...]
 
 
 def agreements(ratings: Iterable[Rating]) -> list[Agreement]:
-    """How well ratings agree, question by question."""
+    """Agreement for each question."""
     ratings = list(ratings)
     return [agreement([r for r in ratings if r.spec == spec], spec) for spec in questions(ratings)]
 
 
 def agreement(ratings: Sequence[Rating], spec: LabelSpec) -> Agreement:
-    """How well ratings of one question agree; between raters, each one's first answer about a run counts."""
+    """Agreement of the ratings of one question; between raters only the first rating of a run counts."""
     raters = tuple(sorted({rating.rater for rating in ratings}))
-    units = _by_run(rating for rating in ratings if rating.showing == 1)
-    shared = {run: given for run, given in units.items() if len(given) > 1}
+    by_run = _first_ratings(rating for rating in ratings if rating.showing == 1)
+    shared = {run: by_rater for run, by_rater in by_run.items() if len(by_rater) > 1}
     metric = METRIC.get(spec.kind)
-    values = [[float(r.label) for r in given.values()] for given in shared.values()] if metric else []
+    values = [[float(r.label) for r in by_rater.values()] for by_rater in shared.values()] if metric else []
     return Agreement(
         spec=spec,
         raters=raters,
         ratings=len(ratings),
         runs=len({rating.sha256 for rating in ratings}),
         shared=len(shared),
-        within=tuple(_steadiness(rater, ratings, spec) for rater in raters) if metric else (),
+        within=tuple(_consistency(rater, ratings, spec) for rater in raters) if metric else (),
         measure=f"Krippendorff's alpha, {metric}" if metric else "",
         alpha=krippendorff_alpha(values, metric) if metric else None,
-        disputed=_disputed(shared, spec) if metric else (),
+        disputed=_disputed_runs(shared, spec) if metric else (),
     )
 
 
 def krippendorff_alpha(units: Iterable[Sequence[float]], metric: Metric) -> float | None:
-    """Agreement beyond chance: 1 is perfect, 0 what chance gives; any number of raters, values may be missing.
+    """Agreement beyond chance for any number of raters and missing values: 1 is perfect, 0 is chance.
 
     Args:
-        units: the values that each unit was given, in any order; a unit with fewer than two has nothing to compare.
-        metric: how far two values are apart: `nominal`, different or not; `ordinal`, by how many values lie between
-            them; `interval`, by their difference.
+        units: values given to each unit, in any order; units with fewer than two values are ignored.
+        metric: difference of two values: `nominal`, equal or not; `ordinal`, the number of values between them;
+            `interval`, their arithmetic difference.
 
     Returns:
-        None where it is not defined: no unit has two values, or all values are alike.
+        None if undefined: no unit has two values, or all values are equal.
 
     Source: K. Krippendorff, Content Analysis, 4th ed. (2019), ch. 12: alpha = 1 - D_o / D_e.
     """
@@ -135,55 +137,57 @@ def krippendorff_alpha(units: Iterable[Sequence[float]], metric: Metric) -> floa
     if not pairable:
         return None
     values = np.concatenate(pairable)
-    places, n = _places(values, metric), len(values)
-    total = _squares(places)
+    points, n = _points(values, metric), len(values)
+    total = _sum_of_squares(points)
     if total == 0.0:
         return None
     ends = np.cumsum([len(unit) for unit in pairable])
-    parts = np.split(places, ends[:-1])
-    within = sum(len(part) / (len(part) - 1) * _squares(part) for part in parts)
+    within = sum(len(part) / (len(part) - 1) * _sum_of_squares(part) for part in np.split(points, ends[:-1]))
     return 1.0 - (n - 1) / n * within / total
 
 
-def _places(values: Array, metric: Metric) -> Array:
-    """(n, d): points whose squared distances are the metric's, up to a common factor."""
+def _points(values: Array, metric: Metric) -> Array:
+    """(n, d): points whose squared distances are the squared differences of the metric, up to a common factor."""
     levels, index, counts = np.unique(values, return_inverse=True, return_counts=True)
     if metric == "nominal":
         return np.eye(len(levels))[index]
-    if metric == "ordinal":  # δ² = (Σ n_g from c to k, less half of n_c and n_k)², a difference of middle ranks
+    if metric == "ordinal":  # δ² = (Σ n_g from c to k - (n_c + n_k) / 2)², the squared difference of mid-ranks
         return (np.cumsum(counts) - counts / 2)[index][:, None]
     return values[:, None]
 
 
-def _squares(points: Array) -> float:
-    """Sum of squared distances to the mean; exactly 0 if all are alike."""
+def _sum_of_squares(points: Array) -> float:
+    """Sum of squared distances to the mean; exactly 0 if all points are equal."""
     if (points == points[0]).all():
         return 0.0
     return float(((points - points.mean(axis=0)) ** 2).sum())
 
 
-def weighted_kappa(first: Sequence[float], again: Sequence[float]) -> float | None:
-    """Agreement of two series of ordered classes beyond chance; disagreement weighs as the square of its size.
+def weighted_kappa(first: Sequence[float], second: Sequence[float]) -> float | None:
+    """Agreement of two series of ordered classes beyond chance, with quadratic weights.
 
-    With two classes it is Cohen's kappa without weights. None with fewer than two pairs or all values alike.
+    With two classes it equals Cohen's kappa without weights.
+
+    Returns:
+        None if undefined: fewer than two pairs, or all values equal.
 
     Source: J. Cohen, Psychol. Bull. 70 (1968) 213, with weights v = (i - j)².
     """
     if len(first) < 2:
         return None
-    a, b = np.asarray(first, dtype=float), np.asarray(again, dtype=float)
+    a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
     expected = float(((a[:, None] - b[None, :]) ** 2).mean())
     return None if expected == 0.0 else 1.0 - float(((a - b) ** 2).mean()) / expected
 
 
-def intraclass_correlation(scores: Any) -> float | None:
-    """ICC(2,1): how far single scores of the same unit agree in value, not in order only.
+def intraclass_correlation(scores: ArrayLike) -> float | None:
+    """ICC(2,1): absolute agreement of single scores of the same unit.
 
     Args:
-        scores: (n, k), n units, each scored k times.
+        scores: (n, k), n units with k scores each.
 
     Returns:
-        None with fewer than two units or all scores alike.
+        None if undefined: fewer than two units or scores, or all scores equal.
 
     Source: P. E. Shrout & J. L. Fleiss, Psychol. Bull. 86 (1979) 420, ICC(2,1); recommended for test and retest
     (absolute agreement) by T. K. Koo & M. Y. Li, J. Chiropr. Med. 15 (2016) 155.
@@ -193,42 +197,43 @@ def intraclass_correlation(scores: Any) -> float | None:
     if n < 2 or k < 2 or (x == x.flat[0]).all():
         return None
     rows, columns = x.mean(axis=1), x.mean(axis=0)
-    bms = k * float(((rows - x.mean()) ** 2).sum()) / (n - 1)
-    jms = n * float(((columns - x.mean()) ** 2).sum()) / (k - 1)
-    left = x - rows[:, None] - columns[None, :] + x.mean()
-    ems = float((left**2).sum()) / ((n - 1) * (k - 1))
+    bms = k * float(((rows - x.mean()) ** 2).sum()) / (n - 1)  # mean squares: between units
+    jms = n * float(((columns - x.mean()) ** 2).sum()) / (k - 1)  # between scores
+    residual = x - rows[:, None] - columns[None, :] + x.mean()
+    ems = float((residual**2).sum()) / ((n - 1) * (k - 1))  # of the error
     return float((bms - ems) / (bms + (k - 1) * ems + k * (jms - ems) / n))
 
 
-def _by_run(ratings: Iterable[Rating]) -> dict[str, dict[str, Rating]]:
-    """Ratings by run and rater; of several, the first one given."""
-    runs: dict[str, dict[str, Rating]] = {}
+def _first_ratings(ratings: Iterable[Rating]) -> dict[str, dict[str, Rating]]:
+    """The first rating of each rater, by run and rater."""
+    by_run: dict[str, dict[str, Rating]] = {}
     for rating in ratings:
-        runs.setdefault(rating.sha256, {}).setdefault(rating.rater, rating)
-    return runs
+        by_run.setdefault(rating.sha256, {}).setdefault(rating.rater, rating)
+    return by_run
 
 
-def _steadiness(rater: str, ratings: Iterable[Rating], spec: LabelSpec) -> Steadiness:
+def _consistency(rater: str, ratings: Iterable[Rating], spec: LabelSpec) -> RaterConsistency:
     own = [rating for rating in ratings if rating.rater == rater]
-    first, again = ({r.sha256: float(r.label) for r in own if r.showing == showing} for showing in (1, 2))
-    pairs = [(first[run], value) for run, value in again.items() if run in first]
-    measure = _STEADINESS[spec.kind]
+    first, second = ({r.sha256: float(r.label) for r in own if r.showing == showing} for showing in (1, 2))
+    pairs = [(first[run], value) for run, value in second.items() if run in first]
+    measure = _CONSISTENCY_MEASURE[spec.kind]
     if not pairs:
-        return Steadiness(rater, 0, None, None, measure, None)
+        return RaterConsistency(rater, 0, None, None, measure, None)
     same = sum(a == b for a, b in pairs) / len(pairs)
     difference = sum(abs(a - b) for a, b in pairs) / len(pairs)
     before, after = zip(*pairs, strict=True)
     value = intraclass_correlation(pairs) if spec.kind == "slider" else weighted_kappa(before, after)
-    return Steadiness(rater, len(pairs), same, difference, measure, value)
+    return RaterConsistency(rater, len(pairs), same, difference, measure, value)
 
 
-def _disputed(shared: dict[str, dict[str, Rating]], spec: LabelSpec) -> tuple[Disputed, ...]:
-    """By falling spread, then by name."""
-    found = []
-    for run, given in shared.items():
-        pairs = list(combinations([spec.place_of(rating.label) for rating in given.values()], 2))
+def _disputed_runs(shared: dict[str, dict[str, Rating]], spec: LabelSpec) -> tuple[DisputedRun, ...]:
+    """Shared runs with different labels, by decreasing spread, then by file name."""
+    disputed = []
+    for run, by_rater in shared.items():
+        pairs = list(combinations([spec.position_of(rating.label) for rating in by_rater.values()], 2))
         spread = sum(abs(a - b) for a, b in pairs) / len(pairs)
         if spread > 0.0:
-            file = min(rating.file for rating in given.values())
-            found.append(Disputed(file, run, {rater: given[rater].label for rater in sorted(given)}, spread))
-    return tuple(sorted(found, key=lambda run: (-run.spread, run.file)))
+            file = min(rating.file for rating in by_rater.values())
+            labels = {rater: by_rater[rater].label for rater in sorted(by_rater)}
+            disputed.append(DisputedRun(file, run, labels, spread))
+    return tuple(sorted(disputed, key=lambda run: (-run.spread, run.file)))

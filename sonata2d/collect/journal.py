@@ -1,7 +1,7 @@
-"""The journal of a run that a person drives: with the scene, enough to have every tick again after a crash.
+"""The journal of a run in progress: with the scene, enough to recover every tick after a crash.
 
-A line a tick goes to the disk's cache at once, so it outlives the program; it is forced to the disk when the run stands
-still.
+Each tick is one line, written to the disk cache at once, so that it survives the program. The file is forced to the
+disk whenever the run pauses.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import errno
 import logging
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -20,153 +20,145 @@ import orjson
 from ..core.devices import DeviceEvent
 from ..core.geometry import Twist
 from ..core.scene import Scene
-from ..core.snapshot import Author, Frame, Outcome, Snapshot
+from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
 from ..errors import RecordError
-from ..record.canonical import plain
-from ..record.layout import Tree
+from ..record.canonical import to_json_value
+from ..record.layout import JsonDict
+from ..sim.episode import TickInput
 
 logger = logging.getLogger(__name__)
 
-HEAD = {"settings", "seed", "episode", "physics", "controller", "contributor"}
-Tick = tuple[Twist, Any, tuple[DeviceEvent, ...]]  # command, label, events
+HEADER_KEYS = {"settings", "seed", "episode", "physics", "controller", "contributor"}
 
 
 @dataclass(frozen=True, slots=True)
 class OpenRun:
-    """A run that was never put away.
+    """A run that was neither kept nor discarded.
 
     Attributes:
-        head: what it takes to set it up again.
-        ticks: all that was driven.
-        last: what the person did at the look that ended it; None if it did not end.
-        named: the files that it was going to be written to.
+        header: settings, seed and controller, which reconstruct the episode.
+        ticks: all recorded ticks.
+        last_events: device events at the state that ended the run; None if it did not end.
+        file_names: names of the episode files that the run was about to be written to.
     """
 
-    head: Tree
-    ticks: list[Tick]
-    last: tuple[DeviceEvent, ...] | None
-    named: list[str]
+    header: JsonDict
+    ticks: list[TickInput]
+    last_events: tuple[DeviceEvent, ...] | None
+    file_names: list[str]
 
 
 class Journal:
-    """An observer that writes one run as it is driven. A disk that takes no more does not stop the run: see `failure`.
+    """Observer that writes the run in progress; a write error does not stop the run, see `failure`.
 
-    What the disk did not take is owed, and written as soon as it does, so that a journal never has a gap.
+    Lines that cannot be written are buffered and written with the next line, so that a journal has no gaps.
 
     Args:
-        path: of the file.
+        path: file of the journal.
 
     Attributes:
-        failure: why the journal cannot be written now; None while all is well.
+        failure: why the journal cannot be written at present; None if it can.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.failure: str | None = None
         self._file: BinaryIO | None = None
-        self._size, self._owed = 0, b""  # bytes that are whole on the disk, and those that are not
-        self._noted = 0  # ticks that the file holds
-        self._is_open = False  # a run is, whether or not the disk takes it
+        self._size, self._buffer = 0, b""  # bytes of complete lines in the file; lines that are not written yet
+        self._ticks_in_file = 0
+        self._is_open = False  # whether a run is in progress, written or not
 
-    def begin(self, head: Tree) -> None:
-        """A run begins; one that the file holds is forgotten."""
-        self.forget()
+    def begin(self, header: JsonDict) -> None:
+        """Begin a run; a run in the file is deleted."""
+        self.delete()
         self._is_open = True
-        self._write(plain(head, "journal", exact=True))
+        self._write(to_json_value(header, "journal", exact=True))
 
-    def go_on(self, ticks: int) -> None:
-        """The run that the file holds goes on after so many ticks."""
-        with self._noticing():
+    def resume(self, ticks: int) -> None:
+        """Continue the run in the file after `ticks` complete entries."""
+        with self._catch_write_errors():
             self._size = len(self.path.read_bytes().rpartition(b"\n")[0]) + 1
             self._file = self.path.open("r+b", buffering=0)
             self._file.truncate(self._size)
-        self._noted, self._is_open = ticks, True
+        self._ticks_in_file, self._is_open = ticks, True
 
-    def open(self, scene: Scene, author: Author) -> None:
-        """The head is noted by `begin`."""
+    def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
+        """Nothing to do: `begin` writes the header."""
 
     def note(self, frame: Frame) -> None:
-        """One tick; those that the file holds are passed over."""
-        if frame.snapshot.tick < self._noted:
+        """Write a tick, unless the file has it already."""
+        if frame.snapshot.tick < self._ticks_in_file:
             return
         command = frame.command
-        row: Tree = {"command": [command.vx, command.vy, command.omega], "events": _rows_of(frame.snapshot.events)}
-        self._write(row if frame.label is None else row | {"label": plain(frame.label, "label")})
+        row: JsonDict = {"command": [command.vx, command.vy, command.omega], "events": _rows(frame.snapshot.events)}
+        self._write(row if frame.label is None else row | {"label": to_json_value(frame.label, "label")})
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
-        """The run ended; it is not put away yet."""
-        self._write({"last": _rows_of(last.events)})
+        """Write the end of the run; the run stays in the journal until it is kept or discarded."""
+        self._write({"last": _rows(last.events)})
         self.sync()
 
     def announce(self, name: str) -> None:
-        """The run is about to be written to a file of this name: if that is there, the run is put away."""
+        """Write the name of the episode file that is about to be written; if that file exists, the run is complete."""
         self._write({"named": name})
         self.sync()
 
     def sync(self) -> None:
-        """Force what is noted to the disk."""
+        """Force the file to the disk."""
         if self._file is not None:
-            with self._noticing():
+            with self._catch_write_errors():
                 os.fsync(self._file.fileno())
 
     def shut(self) -> None:
-        """The program ends; the run stays open."""
+        """Close the file; the run can be recovered from it."""
         self.sync()
         file, self._file, self._is_open = self._file, None, False
         if file is not None:
-            with self._noticing():
+            with self._catch_write_errors():
                 file.close()
 
-    def forget(self) -> None:
-        """The run is put away: there is nothing left to recover."""
+    def delete(self) -> None:
+        """Delete the file, because its run was kept or discarded."""
         self.shut()
-        self.failure, self._noted, self._size, self._owed = None, 0, 0, b""
-        with suppress(FileNotFoundError), self._noticing():
+        self.failure, self._ticks_in_file, self._size, self._buffer = None, 0, 0, b""
+        with suppress(FileNotFoundError), self._catch_write_errors():
             self.path.unlink()
 
-    def _write(self, row: Tree) -> None:
-        """Write a line, and what is owed before it; the whole of it or nothing."""
+    def _write(self, row: JsonDict) -> None:
+        """Write the buffered lines and one more, completely or not at all."""
         if not self._is_open:
             return
-        self._owed += orjson.dumps(row, option=orjson.OPT_APPEND_NEWLINE)
-        with self._noticing():
+        self._buffer += orjson.dumps(row, option=orjson.OPT_APPEND_NEWLINE)
+        with self._catch_write_errors():
             if self._file is None:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 self._file = self.path.open("wb", buffering=0)
             self._file.seek(self._size)
-            if self._file.write(self._owed) < len(self._owed):
+            if self._file.write(self._buffer) < len(self._buffer):
                 self._file.truncate(self._size)
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            self._size, self._owed, self.failure = self._size + len(self._owed), b"", None
+            self._size, self._buffer, self.failure = self._size + len(self._buffer), b"", None
 
-    def _noticing(self) -> _Noticing:
-        return _Noticing(self)
-
-
-class _Noticing:
-    """Turns what goes wrong with the disk into the journal's `failure`."""
-
-    def __init__(self, journal: Journal) -> None:
-        self._journal = journal
-
-    def __enter__(self) -> None: ...
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> bool:
-        if not isinstance(error, OSError) or isinstance(error, FileNotFoundError):
-            return False
-        if self._journal.failure is None:
-            logger.warning("%s cannot be written: %s", self._journal.path, error.strerror or error)
-        self._journal.failure = f"the journal cannot be written: {error.strerror or error}"
-        return True
+    @contextmanager
+    def _catch_write_errors(self) -> Iterator[None]:
+        """Turn an OSError, except for a missing file, into `failure`."""
+        try:
+            yield
+        except FileNotFoundError:
+            raise
+        except OSError as error:
+            if self.failure is None:
+                logger.warning("%s cannot be written: %s", self.path, error.strerror or error)
+            self.failure = f"the journal cannot be written: {error.strerror or error}"
 
 
 def read_journal(path: Path) -> OpenRun | None:
-    """The run that a journal holds; None if there is none with a tick.
+    """The run in a journal; None if the file does not exist or has no tick.
 
-    A last line that was cut short, as by a crash, is left out.
+    An incomplete last line, as after a crash, is ignored.
 
     Raises:
-        RecordError: it cannot be read, or is no journal.
+        RecordError: the file cannot be read or is not a journal.
     """
     try:
         lines = path.read_bytes().split(b"\n")
@@ -175,22 +167,22 @@ def read_journal(path: Path) -> OpenRun | None:
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error.strerror or error}") from error
     try:
-        head, *rows = list(_rows(path, lines)) or [{}]
+        header, *rows = list(_parsed(path, lines)) or [{}]
         ticks = [
-            (Twist(*_three(row["command"])), row.get("label"), _events(row["events"]))
+            TickInput(_twist(row["command"]), row.get("label"), _events(row["events"]))
             for row in rows
             if "command" in row
         ]
-        last = [_events(row["last"]) for row in rows if "last" in row]
-        if ticks and not head.keys() >= HEAD:
+        last_events = [_events(row["last"]) for row in rows if "last" in row]
+        if ticks and not header.keys() >= HEADER_KEYS:
             raise KeyError("settings")
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise RecordError(f"{path} is no journal of a run ({error!r})") from error
-    named = [str(row["named"]) for row in rows if "named" in row]
-    return OpenRun(head, ticks, last[-1] if last else None, named) if ticks else None
+        raise RecordError(f"{path} is not the journal of a run ({error!r})") from error
+    file_names = [str(row["named"]) for row in rows if "named" in row]
+    return OpenRun(header, ticks, last_events[-1] if last_events else None, file_names) if ticks else None
 
 
-def _rows(path: Path, lines: list[bytes]) -> Iterator[Tree]:
+def _parsed(path: Path, lines: list[bytes]) -> Iterator[JsonDict]:
     for number, line in enumerate(lines, 1):
         try:
             if line:
@@ -201,7 +193,7 @@ def _rows(path: Path, lines: list[bytes]) -> Iterator[Tree]:
             raise RecordError(f"{path}, line {number} is damaged") from error
 
 
-def _rows_of(events: Iterable[DeviceEvent]) -> list[list[Any]]:
+def _rows(events: Iterable[DeviceEvent]) -> list[list[Any]]:
     return [[event.device, event.control, event.value] for event in events]
 
 
@@ -209,6 +201,6 @@ def _events(rows: list[list[Any]]) -> tuple[DeviceEvent, ...]:
     return tuple(DeviceEvent(device, control, value) for device, control, value in rows)
 
 
-def _three(values: list[float]) -> tuple[float, float, float]:
-    vx, vy, omega = values
-    return vx, vy, omega
+def _twist(row: list[float]) -> Twist:
+    vx, vy, omega = row
+    return Twist(vx, vy, omega)

@@ -1,4 +1,4 @@
-"""Rating of recorded runs: the order in which a rater sees them, and the file of ratings."""
+"""Rating of recorded runs: the file of ratings, and the order in which a rater sees the runs."""
 
 from __future__ import annotations
 
@@ -10,39 +10,42 @@ from dataclasses import asdict, dataclass, fields, replace
 from datetime import UTC, datetime
 from math import ceil
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import orjson
 
 from ..core.labels import LabelSpec
-from ..datasets.check import Listed
-from ..datasets.verification import files_of
+from ..datasets.manifest import files_of
 from ..errors import ConfigError, NewerFormatError, RecordError
-from ..record.files import LARGEST, read_bytes, safe_stem
+from ..record.files import MAX_BYTES, read_bytes, safe_stem
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 
 FOLDER, SUFFIX = "ratings", ".jsonl"
 RATING_VERSION = 1
+REPEAT_FRACTION = 0.1  # of the runs
+MINIMUM_SPACING = 5  # other runs between a run and its repeat
+BREAK_AFTER = 50  # ratings
+_MAXIMUM_ID_LENGTH = 64
 
-_log_path = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class Rating:
-    """What a person thinks of one run.
+    """The rating of one run by one person.
 
     Attributes:
-        rater: id of the person, as they gave it.
-        file: name of the episode's file.
+        rater: id of the rater.
+        file: name of the episode file.
         episode: id of the episode.
-        sha256: of the file as it was when rated; ratings of the same bytes belong together, whatever the file's name.
-        label: what the person answered, a value of `spec`.
-        showing: 1; 2 where the run was shown once more, unannounced, to see how steady the person's answers are.
-        time: when it was given, UTC, ISO 8601.
-        seconds: s, real time for which the run was playing before the answer.
+        sha256: hash of the rated file; ratings of the same bytes belong together, whatever the file name.
+        label: the answer, a value of `spec`.
+        showing: 1 for the first showing; 2 for an unannounced repeat, which measures the rater's consistency.
+        time: time of the answer, UTC, ISO 8601.
+        seconds: playing time before the answer, s of real time.
         whole: whether the run was watched to its end.
-        spec: what was asked.
+        spec: specification of the label.
     """
 
     rater: str
@@ -57,14 +60,14 @@ class Rating:
     spec: LabelSpec
 
 
-_KINDS: dict[str, type | tuple[type, ...]] = {
+_TYPES: dict[str, type | tuple[type, ...]] = {
     "rater": str, "file": str, "episode": str, "sha256": str, "showing": int, "time": str,
     "seconds": (int, float), "whole": bool, "spec": dict,
 }  # fmt: skip
 
 
 def path_for(folder: Path, rater: str) -> Path:
-    """Where a person's ratings of the episodes of a folder stand; the id itself stands in every line.
+    """The file with a rater's ratings of the episodes in a folder; each line holds the id itself.
 
     >>> path_for(Path("runs"), "Zoë / lab").name
     'Zoë_lab-ce958c.jsonl'
@@ -73,10 +76,10 @@ def path_for(folder: Path, rater: str) -> Path:
 
 
 def sha256_of(path: Path) -> str:
-    """Of the file's bytes as they lie on the disk.
+    """SHA-256 of the stored bytes of a file.
 
     Raises:
-        RecordError: it cannot be read.
+        RecordError: the file cannot be read.
     """
     try:
         with path.open("rb") as file:
@@ -86,16 +89,16 @@ def sha256_of(path: Path) -> str:
 
 
 def append_rating(path: Path, rating: Rating) -> None:
-    """Add a line, and return once it is on the disk: what was rated is not lost to a crash.
+    """Append a rating to a file; on return it is on the disk and survives a crash.
 
     Raises:
-        RecordError: it cannot be written.
+        RecordError: the file cannot be written.
     """
     line = orjson.dumps({"version": RATING_VERSION, **asdict(rating)}, option=orjson.OPT_APPEND_NEWLINE)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("ab+") as file:
-            _end_last_line(path, file)
+            _repair_last_line(path, file)
             file.write(line)
             file.flush()
             os.fsync(file.fileno())
@@ -104,25 +107,25 @@ def append_rating(path: Path, rating: Rating) -> None:
 
 
 def read_ratings(path: Path) -> list[Rating]:
-    """The ratings of a file, in the order in which they were given.
+    """The ratings in a file, in the order in which they were given.
 
-    What a power cut left of the last line is dropped, with a warning in the log.
+    An incomplete last line, as after a power cut, is ignored with a warning in the log.
 
     Raises:
-        RecordError: the file cannot be read, or a line is no rating; names the line.
+        RecordError: the file cannot be read, or a line is not a rating; the message names the line.
         NewerFormatError: a line was written by a newer version.
     """
-    lines = read_bytes(path, largest=LARGEST).split(b"\n")
-    torn = lines.pop()
-    if _is_torn(torn):
-        _log_path.warning("%s: line %d was cut short and is left out: %r", path, len(lines) + 1, torn[:60])
-    elif torn:
-        lines.append(torn)
-    return [_rating(line, path, number) for number, line in enumerate(lines, 1)]
+    lines = read_bytes(path, max_bytes=MAX_BYTES).split(b"\n")
+    tail = lines.pop()
+    if _is_incomplete(tail):
+        logger.warning("%s: line %d is incomplete and is ignored: %r", path, len(lines) + 1, tail[:60])
+    elif tail:
+        lines.append(tail)
+    return [_parse_line(line, f"{path}, line {number}") for number, line in enumerate(lines, 1)]
 
 
 def ratings_of(folder: Path) -> list[Rating]:
-    """All ratings beside the episodes of a folder, by file name; none where nobody has rated.
+    """All ratings of the episodes in a folder, in the order of the file names; empty without ratings.
 
     Raises:
         RecordError: a file of ratings is damaged.
@@ -131,24 +134,24 @@ def ratings_of(folder: Path) -> list[Rating]:
 
 
 def questions(ratings: Iterable[Rating]) -> list[LabelSpec]:
-    """What was asked, each question once, in the order of its first rating."""
+    """The distinct label specifications of ratings, in the order of their first rating."""
     return list(dict.fromkeys(rating.spec for rating in ratings))
 
 
-def _end_last_line(path: Path, file: Any) -> None:
-    """Cut off what is left of a line that was never whole, so that the next one begins a line of its own."""
+def _repair_last_line(path: Path, file: BinaryIO) -> None:
+    """Remove an incomplete last line, or add a missing line end, so that the next rating begins a new line."""
     file.seek(0)
     data = file.read()
     tail = data[data.rfind(b"\n") + 1 :]
-    if _is_torn(tail):
-        _log_path.warning("%s: its last line was cut short and is taken out: %r", path, tail[:60])
+    if _is_incomplete(tail):
+        logger.warning("%s: the last line is incomplete and is removed: %r", path, tail[:60])
         file.truncate(len(data) - len(tail))
     elif tail:
         file.write(b"\n")
 
 
-def _is_torn(tail: bytes) -> bool:
-    """Whether this is the beginning of a line only: a JSON object is no object before its last brace."""
+def _is_incomplete(tail: bytes) -> bool:
+    """Whether a line was cut short: a JSON object is invalid without its closing brace."""
     try:
         orjson.loads(tail or b"{}")
     except orjson.JSONDecodeError:
@@ -156,81 +159,70 @@ def _is_torn(tail: bytes) -> bool:
     return False
 
 
-def _rating(line: bytes, path: Path, number: int) -> Rating:
-    """One line.
+def _parse_line(line: bytes, place: str) -> Rating:
+    """A rating from its line.
 
     Raises:
-        RecordError: it is no rating.
+        RecordError: the line is not a rating.
+        NewerFormatError: the line was written by a newer version.
     """
-    place = f"{path}, line {number}"
     try:
-        told = orjson.loads(line)
-        if not isinstance(told, dict):
-            raise TypeError(f"it is a JSON {type(told).__name__}")
-        _refuse_newer(told, place)
-        return _restored(told)
+        row = orjson.loads(line)
+        if not isinstance(row, dict):
+            raise TypeError(f"it is a JSON {type(row).__name__}")
+        version = row["version"]
+        if not isinstance(version, int) or version < 1:
+            raise ValueError(f"version is {version!r}")
+        if version > RATING_VERSION:
+            raise NewerFormatError(
+                f"{place} was written by version {version}, this sonata2d reads up to {RATING_VERSION}; upgrade"
+                " sonata2d"
+            )
+        return _rating_of(row)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else error
-        raise RecordError(f"{place} is no rating: {reason}; mend or remove that line") from error
+        raise RecordError(f"{place} is not a rating: {reason}; correct or remove that line") from error
 
 
-def _refuse_newer(told: Mapping[str, Any], place: str) -> None:
-    version = told["version"]
-    if not isinstance(version, int) or version < 1:
-        raise ValueError(f"version is {version!r}")
-    if version > RATING_VERSION:
-        raise NewerFormatError(
-            f"{place} was written by version {version}, this sonata2d reads up to {RATING_VERSION}; upgrade sonata2d"
-        )
-
-
-def _restored(told: Mapping[str, Any]) -> Rating:
-    """Keys that this version does not know are passed over."""
-    for key, kind in _KINDS.items():
-        if not isinstance(told[key], kind):
-            raise TypeError(f"{key} is {told[key]!r}")
-    spec = LabelSpec.restored(told["spec"])
-    rest = {field.name: told[field.name] for field in fields(Rating)}
-    return Rating(**{**rest, "label": spec.checked(told["label"]), "spec": spec})
-
-
-REPEATS = 0.1  # share of the runs that are shown again
-APART = 5  # at least so many other runs lie between a run and its repeat
-BREAK = 50  # ratings after which a rest is due
-_LONGEST_ID = 64
-
-_log = logging.getLogger(__name__)
+def _rating_of(row: Mapping[str, Any]) -> Rating:
+    """A rating from its JSON object; unknown keys are ignored."""
+    for key, kind in _TYPES.items():
+        if not isinstance(row[key], kind):
+            raise TypeError(f"{key} is {row[key]!r}")
+    spec = LabelSpec.from_settings(row["spec"])
+    values = {field.name: row[field.name] for field in fields(Rating)}
+    return Rating(**{**values, "label": spec.validate(row["label"]), "spec": spec})
 
 
 @dataclass(frozen=True, slots=True)
 class Showing:
-    """A run to be shown: which file, and for the how-manieth time (1 or 2)."""
+    """A run to be shown: its file, and whether it is the first showing (1) or the repeat (2)."""
 
     path: Path
     number: int = 1
 
 
 class RatingSession:
-    """What one person has to rate in a folder, and has rated.
+    """The runs in a folder that one person has to rate and has rated.
 
-    The order follows from seed, rater and the files' names: the same person finds the same order again, goes on where
-    they stopped, and keeps it when files are added. Another person sees another order. Every answer is on the disk,
-    in `ratings/` within the folder, before `rate` returns.
+    The order depends on seed, rater and file names only: a rater finds the same order again after an interruption, and
+    added files do not change the order of the others. Different raters see different orders. Every rating is on the
+    disk, in the subfolder `ratings`, before `rate` returns.
 
     Args:
-        folder: of episodes, or one episode file.
-        rater: id of the person; a pseudonym is best.
-        spec: what is asked.
-        seed: of the order.
-        repeats: share of the runs that are shown a second time, unannounced, towards the end; 0 to 1.
-        break_after: so many ratings in one go.
+        folder: folder of episodes, or one episode file.
+        rater: id of the rater, preferably a pseudonym.
+        spec: specification of the label.
+        seed: seed of the order.
+        repeats: fraction of the runs that are shown again, unannounced, towards the end; 0 to 1.
+        break_after: number of ratings after which a break is due.
 
     Attributes:
-        path: the file of this person's ratings.
+        path: file with the ratings of this rater.
 
     Raises:
-        ConfigError: the id or the share is no good, or the spec asks nothing.
-        RecordError: there is no episode, or the ratings already there are damaged.
+        ConfigError: the id, `repeats` or `spec` is not usable.
+        RecordError: there is no episode, or the file of ratings is damaged.
     """
 
     def __init__(
@@ -240,84 +232,87 @@ class RatingSession:
         spec: LabelSpec,
         *,
         seed: int = 0,
-        repeats: float = REPEATS,
-        break_after: int = BREAK,
+        repeats: float = REPEAT_FRACTION,
+        break_after: int = BREAK_AFTER,
     ) -> None:
         if not 0.0 <= repeats <= 1.0:
-            raise ConfigError(f"repeats is {repeats}; it is a share of the runs, 0 to 1")
+            raise ConfigError(f"repeats is {repeats}; give a fraction of the runs, 0 to 1")
         self.rater = checked_rater(rater)
         self.spec = _checked_spec(spec)
         self.seed, self.break_after = seed, break_after
-        paths = [file.path if isinstance(file, Listed) else file for file in files_of(Path(folder))]
+        paths = files_of(Path(folder))
         self.folder = paths[0].parent if Path(folder).is_file() else Path(folder)
         self.path = path_for(self.folder, self.rater)
-        self._plan = planned(_shuffled(paths, f"{seed}/{self.rater}"), repeats)
-        self._bytes: dict[Path, str] = {}
-        self._given = self._read()
+        self._plan = plan_showings(_shuffled(paths, f"{seed}/{self.rater}"), repeats)
+        self._hashes: dict[Path, str] = {}
+        self._rated = self._read()
         self._skipped: set[Path] = set()
-        self._since_break = 0
+        self._ratings_since_break = 0
 
     @property
     def total(self) -> int:
-        """How many runs there are to rate, repeats included."""
+        """Number of showings, repeats included, without unreadable files."""
         return sum(showing.path not in self._skipped for showing in self._plan)
 
     @property
     def done(self) -> int:
-        """How many of these are rated."""
+        """Number of rated showings."""
         return self.total - len(self._open())
 
     @property
     def break_due(self) -> bool:
-        """Whether so much was rated in one go that a rest does good; not when all is done."""
-        return self._since_break >= self.break_after and self.upcoming is not None
+        """Whether the rater should take a break; False once all runs are rated."""
+        return self._ratings_since_break >= self.break_after and self.upcoming is not None
 
-    def rested(self) -> None:
-        """The rest was taken."""
-        self._since_break = 0
+    def take_break(self) -> None:
+        """Restart the count of ratings until the next break."""
+        self._ratings_since_break = 0
 
     @property
     def upcoming(self) -> Showing | None:
-        """The run to show now; None when all is done."""
-        return next((showing for showing in self._open() if self._is_apart(showing)), None)
+        """The showing to rate now; None if all are rated or the remaining repeats come too early."""
+        return next((showing for showing in self._open() if self._has_spacing(showing)), None)
 
     def load(self) -> EpisodeRecord | None:
-        """The run to show now; files that cannot be read are left out, with a warning in the log."""
+        """The run to rate now, or None; unreadable files are skipped with a warning in the log."""
         while (showing := self.upcoming) is not None:
             try:
                 return read_episode(showing.path)
             except RecordError as error:
-                _log.warning("left out: %s", error)
+                logger.warning("skipped: %s", error)
                 self._skipped.add(showing.path)
         return None
 
     @property
     def skipped(self) -> tuple[str, ...]:
-        """Names of the files that could not be read."""
+        """Names of the unreadable files."""
         return tuple(sorted(path.name for path in self._skipped))
 
     def rate(self, record: EpisodeRecord, label: Any, *, seconds: float, whole: bool) -> Rating:
-        """Write down what the person thinks of the run that is shown now, and go on to the next one.
+        """Store the rating of the run shown now and continue with the next one.
 
         Args:
-            record: of `load`.
-            label: a value of the spec.
-            seconds: s, real time for which it was playing.
-            whole: whether it was watched to its end.
+            record: the run that `load` returned.
+            label: a value of the specification.
+            seconds: playing time, s of real time.
+            whole: whether the run was watched to its end.
 
         Raises:
-            ValueError: the label is none of the spec, or the record is not the one to be rated.
-            RecordError: the rating cannot be written; the run is still to be rated.
+            ValueError: the label does not fit the specification, or the record is not the run to rate now.
+            RecordError: the rating cannot be written; the run remains to be rated.
         """
         showing = self.upcoming
         if showing is None or showing.path != record.path:
-            raise ValueError(f"{record.path.name} is not the run to be rated now")
+            raise ValueError(f"{record.path.name} is not the run to rate now")
+        sha256 = self._sha256(record.path)
+        if not sha256:
+            raise RecordError(f"{record.path} can no longer be read; restore it, or close the window")
         rating = Rating(
             rater=self.rater,
             file=record.path.name,
             episode=record.id,
-            sha256=self._sha256(record.path) or _refuse(record.path),
-            label=self.spec.checked(label),
+            sha256=sha256,
+            label=self.spec.validate(label),
             showing=showing.number,
             time=datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),
             seconds=round(seconds, 2),
@@ -325,87 +320,87 @@ class RatingSession:
             spec=self.spec,
         )
         append_rating(self.path, rating)
-        self._given.append((rating.sha256, rating.showing))
-        self._since_break += 1
+        self._rated.append((rating.sha256, rating.showing))
+        self._ratings_since_break += 1
         return rating
 
     def _read(self) -> list[tuple[str, int]]:
-        """What this person has answered to this question so far: which bytes, which showing."""
+        """Hash and showing of this rater's earlier ratings with the same specification."""
         ratings = read_ratings(self.path) if self.path.exists() else []
         return [(r.sha256, r.showing) for r in ratings if r.rater == self.rater and r.spec == self.spec]
 
     def _open(self) -> list[Showing]:
-        """What is not rated yet; a file that changed since is another run."""
-        given = set(self._given)
-        if not given:
-            return [showing for showing in self._plan if showing.path not in self._skipped]
-        return [
-            showing
-            for showing in self._plan
-            if showing.path not in self._skipped and (self._sha256(showing.path), showing.number) not in given
-        ]
+        """Showings that are not rated yet; a file that was changed since its rating counts as another run."""
+        readable = [showing for showing in self._plan if showing.path not in self._skipped]
+        rated = set(self._rated)
+        if not rated:
+            return readable  # no file needs to be hashed
+        return [showing for showing in readable if (self._sha256(showing.path), showing.number) not in rated]
 
-    def _is_apart(self, showing: Showing) -> bool:
-        """Whether enough was rated since the same run was; of a plan that changed, a repeat may have to wait."""
+    def _has_spacing(self, showing: Showing) -> bool:
+        """Whether a repeat is far enough from its first showing; files added later may have changed the plan."""
         if showing.number == 1:
             return True
-        lately = [sha256 for sha256, _ in self._given[-APART:]]
-        return self._sha256(showing.path) not in lately and (self._sha256(showing.path), 1) in self._given
+        sha256 = self._sha256(showing.path)
+        recent = [rated for rated, _ in self._rated[-MINIMUM_SPACING:]]
+        return sha256 not in recent and (sha256, 1) in self._rated
 
     def _sha256(self, path: Path) -> str:
-        """Of a file's bytes, read once a sitting; of a file that cannot be read, nothing that was ever rated."""
-        if path not in self._bytes:
+        """Hash of a file, computed once per session; empty for an unreadable file, which equals no rated one."""
+        if path not in self._hashes:
             try:
-                self._bytes[path] = sha256_of(path)
+                self._hashes[path] = sha256_of(path)
             except RecordError:
-                self._bytes[path] = ""
-        return self._bytes[path]
+                self._hashes[path] = ""
+        return self._hashes[path]
 
 
 def checked_rater(rater: str) -> str:
-    """The id of a person, without blanks around it.
+    """The id of a rater without surrounding spaces.
 
     Raises:
-        ConfigError: it is empty or too long, or holds no letter or digit, or line breaks and the like.
+        ConfigError: the id is too long, has no letter or digit, or has unprintable characters.
     """
-    clean = rater.strip()
-    if not any(sign.isalnum() for sign in clean) or not clean.isprintable() or len(clean) > _LONGEST_ID:
+    id = rater.strip()
+    if not any(character.isalnum() for character in id) or not id.isprintable() or len(id) > _MAXIMUM_ID_LENGTH:
         raise ConfigError(
-            f"{rater!r} is no rater id; give up to {_LONGEST_ID} signs with a letter or a digit, such as r07"
+            f"{rater!r} is not a rater id; give up to {_MAXIMUM_ID_LENGTH} characters with a letter or a digit, such as"
+            " r07"
         )
-    return clean
+    return id
 
 
-def planned(paths: Sequence[Path], repeats: float) -> list[Showing]:
-    """The runs in their order, some of the first two thirds shown again in the last third, `APART` others between."""
+def plan_showings(paths: Sequence[Path], repeats: float) -> list[Showing]:
+    """Showings of all runs in order; repeats of runs from the first two thirds are spread over the last third.
+
+    Args:
+        paths: episode files in the order of their first showings.
+        repeats: fraction of the runs to repeat, 0 to 1; at least `MINIMUM_SPACING` other runs precede each repeat.
+    """
     n = len(paths)
     last_third = ceil(2 * n / 3)
-    eligible = paths[: max(min(n - APART, last_third), 0)]
+    eligible = paths[: max(min(n - MINIMUM_SPACING, last_third), 0)]
     count = min(int(n * repeats + 0.5), len(eligible))
-    again: dict[int, list[Showing]] = {}  # index of a run: what is shown again after it
+    repeats_after: dict[int, list[Showing]] = {}  # by index of the run that precedes them
     for k in range(count):
-        after = last_third + (k + 1) * (n - last_third) // count - 1  # evenly; never nearer than APART
-        again.setdefault(after, []).append(Showing(eligible[k * len(eligible) // count], 2))
-    return [showing for k, path in enumerate(paths) for showing in (Showing(path), *again.get(k, ()))]
+        after = last_third + (k + 1) * (n - last_third) // count - 1  # evenly; keeps the minimum spacing
+        repeats_after.setdefault(after, []).append(Showing(eligible[k * len(eligible) // count], 2))
+    return [showing for k, path in enumerate(paths) for showing in (Showing(path), *repeats_after.get(k, ()))]
 
 
 def _shuffled(paths: Sequence[Path], salt: str) -> list[Path]:
-    """In the order of the SHA-256 of salt and name: as good as chance, and steady when files are added."""
+    """Paths in the order of a hash of salt and file name: pseudo-random, and stable when files are added."""
     return sorted(paths, key=lambda path: hashlib.sha256(f"{salt}/{path.name}".encode()).digest())
 
 
 def _checked_spec(spec: LabelSpec) -> LabelSpec:
-    """The spec, asked once for the whole run.
+    """The specification, with one label for the whole run.
 
     Raises:
-        ConfigError: it asks nothing, or its classes are no choice.
+        ConfigError: its kind asks no question, or it has fewer than two classes.
     """
     if spec.kind == "command":
         raise ConfigError("the label kind is 'command', which asks nothing; rate with yes_no, classes, slider or text")
     if spec.kind == "classes" and len(spec.classes) < 2:
-        raise ConfigError(f"{len(spec.classes)} classes are no choice; name two or more, the lowest first")
+        raise ConfigError(f"a choice needs two or more classes, got {len(spec.classes)}; name the lowest class first")
     return replace(spec, when="run")
-
-
-def _refuse(path: Path) -> str:
-    raise RecordError(f"{path} cannot be read any more; put it back, or close the window")

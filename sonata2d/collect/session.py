@@ -1,57 +1,80 @@
-"""A sitting of one person at the controls: run after run, kept or discarded, and nothing lost. It knows no window."""
+"""A data-collection session of one driver: run after run, kept or discarded, with crash recovery; without a window."""
 
 from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from ..agents.controllers.teleoperation import HANDS, Hand, Teleoperation
+from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, STOP, DeviceMapping, Teleoperation
+from ..core.devices import DeviceEvent
+from ..core.geometry import Twist
+from ..core.labels import LABEL_DEVICE, LabelSpec
 from ..core.scene import Scene
+from ..core.snapshot import Outcome, Snapshot
 from ..errors import RecordError, SceneError, Sonata2dError
 from ..record.reader import read_episode
+from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
+from ..sim.episode import Episode, TickInput, controller_info_of, outcome_at
 from ..version import PHYSICS_VERSION
 from .collection import Collection
 from .journal import Journal, OpenRun, read_journal
-from .run import CollectionRun
 
 logger = logging.getLogger(__name__)
 
-TRIES = 20  # scenes in a row that find no place for all, before it is an error
+State = Literal["waiting", "driving", "paused", "ended"]
+MAXIMUM_SCENE_ATTEMPTS = 20  # consecutive scenes that cannot be generated before it is an error
 
 
-class Session(CollectionRun):
-    """Run after run of one contributor in one folder.
+class Session:
+    """Collects runs of one contributor in one folder.
 
-    The world waits for the first tick (`waiting`), each `tick` drives it on (`driving`) until it ends (`ended`), and
-    `keep` or `discard` put it away. Everybody gets the same scenes in the same order, and goes on after the last one
-    that they kept or discarded.
+    A run waits for the first tick (`waiting`); each `tick` advances it (`driving`) until it ends (`ended`). `keep`
+    stores the run, `redo` and `next` discard it; all three begin another one. Every contributor gets the same scenes in
+    the same order and continues after the last one kept or discarded.
 
     Args:
         out: folder of the runs.
-        contributor: who drives.
-        config: what scenes may look like, and what is asked of the contributor.
-        seed: of the scenes.
-        hands: how devices are read.
+        contributor: name of the driver.
+        config: settings of the scenes and of the label.
+        seed: seed of the scenes.
+        mappings: device mappings by kind of device.
         suffix: `.json`, `.json.gz` or `.json.zst`.
-        now: the time of day, for the names of files.
+        now: clock for file names and the log.
 
     Attributes:
-        recovered: seconds of a run that was left open and goes on now; None if there was none.
-        answered: the label that a run had that was taken back.
-        notice: what the person should know of an open run that cannot go on; empty if there is none.
+        state: `waiting` for the first tick, `driving`, `paused` during the run, or `ended`.
+        scene: scene of the present run.
+        before, after: the last two snapshots, for interpolation; identical while the world stands still.
+        outcome: outcome of the present run; None until it ends.
+        dropped_ticks: ticks of real time that the client was too slow for, in the present run.
+        recovered: duration in s of an open run that was recovered; None if there was none.
+        undone_label: label of the run that was taken back last.
+        notice: message for the driver about an open run or a scene that failed; empty if there is none.
 
     Raises:
-        ConfigError: the contributor's name cannot be used.
-        RecordError: the folder cannot be used, or another window of this contributor is open on it.
-        SceneError: a scene cannot be laid out.
+        ConfigError: the contributor's name is not usable.
+        RecordError: the folder cannot be used, or another window of this contributor uses it.
+        SceneError: no scene can be generated.
     """
+
+    state: State
+    scene: Scene
+    before: Snapshot
+    after: Snapshot
+    outcome: Outcome | None
+    dropped_ticks: int
+    _run_config: ScenarioConfig
+    _controller: Teleoperation
+    _episode: Episode
+    _recorder: EpisodeRecorder
+    _first_events: tuple[DeviceEvent, ...]  # precede the device events of the next tick
 
     def __init__(
         self,
@@ -60,184 +83,303 @@ class Session(CollectionRun):
         config: ScenarioConfig,
         *,
         seed: int = 0,
-        hands: Mapping[str, Hand] = HANDS,
+        mappings: Mapping[str, DeviceMapping] = DEFAULT_MAPPINGS,
         suffix: str = ".json",
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
-        self.config, self.seed, self._hands, self._now = config, seed, dict(hands), now
-        self._folder = Collection(Path(out), contributor, config.settings(), suffix)
-        super().__init__(self._folder.contributor, Journal(self._folder.journal))
+        self.config, self.seed, self._mappings, self._now = config, seed, dict(mappings), now
+        self._collection = Collection(Path(out), contributor, config.settings(), suffix)
+        self._journal = Journal(self._collection.journal)
         self.recovered: float | None = None
         self.notice = ""
-        self.answered: Any = None
+        self.undone_label: Any = None
         try:
-            if not self._go_on():
-                self._begin(*self._scene_from(self._folder.next_number(seed), config))
+            if not self._recover():
+                self._begin(*self._next_scene(self._collection.next_number(seed), config))
         except BaseException:
-            self._folder.close()  # so that it can be tried again
+            self._collection.close()  # so that the caller can try again
             raise
-        self._folder.log(event="begun", at=self._time(), scenario=config.name, seed=seed, recovered=self.recovered)
+        self._collection.log(event="begun", at=self._time(), scenario=config.name, seed=seed, recovered=self.recovered)
 
     @property
     def out(self) -> Path:
-        return self._folder.folder
+        """Folder of the runs."""
+        return self._collection.folder
 
     @property
     def contributor(self) -> str:
-        return self._folder.contributor
+        """Name of the driver."""
+        return self._collection.contributor
 
     @property
     def kept(self) -> int:
-        """How many of this contributor's runs the folder holds."""
-        return self._folder.kept
+        """Number of this contributor's runs in the folder."""
+        return self._collection.kept
 
-    def read_by(self, hands: Mapping[str, Hand]) -> None:
-        """Read devices otherwise: in this run if it has not begun, else from the next on."""
-        if hands == self._hands:
-            return
-        self._hands = dict(hands)
-        if self.state == "waiting":
-            self._begin(self.scene, self._config)
+    @property
+    def mappings(self) -> Mapping[str, DeviceMapping]:
+        """Device mappings of the present run."""
+        return self._controller.mappings
 
-    def keep(self, label: Any = None) -> Path:
-        """Write the run that ended, and open the next scene.
+    @property
+    def label_spec(self) -> LabelSpec:
+        """Label that the present run asks for."""
+        return self._run_config.label.spec()
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks of the present run."""
+        return len(self._episode.past)
+
+    @property
+    def label(self) -> Any:
+        """Label of the next frame, if every frame has one; None before the first answer."""
+        spec = self.label_spec
+        if not spec.per_frame:
+            return None
+        # After a recovery the last label is still waiting to be applied.
+        waiting = [event.value for event in self._first_events if event.device == LABEL_DEVICE]
+        return spec.label_at(waiting[-1]) if waiting else self._controller.label(self.after, Twist())[spec.name]
+
+    @property
+    def journal_error(self) -> str | None:
+        """Why the journal cannot be written at present; None if it can."""
+        return self._journal.failure
+
+    def tick(self, events: Sequence[DeviceEvent] = ()) -> None:
+        """Advance the run by one control tick; the first tick begins it.
 
         Args:
-            label: of the run, where the scenario asks for one.
+            events: device events since the last tick.
+        """
+        if self.state == "ended":
+            return
+        first_events, self._first_events = self._first_events, ()
+        frame = self._episode.step((*first_events, *events))
+        if frame is None:
+            self._stand_still("ended")
+        else:
+            self.state, self.before, self.after = "driving", frame.snapshot, self._episode.snapshot()
+
+    def pause(self) -> None:
+        """Stand still until the next tick."""
+        if self.state == "driving":
+            self._stand_still("paused")
+
+    def stop(self) -> None:
+        """End a run that has begun, on request of the driver."""
+        if self.ticks:
+            self.tick((STOP,))
+
+    def set_mappings(self, mappings: Mapping[str, DeviceMapping]) -> None:
+        """Change the device mappings: for this run if it has not begun, otherwise from the next run on."""
+        if mappings == self._mappings:
+            return
+        self._mappings = dict(mappings)
+        if self.state == "waiting":
+            self._begin(self.scene, self._run_config)
+
+    def keep(self, label: Any = None) -> Path:
+        """Write the run that ended, and begin one in the next scene.
+
+        Args:
+            label: label of the run, if the scenario asks for one.
 
         Returns:
-            The file.
+            The path of the file.
 
         Raises:
-            RecordError: it cannot be written; nothing is lost, and it can be tried again.
-            ValueError: the run has not ended, or the label is not what is asked for.
+            RecordError: the file cannot be written; nothing is lost, and the call can be repeated.
+            ValueError: the run has not ended, or the label does not fit the scenario.
         """
         if self.state != "ended":
-            raise ValueError("the run has not ended; stop it before it is kept")
-        self._recorder.label = self.label_spec.checked(label) if self.label_spec.per_run else None
-        path = self._folder.keep(self._recorder, self._now(), self._journal.announce)
+            raise ValueError("the run has not ended; stop it before keeping it")
+        self._recorder.label = self.label_spec.validate(label) if self.label_spec.per_run else None
+        path = self._collection.keep(self._recorder, self._now(), self._journal.announce)
         self._put_away("kept", path)
         try:
-            self._begin(*self._scene_from(self.scene.episode + 1, self.config))
+            self._begin(*self._next_scene(self.scene.episode + 1, self.config))
         except SceneError as error:
-            self._begin(self.scene, self._config)
+            self._begin(self.scene, self._run_config)
             self.notice = f"The same scene again: {error}"
         return path
 
     def redo(self, reason: str = "driven again") -> Path | None:
-        """The same scene from its start; what was driven goes to the bin.
+        """Begin the same scene again; a run that has begun is discarded.
+
+        Args:
+            reason: written to the log.
 
         Returns:
-            Where it lies; None if nothing was driven.
+            The path of the discarded run; None if the run had not begun.
 
         Raises:
-            RecordError: it cannot be written; the run stays, ended.
+            RecordError: the file cannot be written; the run stays, ended.
         """
         path = self._discard(reason)
-        self._begin(self.scene, self._config)
+        self._begin(self.scene, self._run_config)
         return path
 
     def next(self, config: ScenarioConfig | None = None, reason: str = "another scene") -> Path | None:
-        """Another scene; what was driven goes to the bin.
+        """Begin the next scene; a run that has begun is discarded.
 
         Args:
-            config: other settings, from this scene on.
-            reason: noted in the log.
+            config: new settings, from this scene on.
+            reason: written to the log.
+
+        Returns:
+            The path of the discarded run; None if the run had not begun.
 
         Raises:
             RecordError: as `redo`.
-            SceneError: the settings give no scene; the run stays as it is.
+            SceneError: the settings give no scene; the run stays unchanged.
         """
-        tries = TRIES if config is None else 1  # a person waits, and can ask for something else
-        scene, config = self._scene_from(self.scene.episode + 1, config or self.config, tries)
+        # With new settings the driver waits for the result and can change them again, so one attempt is enough.
+        attempts = MAXIMUM_SCENE_ATTEMPTS if config is None else 1
+        scene, config = self._next_scene(self.scene.episode + 1, config or self.config, attempts)
         path = self._discard(reason)
         self._begin(scene, config)
         self.config = config
         return path
 
     def undo(self) -> Path:
-        """Take the last keep of this sitting back: the run is open again, ended; its file goes to the bin.
+        """Take back the last `keep` of this session: its run is present again, ended, and its file discarded.
 
         Returns:
-            Where the file lies.
+            The new path of the file.
 
         Raises:
-            ValueError: nothing was kept in this sitting, or another run is under way.
+            ValueError: nothing was kept in this session, or another run has begun.
             RecordError: the file cannot be moved.
         """
         if self.ticks:
-            raise ValueError("another run is under way; end it first, then take the last keep back")
-        place = self._folder.undo()
-        self._folder.log(event="undone", at=self._time(), file=place.name)
-        record = read_episode(place)
-        ticks = [(frame.command, frame.label, frame.snapshot.events) for frame in record.frames()]
-        head = self._head(record.scene(), record.scene().settings or {}, record.author.settings or {})
-        self._journal.begin(head)
-        self._resume(OpenRun(head, ticks, record.snapshot(-1).events, []))
-        self.answered = record.label
-        return place
+            raise ValueError("another run has begun; end it before taking back the last one")
+        path = self._collection.undo()
+        self._collection.log(event="undone", at=self._time(), file=path.name)
+        record = read_episode(path)
+        ticks = [TickInput(frame.command, frame.label, frame.snapshot.events) for frame in record.frames()]
+        header = self._header(record.scene(), record.scene().settings or {}, record.controller_info.settings or {})
+        self._journal.begin(header)
+        self._restore(OpenRun(header, ticks, record.snapshot(-1).events, []))
+        self.undone_label = record.label
+        return path
 
     def close(self) -> None:
-        """The sitting is over. An open run stays in the journal, and the next session goes on with it."""
+        """End the session; a run that has begun stays in the journal, and the next session continues it."""
         self._journal.shut()
         if not self.ticks:
-            self._journal.forget()
-        self._folder.log(event="closed", at=self._time(), open_ticks=self.ticks, dropped_ticks=self.dropped)
-        self._folder.close()
+            self._journal.delete()
+        self._collection.log(event="closed", at=self._time(), open_ticks=self.ticks, dropped_ticks=self.dropped_ticks)
+        self._collection.close()
 
-    def _scene_from(self, number: int, config: ScenarioConfig, tries: int = TRIES) -> tuple[Scene, ScenarioConfig]:
-        """The first scene from a number on in which all find a place, and its settings."""
-        for k in range(number, number + tries - 1):
+    def _next_scene(
+        self, number: int, config: ScenarioConfig, attempts: int = MAXIMUM_SCENE_ATTEMPTS
+    ) -> tuple[Scene, ScenarioConfig]:
+        """The first scene, from a number on, that can be generated, and its settings."""
+        for k in range(number, number + attempts - 1):
             with suppress(SceneError):
                 return generate(config, self.seed, k), config
-        return generate(config, self.seed, number + tries - 1), config
+        return generate(config, self.seed, number + attempts - 1), config
 
     def _begin(self, scene: Scene, config: ScenarioConfig) -> None:
-        """A fresh run of a scene."""
-        controller = Teleoperation(self._hands, config.label.spec())
-        self._journal.begin(self._head(scene, config.settings(), controller.settings()))
+        """Begin a run that waits for its first tick."""
+        controller = Teleoperation(self._mappings, config.label.spec())
+        self._journal.begin(self._header(scene, config.settings(), controller.settings()))
         self._set_up(scene, config, controller, ())
         self.state = "waiting"
 
-    def _head(self, scene: Scene, settings: dict[str, Any], controller: dict[str, Any]) -> dict[str, Any]:
-        """What a journal must know to set a run up again."""
-        head = {"settings": settings, "seed": scene.seed, "episode": scene.episode, "physics": PHYSICS_VERSION}
-        return head | {"controller": controller, "contributor": self.contributor}
+    def _set_up(
+        self, scene: Scene, config: ScenarioConfig, controller: Teleoperation, past: Sequence[TickInput]
+    ) -> None:
+        """Create the episode and its recorder, and replay the past ticks."""
+        self.scene, self._run_config, self._controller, self.dropped_ticks = scene, config, controller, 0
+        self._first_events = ()
+        self._recorder = EpisodeRecorder(
+            contributor=self.contributor, context=config.context, label_spec=config.label.spec()
+        )
+        self._episode = Episode(
+            scene,
+            controller,
+            observers=(self._recorder, self._journal),
+            past=past,
+            controller_info=controller_info_of(controller, "teleoperation"),
+        ).replay_past()
+        self._stand_still("paused")
 
-    def _go_on(self) -> bool:
-        """Go on with an open run, if there is one; one that cannot go on is moved aside, and told."""
+    def _stand_still(self, state: State) -> None:
+        self.state, self.outcome = state, self._episode.outcome
+        self.before = self.after = self._episode.snapshot()
+        self._journal.sync()
+
+    def _header(self, scene: Scene, settings: dict[str, Any], controller: dict[str, Any]) -> dict[str, Any]:
+        """The header of a journal, from which `_restore` reconstructs the run."""
+        header = {"settings": settings, "seed": scene.seed, "episode": scene.episode, "physics": PHYSICS_VERSION}
+        return header | {"controller": controller, "contributor": self.contributor}
+
+    def _recover(self) -> bool:
+        """Continue an open run of the journal, if there is one; an unusable journal is renamed and reported."""
         path = self._journal.path
         try:
             run = read_journal(path)
-            if run is None or any(self._folder.holds(name) for name in run.named):
+            # A crash after the episode file was written and before the journal was deleted leaves a completed run.
+            if run is None or any(self._collection.contains(name) for name in run.file_names):
                 return False
-            if run.head["physics"] != PHYSICS_VERSION:
-                raise RecordError(f"it is of physics version {run.head['physics']}, this is {PHYSICS_VERSION}")
-            self._journal.go_on(len(run.ticks))
-            self.recovered = self._resume(run)
+            if run.header["physics"] != PHYSICS_VERSION:
+                raise RecordError(f"it is of physics version {run.header['physics']}, this is {PHYSICS_VERSION}")
+            self._journal.resume(len(run.ticks))
+            self.recovered = self._restore(run)
         except (Sonata2dError, KeyError, TypeError, ValueError) as error:
             self._journal.shut()
             aside = path.with_name(f"{path.stem}.{self._now():%Y%m%dT%H%M%S%f}.aside")
             os.replace(path, aside)
-            self.notice = f"An open run cannot go on ({error}); it was moved to {aside.name}."
+            self.notice = f"An open run cannot be continued ({error}); its journal was renamed {aside.name}."
             logger.warning("%s", self.notice)
             return False
         return True
 
+    def _restore(self, run: OpenRun) -> float:
+        """Set up a recorded run at its last tick and return its duration in s; all controls are released there."""
+        header = run.header
+        config = ScenarioConfig(**header["settings"])
+        scene = generate(config, header["seed"], header["episode"])
+        self._set_up(scene, config, Teleoperation.from_settings(header["controller"]), run.ticks)
+        duration = self.after.time
+        if run.last_events is not None:
+            self.tick(run.last_events)
+            return duration
+        # The controls keep their last values in the episode, but the driver does not hold them any more: release each
+        # one with the next tick. A label is not a control and keeps its value.
+        last_values = {
+            (event.device, event.control): event.value for tick in self._episode.past for event in tick.events
+        }
+        self._first_events = tuple(
+            DeviceEvent(device, control, value if device == LABEL_DEVICE else 0.0)
+            for (device, control), value in last_values.items()
+            if value != 0.0 or device == LABEL_DEVICE
+        )
+        if outcome_at(self.after) is not None:  # the crash came before the tick that ends the run
+            self.tick()
+        return duration
+
     def _discard(self, reason: str) -> Path | None:
-        """End the run, and write it to the bin; nothing if none was begun."""
+        """End a run that has begun and write it to the discarded runs."""
         if not self.ticks:
             return None
         self.stop()
-        path = self._folder.discard(self._recorder, self._now(), self._journal.announce)
+        path = self._collection.discard(self._recorder, self._now(), self._journal.announce)
         self._put_away("discarded", path, reason=reason)
         return path
 
     def _put_away(self, event: str, path: Path, **facts: Any) -> None:
-        self._journal.forget()
-        seconds = round(self.after.time, 4)
-        self._folder.log(
-            event=event, at=self._time(), file=path.name, seconds=seconds, dropped_ticks=self.dropped, **facts
+        """Delete the journal of a stored run and log the event."""
+        self._journal.delete()
+        self._collection.log(
+            event=event,
+            at=self._time(),
+            file=path.name,
+            seconds=round(self.after.time, 4),
+            dropped_ticks=self.dropped_ticks,
+            **facts,
         )
 
     def _time(self) -> str:

@@ -1,4 +1,4 @@
-"""What a snapshot can hold besides the world: what a person did to a device, and on request a camera image."""
+"""Optional contents of a snapshot: events of input devices, and requests for a camera image."""
 
 from __future__ import annotations
 
@@ -12,10 +12,14 @@ View = Literal["follow", "top"]
 
 @dataclass(frozen=True, slots=True)
 class DeviceEvent:
-    """What a person did to a device since the last look: which device, which control, its new value.
+    """A change of one control of an input device since the last snapshot.
 
-    Devices are `keyboard`, `mouse`, `pad0`, `pad1`, …, and `label` for the label given meanwhile. The value is kept at
-    the precision of files, so that a recorded event is the one that was acted on.
+    The value is kept at the precision of files, so that a recorded event equals the one that the controller received.
+
+    Attributes:
+        device: `keyboard`, `mouse`, `pad0`, `pad1`, ...; `label` for a label given while driving.
+        control: name of the key, button, stick or axis.
+        value: its new value, -1 to 1.
 
     Raises:
         ValueError: the value is not within -1..1.
@@ -30,26 +34,26 @@ class DeviceEvent:
 
     def __post_init__(self) -> None:
         if not -1.0 <= self.value <= 1.0:
-            raise ValueError(f"{self.device}/{self.control} is {self.value}; a device's value is within -1..1")
+            raise ValueError(f"{self.device}/{self.control} is {self.value}; device values are within -1..1")
         object.__setattr__(self, "value", quantised(float(self.value)))
 
     @property
     def kind(self) -> str:
-        """The device without its number: `pad` of `pad1`."""
+        """The device without its number: `pad` for `pad1`."""
         return self.device.rstrip("0123456789")
 
 
 @dataclass(frozen=True, slots=True)
 class ImageRequest:
-    """The camera image that a controller asks for.
+    """Size and view of the camera image that a controller requests.
 
     Attributes:
         width, height: pixels.
-        view: `follow`, from behind and above the robot, which looks up in the picture; or `top`, the whole room, fixed.
-        reach: m, of the follow view, from the robot to the upper edge.
+        view: follow: from above, moving with the robot, whose heading points up in the image; top: the whole room.
+        view_range: distance from the robot to the upper edge of the follow view, m.
     """
 
     width: int = 160
     height: int = 120
     view: View = "follow"
-    reach: float = 5.0
+    view_range: float = 5.0

@@ -1,4 +1,7 @@
-"""What stands or walks in a room, and the Scene that gathers it: values, frozen, at a file's precision."""
+"""Entities of a scene: walls, furniture, pedestrians, groups, interactions, robot and goal.
+
+All are frozen values, at the precision of files.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ Kinematics = Literal["holonomic", "unicycle"]
 EndsOn = Literal["goal", "time", "contact"]
 Formation = Literal["abreast", "v", "face_to_face", "l", "side_by_side", "circle", "semicircle"]
 
-# Relations: the original toolkit's four, and one for any other thing a person attends to.
+# Relations of interactions: the four of the original toolkit, and one for any other object.
 TALKING = "two_static_person_talking"
 AT_LAPTOP = "human_laptop_interaction"
 AT_PLANT = "human_plant_interaction"
@@ -22,13 +25,13 @@ AT_OBJECT = "human_object_interaction"
 RELATIONS = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER, AT_OBJECT)
 
 ROBOT_ID = 0
-PERSON_RADIUS = 0.157  # m, as calibrated with the default walking model: half the depth of a body, not its breadth
+PERSON_RADIUS = 0.157  # m, calibrated with the default pedestrian model: half the depth of a body, not half its width
 DEFAULT_MODEL = "sonata2026"
 
 
 @dataclass(frozen=True, slots=True)
 class Wall:
-    """A straight rigid wall; its outline is the line itself."""
+    """A straight rigid wall without thickness; m, world frame."""
 
     start: Point
     end: Point
@@ -36,7 +39,11 @@ class Wall:
 
 @dataclass(frozen=True, slots=True)
 class Furniture:
-    """A rigid thing that stands still. `on` is the id of what carries it: such a thing has no body of its own."""
+    """A rigid object that does not move.
+
+    Attributes:
+        on: id of the object that carries this one; a carried object has no physical body. None: it is on the floor.
+    """
 
     id: int
     type: str
@@ -47,24 +54,28 @@ class Furniture:
 
 @dataclass(frozen=True, slots=True)
 class Human:
-    """A person: where they start and how they are.
+    """A pedestrian: initial state and properties.
+
+    A pedestrian that does not react to the robot has both `reacts_to_robot` 0 and the reaction `ignores`; setting
+    either of them sets the other.
 
     Attributes:
-        radius: the solid outline, m, which contact, clearance, drawing and metrics all read.
+        pose: at the start, or on entering; world frame.
+        radius: of the solid outline that contacts, clearances, drawings and metrics are computed from, m.
         desired_speed: m/s.
-        behaviour: standing: stays; wandering: takes place after place in the room; walking: goes to `goals`;
-            recorded: is carried along `track`.
-        model: name of the walking model.
-        reacts_to_robot: 0 ignores the robot .. 1 minds it; 0 and the reaction `ignores` are the same.
-        reaction: how they behave towards the robot.
-        robot_clearance: m, from outline to outline, that they want to pass the robot at.
-        group: id of the group they belong to.
-        goals: m, where one who is walking goes, one after the other; they stay at the last.
-        velocity: m/s, world frame, at the start.
-        enters: the tick at which they come in, at `pose`; one who is not recorded waits until there is room.
-        leaves: the tick from which they are gone; None: they stay.
-        track: m, world frame, where one who is recorded is at each tick from `enters` on; they stay at the last.
-        exits: whether one who is walking leaves on reaching the last of the goals, instead of staying there.
+        behaviour: standing: stays in place; wandering: walks to one random place after another; walking: walks to
+            `goals`; recorded: is moved along `track`.
+        model: name of the pedestrian model.
+        reacts_to_robot: weight of the robot in the pedestrian's motion, from 0 (ignores it) to 1.
+        reaction: kind of behaviour towards the robot.
+        robot_clearance: preferred gap between the outlines when passing the robot, m.
+        group: id of the group that the pedestrian belongs to.
+        goals: destinations of a walking pedestrian in order, m; it stays at the last one.
+        velocity: at the start or on entering, m/s, world frame.
+        enters: tick at which the pedestrian appears at `pose`; unless it is recorded, it waits until there is room.
+        leaves: tick from which the pedestrian is absent; None: never.
+        track: position of a recorded pedestrian at each tick from `enters` on, m, world frame; it stays at the last.
+        exits: whether a walking pedestrian leaves the scene at the last of its goals instead of staying there.
     """
 
     id: int
@@ -85,12 +96,12 @@ class Human:
     exits: bool = False
 
     @property
-    def stays(self) -> bool:
-        """Whether they are there from the start to the end, unless they exit."""
+    def is_always_present(self) -> bool:
+        """Whether the pedestrian is present from start to end, unless it exits at a goal."""
         return self.enters == 0 and self.leaves is None
 
-    def place_at(self, tick: int) -> Point:
-        """Where one who is recorded is at a tick, m: the first place before they enter, the last after the end."""
+    def track_position(self, tick: int) -> Point:
+        """Position of a recorded pedestrian at a tick, m; its first or last one outside the track."""
         return self.track[min(max(tick - self.enters, 0), len(self.track) - 1)]
 
     def __post_init__(self) -> None:
@@ -102,11 +113,12 @@ class Human:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """People who belong together; `members` are human ids, the first one leads.
+    """Pedestrians that belong together.
 
     Attributes:
-        formation: how they stand to each other at the start; who talks in one keeps facing as at the start. None where
-            that is left open: who talks then faces the middle of the others.
+        members: ids of the pedestrians; the first one leads.
+        formation: spatial arrangement at the start, whose members keep their heading while they talk. None: no
+            arrangement; members that talk face the centre of the others.
     """
 
     id: int
@@ -117,7 +129,13 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Interaction:
-    """Who (a human's id) attends to whom or what (an id), and how."""
+    """A directed relation: the pedestrian `src` attends to the pedestrian or object `dst`.
+
+    Attributes:
+        src: id of a pedestrian.
+        relation: one of `RELATIONS`.
+        dst: id of a pedestrian or an object.
+    """
 
     src: int
     relation: str
@@ -126,7 +144,14 @@ class Interaction:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the robot's drive can do: m/s, rad/s, m/s2, rad/s2; all positive."""
+    """Limits of the robot's drive, all positive.
+
+    Attributes:
+        ahead, back, sideways: speeds, m/s.
+        turn: rad/s.
+        acceleration: m/s^2.
+        turn_acceleration: rad/s^2.
+    """
 
     ahead: float = 1.0
     back: float = 0.5
@@ -138,7 +163,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """The robot's start, outline (a disc, m) and drive."""
+    """The robot: initial pose (world frame), radius of its circular outline (m), and drive."""
 
     pose: Pose
     radius: float = 0.30
@@ -148,7 +173,7 @@ class Robot:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Where the robot shall go. Reached within `distance` (m) of the centre and `angle` (rad) of theta."""
+    """Target pose of the robot, world frame; reached within `distance` (m) of (x, y) and `angle` (rad) of theta."""
 
     x: float
     y: float

@@ -1,4 +1,4 @@
-"""Poses, twists, angles, shapes and distances in the plane: metres, radians, x right, y up, theta counter-clockwise."""
+"""Poses, twists, shapes and distances in the plane: metres, radians, x right, y up, theta counter-clockwise."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .portable_math import Array, unit_vector
-from .vectors import wrap_angle
+from .portable_math import Array, BoolArray, IntArray, unit_vector
+from .vectors import X, Y, wrap_angle
 
-PRECISION = 1e-4  # m, rad, m/s …: what files hold and what worlds are built from
-LARGEST = 1e11  # beyond it the precision is lost in a double
+PRECISION = 1e-4  # m, rad, m/s, ...: resolution of the numbers in files, and of those that worlds are built from
+MAX_MAGNITUDE = 1e11  # beyond it a double no longer resolves `PRECISION`
 Point = tuple[float, float]
+Edge = tuple[Point, Point, float]  # a thick segment: start, end, radius; m
 
 
 class HasXY(Protocol):
-    """Anything with a place in the plane."""
+    """Any object with a position in the plane."""
 
     @property
     def x(self) -> float: ...
@@ -28,19 +29,19 @@ class HasXY(Protocol):
 
 
 def quantised(value: float) -> float:
-    """The nearest multiple of `PRECISION`, without -0.0; what a file can hold.
+    """The nearest multiple of `PRECISION`, which a file can hold; never -0.0.
 
     Raises:
-        ValueError: the size is beyond `LARGEST`.
+        ValueError: the magnitude exceeds `MAX_MAGNITUDE`.
     """
-    if abs(value) > LARGEST:
-        raise ValueError(f"{value:g} is beyond what a file holds, {LARGEST:g}")
+    if abs(value) > MAX_MAGNITUDE:
+        raise ValueError(f"{value:g} exceeds {MAX_MAGNITUDE:g}, the largest magnitude that a file can hold")
     return float(round(value * 10_000.0)) / 10_000.0 + 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A place and a direction, world frame unless said: metres, metres, radians."""
+    """Position (m) and heading (rad); in the world frame unless stated otherwise."""
 
     x: float
     y: float
@@ -56,7 +57,7 @@ class Pose:
         return unit_vector(self.theta)
 
     def to_local(self, point: HasXY | Point) -> Point:
-        """(ahead, left) of a world point, seen from this pose.
+        """Transform a point from the world frame to the body frame of this pose: (ahead, left), m.
 
         >>> Pose(1.0, 0.0, 0.0).to_local((3.0, 1.0))
         (2.0, 1.0)
@@ -67,25 +68,25 @@ class Pose:
         return dx * c + dy * s, dy * c - dx * s
 
     def to_world(self, point: HasXY | Point) -> Point:
-        """World coordinates of a point given as (ahead, left) of this pose; the inverse of `to_local`."""
+        """Transform a point (ahead, left) from the body frame of this pose to the world frame, m."""
         ahead, left = point if isinstance(point, tuple) else (point.x, point.y)
         c, s = self.direction
         return self.x + ahead * c - left * s, self.y + ahead * s + left * c
 
     def rounded(self) -> Pose:
-        """The nearest pose that a file can hold, theta in (-3.1416, 3.1416]."""
+        """The nearest pose that a file can hold, with theta in (-3.1416, 3.1416]."""
         return Pose(quantised(self.x), quantised(self.y), canonical_angle(self.theta))
 
 
 def canonical_angle(theta: float) -> float:
-    """An angle as files hold it: a multiple of `PRECISION` in (-3.1416, 3.1416]."""
+    """The equivalent angle as files hold it: a multiple of `PRECISION` in (-3.1416, 3.1416], rad."""
     angle = quantised(wrap_angle(theta))
     return 3.1416 if angle <= -3.1416 else angle
 
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """A velocity in the body frame: ahead (m/s), left (m/s), counter-clockwise (rad/s)."""
+    """Velocity in the body frame: vx forward and vy left in m/s, omega counter-clockwise in rad/s."""
 
     vx: float = 0.0
     vy: float = 0.0
@@ -98,38 +99,39 @@ class Twist:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A round outline of `radius` metres."""
+    """A circular outline of `radius` metres."""
 
     radius: float
 
     @property
-    def reach(self) -> float:
-        """Radius of the smallest circle round the centre that holds the shape, m."""
+    def circumradius(self) -> float:
+        """Radius of the smallest circle around the centre that contains the shape, m."""
         return self.radius
 
-    def edges(self, pose: Pose) -> list[tuple[Point, Point, float]]:
-        """The outline as thick segments (start, end, radius)."""
+    def edges(self, pose: Pose) -> list[Edge]:
+        """The outline at a pose as one thick segment of zero length."""
         return [(pose.position, pose.position, self.radius)]
 
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
-    """An oblong outline: `length` along the body's x, `width` along its y, m."""
+    """A rectangular outline: `length` along the body's x axis, `width` along its y axis, m."""
 
     length: float
     width: float
 
     @property
-    def reach(self) -> float:
+    def circumradius(self) -> float:
+        """Radius of the smallest circle around the centre that contains the shape, m."""
         return math.sqrt(self.length * self.length + self.width * self.width) / 2
 
     def corners(self, pose: Pose) -> list[Point]:
-        """The four corners, counter-clockwise, world frame."""
+        """The four corners at a pose, counter-clockwise, world frame."""
         a, b = self.length / 2, self.width / 2
         return [pose.to_world(corner) for corner in ((a, b), (-a, b), (-a, -b), (a, -b))]
 
-    def edges(self, pose: Pose) -> list[tuple[Point, Point, float]]:
-        """The outline as thin segments (start, end, 0)."""
+    def edges(self, pose: Pose) -> list[Edge]:
+        """The outline at a pose as four segments of zero radius."""
         corners = self.corners(pose)
         return [(a, b, 0.0) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
 
@@ -139,53 +141,60 @@ Shape = Disc | Rectangle
 
 @dataclass(frozen=True)
 class Barriers:
-    """Solid things as M thick segments: walls, edges of furniture, and discs (segments of no length)."""
+    """Solid obstacles as M thick segments: walls, edges of furniture, and discs (segments of zero length).
 
-    start: Array  # (M, 2)
-    end: Array  # (M, 2)
-    radius: Array  # (M,)
+    Attributes:
+        start, end: (M, 2), ends of the segments' core lines, m.
+        radius: (M,), half the thickness, m.
+    """
+
+    start: Array
+    end: Array
+    radius: Array
 
     @classmethod
-    def of(cls, edges: Iterable[tuple[Point, Point, float]]) -> Barriers:
+    def of(cls, edges: Iterable[Edge]) -> Barriers:
+        """Barriers from thick segments; the arrays are read-only."""
         rows = list(edges)
-        flat = np.array([[*a, *b, r] for a, b, r in rows], dtype=float).reshape(-1, 5)
-        parts = flat[:, 0:2].copy(), flat[:, 2:4].copy(), flat[:, 4].copy()
-        for part in parts:
-            part.flags.writeable = False
-        return cls(*parts)
+        table = np.array([[*a, *b, r] for a, b, r in rows], dtype=float).reshape(-1, 5)
+        start, end, radius = slice(0, 2), slice(2, 4), 4
+        columns = table[:, start].copy(), table[:, end].copy(), table[:, radius].copy()
+        for column in columns:
+            column.flags.writeable = False
+        return cls(*columns)
 
     def __len__(self) -> int:
         return len(self.radius)
 
     def joined(self, other: Barriers) -> Barriers:
-        """These and, after them, the other's."""
-        parts = ((self.start, other.start), (self.end, other.end), (self.radius, other.radius))
-        return Barriers(*(np.concatenate(pair) for pair in parts))
+        """These barriers followed by the other ones."""
+        pairs = ((self.start, other.start), (self.end, other.end), (self.radius, other.radius))
+        return Barriers(*(np.concatenate(pair) for pair in pairs))
 
-    def subset(self, chosen: Any) -> Barriers:
-        """Those chosen by an (M,) mask or by indices."""
+    def subset(self, chosen: BoolArray | IntArray | list[int]) -> Barriers:
+        """The barriers that an (M,) mask or an array of indices selects."""
         return Barriers(self.start[chosen], self.end[chosen], self.radius[chosen])
 
     @cached_property
-    def _along(self) -> tuple[Array, Array]:
-        """(M, 2) start to end, and (M,) one over its squared length (0 for a disc)."""
+    def _core(self) -> tuple[Array, Array]:
+        """(M, 2) vectors from start to end, and (M,) inverse squared lengths (0 for a disc)."""
         d = self.end - self.start
-        square = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1]
+        square = d[:, X] * d[:, X] + d[:, Y] * d[:, Y]
         return d, np.where(square > 0.0, 1.0 / np.where(square > 0.0, square, 1.0), 0.0)
 
     def towards(self, points: Array) -> tuple[Array, Array]:
-        """Vectors from points to the nearest point of each segment's core line.
+        """Vectors from points to the nearest point on each segment's core line.
 
         Args:
             points: (N, 2), m.
 
         Returns:
-            x and y components, (M, N) each, m; one row a segment.
+            x and y components, (M, N) each, m; row m belongs to segment m.
         """
-        d, inverse = self._along
-        px = points[:, 0] - self.start[:, 0, None]
-        py = points[:, 1] - self.start[:, 1, None]
-        dx, dy = d[:, 0, None], d[:, 1, None]
+        d, inverse = self._core
+        px = points[:, X] - self.start[:, X, None]
+        py = points[:, Y] - self.start[:, Y, None]
+        dx, dy = d[:, X, None], d[:, Y, None]
         t = np.minimum(np.maximum((px * dx + py * dy) * inverse[:, None], 0.0), 1.0)
         return t * dx - px, t * dy - py
 
@@ -197,66 +206,84 @@ class Barriers:
 
 
 def segment_distances(start: Array, end: Array, barriers: Barriers) -> Array:
-    """Gap between the straight ways start-end and each thick segment.
+    """Gap between straight lines and each thick segment.
 
     Args:
-        start: (N, 2), m.
-        end: (N, 2), m.
+        start, end: (N, 2), ends of the straight lines, m.
         barriers: M thick segments.
 
     Returns:
-        (M, N), m; minus the radius where they cross.
+        (M, N), m; minus the segment's radius where its core line is crossed.
     """
-    ways = Barriers(start, end, np.zeros(len(start)))
+    lines = Barriers(start, end, np.zeros(len(start)))
+    # Unless two segments cross, they are nearest at an end of one of them.
     nearest = np.minimum(barriers.gaps(start), barriers.gaps(end))
     for ends in (barriers.start, barriers.end):
-        nearest = np.minimum(nearest, ways.gaps(ends).T - barriers.radius[:, None])
+        nearest = np.minimum(nearest, lines.gaps(ends).T - barriers.radius[:, None])
     return np.where(segments_cross(start, end, barriers), -barriers.radius[:, None], nearest)
 
 
-def segments_cross(start: Array, end: Array, barriers: Barriers) -> Array:
-    """Whether the straight ways start-end properly cross the core lines of thick segments; (M, N) of bool."""
+def segments_cross(start: Array, end: Array, barriers: Barriers) -> BoolArray:
+    """Whether straight lines properly cross the core lines of thick segments.
+
+    Args:
+        start, end: (N, 2), ends of the straight lines, m.
+        barriers: M thick segments.
+
+    Returns:
+        (M, N) of bool; False where a line only touches or is collinear.
+    """
     a, d = barriers.start[:, None, :], (barriers.end - barriers.start)[:, None, :]
     p, w = start[None, :, :], (end - start)[None, :, :]
 
     def side(of: Any, along: Any, base: Any) -> Any:
-        return along[..., 0] * (of[..., 1] - base[..., 1]) - along[..., 1] * (of[..., 0] - base[..., 0])
+        return along[..., X] * (of[..., Y] - base[..., Y]) - along[..., Y] * (of[..., X] - base[..., X])
 
     q, b = end[None, :, :], barriers.end[:, None, :]
     crossed: Any = (side(p, d, a) * side(q, d, a) < 0.0) & (side(a, w, p) * side(b, w, p) < 0.0)
     return np.asarray(crossed)
 
 
-def inside_polygon(points: Array, polygon: Array) -> Any:
+def inside_polygon(points: Array, polygon: Array) -> BoolArray:
     """Whether points lie in a simple polygon (even-odd rule); (N, 2) and (K, 2) to (N,) of bool."""
     return inside_edges(points, polygon, np.concatenate((polygon[1:], polygon[:1])))
 
 
-def inside_edges(points: Array, a: Array, b: Array) -> Any:
-    """Whether points lie within closed lines, given as edges from a to b, (K, 2) each, and outside their holes."""
-    x, y = points[:, 0, None], points[:, 1, None]
-    straddles = (a[:, 1] > y) != (b[:, 1] > y)
-    rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
-    crossing = a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
-    return np.count_nonzero(straddles & (x < crossing), axis=1) % 2 == 1
+def inside_edges(points: Array, a: Array, b: Array) -> BoolArray:
+    """Whether points lie inside closed lines and outside their holes (even-odd rule).
+
+    Args:
+        points: (N, 2), m.
+        a, b: (K, 2), start and end of each edge of all the lines and holes, m.
+
+    Returns:
+        (N,) of bool.
+    """
+    x, y = points[:, X, None], points[:, Y, None]
+    straddles = (a[:, Y] > y) != (b[:, Y] > y)
+    rise = np.where(b[:, Y] == a[:, Y], 1.0, b[:, Y] - a[:, Y])
+    crossing = a[:, X] + (y - a[:, Y]) * (b[:, X] - a[:, X]) / rise
+    is_odd: BoolArray = np.count_nonzero(straddles & (x < crossing), axis=1) % 2 == 1
+    return is_odd
 
 
 def shape_gap(shape: Shape, pose: Pose, other: Shape, other_pose: Pose) -> float:
-    """Gap between two outlines, m; 0 where they touch or overlap."""
+    """Gap between the outlines of two shapes at their poses, m; 0 where they touch or overlap."""
     dx, dy = pose.x - other_pose.x, pose.y - other_pose.y
-    apart = math.sqrt(dx * dx + dy * dy)
+    distance = math.sqrt(dx * dx + dy * dy)
     if isinstance(shape, Disc) and isinstance(other, Disc):
-        return max(apart - shape.radius - other.radius, 0.0)
-    if _holds(shape, pose, other_pose.position) or _holds(other, other_pose, pose.position):
+        return max(distance - shape.radius - other.radius, 0.0)
+    # A shape within the other one has a positive distance to its edges.
+    if _contains(shape, pose, other_pose.position) or _contains(other, other_pose, pose.position):
         return 0.0
     edges, barriers = shape.edges(pose), Barriers.of(other.edges(other_pose))
-    start, end = (np.array([edge[k] for edge in edges], dtype=float) for k in (0, 1))
-    gaps = segment_distances(start, end, barriers)
-    return max(float(gaps.min()) - edges[0][2], 0.0)
+    start, end = np.array([a for a, _, _ in edges], dtype=float), np.array([b for _, b, _ in edges], dtype=float)
+    _, _, radius = edges[0]
+    return max(float(segment_distances(start, end, barriers).min()) - radius, 0.0)
 
 
-def _holds(shape: Shape, pose: Pose, point: Point) -> bool:
-    """Whether a point lies within the shape."""
+def _contains(shape: Shape, pose: Pose, point: Point) -> bool:
+    """Whether a point of the world frame lies within a shape at a pose."""
     ahead, left = pose.to_local(point)
     if isinstance(shape, Disc):
         return ahead * ahead + left * left <= shape.radius * shape.radius

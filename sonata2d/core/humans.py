@@ -1,90 +1,111 @@
-"""The people in a snapshot: one array, read-only, and what they do."""
+"""The pedestrians of a snapshot as one read-only array, and their activities."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Interaction
 from .geometry import Point, Pose
-from .portable_math import Array, angle_of, arctan2
+from .portable_math import Array, IntArray, angle_of, arctan2
 from .scene import Scene
 
-# Columns of the one array that holds the people: (N, 9), world frame.
-X, Y, VX, VY, BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA = range(
-    9
-)  # place, velocity, body's direction, look's direction, turn rate
+# Columns of the (N, 9) state of the pedestrians, world frame: position, velocity, unit vectors of the body's heading
+# and of the gaze, turn rate. Arrays of bodies that hold position and velocity only have the first four of them.
+X, Y, VX, VY, BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA = range(9)
 ACTIVITIES = ("standing", "walking", "walking together", "talking", "using", "looking")
 
-_DOING = {
+_ACTIVITY_OF_RELATION = {
     TALKING: "talking",
     WALKING_TOGETHER: "walking together",
     AT_LAPTOP: "using",
     AT_PLANT: "looking",
     AT_OBJECT: "looking",
 }
-_ALONE = np.array(
-    [ACTIVITIES.index({"talking": "standing", "walking together": "walking"}.get(k, k)) for k in ACTIVITIES]
-)
+_WITHOUT_PARTNER = {"talking": "standing", "walking together": "walking"}
+_ACTIVITY_ALONE = np.array([ACTIVITIES.index(_WITHOUT_PARTNER.get(activity, activity)) for activity in ACTIVITIES])
+
+Values = TypeVar("Values", bound=NDArray[Any])
 
 
 @dataclass(frozen=True, slots=True)
 class HumanState:
-    """One person as seen in a snapshot, world frame."""
+    """One pedestrian in a snapshot, world frame.
+
+    Attributes:
+        velocity: m/s.
+        omega: turn rate of the body, rad/s.
+        head: direction of the gaze, rad.
+        radius: m.
+        activity: one of `ACTIVITIES`.
+    """
 
     id: int
     pose: Pose
     velocity: Point
     omega: float
-    head: float  # where they look, rad, world frame
+    head: float
     radius: float
     activity: str
 
 
 @dataclass(frozen=True)
 class Humans:
-    """The people who are there: arrays in the scene's order, read-only; `humans[3]` makes one `HumanState`.
+    """The N pedestrians that are present in a snapshot, as read-only arrays in the scene's order.
 
-    N is the number of those present; who comes and goes is told by `id`.
+    `humans[3]` creates one `HumanState`. Pedestrians can enter and leave, so `id` identifies one across snapshots, and
+    its row does not.
 
     Attributes:
-        state: (N, 9), columns x, y, vx, vy, body's unit vector, look's unit vector, turn rate; SI, world frame.
+        state: (N, 9), columns x, y, vx, vy, unit vector of the body's heading, unit vector of the gaze, turn rate; SI
+            units, world frame.
         id: (N,) of int.
         radius: (N,), m.
         activity_index: (N,) of int, into `humans.ACTIVITIES`.
-        row: (N,) of int, each one's index in `scene.humans`; None: everybody is there.
+        row: (N,) of int, index of each pedestrian in `scene.humans`; None: all pedestrians are present.
     """
 
     state: Array
-    id: Any
+    id: IntArray
     radius: Array
-    activity_index: Any
-    row: Any = None
+    activity_index: IntArray
+    row: IntArray | None = None
 
-    def only(self, row: Any) -> Humans:
-        """Of everybody those with these indices, (n,) of int, rising; as it is if that is all."""
-        if len(row) == len(self):
-            return self
-        told = self.state[row], self.id[row], self.radius[row], self.activity_index[row], np.asarray(row)
-        for values in told:
-            values.flags.writeable = False
-        return Humans(*told)
-
-    def among_all(self, values: Any, count: int, absent: float) -> Any:
-        """Values of those present, (N, …), as rows of all people of the scene, (count, …).
+    def select(self, rows: IntArray) -> Humans:
+        """The pedestrians in some rows.
 
         Args:
-            values: a row for each who is there.
-            count: people in the scene.
-            absent: what stands in the rows of the others.
+            rows: (n,) of int, ascending.
+
+        Returns:
+            The n pedestrians, with `row` set; this object itself if all rows are selected.
+        """
+        if len(rows) == len(self):
+            return self
+        columns = self.state[rows], self.id[rows], self.radius[rows], self.activity_index[rows], np.asarray(rows)
+        for column in columns:
+            column.flags.writeable = False
+        return Humans(*columns)
+
+    def expand(self, values: NDArray[Any], count: int, fill: float) -> Any:
+        """Rows of the pedestrians that are present, expanded to rows of all pedestrians of the scene.
+
+        Args:
+            values: (N, ...), one row per pedestrian that is present.
+            count: number of pedestrians in the scene.
+            fill: value in the rows of absent pedestrians.
+
+        Returns:
+            (count, ...), a new array of the same dtype.
         """
         if self.row is None:
             return values.copy()
-        rows = np.full((count, *values.shape[1:]), absent, dtype=values.dtype)
+        rows = np.full((count, *values.shape[1:]), fill, dtype=values.dtype)
         rows[self.row] = values
         return rows
 
@@ -100,27 +121,27 @@ class Humans:
 
     @property
     def direction(self) -> Array:
-        """(N, 2), unit vectors of the bodies."""
+        """(N, 2), unit vectors of the bodies' headings."""
         return self.state[:, BODY_X : BODY_Y + 1]
 
     @property
-    def look(self) -> Array:
-        """(N, 2), unit vectors of the heads."""
+    def gaze(self) -> Array:
+        """(N, 2), unit vectors of the gaze, the direction in which the head points."""
         return self.state[:, GAZE_X : GAZE_Y + 1]
 
     @property
     def omega(self) -> Array:
-        """(N,), rad/s, of the bodies."""
+        """(N,), turn rates of the bodies, rad/s."""
         return self.state[:, OMEGA]
 
     @cached_property
     def theta(self) -> Array:
-        """(N,), rad, of the bodies."""
+        """(N,), headings of the bodies, rad."""
         return arctan2(self.state[:, BODY_Y], self.state[:, BODY_X])
 
     @cached_property
     def head(self) -> Array:
-        """(N,), rad, of the heads, world frame."""
+        """(N,), angles of the gaze, rad, world frame."""
         return arctan2(self.state[:, GAZE_Y], self.state[:, GAZE_X])
 
     def __len__(self) -> int:
@@ -142,40 +163,51 @@ class Humans:
         return (self[index] for index in range(len(self)))
 
 
-def frozen(array: Array) -> Array:
-    """The array, no longer to be written to."""
+def frozen(array: Values) -> Values:
+    """The array itself, made read-only."""
     array.flags.writeable = False
     return array
 
 
-def human_ids(scene: Scene) -> Any:
-    """(N,) of int: the ids of the people in the scene's order."""
+def human_ids(scene: Scene) -> IntArray:
+    """Ids of the pedestrians in the scene's order, (N,) of int, read-only."""
     return frozen(np.array([human.id for human in scene.humans], dtype=np.int64))
 
 
-def activities_of(scene: Scene) -> Any:
-    """(N,) of int, into `ACTIVITIES`: what people do by their interactions, else by how they behave."""
-    return activities({human.id: human.behaviour != "standing" for human in scene.humans}, scene.interactions)
+def initial_activities(scene: Scene) -> IntArray:
+    """Activities at the start, from interactions and behaviours; (N,) of int, into `ACTIVITIES`, read-only."""
+    return activity_indices({human.id: human.behaviour != "standing" for human in scene.humans}, scene.interactions)
 
 
-def activities_among(activity: Any, ids: Any, ties: Iterable[Interaction]) -> Any:
-    """(N,) of int, into `ACTIVITIES`: what people do once those they do it with are absent.
+def activities_of_present(activity: IntArray, ids: IntArray, interactions: Iterable[Interaction]) -> IntArray:
+    """Activities while some pedestrians are absent: those without a present partner stand or walk alone.
 
     Args:
-        activity: (N,) of int, what they do if everybody is there.
+        activity: (N,) of int, into `ACTIVITIES`, if all were present.
         ids: (N,) of int.
-        ties: the interactions between those who are there.
+        interactions: those between pedestrians that are present.
+
+    Returns:
+        (N,) of int, into `ACTIVITIES`, read-only.
     """
-    busy = {end for tie in ties for end in (tie.src, tie.dst)}
-    is_alone = np.array([id not in busy for id in ids.tolist()], dtype=bool)
-    return frozen(np.where(is_alone, _ALONE[activity], activity))
+    partners = {id for interaction in interactions for id in (interaction.src, interaction.dst)}
+    is_alone = np.array([id not in partners for id in ids.tolist()], dtype=bool)
+    return frozen(np.where(is_alone, _ACTIVITY_ALONE[activity], activity))
 
 
-def activities(walks: Mapping[int, bool], interactions: Iterable[Interaction]) -> Any:
-    """(N,) of int, into `ACTIVITIES`: what people do by their interactions, else by whether they walk; ids in order."""
-    doing = {person: "walking" if is_walking else "standing" for person, is_walking in walks.items()}
-    for tie in interactions:
-        doing[tie.src] = _DOING[tie.relation]
-        if tie.dst in doing:
-            doing[tie.dst] = _DOING[tie.relation]
-    return frozen(np.array([ACTIVITIES.index(kind) for kind in doing.values()], dtype=np.int64))
+def activity_indices(is_walking: Mapping[int, bool], interactions: Iterable[Interaction]) -> IntArray:
+    """Activities by interaction, and for pedestrians without one by whether they walk.
+
+    Args:
+        is_walking: whether each pedestrian walks, by id; in the order of the result.
+        interactions: their current interactions.
+
+    Returns:
+        (N,) of int, into `ACTIVITIES`, read-only.
+    """
+    activity = {id: "walking" if walks else "standing" for id, walks in is_walking.items()}
+    for interaction in interactions:
+        activity[interaction.src] = _ACTIVITY_OF_RELATION[interaction.relation]
+        if interaction.dst in activity:  # else it is an object
+            activity[interaction.dst] = _ACTIVITY_OF_RELATION[interaction.relation]
+    return frozen(np.array([ACTIVITIES.index(name) for name in activity.values()], dtype=np.int64))

@@ -1,4 +1,4 @@
-"""What a person is asked for besides the driving: `LabelSpec`."""
+"""`LabelSpec`: what kind of label a human driver or rater gives, and when."""
 
 from __future__ import annotations
 
@@ -11,20 +11,23 @@ from .geometry import quantised
 Kind = Literal["command", "yes_no", "classes", "slider", "text"]
 When = Literal["frame", "run"]
 
-DEVICE = "label"  # events of this device carry the label given while driving, its place on the scale as value
+LABEL_DEVICE = "label"  # device name of events that carry a label given while driving; their value is its position
 
 
 @dataclass(frozen=True, slots=True)
 class LabelSpec:
-    """What a label is, and when it is asked for.
+    """Specification of a label.
+
+    Labels of the kinds yes_no, classes and slider have a position on a scale from 0 to 1.
 
     Attributes:
-        kind: the command itself, which asks nothing; yes or no; one of so many classes; a slider from 0 to 1; text.
-        when: for every frame while driving, or once for the whole run afterwards.
+        kind: command: the robot's command itself, without a question; yes_no: a bool; classes: the number of a class,
+            from 1; slider: a float in [0, 1]; text: a str.
+        when: frame: for every frame while driving; run: once for a whole run, afterwards.
         name: key of the label in frames.
-        question: what the person is asked.
-        classes: names of the classes, the first one is number 1.
-        ends: what 0 and 1 of the slider mean.
+        question: text shown to the driver or rater.
+        classes: names of the classes; the first one has number 1.
+        ends: meaning of 0 and 1 on the slider.
     """
 
     kind: Kind = "command"
@@ -35,60 +38,66 @@ class LabelSpec:
     ends: tuple[str, str] = ("not at all", "entirely")
 
     @classmethod
-    def restored(cls, told: Mapping[str, Any]) -> Self:
-        """The one that a file tells of."""
-        known: Any = {key: tuple(value) if isinstance(value, list) else value for key, value in told.items()}
-        return cls(**known)
+    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
+        """The specification from its fields as a file stores them; lists become tuples."""
+        fields: Any = {key: tuple(value) if isinstance(value, list) else value for key, value in settings.items()}
+        return cls(**fields)
 
     @property
     def per_frame(self) -> bool:
+        """Whether a label is given for every frame."""
         return self.kind != "command" and self.when == "frame"
 
     @property
     def per_run(self) -> bool:
+        """Whether one label is given for the whole run."""
         return self.kind != "command" and self.when == "run"
 
     @property
     def levels(self) -> int:
-        """How many answers there are; 0: any number, or any text."""
+        """Number of possible labels; 0 for continuous values and text."""
         return {"yes_no": 2, "classes": len(self.classes)}.get(self.kind, 0)
 
-    def label_at(self, place: float) -> bool | int | float:
-        """The label at a place on the scale, 0 to 1.
+    def label_at(self, position: float) -> bool | int | float:
+        """The label at a position on the scale, 0 to 1.
 
         >>> LabelSpec("classes", classes=("poor", "fair", "good")).label_at(0.5)
         2
         """
         if self.kind == "slider":
-            return quantised(place)
-        level = int(place * (self.levels - 1) + 0.5)
+            return quantised(position)
+        level = int(position * (self.levels - 1) + 0.5)
         return bool(level) if self.kind == "yes_no" else level + 1
 
-    def place_of(self, label: bool | int | float) -> float:
-        """Where on the scale a label lies, 0 to 1; the inverse of `label_at`."""
+    def position_of(self, label: bool | int | float) -> float:
+        """Position of a label on the scale, 0 to 1; the inverse of `label_at`."""
         if self.kind == "slider":
             return float(label)
-        level = int(label) - (self.kind == "classes")
+        level = int(label) - (self.kind == "classes")  # classes are numbered from 1
         return level / max(self.levels - 1, 1)
 
-    def checked(self, label: Any) -> Any:
-        """The label, if it is one of this kind.
+    def validate(self, label: Any) -> Any:
+        """Check a label against its kind.
+
+        Returns:
+            The label; of a slider at the precision of files.
 
         Raises:
-            ValueError: it is none; says what one is.
+            ValueError: the label is not of this kind; the message describes the expected labels.
         """
-        fits = {
-            "yes_no": isinstance(label, bool),
-            "classes": isinstance(label, int) and not isinstance(label, bool) and 1 <= label <= self.levels,
-            "slider": isinstance(label, int | float) and not isinstance(label, bool) and 0.0 <= label <= 1.0,
+        is_bool = isinstance(label, bool)  # a bool is an int, but not a class number or a slider value
+        is_valid = {
+            "yes_no": is_bool,
+            "classes": isinstance(label, int) and not is_bool and 1 <= label <= self.levels,
+            "slider": isinstance(label, int | float) and not is_bool and 0.0 <= label <= 1.0,
             "text": isinstance(label, str),
         }.get(self.kind, False)
-        if not fits:
-            raise ValueError(f"{label!r} is no {self.name}; it is {self.meaning}")
+        if not is_valid:
+            raise ValueError(f"{label!r} is not a valid {self.name}; expected: {self.meaning}")
         return quantised(float(label)) if self.kind == "slider" else label
 
     def in_words(self, label: Any) -> str:
-        """A label as people read it; empty where none is asked for.
+        """A label as text for display; empty for the kind command.
 
         >>> LabelSpec("classes", classes=("poor", "fair")).in_words(2)
         '2 fair'
@@ -106,7 +115,7 @@ class LabelSpec:
 
     @property
     def meaning(self) -> str:
-        """In words, for the file."""
+        """The question and the possible labels in words, as recorded in files."""
         scale = {
             "command": "the command itself",
             "yes_no": "true or false",

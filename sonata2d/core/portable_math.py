@@ -1,8 +1,8 @@
 """Elementary functions that give the same bits on every processor.
 
 The C library's and NumPy's own exp, atan2, sin and cos differ in the last bit between processors (fused multiply-add,
-AVX-512), and a simulation makes such a bit large. Here they are built from ``+ - * /`` and ``sqrt`` alone, which
-IEEE 754 fixes to the bit. All accept floats or arrays and work element by element.
+AVX-512), and a simulation amplifies such a difference. Here they are built from ``+ - * /`` and ``sqrt`` alone, which
+IEEE 754 defines to the bit. All functions work element by element.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ BoolArray = NDArray[np.bool_]
 
 PI = math.pi
 _TAN_PI_8 = 0.41421356237309503
+# Taylor coefficients: of the odd powers of x for atan and sin, of the even ones for cos.
 _ATAN = (
     1.0, -1 / 3, 1 / 5, -1 / 7, 1 / 9, -1 / 11, 1 / 13, -1 / 15, 1 / 17, -1 / 19, 1 / 21, -1 / 23, 1 / 25,
 )  # fmt: skip
@@ -27,7 +28,7 @@ _COS = (1.0, -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800, 1 / 479001600, -
 
 
 def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
-    """Horner's rule, lowest power first."""
+    """Evaluate a polynomial by Horner's rule; coefficients from the lowest power up, x a float or an array."""
     total = coefficients[-1] * x + coefficients[-2]
     for coefficient in coefficients[-3::-1]:
         total = total * x + coefficient
@@ -35,12 +36,15 @@ def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
 
 
 def exp(x: Array) -> Array:
-    """e to the power of x for x <= 0; below -60 it is 0. Relative error under 2e-7 from -20 up.
+    """Exponential function for x <= 0, with a relative error under 2e-7 for x >= -20; 0 for x < -60.
 
     Args:
-        x: any shape, not above 0 (a decay).
+        x: any shape, zero or negative.
+
+    Returns:
+        e to the power of x, of the shape of x.
     """
-    y = np.maximum(x, -60.0) * (1 / 64)
+    y = np.maximum(x, -60.0) * (1 / 64)  # exp(x) = exp(x / 64) ** 64: the series converges fast near 0
     y = _polynomial((1.0, 1.0, 1 / 2, 1 / 6, 1 / 24, 1 / 120, 1 / 720, 1 / 5040), y)
     for _ in range(6):
         y = y * y
@@ -48,40 +52,30 @@ def exp(x: Array) -> Array:
 
 
 def arctan2(y: Array, x: Array) -> Array:
-    """Angle of the vectors (x, y), radians in (-pi, pi]; 0 for the null vector. Absolute error under 1e-10.
+    """Angle of the vectors (x, y), with an absolute error under 1e-10 rad.
 
     Args:
         y: any shape.
         x: the same shape.
+
+    Returns:
+        Radians in (-pi, pi], of the shape of x; 0 for the null vector.
     """
     ax, ay = np.abs(x), np.abs(y)
     low, high = np.minimum(ax, ay), np.maximum(ax, ay)
     t = low / np.where(high > 0.0, high, 1.0)
-    folded = t > _TAN_PI_8  # atan t = pi/4 + atan((t - 1) / (t + 1))
-    t = np.where(folded, (t - 1.0) / (t + 1.0), t)
-    angle = t * _polynomial(_ATAN, t * t) + np.where(folded, PI / 4, 0.0)
+    is_reduced = t > _TAN_PI_8  # atan t = pi/4 + atan((t - 1) / (t + 1))
+    t = np.where(is_reduced, (t - 1.0) / (t + 1.0), t)
+    angle = t * _polynomial(_ATAN, t * t) + np.where(is_reduced, PI / 4, 0.0)
+    # from the first octant back to the octant of (x, y)
     angle = np.where(ay > ax, PI / 2 - angle, angle)
     angle = np.where(x < 0.0, PI - angle, angle)
     signed: Array = np.where(y < 0.0, -angle, angle)
     return signed
 
 
-def unit_vector(theta: float) -> tuple[float, float]:
-    """(cos theta, sin theta), the unit vector that points along theta."""
-    quarters = math.floor(theta / (PI / 2) + 0.5)
-    x = theta - quarters * (PI / 2)
-    square = x * x
-    s, c = x * _polynomial(_SIN, square), _polynomial(_COS, square)
-    return ((c, s), (-s, c), (-c, -s), (s, -c))[quarters % 4]
-
-
-def unit_vectors(theta: Array) -> Array:
-    """Unit vectors that point along the angles; (N,) to (N, 2)."""
-    return np.array([unit_vector(float(angle)) for angle in theta], dtype=float).reshape(-1, 2)
-
-
 def angle_of(y: float, x: float) -> float:
-    """`arctan2` of two floats, without arrays."""
+    """`arctan2` of two floats, with the same bits and without the cost of arrays."""
     ax, ay = abs(x), abs(y)
     low, high = (ay, ax) if ax > ay else (ax, ay)
     if high == 0.0:
@@ -97,10 +91,31 @@ def angle_of(y: float, x: float) -> float:
     return float(-angle if y < 0.0 else angle)
 
 
+def unit_vector(theta: float) -> tuple[float, float]:
+    """Unit vector (cos theta, sin theta) of an angle in radians."""
+    quarters = math.floor(theta / (PI / 2) + 0.5)
+    x = theta - quarters * (PI / 2)  # in [-pi/4, pi/4], where the series converge fast
+    square = x * x
+    s, c = x * _polynomial(_SIN, square), _polynomial(_COS, square)
+    return ((c, s), (-s, c), (-c, -s), (s, -c))[quarters % 4]
+
+
+def unit_vectors(theta: Array) -> Array:
+    """Unit vectors of angles in radians; (N,) to (N, 2)."""
+    return np.array([unit_vector(float(angle)) for angle in theta], dtype=float).reshape(-1, 2)
+
+
 def rotation(angle: Any) -> tuple[Any, Any]:
-    """(cos, sin) of a small turn, of unit length to rounding; error under 2e-7 for |angle| < 0.5. Floats or arrays."""
+    """(cos, sin) of a small angle, normalised to unit length; the error is under 2e-7 for |angle| < 0.5.
+
+    Args:
+        angle: radians; a float or an array.
+
+    Returns:
+        Cosine and sine, of the type and shape of the angle.
+    """
     t = angle * 0.5
     square = t * t
-    t = t * (1.0 + square * (1 / 3 + square * (2 / 15 + square * (17 / 315))))  # tan
+    t = t * (1.0 + square * (1 / 3 + square * (2 / 15 + square * (17 / 315))))  # tan of the half angle
     n = 1.0 + t * t
     return (1.0 - t * t) / n, 2.0 * t / n

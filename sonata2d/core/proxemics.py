@@ -1,4 +1,4 @@
-"""Facts about a snapshot: how near the robot is to people and things, and how soon it would meet them.
+"""Gaps between the robot and its surroundings in a snapshot, and times to collision.
 
 Zones are E. T. Hall's (The Hidden Dimension, 1966), measured from outline to outline.
 """
@@ -9,29 +9,30 @@ import math
 
 import numpy as np
 
+from .humans import VX, VY, X, Y
 from .portable_math import Array
 from .snapshot import Snapshot
 
 INTIMATE_DISTANCE = 0.45  # m
-PERSONAL_DISTANCE = 1.2
-SOCIAL_DISTANCE = 3.6
+PERSONAL_DISTANCE = 1.2  # m
+SOCIAL_DISTANCE = 3.6  # m
 
 
 def clearances(snapshot: Snapshot) -> Array:
-    """Gap between the robot's outline and each person's, (N,), m; negative where they overlap."""
+    """Gap between the robot's outline and each pedestrian's, (N,), m; negative where they overlap."""
     humans, robot = snapshot.humans, snapshot.robot
-    x = humans.state[:, 0] - robot.position[0]
-    y = humans.state[:, 1] - robot.position[1]
-    return np.sqrt(x * x + y * y) - humans.radius - robot.radius
+    robot_x, robot_y = robot.position
+    dx, dy = humans.state[:, X] - robot_x, humans.state[:, Y] - robot_y
+    return np.sqrt(dx * dx + dy * dy) - humans.radius - robot.radius
 
 
 def clearance(snapshot: Snapshot) -> float:
-    """Gap between the robot and the nearest person, m; infinite in an empty room."""
+    """Gap between the robot and the nearest pedestrian, m; infinite without pedestrians."""
     return float(clearances(snapshot).min()) if len(snapshot.humans) else math.inf
 
 
 def obstacle_clearance(snapshot: Snapshot) -> float:
-    """Gap between the robot and the nearest wall or piece of furniture, m; infinite where there is none."""
+    """Gap between the robot and the nearest wall or piece of furniture, m; infinite without obstacles."""
     barriers = snapshot.scene.barriers
     if not len(barriers):
         return math.inf
@@ -39,18 +40,22 @@ def obstacle_clearance(snapshot: Snapshot) -> float:
 
 
 def times_to_collision(snapshot: Snapshot) -> Array:
-    """Seconds until the robot's outline would meet each person's if both kept their velocity, (N,); inf if never.
+    """Time until the outlines of the robot and of each pedestrian touch at constant velocities.
 
-    Source: the smaller root of |C - V t| = R with C the centres' offset, V the robot's velocity relative to the
-    person and R the sum of radii.
+    Returns:
+        (N,), s; 0 where they overlap, infinite where they never touch.
+
+    Source: the smaller root of |C - V t| = R with C the offset between the centres, V the robot's velocity relative
+    to the pedestrian and R the sum of the radii.
     """
     humans, robot = snapshot.humans, snapshot.robot
-    cx, cy = humans.state[:, 0] - robot.position[0], humans.state[:, 1] - robot.position[1]
-    vx, vy = robot.velocity[0] - humans.state[:, 2], robot.velocity[1] - humans.state[:, 3]
-    reach = humans.radius + robot.radius
+    (robot_x, robot_y), (robot_vx, robot_vy) = robot.position, robot.velocity
+    cx, cy = humans.state[:, X] - robot_x, humans.state[:, Y] - robot_y
+    vx, vy = robot_vx - humans.state[:, VX], robot_vy - humans.state[:, VY]
+    radii = humans.radius + robot.radius
     closing, square = cx * vx + cy * vy, vx * vx + vy * vy
-    beyond = cx * cx + cy * cy - reach * reach
-    root = closing * closing - square * beyond
-    meets = (closing > 0.0) & (root > 0.0)
-    when = (closing - np.sqrt(np.where(meets, root, 0.0))) / np.where(meets, square, 1.0)
-    return np.where(beyond <= 0.0, 0.0, np.where(meets, when, math.inf))
+    excess = cx * cx + cy * cy - radii * radii
+    discriminant = closing * closing - square * excess
+    collides = (closing > 0.0) & (discriminant > 0.0)
+    time = (closing - np.sqrt(np.where(collides, discriminant, 0.0))) / np.where(collides, square, 1.0)
+    return np.where(excess <= 0.0, 0.0, np.where(collides, time, math.inf))

@@ -1,7 +1,7 @@
-"""Random draws that stay the same from release to release, machine to machine and worker to worker.
+"""Random numbers that stay the same from release to release, machine to machine and worker to worker.
 
-NumPy promises the stream of `SeedSequence` and of PCG64's raw numbers, not that of its distributions, so the few that
-sonata2d needs are made here from raw 53-bit doubles.
+NumPy guarantees the stream of `SeedSequence` and of PCG64's raw numbers, but not the streams of its distributions.
+The few distributions that sonata2d needs are therefore computed here from raw 53-bit fractions.
 """
 
 from __future__ import annotations
@@ -14,27 +14,29 @@ import numpy as np
 from .portable_math import exp
 
 T = TypeVar("T")
-Child = Literal["scene", "people", "noise", "controller", "company", "glances", "manners"]
-_ULP = 1.0 / 9007199254740992.0  # of a 53-bit fraction
-_CHILDREN: tuple[Child, ...] = ("scene", "people", "noise", "controller", "company", "glances", "manners")
+StreamName = Literal["scene", "people", "noise", "controller", "company", "glances", "manners"]
+# Append only: a stream is seeded by the index of its name, so a new order would change every recorded episode.
+_STREAM_NAMES: tuple[StreamName, ...] = ("scene", "people", "noise", "controller", "company", "glances", "manners")
+_ULP = 1.0 / 9007199254740992.0  # 2 ** -53, the spacing of 53-bit fractions
+_MAX_DRAWS = 10_000
 
 
 class RandomStream:
-    """One named stream of random numbers of one episode.
+    """A named stream of random numbers of one episode.
 
     Args:
-        seed: the data set's seed, 0 or more.
-        episode: number of the episode within the data set.
-        child: what the numbers are for; streams of different name never touch.
-        of: id of whom they are for, where each has a stream of their own.
+        seed: seed of the data set, 0 or more.
+        episode: index of the episode in the data set.
+        name: what the numbers are used for; streams of different names are independent.
+        entity: id of the agent that the numbers belong to, where every agent has a stream of its own.
 
-    >>> Chance(7, 0, "scene").uniform() == Chance(7, 0, "scene").uniform()
+    >>> RandomStream(7, 0, "scene").uniform() == RandomStream(7, 0, "scene").uniform()
     True
     """
 
-    def __init__(self, seed: int, episode: int, child: Child, of: int | None = None) -> None:
-        key = (episode, _CHILDREN.index(child))
-        sequence = np.random.SeedSequence(seed, spawn_key=key if of is None else (*key, of))
+    def __init__(self, seed: int, episode: int, name: StreamName, entity: int | None = None) -> None:
+        key = (episode, _STREAM_NAMES.index(name))
+        sequence = np.random.SeedSequence(seed, spawn_key=key if entity is None else (*key, entity))
         self._bits = np.random.PCG64(sequence)
 
     def uniform(self, low: float = 0.0, high: float = 1.0) -> float:
@@ -42,21 +44,22 @@ class RandomStream:
         return low + (high - low) * ((int(self._bits.random_raw()) >> 11) * _ULP)
 
     def integer(self, low: int, high: int) -> int:
-        """A whole number in low..high, both included."""
+        """An integer from low to high, both included."""
         return min(low + int(self.uniform() * (high - low + 1)), high)
 
     def choice(self, items: Sequence[T], weights: Sequence[float] | None = None) -> T:
-        """One of the items, in proportion to the weights (alike if none)."""
+        """One of the items, with probabilities proportional to the weights; without weights all are equally likely."""
         if weights is None:
             return items[self.integer(0, len(items) - 1)]
         total = 0.0
-        for weight in weights:  # in order: the built-in sum differs from Python to Python
+        for weight in weights:  # in order: the result of the built-in sum depends on the Python version
             total += weight
-        left = self.uniform(0.0, total)
+        remainder = self.uniform(0.0, total)
         for item, weight in zip(items, weights, strict=True):
-            left -= weight
-            if left < 0.0:
+            remainder -= weight
+            if remainder < 0.0:
                 return item
+        # Rounding can leave a remainder of zero after the last item.
         return [item for item, weight in zip(items, weights, strict=True) if weight > 0.0][-1]
 
     def shuffled(self, items: Sequence[T]) -> list[T]:
@@ -65,16 +68,26 @@ class RandomStream:
         return [pool.pop(self.integer(0, len(pool) - 1)) for _ in items]
 
     def normal(self, mean: float, sd: float, low: float, high: float) -> float:
-        """A normal draw, drawn again until it falls in [low, high].
+        """A float from the normal distribution, truncated to [low, high] by rejection.
+
+        Args:
+            mean, sd: mean and standard deviation before truncation.
+            low, high: bounds of the result.
+
+        Raises:
+            ValueError: low is not below high, or none of 10 000 draws fell between them.
 
         Source: Kinderman & Monahan, ACM Trans. Math. Softw. 3 (1977) 257, ratio of uniforms.
         """
         if not low < high:
             raise ValueError(f"normal needs low < high, got {low}..{high}")
-        for _ in range(10_000):
+        for _ in range(_MAX_DRAWS):
             u = 1.0 - self.uniform()
             x = 1.7155277699214135 * (self.uniform() - 0.5) / u  # sqrt(8 / e)
             value = mean + sd * x
             if low <= value <= high and u <= float(exp(np.array(-x * x / 4))):
                 return value
-        raise ValueError(f"normal({mean}, {sd}) hardly ever falls in {low}..{high}")
+        raise ValueError(
+            f"none of {_MAX_DRAWS} draws of normal({mean}, {sd}) fell in {low}..{high}; "
+            "widen the range or move the mean into it"
+        )

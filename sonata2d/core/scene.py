@@ -1,4 +1,4 @@
-"""The Scene: all that is in a room at the start, and all that decides what happens in it."""
+"""The scene: the layout of a room at the start, and everything that determines what happens in it."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from typing import Any, Literal
 import numpy as np
 
 from .entities import EndsOn, Furniture, Goal, Group, Human, Interaction, Robot, Wall
-from .geometry import Barriers, Disc, Point
+from .geometry import Barriers, Disc, Edge, Point
 from .portable_math import Array
 
-PARKED, PARKED_APART = 200.0, 5.0  # m, of absent people from the room and from one another
+PARKING_DISTANCE, PARKING_SPACING = 200.0, 5.0  # m, of absent pedestrians from the room and from each other
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """How an episode is run.
+    """Rules of an episode.
 
     Attributes:
-        dt: the control tick, s.
-        substeps: physics steps within a tick.
+        dt: control period, s.
+        substeps: physics steps in a tick.
         iterations: of the contact solver.
         time_limit: s.
-        ends_on: besides the time limit, what ends the episode.
-        guard: whether the robot's bumper limits its velocity by the gap.
-        contact_distance: outlines nearer than this touch, m.
-        side: +1 people evade to their right when they meet head-on, -1 to their left.
+        ends_on: events that end the episode besides the time limit.
+        guard: whether the safety guard limits the robot's velocity by the gaps around it.
+        contact_distance: outlines nearer than this are in contact, m.
+        side: side to which pedestrians evade each other when they meet head-on: +1 right, -1 left.
     """
 
     dt: float = 0.1
@@ -43,20 +43,22 @@ class Rules:
 
     @property
     def last_tick(self) -> int:
-        """The tick at which time is up."""
+        """The tick at which the time limit is reached."""
         return int(self.time_limit / self.dt + 0.5)
 
 
 @dataclass(frozen=True, slots=True)
 class Social:
-    """What people take up with each other, and with things, while the episode runs. Each chance is 0..1.
+    """How pedestrians start and end interactions during an episode.
 
     Attributes:
-        visits: that a wanderer, on arrival, goes to a free plant, laptop or other object, and attends to it.
-        joins: that a wanderer, on arrival, joins somebody who stands, or a group that talks.
-        meets: that two wanderers who come near each other stop and talk.
-        leaves: that somebody who attends to a person or a thing at the start goes away, once their time is over.
-        visit_time, talk_time: s, from and to.
+        visits: probability that a wandering pedestrian, on arrival, goes to a free plant, laptop or other object and
+            attends to it.
+        joins: probability that a wandering pedestrian, on arrival, joins a standing pedestrian or a talking group.
+        meets: probability that two wandering pedestrians that come near each other stop and talk.
+        leaves: probability that a pedestrian that attends to another one or to an object at the start goes away once
+            its talk or visit time is over.
+        visit_time, talk_time: shortest and longest duration, s.
     """
 
     visits: float = 0.0
@@ -68,22 +70,22 @@ class Social:
 
     @property
     def is_lively(self) -> bool:
-        """Whether anything changes."""
+        """Whether interactions can change during an episode."""
         return max(self.visits, self.joins, self.meets, self.leaves) > 0.0
 
 
 @dataclass(frozen=True)
 class Scene:
-    """The layout an episode starts from. Everything that decides what happens in it is here.
+    """The layout that an episode starts from, with all that determines its course apart from the controller.
 
     Attributes:
-        name: of the scenario.
-        family: scenario and kind of room; splits of a data set go by it.
-        polygon: the room's outline, counter-clockwise; people and robot stay within.
-        walls: all of them, the outline's edges first.
-        seed, episode: what it was generated from; they also drive what people choose on their way.
-        settings: the resolved settings it was generated from, as JSON would hold them; None if made by hand.
-        dropped: what could not be placed although asked for.
+        name: name of the scenario.
+        family: scenario and kind of room; data sets are split by family.
+        polygon: outline of the room, counter-clockwise, m; pedestrians and robot stay inside.
+        walls: all walls, starting with the edges of the outline.
+        seed, episode: what the scene was generated from; they also seed the choices that pedestrians make.
+        settings: resolved scenario settings as JSON values; None for a scene that was not generated.
+        dropped: requested entities that could not be placed.
     """
 
     name: str
@@ -105,7 +107,7 @@ class Scene:
 
     @cached_property
     def barriers(self) -> Barriers:
-        """Walls first, then furniture that has a body, as thick segments; see `barrier_owner`."""
+        """Walls, then furniture with a physical body, as thick segments in the order of `barrier_owner`."""
         return Barriers.of([edge for _, edges in self._solids for edge in edges])
 
     @cached_property
@@ -114,45 +116,47 @@ class Scene:
         return tuple(owner for owner, edges in self._solids for _ in edges)
 
     @cached_property
-    def _solids(self) -> list[tuple[tuple[str, int], list[tuple[Point, Point, float]]]]:
+    def _solids(self) -> list[tuple[tuple[str, int], list[Edge]]]:
         walls = [(("wall", k), [(wall.start, wall.end, 0.0)]) for k, wall in enumerate(self.walls)]
-        things = [(("object", f.id), f.shape.edges(f.pose)) for f in self.furniture if f.on is None]
-        return walls + things
+        objects = [(("object", f.id), f.shape.edges(f.pose)) for f in self.furniture if f.on is None]
+        return walls + objects
 
     @cached_property
     def outline(self) -> Array:
-        """The room's polygon as (K, 2)."""
+        """The polygon of the room as a read-only (K, 2) array, m."""
         outline = np.array(self.polygon, dtype=float)
         outline.flags.writeable = False
         return outline
 
     @cached_property
-    def standing(self) -> Barriers:
-        """People who stand, as discs; those only who are there throughout."""
+    def standing_humans(self) -> Barriers:
+        """Pedestrians that stand and are present throughout the episode, as discs."""
         return standing_throughout(self.humans)
 
     @cached_property
     def parking(self) -> Array:
-        """(N, 2), m: far from the room a place for each person, where they are while they are absent."""
+        """A place for each pedestrian far from the room, where it is kept while it is absent; (N, 2), m, read-only."""
         x, y = self.outline.max(axis=0).tolist()
-        places = [(x + PARKED, y + PARKED + PARKED_APART * k) for k in range(len(self.humans))]
+        places = [(x + PARKING_DISTANCE, y + PARKING_DISTANCE + PARKING_SPACING * k) for k in range(len(self.humans))]
         parking = np.array(places, dtype=float).reshape(-1, 2)
         parking.flags.writeable = False
         return parking
 
     @cached_property
-    def shared(self) -> Barriers:
-        """The outlines of what people in formation share as they talk: others walk round it, not through."""
-        place = {human.id: human.pose.position for human in self.humans}
-        return outlines([place[m] for m in g.members] for g in self.groups if g.kind == "talking" and g.formation)
+    def shared_spaces(self) -> Barriers:
+        """Outlines of the spaces between members of talking formations; other pedestrians walk round them."""
+        position = {human.id: human.pose.position for human in self.humans}
+        talking = (group for group in self.groups if group.kind == "talking" and group.formation)
+        return closed_outlines([position[member] for member in group.members] for group in talking)
 
 
 def standing_throughout(humans: Iterable[Human]) -> Barriers:
-    """Those who stand and are there from the start to the end, as discs."""
-    return Barriers.of(Disc(h.radius).edges(h.pose)[0] for h in humans if h.stays and h.behaviour == "standing")
+    """Those pedestrians that stand and are present from start to end, as discs."""
+    discs = (Disc(h.radius).edges(h.pose) for h in humans if h.is_always_present and h.behaviour == "standing")
+    return Barriers.of(edge for edges in discs for edge in edges)
 
 
-def outlines(rings: Iterable[Sequence[Point]]) -> Barriers:
-    """The lines from place to place round each ring, m; of two places the one between them."""
+def closed_outlines(rings: Iterable[Sequence[Point]]) -> Barriers:
+    """Closed polylines through the points of each ring, m; for two points, the single line between them."""
     closed = ([*ring, ring[0]] if len(ring) > 2 else ring for ring in rings)
     return Barriers.of((a, b, 0.0) for ring in closed for a, b in pairwise(ring))

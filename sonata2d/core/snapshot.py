@@ -1,4 +1,4 @@
-"""What passes between rooms: the Snapshot a mind sees, the commands it answers, the Frame noted, the Outcome."""
+"""Values exchanged in a tick: the snapshot, the commands that answer it, the recorded frame, and the outcome."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .devices import DeviceEvent
 from .entities import Furniture, Goal, Interaction, Robot, Wall
 from .geometry import Point, Pose, Twist
 from .humans import Humans
-from .portable_math import Array, angle_of
+from .portable_math import Array, IntArray, angle_of
 from .scene import Scene
 
 Status = Literal["goal", "timeout", "contact", "stopped", "regenerate", "error"]
@@ -18,26 +18,33 @@ Status = Literal["goal", "timeout", "contact", "stopped", "regenerate", "error"]
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """The robot and another outline nearer than the contact distance, at some moment of the last tick.
+    """The robot and another outline came nearer than the contact distance during the last tick.
 
-    At fault is the one whose own velocity closes the gap; both may be, or neither.
+    A side is at fault if its own velocity closes the gap; both can be, or neither.
+
+    Attributes:
+        kind: what the robot touched.
+        id: of the human or object; for a wall its index in the scene.
+        robot_at_fault, other_at_fault: whether each side closed the gap.
     """
 
     kind: Literal["human", "object", "wall"]
-    id: int  # of the human or object; of a wall its index in the scene
+    id: int
     robot_at_fault: bool
     other_at_fault: bool
 
 
 @dataclass(frozen=True, slots=True)
 class RobotState:
-    """The robot as seen in a snapshot.
+    """State of the robot in a snapshot, world frame.
 
     Attributes:
-        position, direction, velocity: m, unit vector, m/s; world frame.
-        omega: rad/s.
-        executed: body-frame twist that the drive carried out in the last tick, guard included.
-        guarded: whether the guard stepped in during the last tick.
+        position: m.
+        direction: unit vector of the heading.
+        velocity: m/s.
+        omega: turn rate, rad/s.
+        executed: body-frame twist that the drive executed in the last tick, after the safety guard.
+        guarded: whether the safety guard reduced the velocity during the last tick.
         body: radius, drive and limits.
     """
 
@@ -59,16 +66,22 @@ class RobotState:
 
     @property
     def twist(self) -> Twist:
-        """Its velocity now, body frame."""
+        """Current velocity in the body frame."""
         (c, s), (vx, vy) = self.direction, self.velocity
         return Twist(vx * c + vy * s, vy * c - vx * s, self.omega)
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """One frozen look at the world, which controller and crowd share.
+    """State of the world at one tick, frozen; controller and crowd receive the same one.
 
-    `image` is (H, W, 3) of uint8 where the controller asks for one (`Controller.image`), else None.
+    Attributes:
+        tick: number of ticks since the start.
+        time: s since the start.
+        interactions: current ones between pedestrians and objects that are present.
+        contacts: of the robot during the last tick.
+        events: of input devices since the last snapshot.
+        image: (H, W, 3) of uint8 if the controller requests one (`Controller.image`), else None.
     """
 
     tick: int
@@ -95,28 +108,30 @@ class Snapshot:
 
     @property
     def dt(self) -> float:
+        """Control period, s."""
         return self.scene.rules.dt
 
 
 @dataclass(frozen=True, slots=True)
 class CrowdCommands:
-    """What the people want, one row a person in the scene's order.
+    """The crowd's answer to a snapshot: one row per pedestrian of the scene, in its order, whether present or not.
 
     Attributes:
-        acceleration: (N, 2), m/s2, world frame.
-        facing: (N, 2), unit vectors the bodies turn to.
-        look: (N, 2), unit vectors the heads turn to.
-        activity: (N,) of int, into `ACTIVITIES`.
-        interactions: as they stand now, those of absent people too.
-        refresh: of a law so stiff that it must be asked again within the tick, else None: from (N + 1, 4) rows x, y,
-            vx, vy, the robot last, to the (N, 2) accelerations there and then; asked `evaluations` times a tick.
-        leaving: rows of those who have reached where they leave the scene.
+        acceleration: (N, 2), m/s^2, world frame.
+        facing: (N, 2), unit vectors of the desired headings of the bodies.
+        gaze: (N, 2), unit vectors of the desired gazes.
+        activity: (N,) of int, into `humans.ACTIVITIES`.
+        interactions: current ones, including those of absent pedestrians.
+        refresh: for a pedestrian model so stiff that it must be evaluated several times in a tick: computes the (N, 2)
+            accelerations, m/s^2, from the current (N + 1, 4) rows x, y, vx, vy with the robot last. Else None.
+        evaluations: number of evaluations of the model in a tick.
+        leaving: rows of pedestrians that have reached the goal at which they leave the scene.
     """
 
     acceleration: Array
     facing: Array
-    look: Array
-    activity: Any
+    gaze: Array
+    activity: IntArray
     interactions: tuple[Interaction, ...]
     refresh: Callable[[Array], Array] | None = None
     evaluations: int = 1
@@ -125,7 +140,7 @@ class CrowdCommands:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One tick as it is noted: what was seen, what the controller asked for, and its label."""
+    """Record of one tick: the snapshot, the controller's command in the body frame, and its label."""
 
     snapshot: Snapshot
     command: Twist
@@ -134,7 +149,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How an episode ended."""
+    """How an episode ended: status, reason in words, and tick and time (s) of the end."""
 
     status: Status
     reason: str
@@ -143,23 +158,30 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Author:
-    """Who drives: what a file says of the controller."""
+class ControllerInfo:
+    """Description of a controller, as recorded in files.
+
+    Attributes:
+        path: import path or registered name of the controller.
+        version: of the controller.
+        settings: from which the controller can be reconstructed.
+        labels: meaning of each label by name.
+    """
 
     path: str
     version: str | None = None
     settings: dict[str, Any] | None = None
-    labels: dict[str, str] | None = None  # name of each label: what it means
+    labels: dict[str, str] | None = None
 
 
 class Observer(Protocol):
-    """Whoever watches an episode: recorder, window, meter."""
+    """Receives the scene, every frame and the outcome of an episode: a recorder, a window, a meter."""
 
-    def open(self, scene: Scene, author: Author) -> None:
-        """The episode begins."""
+    def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
+        """Called once, before the first tick."""
 
     def note(self, frame: Frame) -> None:
-        """One tick, before the world moves."""
+        """Called once per tick, before the world moves."""
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
-        """The episode is over; `last` is the final look, to which no command belongs."""
+        """Called once, at the end; `last` is the final snapshot, to which no command belongs."""

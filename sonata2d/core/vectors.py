@@ -8,6 +8,8 @@ import numpy as np
 
 from .portable_math import PI, Array
 
+X, Y = 0, 1  # columns of an (..., 2) array of points or vectors
+
 
 def length(x: float, y: float) -> float:
     """Length of one vector."""
@@ -16,15 +18,15 @@ def length(x: float, y: float) -> float:
 
 def lengths(vectors: Array) -> Array:
     """Lengths of vectors; (..., 2) to (...)."""
-    x, y = vectors[..., 0], vectors[..., 1]
-    sizes: Array = np.sqrt(x * x + y * y)
-    return sizes
+    x, y = vectors[..., X], vectors[..., Y]
+    norms: Array = np.sqrt(x * x + y * y)
+    return norms
 
 
 def wrap_angle(angle: float) -> float:
     """The equivalent angle in (-pi, pi], radians."""
     wrapped = angle - 2 * PI * math.ceil((angle - PI) / (2 * PI))
-    return wrapped if wrapped > -PI else PI
+    return wrapped if wrapped > -PI else PI  # rounding can leave -pi itself
 
 
 def wrap_angles(angles: Array) -> Array:

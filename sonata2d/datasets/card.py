@@ -1,17 +1,35 @@
-"""The data card: the README.md of a data set, with the front matter that Hugging Face reads."""
+"""The data card of a data set: README.md with Hugging Face front matter, figures on request, and Croissant metadata.
+
+Generation writes a card from the manifest alone. `write_card` (`sonata2d card`) reads the episodes too.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Iterable
+import re
+from collections.abc import Iterator
+from pathlib import Path
 
-from ..record.layout import Tree
+import orjson
 
+from ..errors import ConfigError, RecordError
+from ..record.files import read_bytes, write_atomically
+from ..record.layout import JsonDict
+from ..record.reader import read_episode
+from ..record.record import EpisodeRecord
+from .card_figure import EpisodeStatistics, collect_statistics, draw_statistics, require_matplotlib
+from .croissant import croissant_metadata
+from .executors import Advance
+from .manifest import CARD, CROISSANT, MANIFEST, SCENARIO, read_manifest, write_json
+
+FIGURES = "card.png"
+_LICENCE = re.compile(r"[a-z0-9][a-z0-9.+-]*")  # a licence identifier of Hugging Face
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 _CARD = """\
 ---
-pretty_name: {quoted}
+pretty_name: {quoted_title}
 license: {licence}
 task_categories:
 - robotics
@@ -19,13 +37,13 @@ tags:
 - social-navigation
 - pedestrians
 - simulation
-{synthetic}- sonata2d
+{synthetic_tag}- sonata2d
 size_categories:
 - {size}
 ---
 # {title}
 
-{made}{recorded}{kept}
+{origin}{mirrored}{recorded}{kept}
 ## Contents
 | outcome | episodes |
 | --- | ---: |
@@ -35,73 +53,186 @@ size_categories:
 | --- | ---: |
 {families}
 
-{frames} frames in all. `manifest.json` lists each file with its SHA-256. `run.jsonl` tells of the runs that made the
-set and is no part of it.
+{frames} frames in total. `manifest.json` lists each file with its SHA-256. `run.jsonl` is a log of the generation runs
+and not part of the data.
 
 ## Units and frames
-SI: metres, seconds, radians. World frame: x right, y up, theta counter-clockwise in (-3.1416, 3.1416]. Commands are
-body-frame twists: ahead, left, counter-clockwise. Each file names the columns of its rows; numbers in frames are
-rounded to {precision}.
+SI units: metres, seconds, radians. World frame: x right, y up, theta counter-clockwise in (-3.1416, 3.1416]. Commands
+are twists in the body frame: forward, left, counter-clockwise. Each file names the columns of its rows; numbers in
+frames are rounded to {precision}.
 
-## Known limits
-{who} simulated: social forces, discs for bodies, no gestures, faces or intentions beyond what the file says.
-Use it to train and to compare; do not take it as evidence of how people feel about a robot.
+{figures}## Known limits
+{simulated} simulated: social forces, disc-shaped bodies, no gestures, faces or intentions beyond those in the file.
+Use the data for training and comparison, not as evidence of how people feel about a robot.
 """
 
 _GENERATED = """\
-{count} of {asked} episodes of a robot among people in the scenario `{name}`, simulated by
-sonata2d {sonata2d} and driven by `{controller}`.
+{count} of {requested} episodes of a robot among pedestrians in the scenario `{name}`, simulated by
+sonata2d {sonata2d} with the controller `{controller}`.
 
-## Made by
+## Reproduction
 ```
-sonata2d generate AGAIN --scenario scenario.json --seed {seed} --episodes {asked} --controller {controller}{keep}
+sonata2d generate AGAIN --scenario scenario.json --seed {seed} --episodes {requested} --controller {controller}{keep}
 ```
-`scenario.json` beside this card holds the settings in full, as does every episode. The same settings, seed and physics
-version ({physics}) give the same bytes: `sonata2d check` with `--replay` proves it.
+`scenario.json` beside this card and every episode contain the full settings. The same settings, seed and physics
+version ({physics}) give the same bytes; `sonata2d check --replay` verifies this.
 """
 
 _COLLECTED = """\
-{count} runs of a robot among {others}, driven by {people} in the window of sonata2d {sonata2d}, and kept by
-whoever drove.
+{count} runs of a robot among {others}, driven by {drivers} in the window of sonata2d {sonata2d}.
+The drivers decided which runs were kept.
 
-## Made by
+## Collection
 ```
 sonata2d collect AGAIN --contributor NAME --scenario scenario.json
 ```
-`scenario.json` beside this card holds the settings it began with; every run holds its own, with the driver's commands
-and what they did to the devices, so that `sonata2d check` with `--replay` proves it (physics version {physics}).
-"""
-
-
-_MIRRORED = """
-Every episode here is the mirror image, left for right, of one of these: the commands above give the originals.
-`sonata2d mirror` gives them too, from these files, to the byte.
-"""
-
-_RECORDED = """
-## Recorded people
-{count} of the {given} people that the {scenario} are recorded: they are carried along their tracks and heed nobody. The
-recording's own terms apply to them, and so to these files.
-"""
-
-_KEPT = """
-## Only some runs are kept
-Kept are runs that ended so: {keep}. Left out were {left_out}. Whoever learns from these files has not seen how such
-runs come about, and shares of outcomes among them say nothing of the driver.
+`scenario.json` beside this card contains the settings of the first run. Every run contains its own settings, the
+driver's commands and the device events, so that `sonata2d check --replay` verifies it (physics version {physics}).
 """
 
 _MERGED = """\
-{count} episodes of a robot among people, merged from {sources} data sets by sonata2d {sonata2d}.
+{count} episodes of a robot among pedestrians, merged from {source_count} data sets by sonata2d {sonata2d}.
 
-## Made from
-{table}
+## Sources
+{source_table}
 
-`manifest.json` holds the settings of each under `sources`, as does every episode.
+`manifest.json` contains the settings of each source under `sources`, as does every episode.
+"""
+
+_MIRRORED = """
+Every episode is the left-right mirror image of an original; the command above gives the originals.
+`sonata2d mirror` converts these files back to the originals, byte for byte.
+"""
+
+_RECORDED = """
+## Recorded pedestrians
+{count} of the {given} pedestrians listed in the {scenario} follow recorded tracks and do not react to others. The
+terms of the recordings apply to them, and therefore to these files.
+"""
+
+_KEPT = """
+## Selection by outcome
+Only episodes with these outcomes are kept: {keep}. Left out: {left_out}. The data do not show how the omitted
+outcomes come about, and frequencies of outcomes are not those of the controller.
+"""
+
+_FIGURES = """\
+## Figures
+![Positions of robot and pedestrians, speeds, clearances, and outcomes]({picture})
+
+{frames} frames, {empty_frames} of them without pedestrians. Mean speed: robot {robot_speed:.2f} m/s, pedestrians
+{pedestrian_speed:.2f} m/s. In frames with pedestrians, the clearance between the robot and the nearest one is below
+0.45 m in {intimate:.1f} % and below 1.2 m in {personal:.1f} % of the frames.
+
 """
 
 
-def title_of(manifest: Tree) -> str:
-    """What a data set is called."""
+def write_manifest_and_card(folder: Path, manifest: JsonDict) -> None:
+    """Write the data card, then the manifest, which marks the data set as complete.
+
+    Raises:
+        RecordError: a file cannot be written.
+    """
+    write_atomically(folder / CARD, card_text(manifest).encode())
+    write_json(folder / MANIFEST, manifest)
+
+
+def write_card(
+    folder: str | Path,
+    *,
+    figures: bool = True,
+    licence: str | None = None,
+    advance: Advance = lambda step: None,
+) -> Path:
+    """Write the card of a data set with figures of its episodes, and Croissant metadata beside it.
+
+    Args:
+        folder: folder of the data set.
+        figures: whether to read all episodes and draw their statistics; needs matplotlib.
+        licence: identifier as on Hugging Face; by default `cc-by-4.0`, or `other` for recorded pedestrians.
+        advance: progress callback; its argument is the number of episodes read.
+
+    Returns:
+        The path of the card.
+
+    Raises:
+        ConfigError: the licence is not a valid identifier.
+        RecordError: the folder is not a data set, or an episode cannot be read.
+        RenderError: `figures` is set and matplotlib is not installed.
+    """
+    folder = Path(folder)
+    manifest = _with_settings(folder, read_manifest(folder))
+    if licence is not None and not _LICENCE.fullmatch(licence):
+        raise ConfigError(f"{licence!r} is not a licence identifier; use one like cc-by-4.0, or other")
+    licence, title = licence or _default_licence(manifest), title_of(manifest)
+    section = ""
+    if figures:
+        require_matplotlib()
+        statistics = collect_statistics(_records(folder, [file["name"] for file in manifest["files"]], advance))
+        draw_statistics(folder / FIGURES, statistics, title)
+        section = _figures_section(statistics)
+    metadata = croissant_metadata(
+        manifest,
+        hashlib.sha256((folder / MANIFEST).read_bytes()).hexdigest(),
+        title=title,
+        description=_description(manifest),
+        licence=licence,
+    )
+    write_json(folder / CROISSANT, metadata)
+    write_atomically(folder / CARD, card_text(manifest, licence, section).encode())
+    return folder / CARD
+
+
+def card_text(manifest: JsonDict, licence: str | None = None, figures: str = "") -> str:
+    """The text of a card, from the manifest alone.
+
+    Args:
+        manifest: manifest of the data set.
+        licence: identifier as on Hugging Face; by default `cc-by-4.0`, or `other` for recorded pedestrians.
+        figures: section about the figures, or an empty string.
+    """
+    counts, files, title = manifest["counts"], manifest["files"], title_of(manifest)
+    sources = manifest.get("sources") or []
+    template = _MERGED if sources else _COLLECTED if manifest.get("collected") else _GENERATED
+    driver_count = len(counts.get("contributor") or ())
+    origin = template.format(
+        count=len(files),
+        requested=manifest["episodes"],
+        name=manifest["name"],
+        seed=manifest["seed"],
+        sonata2d=manifest["software"]["sonata2d"],
+        controller=(manifest["controller"] or {}).get("path"),
+        physics=manifest["physics"],
+        others=_pedestrian_kinds(manifest),
+        drivers="one person" if driver_count == 1 else f"{driver_count} people",
+        source_count=len(sources),
+        source_table=_source_table(sources),
+        keep="".join(f" --keep {status}" for status in manifest.get("keep") or ()),
+    )
+    # A mirrored source repeats the selection of its original, so it gets a section only where no original is merged.
+    originals = [source for source in sources or [manifest] if not source.get("mirrored")] or sources or [manifest]
+    has_recorded = _recorded_count(manifest)[0] > 0
+    return _CARD.format(
+        title=title,
+        quoted_title=json.dumps(title, ensure_ascii=False),
+        size=next((name for limit, name in _SIZES if len(files) < limit), "n>1M"),
+        licence=licence or _default_licence(manifest),
+        synthetic_tag="" if has_recorded else "- synthetic\n",
+        origin=origin,
+        mirrored=_MIRRORED if manifest.get("mirrored") and not sources else "",
+        recorded=_recorded_section(manifest) if has_recorded else "",
+        kept="".join(_kept_section(source) for source in originals),
+        outcomes=_count_rows(counts["outcome"]),
+        families=_count_rows(counts["family"]),
+        frames=sum(file["ticks"] for file in files),
+        precision=manifest["precision"],
+        figures=figures,
+        simulated="Pedestrians without recorded tracks are" if has_recorded else "Pedestrians are",
+    )
+
+
+def title_of(manifest: JsonDict) -> str:
+    """The title of a data set."""
     count = len(manifest["files"])
     title = f"sonata2d {manifest['name']}, seed {manifest['seed']}"
     if manifest.get("collected"):
@@ -111,106 +242,88 @@ def title_of(manifest: Tree) -> str:
     return f"{title}, mirrored" if manifest.get("mirrored") else title
 
 
-def recorded_people(manifest: Tree) -> tuple[int, int]:
-    """How many people the scenarios of a data set carry along a track, and how many they list in all."""
-    told = manifest.get("sources") or [manifest]
-    people = [person for one in told for person in (one["settings"] or {}).get("people", ())]
+def _recorded_count(manifest: JsonDict) -> tuple[int, int]:
+    """Number of pedestrians with a recorded track, and of all pedestrians listed in the scenarios of a data set."""
+    sources = manifest.get("sources") or [manifest]
+    people = [person for source in sources for person in (source["settings"] or {}).get("people", ())]
     return sum(bool(person.get("track")) for person in people), len(people)
 
 
-def licence_of(manifest: Tree) -> str:
-    """As Hugging Face names it, unless somebody chose one; recorded people come with terms of their own."""
-    return "other" if recorded_people(manifest)[0] else "cc-by-4.0"
+def _default_licence(manifest: JsonDict) -> str:
+    """Licence identifier; recordings of people have terms of their own, so theirs is `other`."""
+    return "other" if _recorded_count(manifest)[0] else "cc-by-4.0"
 
 
-def others_of(manifest: Tree) -> str:
-    """Who the robot is among."""
-    recorded, given = recorded_people(manifest)
+def _pedestrian_kinds(manifest: JsonDict) -> str:
+    recorded, listed = _recorded_count(manifest)
     if not recorded:
-        return "simulated people"
-    return "recorded people" if recorded == given else "recorded and simulated people"
+        return "simulated pedestrians"
+    return "recorded pedestrians" if recorded == listed else "recorded and simulated pedestrians"
 
 
-def card(manifest: Tree, licence: str | None = None) -> str:
-    """The card of a data set, from its manifest alone.
-
-    Args:
-        manifest: of the data set.
-        licence: as Hugging Face names it; unless given, CC BY 4.0, or `other` where people are recorded.
-    """
-    counts, files, title = manifest["counts"], manifest["files"], title_of(manifest)
-    recorded = recorded_people(manifest)[0]
-    made = _COLLECTED if manifest.get("collected") else _GENERATED
-    if manifest.get("sources"):
-        made = _MERGED
-    elif manifest.get("mirrored"):
-        made += _MIRRORED
-    told = {
-        "count": len(files),
-        "asked": manifest["episodes"],
-        "name": manifest["name"],
-        "seed": manifest["seed"],
-        "sonata2d": manifest["software"]["sonata2d"],
-        "controller": (manifest["controller"] or {}).get("path"),
-        "physics": manifest["physics"],
-        "others": others_of(manifest),
-        "people": _people(len(counts.get("contributor") or ())),
-        "sources": len(manifest.get("sources") or ()),
-        "table": _sources(manifest.get("sources") or ()),
-        "keep": "".join(f" --keep {status}" for status in manifest.get("keep") or ()),
-    }
-    return _CARD.format(
-        title=title,
-        quoted=json.dumps(title, ensure_ascii=False),
-        size=next((name for most, name in _SIZES if len(files) < most), "n>1M"),
-        made=made.format(**told),
-        licence=licence or licence_of(manifest),
-        synthetic="" if recorded else "- synthetic\n",
-        recorded=_recorded(manifest),
-        kept="".join(_kept(told) for told in _originals(manifest.get("sources") or [manifest])),
-        who="Who is not recorded is" if recorded else "The people are",
-        precision=manifest["precision"],
-        outcomes=_lines(counts["outcome"]),
-        families=_lines(counts["family"]),
-        frames=sum(file["ticks"] for file in files),
-    )
+def _description(manifest: JsonDict) -> str:
+    """One or two sentences for the Croissant metadata."""
+    text = f"{len(manifest['files'])} episodes of a robot among {_pedestrian_kinds(manifest)}, made with sonata2d."
+    kept = {status for source in (manifest, *(manifest.get("sources") or ())) for status in source.get("keep", ())}
+    return text + (f" Only episodes with these outcomes are kept: {', '.join(sorted(kept))}." if kept else "")
 
 
-def _recorded(manifest: Tree) -> str:
-    """The section on recorded people, if there are any."""
-    count, given = recorded_people(manifest)
-    scenario = "scenarios list" if manifest.get("sources") else "scenario lists"
-    return _RECORDED.format(count=count, given=given, scenario=scenario) if count else ""
+def _recorded_section(manifest: JsonDict) -> str:
+    count, given = _recorded_count(manifest)
+    return _RECORDED.format(count=count, given=given, scenario="scenarios" if manifest.get("sources") else "scenario")
 
 
-def _originals(sources: list[Tree]) -> list[Tree]:
-    """Without the mirror images, which say what these do; all, if there are only images."""
-    return [source for source in sources if not source.get("mirrored")] or sources
-
-
-def _kept(told: Tree) -> str:
-    """The section on what was left out of a data set, or of one that was merged, if only some runs were kept."""
-    if not told.get("keep"):
+def _kept_section(source: JsonDict) -> str:
+    """The section on the selection by outcome of a data set or a merged source; empty if all episodes are kept."""
+    if not source.get("keep"):
         return ""
-    keep, left_out = ", ".join(told["keep"]), told.get("left_out") or {}
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in left_out.items()) or "none"
-    files = f" (files `{told['name']}__…`)" if "scenario" in told else ""
-    return _KEPT.format(keep=keep + files, left_out=counts)
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in (source.get("left_out") or {}).items()) or "none"
+    files = f" (files `{source['name']}__…`)" if "scenario" in source else ""  # only sources have the key `scenario`
+    return _KEPT.format(keep=", ".join(source["keep"]) + files, left_out=counts)
 
 
-def _sources(sources: Iterable[Tree]) -> str:
-    """Where merged episodes come from."""
+def _source_table(sources: list[JsonDict]) -> str:
     rows = ["| files | scenario | seed | episodes | |", "| --- | --- | ---: | ---: | --- |"]
     for source in sources:
         scenario = "driven by people" if source["scenario"] is None else source["scenario"].replace("|", "/")
-        seed, image = "" if source["seed"] is None else source["seed"], "mirrored" if source.get("mirrored") else ""
-        rows.append(f"| `{source['name']}__…` | {scenario} | {seed} | {len(source['files'])} | {image} |")
+        seed, mirrored = "" if source["seed"] is None else source["seed"], "mirrored" if source.get("mirrored") else ""
+        rows.append(f"| `{source['name']}__…` | {scenario} | {seed} | {len(source['files'])} | {mirrored} |")
     return "\n".join(rows)
 
 
-def _lines(counts: dict[str, int]) -> str:
+def _count_rows(counts: dict[str, int]) -> str:
     return "\n".join(f"| {key.replace('|', '/')} | {count} |" for key, count in counts.items())
 
 
-def _people(count: int) -> str:
-    return "one person" if count == 1 else f"{count} people"
+def _figures_section(statistics: EpisodeStatistics) -> str:
+    occupied = max(statistics.frames - statistics.empty_frames, 1)
+    return _FIGURES.format(
+        picture=FIGURES,
+        frames=statistics.frames,
+        empty_frames=statistics.empty_frames,
+        robot_speed=statistics.robot_speed_sum / max(int(statistics.robot_speed.sum()), 1),
+        pedestrian_speed=statistics.pedestrian_speed_sum / max(int(statistics.pedestrian_speed.sum()), 1),
+        intimate=100.0 * statistics.intimate / occupied,
+        personal=100.0 * statistics.personal / occupied,
+    )
+
+
+def _with_settings(folder: Path, manifest: JsonDict) -> JsonDict:
+    """The manifest; for collected runs with the initial settings, which tell whether pedestrians are recorded.
+
+    Raises:
+        RecordError: the file of the settings is damaged.
+    """
+    path = folder / SCENARIO
+    if not manifest["collected"] or not path.exists():
+        return manifest
+    try:
+        return manifest | {"settings": orjson.loads(read_bytes(path))}
+    except orjson.JSONDecodeError as error:
+        raise RecordError(f"{path} is not valid JSON: {error}") from error
+
+
+def _records(folder: Path, names: list[str], advance: Advance) -> Iterator[EpisodeRecord]:
+    for name in names:
+        yield read_episode(folder / name)
+        advance(1)

@@ -1,4 +1,4 @@
-"""Is a file, or a data set, what it says it is? Schema, hashes, and agreement of the numbers with one another."""
+"""Checks episode files and data sets: schema, hashes, consistency of the manifest, and plausibility of the numbers."""
 
 from __future__ import annotations
 
@@ -11,22 +11,28 @@ from typing import TYPE_CHECKING
 import orjson
 
 from ..errors import RecordError
-from ..record.layout import Tree
+from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
-from .manifest import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO, entry_of, read_manifest
-from .plausibility import Doubt, doubts
+from .manifest import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO, manifest_entry, read_manifest
+from .plausibility import Finding, implausible_values
 from .progress import LOG
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-_MOST_TOLD = 20  # problems of the schema told of one file
+_MAXIMUM_SCHEMA_PROBLEMS = 20  # reported per file
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """What is wrong, in which file, and where in it."""
+    """A problem in a file of a data set.
+
+    Attributes:
+        file: file name.
+        place: key in the file, such as `frames.3.robot`, or the name of a check.
+        message: what is wrong.
+    """
 
     file: str
     place: str
@@ -37,18 +43,24 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
-    """A file of a data set, what the manifest says of it, and what of all of them."""
+class ListedFile:
+    """An episode file of a data set, with what the manifest states about it.
+
+    Attributes:
+        path: location of the file.
+        entry: row of the file in the manifest.
+        shared: document keys that all files of its source have in common, with their values.
+    """
 
     path: Path
-    told: Tree
-    common: Tree
+    entry: JsonDict
+    shared: JsonDict
 
 
 def check_episode(path: str | Path) -> list[Problem]:
-    """What is wrong with an episode file; an empty list if nothing is.
+    """Problems of an episode file; an empty list if there are none.
 
-    The schema, then whether the numbers agree with one another and with what bodies can do: see `sense`.
+    Checks the schema, then the plausibility of the numbers (`plausibility.implausible_values`).
     """
     path = Path(path)
     try:
@@ -59,66 +71,66 @@ def check_episode(path: str | Path) -> list[Problem]:
 
 
 def check_dataset(folder: str | Path) -> list[Problem]:
-    """What is wrong with a data set: its manifest, the files that it lists, and each episode."""
+    """Problems of a data set: each listed episode, then the manifest."""
     folder = Path(folder)
     problems = check_manifest(folder)
     if any(problem.place == "file" for problem in problems):
         return problems
-    return [problem for path in listed_files(folder) for problem in check_listed(path)] + problems
+    return [problem for file in listed_files(folder) for problem in check_listed(file)] + problems
 
 
 def check_manifest(folder: Path) -> list[Problem]:
-    """What is wrong with a manifest by itself and with which files there are."""
+    """Problems of a manifest by itself, and of the set of files in the folder."""
     try:
         manifest = read_manifest(folder)
     except RecordError as error:
         return [Problem(MANIFEST, "file", str(error))]
-    return [Problem(MANIFEST, *doubt) for doubt in _manifest_doubts(folder, manifest)]
+    return [Problem(MANIFEST, *finding) for finding in _manifest_findings(folder, manifest)]
 
 
-def listed_files(folder: Path) -> list[Listed]:
-    """The files that a manifest lists, each with what it says of it.
+def listed_files(folder: Path) -> list[ListedFile]:
+    """The files that a manifest lists.
 
     Raises:
-        RecordError: there is no whole manifest.
+        RecordError: the folder has no valid manifest.
     """
     manifest = read_manifest(folder)
-    common = {key: manifest[key] for key in ("physics", "precision")}
-    shared = {name: _shared(source, common) for source in _sources(manifest) for name in source["files"]}
-    return [Listed(folder / told["name"], told, shared.get(told["name"], {})) for told in manifest["files"]]
+    versions = {key: manifest[key] for key in ("physics", "precision")}
+    shared = {name: _shared_values(source, versions) for source in _sources(manifest) for name in source["files"]}
+    return [ListedFile(folder / entry["name"], entry, shared.get(entry["name"], {})) for entry in manifest["files"]]
 
 
-def _sources(manifest: Tree) -> list[Tree]:
-    """The data sets that it was merged from, or itself as the only one."""
-    files = [told["name"] for told in manifest["files"]]
+def _sources(manifest: JsonDict) -> list[JsonDict]:
+    """The merged data sets, or the data set itself as its only source."""
+    files = [entry["name"] for entry in manifest["files"]]
     return manifest.get("sources") or [manifest | {"scenario": manifest["name"], "files": files}]
 
 
-def _shared(source: Tree, common: Tree) -> Tree:
-    """What all files of a source say alike; of runs that people drove each tells its own."""
+def _shared_values(source: JsonDict, versions: JsonDict) -> JsonDict:
+    """Document values that all files of a source share; collected runs may differ in each of them."""
     if source["scenario"] is None:
         return {}
-    return common | {"name": source["scenario"], **{key: source[key] for key in ("settings", "seed", "controller")}}
+    return versions | {"name": source["scenario"], **{key: source[key] for key in ("settings", "seed", "controller")}}
 
 
-def check_listed(listed: Listed) -> list[Problem]:
-    """A file against what the manifest says of it, then for itself."""
-    path, told = listed.path, listed.told
-    if path.name != told["name"] or not path.is_file():
-        return [Problem(MANIFEST, "files", f"{told['name']} is in the list but not in the folder")]
+def check_listed(file: ListedFile) -> list[Problem]:
+    """Problems of a listed file: differences from the manifest, then those of `check_episode`."""
+    path, entry = file.path, file.entry
+    if path.name != entry["name"] or not path.is_file():
+        return [Problem(MANIFEST, "files", f"{entry['name']} is listed but not in the folder")]
     try:
         record = read_episode(path)
     except RecordError as error:
         return [Problem(path.name, "file", str(error))]
-    found = asdict(entry_of(record))
+    actual = asdict(manifest_entry(record))
     problems = [
-        Problem(path.name, key, f"is {found[key]}, the manifest says {told[key]}")
-        for key in found
-        if found[key] != told[key]
+        Problem(path.name, key, f"is {actual[key]}, the manifest says {entry[key]}")
+        for key in actual
+        if actual[key] != entry[key]
     ]
-    for key, value in listed.common.items():
+    for key, value in file.shared.items():
         if record.document[key] != value:
-            problems.append(Problem(path.name, key, "differs from the manifest's"))
+            problems.append(Problem(path.name, key, "differs from the manifest"))
     return problems + _check_record(record)
 
 
@@ -126,60 +138,62 @@ def _check_record(record: EpisodeRecord) -> list[Problem]:
     from ..record.models import Episode
 
     name = record.path.name
+    # Plausibility needs a document that fits the schema.
     problems = _check_schema(name, Episode, record.document)
-    return problems or [Problem(name, *doubt) for doubt in doubts(record)]
+    return problems or [Problem(name, *finding) for finding in implausible_values(record)]
 
 
-def _check_schema(name: str, model: type[BaseModel], document: Tree) -> list[Problem]:
+def _check_schema(name: str, model: type[BaseModel], document: JsonDict) -> list[Problem]:
     from pydantic import ValidationError
 
     try:
         model.model_validate_json(orjson.dumps(document))
     except ValidationError as error:
-        found = error.errors(include_url=False, include_context=False)
-        problems = [Problem(name, ".".join(map(str, e["loc"])), f"{e['msg']}, got {e['input']!r:.60}") for e in found]
-        rest = len(problems) - _MOST_TOLD
-        return problems[:_MOST_TOLD] + ([Problem(name, "schema", f"{rest} more problems")] if rest > 0 else [])
+        errors = error.errors(include_url=False, include_context=False)
+        problems = [Problem(name, ".".join(map(str, e["loc"])), f"{e['msg']}, got {e['input']!r:.60}") for e in errors]
+        rest = len(problems) - _MAXIMUM_SCHEMA_PROBLEMS
+        more = [Problem(name, "schema", f"{rest} more problems")] if rest > 0 else []
+        return problems[:_MAXIMUM_SCHEMA_PROBLEMS] + more
     return []
 
 
-def _manifest_doubts(folder: Path, manifest: Tree) -> Iterator[Doubt]:
-    """Does the manifest agree with itself and with the folder?"""
+def _manifest_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
+    """Contradictions within a manifest, and between the manifest and the files of its folder."""
     files = manifest["files"]
     names, episodes = [file["name"] for file in files], [file["episode"] for file in files]
     if not manifest["complete"]:
-        yield "complete", f"{len(files)} of {manifest['episodes']} episodes are there; go on with --resume"
+        yield "complete", f"{len(files)} of {manifest['episodes']} episodes exist; generate the others with --resume"
     elif manifest.get("keep"):
-        yield from _keep_doubts(manifest, episodes)
+        yield from _selection_findings(manifest, episodes)
     elif not (manifest["collected"] or manifest.get("sources")) and episodes != list(range(manifest["episodes"])):
-        yield "files", f"should list the episodes 0 to {manifest['episodes'] - 1} in order"
-    for key, told in manifest["counts"].items():
-        if told != (counted := dict(Counter(file[key] for file in files if file.get(key) is not None))):
-            yield f"counts.{key}", f"says {told}, the list gives {counted}"
+        yield "files", f"must list the episodes 0 to {manifest['episodes'] - 1} in order"
+    for key, stated in manifest["counts"].items():
+        if stated != (counted := dict(Counter(file[key] for file in files if file.get(key) is not None))):
+            yield f"counts.{key}", f"is {stated}, but the listed files give {counted}"
     for name in _repeated(names):
         yield "files", f"lists {name} more than once"
     if manifest.get("sources") and sorted(names) != sorted(name for s in _sources(manifest) for name in s["files"]):
-        yield "sources", "should list each file once"
+        yield "sources", "must list each file once"
     parts = [name for part in (manifest["split"] or {}).values() for name in part]
     for name in [*_repeated(parts), *sorted(set(parts) - set(names))]:
-        yield "split", f"{name} is in two parts, or in none of the files listed"
+        yield "split", f"{name} is in two parts, or is not a listed file"
     known = {*names, MANIFEST, SCENARIO, CARD, LOG, METRICS, CROISSANT}
-    strangers = {path.name for path in folder.iterdir() if path.is_file()} - known
-    for name in sorted(name for name in strangers if ".json" in name or name.endswith(".tmp")):
-        yield "files", f"{name} is in the folder but not in the list"
+    unknown = {path.name for path in folder.iterdir() if path.is_file()} - known
+    for name in sorted(name for name in unknown if ".json" in name or name.endswith(".tmp")):
+        yield "files", f"{name} is in the folder but not listed"
 
 
-def _keep_doubts(manifest: Tree, episodes: list[int]) -> Iterator[Doubt]:
-    """Of a data set of which some outcomes were kept: does it account for each number?"""
+def _selection_findings(manifest: JsonDict, episodes: list[int]) -> Iterator[Finding]:
+    """Contradictions in a data set that keeps some outcomes only: every episode number must be accounted for."""
     keep, left_out = manifest["keep"], manifest.get("left_out") or {}
     if len(episodes) != manifest["episodes"] or episodes != sorted(set(episodes)):
-        yield "files", f"should list {manifest['episodes']} episodes in order"
+        yield "files", f"must list {manifest['episodes']} episodes in order"
     for file in manifest["files"]:
         if file["outcome"] not in keep:
-            yield "keep", f"{file['name']} ended in {file['outcome']}, kept are {', '.join(keep)}"
-    gaps = episodes[-1] + 1 - len(episodes) if episodes else 0
-    if gaps != sum(left_out.values()) or set(left_out) & set(keep):
-        yield "left_out", f"says {left_out}, the list leaves out {gaps}"
+            yield "keep", f"{file['name']} ended in {file['outcome']}, but only {', '.join(keep)} is kept"
+    missing = episodes[-1] + 1 - len(episodes) if episodes else 0
+    if missing != sum(left_out.values()) or set(left_out) & set(keep):
+        yield "left_out", f"is {left_out}, but {missing} episode numbers are not listed"
 
 
 def _repeated(names: Iterable[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""What machines read of a data set: Croissant metadata.
+"""Croissant metadata: a machine-readable description of a data set.
 
 Source: Croissant format specification 1.0, MLCommons (2024), http://mlcommons.org/croissant/1.0.
 """
@@ -6,10 +6,9 @@ Source: Croissant format specification 1.0, MLCommons (2024), http://mlcommons.o
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-from ..record.files import suffix_of
-from ..record.layout import Tree
+from ..record.files import file_suffix
+from ..record.layout import JsonDict
 from .manifest import CROISSANT, MANIFEST, METRICS, SCENARIO
 
 LICENCES = {"cc-by-4.0": "https://creativecommons.org/licenses/by/4.0/"}
@@ -37,28 +36,32 @@ _CONTEXT = {
     "source": "cr:source",
     "transform": "cr:transform",
 }
-_ENCODINGS = {".json": "application/json", ".json.gz": "application/gzip", ".json.zst": "application/zstd"}
-_FIELDS = (  # of the manifest's list of files
+_MEDIA_TYPES = {".json": "application/json", ".json.gz": "application/gzip", ".json.zst": "application/zstd"}
+_FIELDS = (  # keys of the rows in the manifest's `files`: name, type, description
     ("name", "sc:Text", "file name of the episode"),
     ("sha256", "sc:Text", "SHA-256 of the file"),
     ("bytes", "sc:Integer", "size of the file"),
     ("episode", "sc:Integer", "number of the episode"),
-    ("family", "sc:Text", "scenario and kind of room; splits go by it"),
-    ("outcome", "sc:Text", "how it ended"),
+    ("family", "sc:Text", "scenario and kind of room; used for splits"),
+    ("outcome", "sc:Text", "outcome of the episode"),
     ("ticks", "sc:Integer", "number of frames"),
 )
 
 
-def croissant(manifest: Tree, sha256: str, *, title: str, description: str, licence: str) -> dict[str, Any]:
-    """Croissant metadata: the manifest as a file, the episodes as a set of files, and a record for each episode.
+def croissant_metadata(
+    manifest: JsonDict, manifest_sha256: str, *, title: str, description: str, licence: str
+) -> JsonDict:
+    """Croissant metadata: the manifest as a file, the episodes as a file set, and one record per episode.
 
     Args:
-        manifest: of the data set.
-        sha256: of the manifest's file.
-        title, description: of the data set.
-        licence: as Hugging Face names it.
+        manifest: manifest of the data set.
+        manifest_sha256: SHA-256 of the manifest file.
+        title: title of the data set.
+        description: description of the data set.
+        licence: identifier as on Hugging Face.
     """
-    suffixes = sorted({suffix_of(Path(file["name"])) for file in manifest["files"]}) or [".json"]
+    suffixes = sorted({file_suffix(Path(file["name"])) for file in manifest["files"]}) or [".json"]
+    media_types = [_MEDIA_TYPES[suffix] for suffix in suffixes]
     manifest_file = {"@id": "manifest.json"}
     return {
         "@context": _CONTEXT,
@@ -75,16 +78,14 @@ def croissant(manifest: Tree, sha256: str, *, title: str, description: str, lice
                 "name": "manifest.json",
                 "contentUrl": "manifest.json",
                 "encodingFormat": "application/json",
-                "sha256": sha256,
+                "sha256": manifest_sha256,
             },
             {
                 "@type": "cr:FileSet",
                 "@id": "episodes",
                 "name": "episodes",
-                "description": "One JSON document an episode; columns and units are named in each.",
-                "encodingFormat": _ENCODINGS[suffixes[0]]
-                if len(suffixes) == 1
-                else list(map(_ENCODINGS.get, suffixes)),
+                "description": "One JSON document per episode; each document names its columns and units.",
+                "encodingFormat": media_types[0] if len(media_types) == 1 else media_types,
                 "includes": [f"*{suffix}" for suffix in suffixes],
                 "excludes": [MANIFEST, SCENARIO, METRICS, CROISSANT],
             },
@@ -99,11 +100,11 @@ def croissant(manifest: Tree, sha256: str, *, title: str, description: str, lice
                         "@type": "cr:Field",
                         "@id": f"episode/{name}",
                         "name": name,
-                        "description": about,
+                        "description": description_of_field,
                         "dataType": kind,
                         "source": {"fileObject": manifest_file, "extract": {"jsonPath": f"$.files[*].{name}"}},
                     }
-                    for name, kind, about in _FIELDS
+                    for name, kind, description_of_field in _FIELDS
                 ],
             }
         ],

@@ -1,53 +1,65 @@
-"""Many seeds to many files: a data set, whoever makes which part of it and however often it is interrupted."""
+"""Generates data sets: the same bytes for any number of workers and after any interruption."""
 
 from __future__ import annotations
 
 import logging
-import os
 import platform
 import shutil
 import sys
-import threading
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from itertools import islice
-from multiprocessing import get_context, parent_process
-from multiprocessing.synchronize import Event
+from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import load_controller
 from ..core.snapshot import Status
 from ..errors import ControllerError, RecordError, Sonata2dError
+from ..record.layout import JsonDict
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
-from ..sim.episode import Episode, author_of, renderer_for
-from . import manifest as dataset
-from .manifest import DatasetSpec, Entry
-from .progress import Failure, LeftOut, Result, Tally, log, log_left_out, logged_left_out
+from ..sim.episode import Episode, controller_info_of, renderer_for
+from .card import write_manifest_and_card
+from .executors import Advance, unordered_map
+from .manifest import (
+    MANIFEST,
+    DatasetSpec,
+    ManifestEntry,
+    episode_numbers,
+    existing_episodes,
+    manifest_of,
+    read_manifest,
+    start_dataset,
+    store_episode,
+)
+from .progress import (
+    EpisodeResult,
+    ExcludedEpisode,
+    FailedEpisode,
+    Progress,
+    append_to_log,
+    log_excluded,
+    read_excluded,
+)
 
 logger = logging.getLogger(__name__)
 
-CHUNK = 4  # episodes handed to a worker at a time
-FAILED = "failed"  # folder of what an error left of its episode
-KEEPABLE: tuple[Status, ...] = tuple(status for status in get_args(Status) if status != "error")  # that ends a batch
-
-Advance = Callable[[int], None]
+FAILED = "failed"  # subfolder for the frames of episodes that ended in an error
+KEEPABLE: tuple[Status, ...] = tuple(status for status in get_args(Status) if status != "error")  # an error aborts
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What a worker must know to make any episode of a data set."""
+    """Everything that a worker needs to generate any episode of a data set."""
 
     out: Path
     scenario: ScenarioConfig
-    plan: DatasetSpec
+    spec: DatasetSpec
 
 
 def generate_dataset(
@@ -62,193 +74,173 @@ def generate_dataset(
     suffix: str = ".json",
     keep: Sequence[str] = (),
     advance: Advance = lambda step: None,
-) -> dict[str, Any]:
-    """Make a data set, or what is missing of one.
+) -> JsonDict:
+    """Generate a data set, or the missing episodes of one.
 
     Args:
-        out: folder for it; new or empty, unless it is to be resumed.
-        scenario: what its scenes may look like.
-        controller: its name, as on the command line, since each worker makes its own.
-        episodes: how many; with `keep`, how many of these.
-        seed: of the whole set; episode k is the same whatever the other arguments.
-        workers: processes. With more than one, a script must guard its start by `if __name__ == "__main__":`.
-        resume: go on with a set that was interrupted, with the same settings.
+        out: folder of the data set; new or empty, unless `resume` is set.
+        scenario: settings of the scenes.
+        controller: name of the controller, as on the command line; each worker creates its own.
+        episodes: number of episodes; with `keep`, number of kept episodes.
+        seed: seed of the data set; the bytes of episode k depend on no other argument but scenario and controller.
+        workers: number of processes. With more than one, a script must guard its entry point by
+            `if __name__ == "__main__":`.
+        resume: continue an interrupted data set with the same settings.
         suffix: `.json`, `.json.gz` or `.json.zst`.
-        keep: outcomes (`frame.Status`). Episodes 0, 1, 2, … are made until so many ended in one of these; the others
-            are left out, and the manifest counts them. All are kept if none is named.
-        advance: is told how many episodes are done, as they are.
+        keep: outcomes to keep (`Status`); empty: all. Episodes 0, 1, 2, … are run until the requested number has one
+            of these outcomes; the manifest counts the others by outcome.
+        advance: progress callback; its argument is the number of newly kept episodes.
 
     Returns:
         The manifest.
 
     Raises:
-        RecordError: the folder cannot be used or written, or holds a data set made otherwise; or hardly any episode
-            ends as is to be kept.
-        ControllerError: the controller cannot be made, or an error ended an episode; whole episodes stay.
-        SceneError: a scene cannot be laid out; whole episodes stay.
-        ValueError: no episode of a data set ends in an outcome of this name.
+        RecordError: the folder cannot be used or written, it holds a data set with other settings, or fewer than 1 in
+            50 episodes is kept.
+        ControllerError: the controller cannot be created, or an error ended an episode; finished episodes stay.
+        SceneError: a scene cannot be generated; finished episodes stay.
+        ValueError: `keep` names an outcome that cannot be kept.
     """
     out = Path(out)
-    kept = _in_order(keep)
-    author = author_of(load_controller(controller), controller)
-    plan = DatasetSpec(scenario.name, scenario.settings(), seed, episodes, author, suffix, kept)
-    split = dataset.read_manifest(out)["split"] if resume and (out / dataset.MANIFEST).exists() else None
-    listed = dataset.start(out, plan, resume=resume)
-    tally = Tally(plan, _known(out, plan, listed) if resume else ())
-    advance(len(tally.kept))
-    lacking = episodes - min(tally.whole, episodes)
-    with _logged(out, lacking, workers):
-        _make(Job(out, scenario, plan), tally, workers if lacking > 1 else 1, advance)
-        if tally.failure is not None:
-            raise tally.failure.error(_told(tally.failure, out, tally.whole, episodes))
-    shutil.rmtree(out / FAILED, ignore_errors=True)  # what failed is made by now
-    if split is not None and lacking:
-        logger.warning("%s was split, and has other episodes now; split it again", out)
-    return dataset.finish(out, plan, tally.kept, left_out=tally.left_out, split=None if lacking else split)
+    kept_outcomes = _in_fixed_order(keep)
+    info = controller_info_of(load_controller(controller), controller)
+    spec = DatasetSpec(scenario.name, scenario.settings(), seed, episodes, info, suffix, kept_outcomes)
+    split = read_manifest(out)["split"] if resume and (out / MANIFEST).exists() else None
+    listed = start_dataset(out, spec, resume=resume)
+    progress = Progress(spec, _known_results(out, spec, listed) if resume else ())
+    advance(len(progress.kept))
+    missing = episodes - min(progress.stored_count, episodes)
+    with _logged(out, missing, workers):
+        _run_episodes(Job(out, scenario, spec), progress, workers if missing > 1 else 1, advance)
+        if progress.failure is not None:
+            message = _failure_message(progress.failure, out, progress.stored_count, episodes)
+            raise progress.failure.error(message)
+    shutil.rmtree(out / FAILED, ignore_errors=True)  # episodes that failed earlier have been generated by now
+    if split is not None and missing:
+        logger.warning("%s has new episodes, so its split was removed; split it again", out)
+    return finish_dataset(out, spec, progress.kept, left_out=progress.left_out, split=None if missing else split)
 
 
-def _in_order(keep: Sequence[str]) -> tuple[Status, ...]:
-    """Outcomes to keep in one order, whichever they are named in."""
+def finish_dataset(
+    folder: Path,
+    spec: DatasetSpec,
+    entries: Iterable[ManifestEntry],
+    *,
+    left_out: Mapping[str, int] | None = None,
+    split: Mapping[str, list[str]] | None = None,
+) -> JsonDict:
+    """Write the manifest and the data card; with `keep`, remove episode files beyond the last requested one.
+
+    Args:
+        folder: folder of the data set.
+        spec: specification of the data set.
+        entries: manifest rows of the episodes, in any order; the data set is complete if none is missing.
+        left_out: number of episodes not kept before the last kept one, by outcome.
+        split: file names by part.
+
+    Returns:
+        The manifest.
+    """
+    entries = sorted(entries, key=lambda entry: entry.episode)
+    numbers = [entry.episode for entry in entries]
+    complete = len(numbers) == spec.episodes if spec.keep else numbers == list(range(spec.episodes))
+    for surplus in set(episode_numbers(folder, spec)).difference(numbers) if spec.keep else ():
+        (folder / spec.file_name(surplus)).unlink(missing_ok=True)
+    manifest = manifest_of(spec, entries, complete=complete, left_out=left_out, split=split)
+    write_manifest_and_card(folder, manifest)
+    return manifest
+
+
+def _in_fixed_order(keep: Sequence[str]) -> tuple[Status, ...]:
+    """The outcomes to keep, without repetitions and in the order of `Status`."""
     for status in keep:
         if status not in KEEPABLE:
-            raise ValueError(f"keep must be of {', '.join(KEEPABLE)}; got {status!r}")
+            raise ValueError(f"keep accepts {', '.join(KEEPABLE)}; got {status!r}")
     return tuple(status for status in KEEPABLE if status in keep)
 
 
-def _known(out: Path, plan: DatasetSpec, listed: Mapping[str, str]) -> list[Entry | LeftOut]:
-    """What earlier runs came to."""
-    done, faults = dataset.existing(out, plan, listed)
+def _known_results(out: Path, spec: DatasetSpec, listed: Mapping[str, str]) -> list[ManifestEntry | ExcludedEpisode]:
+    """Results of earlier runs in this folder."""
+    entries, faults = existing_episodes(out, spec, listed)
     for fault in faults:
-        logger.warning("%s; it is made again", fault)
-    left_out = logged_left_out(out) if plan.keep else {}
-    return [*(LeftOut(k, outcome) for k, outcome in left_out.items()), *done.values()]
+        logger.warning("%s; the episode is generated again", fault)
+    return [*(read_excluded(out) if spec.keep else ()), *entries.values()]
 
 
-def _make(job: Job, tally: Tally, workers: int, advance: Advance) -> None:
-    """Make episodes until the tally is over."""
-    with closing(_results(job, tally.missing(), workers)) as results:
+def _run_episodes(job: Job, progress: Progress, workers: int, advance: Advance) -> None:
+    """Run pending episodes until the progress is finished."""
+    with closing(
+        unordered_map(partial(_episode_runner, job), progress.pending(), workers=workers, is_last=_is_failure)
+    ) as results:
         for result in results:
-            if isinstance(result, LeftOut):
-                log_left_out(job.out, result.episode, result.outcome)
-            advance(tally.take(result))
-            if tally.is_over:
+            if isinstance(result, ExcludedEpisode):
+                log_excluded(job.out, result)
+            advance(progress.add(result))
+            if progress.is_finished:
                 return
 
 
-def _results(job: Job, todo: Iterator[int], workers: int) -> Generator[Result, None, None]:
-    """Make the episodes, in this process or in others."""
-    if workers <= 1:
-        controller = load_controller(job.plan.author.path)
-        for episode in todo:
-            yield _made(job, controller, episode)
-        return
-    spawn = get_context("spawn")  # the same on every system
-    stop = spawn.Event()
-    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_start_worker, initargs=(job, stop)) as pool:
-        try:
-            yield from _spread(pool, _chunks(todo), ahead=2 * workers)
-        finally:
-            stop.set()  # each worker ends after the episode it is at
-            pool.shutdown(cancel_futures=True)
+def _episode_runner(job: Job) -> Callable[[int], EpisodeResult]:
+    """A function that runs an episode by number; all its episodes share one controller."""
+    return partial(_run_episode, job, load_controller(job.spec.controller_info.path))
 
 
-def _spread(pool: ProcessPoolExecutor, chunks: Iterator[tuple[int, ...]], *, ahead: int) -> Iterator[Result]:
-    """Hand out chunks, never more than a few ahead, and give results as they come."""
-    running: set[Future[list[Result]]] = set()
-    while True:
-        running |= {pool.submit(_make_chunk, chunk) for chunk in islice(chunks, ahead - len(running))}
-        if not running:
-            return
-        finished, running = wait(running, return_when=FIRST_COMPLETED)
-        for future in finished:
-            yield from future.result()
+def _is_failure(result: EpisodeResult) -> bool:
+    return isinstance(result, FailedEpisode)
 
 
-def _chunks(todo: Iterable[int]) -> Iterator[tuple[int, ...]]:
-    rest = iter(todo)
-    while chunk := tuple(islice(rest, CHUNK)):
-        yield chunk
-
-
-_worker: tuple[Job, Controller, Event] | None = None
-
-
-def _start_worker(job: Job, stop: Event) -> None:
-    """Once in each worker: make its controller; see to it that it dies with its parent and not by Ctrl-C."""
-    import signal
-
-    global _worker
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    assert parent is not None
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
-    _worker = job, load_controller(job.plan.author.path), stop
-
-
-def _make_chunk(episodes: Sequence[int]) -> list[Result]:
-    """Make some episodes in a worker."""
-    assert _worker is not None
-    job, controller, stop = _worker
-    made: list[Result] = []
-    for episode in episodes:
-        if stop.is_set():
-            break
-        made.append(_made(job, controller, episode))
-        if isinstance(made[-1], Failure):
-            break
-    return made
-
-
-def _made(job: Job, controller: Controller, episode: int) -> Result:
-    """Run one episode and write its file, if it is one to keep."""
-    plan = job.plan
+def _run_episode(job: Job, controller: Controller, episode: int) -> EpisodeResult:
+    """Run one episode and write its file if its outcome is kept."""
+    spec = job.spec
     recorder = EpisodeRecorder(id=f"{episode:06d}", context=job.scenario.context)
     try:
-        scene = generate(job.scenario, plan.seed, episode)
-        run = Episode(scene, controller, observers=[recorder], author=plan.author, renderer=renderer_for(controller))
+        scene = generate(job.scenario, spec.seed, episode)
+        run = Episode(
+            scene,
+            controller,
+            observers=[recorder],
+            controller_info=spec.controller_info,
+            renderer=renderer_for(controller),
+        )
         status = run.run().status
-        if plan.keep and status not in plan.keep:
-            return LeftOut(episode, status)
-        return dataset.store(job.out, plan, episode, recorder.document())
+        if spec.keep and status not in spec.keep:
+            return ExcludedEpisode(episode, status)
+        return store_episode(job.out, spec, episode, recorder.document())
     except Exception as error:
         kind = type(error) if isinstance(error, Sonata2dError) else ControllerError
-        return Failure(episode, kind, _message(error), _keep_remains(job, recorder, episode))
+        return FailedEpisode(episode, kind, _message(error), _store_partial(job, recorder, episode))
 
 
-def _keep_remains(job: Job, recorder: EpisodeRecorder, episode: int) -> Path | None:
-    """Write the frames of an episode that an error ended, for whoever mends it; None if there are none."""
+def _store_partial(job: Job, recorder: EpisodeRecorder, episode: int) -> Path | None:
+    """Write the frames of a failed episode for debugging; None if there are none."""
+    folder = job.out / FAILED
     try:
-        return job.out / FAILED / dataset.store(job.out / FAILED, job.plan, episode, recorder.document()).name
+        return folder / store_episode(folder, job.spec, episode, recorder.document()).name
     except RecordError:
         return None
 
 
 def _message(error: Exception) -> str:
-    """What happened, on one line, and where in the author's file."""
+    """The error on one line; for an error outside sonata2d also its class and its place in the source."""
     notes = getattr(error, "__notes__", [])
     if isinstance(error, Sonata2dError):
         return "; ".join([str(error), *notes])
-    told = "; ".join([f"{type(error).__name__}: {error}", *notes])
+    text = "; ".join([f"{type(error).__name__}: {error}", *notes])
     last = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{told} ({Path(last.filename).name}, line {last.lineno})"
+    return f"{text} ({Path(last.filename).name}, line {last.lineno})"
 
 
-def _told(failure: Failure, out: Path, done: int, episodes: int) -> str:
-    remains = f"; its frames up to there are in {failure.remains}" if failure.remains else ""
+def _failure_message(failure: FailedEpisode, out: Path, stored: int, episodes: int) -> str:
+    partial_file = f"; the frames before it are in {failure.partial_file}" if failure.partial_file else ""
     return (
-        f"episode {failure.episode}: {failure.message}{remains}; {done} of {episodes} episodes are whole in {out},"
-        " resume to go on"
+        f"episode {failure.episode}: {failure.message}{partial_file}; {stored} of {episodes} episodes are complete in"
+        f" {out}, resume to generate the others"
     )
 
 
 @contextmanager
-def _logged(out: Path, todo: int, workers: int) -> Iterator[None]:
-    """Note in the run's log what is true of this run only."""
+def _logged(out: Path, missing: int, workers: int) -> Iterator[None]:
+    """Append a line about this run to the run log when it ends."""
     start, begun = time.perf_counter(), time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     outcome = "interrupted"
     try:
@@ -258,13 +250,13 @@ def _logged(out: Path, todo: int, workers: int) -> Iterator[None]:
         outcome = f"{type(error).__name__}: {error}"
         raise
     finally:
-        log(
+        append_to_log(
             out,
             begun=begun,
             seconds=round(time.perf_counter() - start, 1),
             host=platform.node(),
             workers=workers,
-            asked=todo,
+            asked=missing,
             command=sys.argv,
             outcome=outcome,
         )

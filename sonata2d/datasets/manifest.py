@@ -1,28 +1,37 @@
-"""A data set: a folder of episode files with a manifest, a data card and a run log."""
+"""The manifest of a data set, and the folder of episode files that it lists."""
 
 from __future__ import annotations
 
 import hashlib
+import os
+import shutil
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
+from uuid import uuid4
 
 import orjson
 from pydantic import Field
 
 from ..core.geometry import PRECISION
-from ..core.snapshot import Author, Status
+from ..core.snapshot import ControllerInfo, Status
 from ..errors import NewerFormatError, RecordError
-from ..record.canonical import head_of, plain
-from ..record.files import SUFFIXES, TEMPORARY, packed, read_bytes, stem_of, suffix_of, write_atomically
-from ..record.layout import Tree, software
+from ..record.canonical import parse_header, to_json_value
+from ..record.files import SUFFIXES, TEMPORARY_PREFIX, compress, file_stem, file_suffix, read_bytes, write_atomically
+from ..record.layout import JsonDict, software_versions
 from ..record.models import Controller, Count, Part, Positive, Software
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..version import PHYSICS_VERSION
-from .card import card
+
+DATASET_FORMAT, DATASET_VERSION = "sonata2d-dataset", 1
+MANIFEST, SCENARIO, CARD = "manifest.json", "scenario.json", "README.md"
+CROISSANT = "croissant.json"  # written by `sonata2d card`
+METRICS = "metrics.json"  # written by `sonata2d evaluate`
+_NOT_EPISODES = (METRICS, CROISSANT, "evaluation.json")  # JSON files that may lie beside episodes without a manifest
 
 
 class ManifestFile(Part):
@@ -35,97 +44,97 @@ class ManifestFile(Part):
     family: str
     outcome: Status
     ticks: Count = Field(description="number of frames")
-    contributor: str | None = Field(default=None, description="who drove; of collected runs")
-    seed: int | None = Field(default=None, description="of the scenes; of collected runs")
+    contributor: str | None = Field(default=None, description="name of the driver; collected runs only")
+    seed: int | None = Field(default=None, description="seed of the scene; collected runs only")
 
 
 class Source(Part):
-    """A data set that was merged into this one; its files tell the same of themselves."""
+    """A data set that was merged into this one."""
 
-    name: str = Field(description="begins the names of its files")
-    mirrored: bool = Field(default=False, description="its episodes are mirror images")
-    scenario: str | None = Field(description="its name; null: collected")
+    name: str = Field(description="prefix of the names of its files")
+    mirrored: bool = Field(default=False, description="whether its episodes are mirror images")
+    scenario: str | None = Field(description="name of the scenario; null: collected runs")
     settings: dict[str, Any] | None
     seed: int | None
     episodes: Count
-    keep: list[Status] | None = Field(default=None, description="as of a data set")
-    left_out: dict[str, Count] | None = Field(default=None, description="as of a data set")
+    keep: list[Status] | None = Field(default=None, description="as in a manifest")
+    left_out: dict[str, Count] | None = Field(default=None, description="as in a manifest")
     controller: Controller | None
     files: list[str]
 
 
 class Counts(Part):
-    """Episodes by what they are."""
+    """Number of episodes by property."""
 
     outcome: dict[str, Count]
     family: dict[str, Count]
-    contributor: dict[str, Count] | None = Field(default=None, description="of collected runs")
+    contributor: dict[str, Count] | None = Field(default=None, description="collected runs only")
 
 
 class Manifest(Part):
-    """What a data set holds: `manifest.json`."""
+    """Contents of a data set: `manifest.json`."""
 
     format: Literal["sonata2d-dataset"]
     version: Literal[1]
-    mirrored: bool = Field(default=False, description="mirror images of the episodes that settings and seed give")
-    collected: bool = Field(default=False, description="driven by people, kept run by run: each file tells its own")
-    name: str | None = Field(description="of the scenario; null: collected")
+    mirrored: bool = Field(
+        default=False, description="whether the episodes are mirror images of those that settings and seed produce"
+    )
+    collected: bool = Field(
+        default=False, description="whether people drove; each file then holds its own settings, seed and controller"
+    )
+    name: str | None = Field(description="name of the scenario; null: collected runs")
     settings: dict[str, Any] | None = Field(description="resolved settings of the scenario")
     seed: int | None
-    episodes: Count = Field(description="how many were asked for; where some are kept, how many of these")
+    episodes: Count = Field(description="number of episodes requested; with `keep`, number of kept episodes requested")
     keep: list[Status] | None = Field(
-        default=None, description="outcomes that were kept: the first ones by number that ended so; absent: all"
+        default=None, description="outcomes of kept episodes, which are the first ones by number; absent: all"
     )
     controller: Controller | None
     precision: Positive
     physics: int
-    complete: bool = Field(description="false while it is being made, or where that was interrupted")
+    complete: bool = Field(description="false during generation and after an interruption")
     counts: Counts
     left_out: dict[str, Count] | None = Field(
-        default=None, description="by outcome, how many before the last one listed were not kept; only with `keep`"
+        default=None, description="number of episodes not kept before the last listed one, by outcome; only with `keep`"
     )
-    split: dict[str, list[str]] | None = Field(description="names of files by part: train, dev, test; null: not split")
-    sources: list[Source] | None = Field(default=None, description="what it was merged from; each has its own seed")
+    split: dict[str, list[str]] | None = Field(
+        description="file names by part: train, dev, test; null: the data set is not split"
+    )
+    sources: list[Source] | None = Field(default=None, description="the data sets that were merged")
     files: list[ManifestFile]
     software: Software
 
 
-DATASET_FORMAT, DATASET_VERSION = "sonata2d-dataset", 1
-MANIFEST, SCENARIO, CARD = "manifest.json", "scenario.json", "README.md"
-CROISSANT = "croissant.json"  # what `sonata2d card` writes for machines
-METRICS = "metrics.json"  # what `sonata2d evaluate` leaves beside the episodes
-
-
 @dataclass(frozen=True, slots=True)
 class DatasetSpec:
-    """What a data set is asked to be: all that decides its bytes.
+    """Specification of a generated data set: everything that determines its bytes.
 
     Attributes:
-        name: of the scenario.
+        name: name of the scenario.
         settings: resolved settings of the scenario.
-        seed: of the data set.
-        episodes: how many; where only some are kept, how many of these.
-        author: who drives.
-        suffix: of the files.
-        keep: outcomes that are kept; all if none is named.
+        seed: seed of the data set.
+        episodes: number of episodes; with `keep`, number of kept episodes.
+        controller_info: the controller as recorded in files.
+        suffix: file suffix: `.json`, `.json.gz` or `.json.zst`.
+        keep: outcomes that are kept; empty: all.
     """
 
     name: str
     settings: dict[str, Any] | None
     seed: int
     episodes: int
-    author: Author
+    controller_info: ControllerInfo
     suffix: str = ".json"
     keep: tuple[Status, ...] = ()
 
     def file_name(self, episode: int) -> str:
-        """`{episode:06d}.json`"""
+        """`{episode:06d}` and the suffix."""
         return f"{episode:06d}{self.suffix}"
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
-    """What the manifest says of a file."""
+class ManifestEntry:
+    """The row of the manifest for one file."""
 
     name: str
     sha256: str
@@ -136,127 +145,46 @@ class Entry:
     ticks: int
 
 
-def start(folder: Path, plan: DatasetSpec, *, resume: bool = False) -> dict[str, str]:
-    """Begin a data set in a new or empty folder, or go on with one that was interrupted.
-
-    Returns:
-        The SHA-256 of each file that an earlier manifest lists.
+def files_of(path: Path) -> list[Path]:
+    """Episode files at a path: the file itself, the files listed in its manifest, or else the JSON files of the folder.
 
     Raises:
-        RecordError: the folder holds something else, or another data set, or one and `resume` is False.
+        RecordError: the path does not exist or holds no episode, or its manifest is damaged.
     """
-    listed: dict[str, str] = {}
-    if (folder / MANIFEST).exists():
-        if not resume:
-            raise RecordError(f"{folder} holds a data set already; resume it, or choose another folder")
-        _refuse_another(folder, plan)
-        _refuse_other_packing(folder, plan)
-        listed = {told["name"]: told["sha256"] for told in read_manifest(folder)["files"]}
-    elif folder.exists() and not folder.is_dir():
-        raise RecordError(f"{folder} is a file; choose another name for the folder")
-    elif folder.exists() and any(not path.name.startswith(TEMPORARY) for path in folder.iterdir()):
-        raise RecordError(f"{folder} is not empty and holds no {MANIFEST}; choose another folder")
-    for left in folder.glob(f"{TEMPORARY}*"):
-        left.unlink(missing_ok=True)
-    write_tree(folder / MANIFEST, manifest_of(plan, (), complete=False))  # first: it is what a resumption looks for
-    if plan.settings is not None:
-        write_tree(folder / SCENARIO, plan.settings)
-    return listed
+    if path.is_file():
+        return [path]
+    if (path / MANIFEST).exists():
+        return [path / entry["name"] for entry in read_manifest(path)["files"]]
+    files = sorted(file for file in path.glob("*.json*") if file.is_file() and file.name not in _NOT_EPISODES)
+    if not files:
+        raise RecordError(f"{path} holds no episode files" if path.is_dir() else f"{path} does not exist")
+    return files
 
 
-def store(folder: Path, plan: DatasetSpec, episode: int, document: bytes) -> Entry:
-    """Write an episode's document to its place; what the manifest will say of it."""
-    path, head = folder / plan.file_name(episode), head_of(document)
-    data, outcome = packed(document, path), head["outcome"]
-    write_atomically(path, data)
-    return Entry(
-        path.name, _sha256(data), len(data), head["episode"], head["family"], outcome["status"], outcome["tick"]
-    )
-
-
-def entry_of(record: EpisodeRecord) -> Entry:
-    """What the manifest says of an episode that was read."""
-    data, status = record.path.read_bytes(), record.outcome.status
-    return Entry(record.path.name, _sha256(data), len(data), record.episode, record.family, status, len(record))
-
-
-def existing(folder: Path, plan: DatasetSpec, listed: Mapping[str, str]) -> tuple[dict[int, Entry], list[str]]:
-    """The whole episodes of this plan that a folder holds, and why others must be made again.
-
-    Args:
-        listed: SHA-256 by file name, from `start`; a file that differs from it was changed since.
-
-    Returns:
-        Entries by number of episode, and a line for each file of the plan that is there but of no use.
-    """
-    entries, faults = {}, []
-    for episode in _numbers(folder, plan):
-        path = folder / plan.file_name(episode)
-        try:
-            record = read_episode(path)
-            _refuse_stranger(record, plan, episode)
-            entry = entry_of(record)
-            if listed.get(path.name, entry.sha256) != entry.sha256:
-                raise RecordError(f"{path} was changed since it was made")
-            entries[episode] = entry
-        except NewerFormatError:
-            raise
-        except RecordError as error:
-            faults.append(str(error))
-    return entries, faults
-
-
-def _numbers(folder: Path, plan: DatasetSpec) -> list[int]:
-    """The numbers of episodes that files in the folder are named after, as far as the plan may ask for them."""
-    stems = (path.name.removesuffix(plan.suffix) for path in folder.iterdir() if path.name.endswith(plan.suffix))
-    numbers = sorted(int(stem) for stem in stems if stem.isdecimal() and stem.isascii())
-    return [k for k in numbers if (plan.keep or k < plan.episodes) and (folder / plan.file_name(k)).is_file()]
-
-
-def finish(
-    folder: Path,
-    plan: DatasetSpec,
-    entries: Iterable[Entry],
-    *,
-    left_out: Mapping[str, int] | None = None,
-    split: Mapping[str, list[str]] | None = None,
-) -> Tree:
-    """Write manifest and card; complete if every episode is there.
-
-    Where only some are kept, files of episodes beyond the last one that was asked for are removed.
-
-    Args:
-        left_out: how many before the last one were not kept, by outcome.
-
-    Returns:
-        The manifest.
-    """
-    files = sorted(entries, key=lambda entry: entry.episode)
-    numbers = [entry.episode for entry in files]
-    complete = len(numbers) == plan.episodes if plan.keep else numbers == list(range(plan.episodes))
-    for beyond in set(_numbers(folder, plan)).difference(numbers) if plan.keep else ():
-        (folder / plan.file_name(beyond)).unlink(missing_ok=True)
-    manifest = manifest_of(plan, files, complete=complete, left_out=left_out, split=split)
-    write_atomically(folder / CARD, card(manifest).encode())
-    write_tree(folder / MANIFEST, manifest)
-    return manifest
-
-
-def read_manifest(folder: Path) -> Tree:
-    """The manifest of a data set.
+def read_manifest(folder: Path) -> JsonDict:
+    """The manifest of a data set; `collected` is always present.
 
     Raises:
-        RecordError: there is none, it is damaged, or was written by a newer version.
+        RecordError: the folder has no manifest, or the manifest is damaged or was written by a newer version.
+    """
+    return {"collected": False} | read_stored_manifest(folder)
+
+
+def read_stored_manifest(folder: Path) -> JsonDict:
+    """The manifest exactly as stored, so that a rewritten manifest differs only in the changed keys.
+
+    Raises:
+        RecordError: as `read_manifest`.
     """
     path = folder / MANIFEST
     if not path.exists():
-        raise RecordError(f"{folder} holds no {MANIFEST}, so it is no data set")
+        raise RecordError(f"{folder} is not a data set: it has no {MANIFEST}")
     try:
         manifest = orjson.loads(read_bytes(path))
     except orjson.JSONDecodeError as error:
-        raise RecordError(f"{path} is not whole JSON: {error}") from error
+        raise RecordError(f"{path} is not valid JSON: {error}") from error
     if not isinstance(manifest, dict) or manifest.get("format") != DATASET_FORMAT:
-        raise RecordError(f"{path} is no {DATASET_FORMAT} manifest")
+        raise RecordError(f"{path} is not a {DATASET_FORMAT} manifest")
     version = manifest.get("version")
     if not isinstance(version, int) or not 1 <= version <= DATASET_VERSION:
         raise RecordError(
@@ -268,95 +196,239 @@ def read_manifest(folder: Path) -> Tree:
         Manifest.model_validate_json(orjson.dumps(manifest))
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        raise RecordError(f"{path} is no whole manifest: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
-    return {"collected": False} | manifest
+        location = ".".join(map(str, first["loc"]))
+        raise RecordError(f"{path} is not a valid manifest: {location}: {first['msg']}") from None
+    return manifest
+
+
+def read_listed_file(folder: Path, entry: JsonDict) -> bytes:
+    """The stored bytes of a file of a data set.
+
+    Args:
+        folder: folder of the data set.
+        entry: manifest row of the file.
+
+    Raises:
+        RecordError: the file cannot be read, or its hash differs from the manifest.
+    """
+    path = folder / entry["name"]
+    if path.name != entry["name"]:
+        raise RecordError(f"{folder / MANIFEST} lists {entry['name']!r}, which is not a file name in this folder")
+    try:
+        data: bytes = path.read_bytes()
+    except OSError as error:
+        raise RecordError(f"{path} cannot be read: {error.strerror or error}") from error
+    if _sha256(data) != entry["sha256"]:
+        raise RecordError(f"{path} was changed: its hash differs from the manifest; run `sonata2d check`")
+    return data
+
+
+def write_json(path: Path, document: JsonDict) -> None:
+    """Write a document as indented JSON, in one atomic step.
+
+    Raises:
+        RecordError: the file cannot be written.
+    """
+    write_atomically(path, orjson.dumps(document, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))
+
+
+def manifest_entry(record: EpisodeRecord) -> ManifestEntry:
+    """The manifest row of an episode file that was read."""
+    data, status = record.path.read_bytes(), record.outcome.status
+    return ManifestEntry(record.path.name, _sha256(data), len(data), record.episode, record.family, status, len(record))
 
 
 def manifest_of(
-    plan: DatasetSpec,
-    files: Iterable[Entry],
+    spec: DatasetSpec,
+    entries: Iterable[ManifestEntry],
     *,
     complete: bool,
     left_out: Mapping[str, int] | None = None,
     split: Mapping[str, list[str]] | None = None,
-) -> Tree:
-    """The manifest of these files."""
-    rows = [asdict(entry) for entry in files]
-    others = {"left_out": dict(sorted((left_out or {}).items()))} if plan.keep else {}
+) -> JsonDict:
+    """The manifest of a generated data set.
+
+    Args:
+        spec: specification of the data set.
+        entries: its files, in order of episode number.
+        complete: whether all requested episodes are present.
+        left_out: number of episodes not kept before the last listed one, by outcome; only with `keep`.
+        split: file names by part.
+    """
+    rows = [asdict(entry) for entry in entries]
+    exclusions = {"left_out": dict(sorted((left_out or {}).items()))} if spec.keep else {}
     return {
         "format": DATASET_FORMAT,
         "version": DATASET_VERSION,
-        **_identity(plan),
+        **_identity(spec),
         "precision": PRECISION,
         "physics": PHYSICS_VERSION,
         "complete": complete,
         "counts": {key: dict(sorted(Counter(row[key] for row in rows).items())) for key in ("outcome", "family")},
-        **others,
+        **exclusions,
         "split": None if split is None else dict(split),
         "files": rows,
-        "software": software(),
+        "software": software_versions(),
     }
+
+
+@contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """A temporary folder that is renamed to `out` on success and removed on an error.
+
+    Raises:
+        RecordError: `out` exists and is not an empty folder, or it cannot be written.
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise RecordError(f"{out} already exists and is not empty; choose another name")
+    work = out.parent / f"{TEMPORARY_PREFIX}{uuid4().hex}"
+    try:
+        work.mkdir(parents=True)
+        yield work
+        if out.exists():
+            out.rmdir()
+        os.replace(work, out)
+    except OSError as error:
+        raise RecordError(f"{out} cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False) -> dict[str, str]:
+    """Begin a data set in a new or empty folder, or continue an interrupted one.
+
+    Returns:
+        SHA-256 by file name of the files listed in an existing manifest.
+
+    Raises:
+        RecordError: the folder holds other files or a different data set, or a data set while `resume` is False.
+    """
+    listed: dict[str, str] = {}
+    if (folder / MANIFEST).exists():
+        if not resume:
+            raise RecordError(f"{folder} already holds a data set; resume it or choose another folder")
+        _require_same_dataset(folder, spec)
+        _require_same_suffix(folder, spec)
+        listed = {entry["name"]: entry["sha256"] for entry in read_manifest(folder)["files"]}
+    elif folder.exists() and not folder.is_dir():
+        raise RecordError(f"{folder} is a file; choose another name for the folder")
+    elif folder.exists() and any(not path.name.startswith(TEMPORARY_PREFIX) for path in folder.iterdir()):
+        raise RecordError(f"{folder} is not empty and has no {MANIFEST}; choose another folder")
+    for partial_file in folder.glob(f"{TEMPORARY_PREFIX}*"):
+        partial_file.unlink(missing_ok=True)
+    # The manifest is written first, because a later resumption recognises the data set by it.
+    write_json(folder / MANIFEST, manifest_of(spec, (), complete=False))
+    if spec.settings is not None:
+        write_json(folder / SCENARIO, spec.settings)
+    return listed
+
+
+def store_episode(folder: Path, spec: DatasetSpec, episode: int, document: bytes) -> ManifestEntry:
+    """Write the document of an episode to its file and return the manifest row."""
+    path, header = folder / spec.file_name(episode), parse_header(document)
+    data, outcome = compress(document, path), header["outcome"]
+    write_atomically(path, data)
+    return ManifestEntry(
+        path.name, _sha256(data), len(data), header["episode"], header["family"], outcome["status"], outcome["tick"]
+    )
+
+
+def existing_episodes(
+    folder: Path, spec: DatasetSpec, listed: Mapping[str, str]
+) -> tuple[dict[int, ManifestEntry], list[str]]:
+    """Usable episodes of a specification that a folder already holds, and why other files are not usable.
+
+    Args:
+        folder: folder of the data set.
+        spec: specification of the data set.
+        listed: SHA-256 by file name, from `start_dataset`; a file with another hash counts as changed.
+
+    Returns:
+        Manifest rows by episode number, and one message for each unusable file.
+
+    Raises:
+        NewerFormatError: a file was written by a newer version.
+    """
+    entries, faults = {}, []
+    for episode in episode_numbers(folder, spec):
+        path = folder / spec.file_name(episode)
+        try:
+            record = read_episode(path)
+            _require_episode_of(record, spec, episode)
+            entry = manifest_entry(record)
+            if listed.get(path.name, entry.sha256) != entry.sha256:
+                raise RecordError(f"{path} was changed since it was generated")
+            entries[episode] = entry
+        except NewerFormatError:
+            raise  # never overwrite a file of a newer version
+        except RecordError as error:
+            faults.append(str(error))
+    return entries, faults
+
+
+def episode_numbers(folder: Path, spec: DatasetSpec) -> list[int]:
+    """Episode numbers in the file names of a folder; without `keep` only those that the specification requests."""
+    stems = (path.name.removesuffix(spec.suffix) for path in folder.iterdir() if path.name.endswith(spec.suffix))
+    numbers = sorted(int(stem) for stem in stems if stem.isdecimal() and stem.isascii())
+    return [k for k in numbers if (spec.keep or k < spec.episodes) and (folder / spec.file_name(k)).is_file()]
 
 
 def _sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def _identity(plan: DatasetSpec) -> Tree:
-    author = plan.author
-    controller = {"path": author.path, "version": author.version, "settings": author.settings}
-    told = {
-        "name": plan.name,
-        "settings": plan.settings,
-        "seed": plan.seed,
-        "episodes": plan.episodes,
-        **({"keep": plan.keep} if plan.keep else {}),
-        "controller": controller,
+def _identity(spec: DatasetSpec) -> JsonDict:
+    """The manifest keys that a specification determines."""
+    info = spec.controller_info
+    identity = {
+        "name": spec.name,
+        "settings": spec.settings,
+        "seed": spec.seed,
+        "episodes": spec.episodes,
+        **({"keep": spec.keep} if spec.keep else {}),
+        "controller": {"path": info.path, "version": info.version, "settings": info.settings},
     }
-    return {key: plain(value, f"{key} of the data set", exact=True) for key, value in told.items()}
+    return {key: to_json_value(value, f"{key} of the data set", exact=True) for key, value in identity.items()}
 
 
-def _refuse_another(folder: Path, plan: DatasetSpec) -> None:
-    """Only the same data set can be resumed, or the same with more episodes."""
-    there, asked = read_manifest(folder), {"keep": None, **_identity(plan), "physics": PHYSICS_VERSION}
-    if there.get("mirrored"):
-        raise RecordError(f"{folder} holds mirror images; resume the data set that they are of, and mirror that")
-    for key, value in asked.items():
-        if key == "episodes" and there.get(key, 0) <= value:
+def _require_same_dataset(folder: Path, spec: DatasetSpec) -> None:
+    """Raise RecordError unless the folder holds the specified data set, possibly with fewer episodes."""
+    stored, requested = read_manifest(folder), {"keep": None, **_identity(spec), "physics": PHYSICS_VERSION}
+    if stored.get("mirrored"):
+        raise RecordError(f"{folder} holds mirror images; resume the original data set and mirror it again")
+    for key, value in requested.items():
+        if key == "episodes" and stored.get(key, 0) <= value:
             continue
-        if there.get(key) != value:
-            told = f"{there.get(key)!r} there, {value!r} asked" if key != "settings" else _difference(there[key], value)
-            raise RecordError(f"{folder} holds another data set: {key} {told}; choose another folder")
+        if stored.get(key) != value:
+            difference = f"{stored.get(key)!r} stored, {value!r} requested"
+            if key == "settings":
+                difference = _first_difference(stored[key], value)
+            raise RecordError(f"{folder} holds another data set: {key} {difference}; choose another folder")
 
 
-def _refuse_other_packing(folder: Path, plan: DatasetSpec) -> None:
-    """One data set, one way to pack files."""
+def _require_same_suffix(folder: Path, spec: DatasetSpec) -> None:
+    """Raise RecordError if the folder holds episode files with another suffix."""
     for path in folder.iterdir():
         is_episode = path.name.split(".")[0].isdigit() and path.name.endswith(SUFFIXES)
-        if is_episode and suffix_of(path) != plan.suffix:
-            raise RecordError(f"{folder} holds files like {path.name}; go on with the same --compress")
+        if is_episode and file_suffix(path) != spec.suffix:
+            raise RecordError(f"{folder} holds files like {path.name}; resume with the same --compress")
 
 
-def _difference(there: Tree | None, asked: Tree | None) -> str:
-    """The first setting that differs."""
-    there, asked = there or {}, asked or {}
-    key = next(key for key in {**there, **asked} if there.get(key) != asked.get(key))
-    return f"{key} {there.get(key)!r} there, {asked.get(key)!r} asked"
+def _first_difference(stored: JsonDict | None, requested: JsonDict | None) -> str:
+    """The first setting that differs, with both values."""
+    stored, requested = stored or {}, requested or {}
+    key = next(key for key in {**stored, **requested} if stored.get(key) != requested.get(key))
+    return f"{key} {stored.get(key)!r} stored, {requested.get(key)!r} requested"
 
 
-def _refuse_stranger(record: EpisodeRecord, plan: DatasetSpec, episode: int) -> None:
-    """An episode counts only if this plan would make it, and if it came to its end."""
-    asked = {**_identity(plan), "episode": episode, "physics": PHYSICS_VERSION, "id": stem_of(record.path)}
-    for key, value in asked.items():
+def _require_episode_of(record: EpisodeRecord, spec: DatasetSpec, episode: int) -> None:
+    """Raise RecordError unless the specification produces this episode and it ran to its end."""
+    expected = {**_identity(spec), "episode": episode, "physics": PHYSICS_VERSION, "id": file_stem(record.path)}
+    for key, value in expected.items():
         if key not in ("episodes", "keep") and record.document[key] != value:
-            raise RecordError(f"{record.path} is of another data set: its {key} differs")
+            raise RecordError(f"{record.path} belongs to another data set: its {key} differs")
     status = record.outcome.status
     if status == "error":
         raise RecordError(f"{record.path} ended in an error: {record.outcome.reason}")
-    if plan.keep and status not in plan.keep:
-        raise RecordError(f"{record.path} ended in {status}, kept are {', '.join(plan.keep)}")
-
-
-def write_tree(path: Path, tree: Tree) -> None:
-    """Indented, to be read and compared by people too."""
-    write_atomically(path, orjson.dumps(tree, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))
+    if spec.keep and status not in spec.keep:
+        raise RecordError(f"{record.path} ended in {status}, but only {', '.join(spec.keep)} is kept")

@@ -1,4 +1,4 @@
-"""Several data sets as one; each keeps its own settings and seed in the manifest, and every file its bytes."""
+"""Merges data sets: the manifest keeps the settings and seed of each source, and every file keeps its bytes."""
 
 from __future__ import annotations
 
@@ -6,95 +6,103 @@ import hashlib
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from ..errors import RecordError
 from ..record.files import read_bytes, safe_text, write_atomically
-from ..record.layout import Tree, software
-from .derived import Advance, listed_bytes, manifest_as_it_stands, new_folder, write_manifest
-from .manifest import DATASET_FORMAT, DATASET_VERSION
+from ..record.layout import JsonDict, software_versions
+from .card import write_manifest_and_card
+from .executors import Advance
+from .manifest import DATASET_FORMAT, DATASET_VERSION, new_folder, read_listed_file, read_stored_manifest
 
-_ALIKE = ("physics", "precision")
-_TOLD = ("settings", "seed", "episodes", "keep", "left_out", "controller")
+_EQUAL_KEYS = ("physics", "precision")  # manifest keys that must be equal in all sources
+_SOURCE_KEYS = ("settings", "seed", "episodes", "keep", "left_out", "controller")  # manifest keys kept for each source
 
 
-def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: Advance = lambda step: None) -> Tree:
+def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: Advance = lambda step: None) -> JsonDict:
     """Copy the episodes of several data sets into a new one, byte for byte.
 
-    File names begin with the name of the folder they come from. The manifest's `sources` hold what each data set
-    was made from. Splits are left behind, since a scene may be in several of the sets: split the whole again.
+    File names get the name of their source folder as a prefix. The manifest's `sources` hold the origin of each data
+    set. Splits are not copied, because a scene may be in several sources; split the merged data set again.
 
     Args:
-        folders: data sets, complete ones.
-        out: a new folder; it is there only when it is whole.
-        advance: is told how many episodes are done, as they are.
+        folders: complete data sets.
+        out: a new folder; it appears only when it is complete.
+        advance: progress callback; its argument is the number of episodes copied.
 
     Returns:
         The manifest of the new data set.
 
     Raises:
-        RecordError: a data set is damaged or incomplete, two differ in physics version or precision, hold the same
-            episode, or the folder cannot be written.
+        RecordError: fewer than two folders are given, a data set is damaged or incomplete, two data sets differ in
+            physics version or precision or contain the same episode, or the folder cannot be written.
     """
     paths = [Path(folder) for folder in folders]
-    manifests = [manifest_as_it_stands(path) for path in paths]
-    _refuse_unfit(paths, manifests)
-    names = _names(paths)
-    rows: list[Tree] = []
+    manifests = [read_stored_manifest(path) for path in paths]
+    _require_mergeable(paths, manifests)
+    prefixes = _prefixes(paths)
+    rows: list[JsonDict] = []
     with new_folder(Path(out)) as work:
-        for path, name, manifest in zip(paths, names, manifests, strict=True):
+        for path, prefix, manifest in zip(paths, prefixes, manifests, strict=True):
             for row in manifest["files"]:
-                write_atomically(work / f"{name}__{row['name']}", listed_bytes(path, row))
-                rows.append(row | {"name": f"{name}__{row['name']}"})
+                name = f"{prefix}__{row['name']}"
+                write_atomically(work / name, read_listed_file(path, row))
+                rows.append(row | {"name": name})
                 advance(1)
-        sources = [one for name, manifest in zip(names, manifests, strict=True) for one in _sources(name, manifest)]
-        merged = _manifest(manifests[0], rows, sources)
-        write_manifest(work, merged)
+        sources = [
+            source
+            for prefix, manifest in zip(prefixes, manifests, strict=True)
+            for source in _sources(prefix, manifest)
+        ]
+        merged = _merged_manifest(manifests[0], rows, sources)
+        write_manifest_and_card(work, merged)
     return merged
 
 
-def _refuse_unfit(paths: Sequence[Path], manifests: Sequence[Tree]) -> None:
+def _require_mergeable(paths: Sequence[Path], manifests: Sequence[JsonDict]) -> None:
     if len(paths) < 2:
-        raise RecordError(f"{len(paths)} data set given; merging takes two or more")
-    seen: dict[str, Path] = {}
+        raise RecordError(f"merging needs two or more data sets, got {len(paths)}")
+    path_of_hash: dict[str, Path] = {}
     for path, manifest in zip(paths, manifests, strict=True):
         if not manifest["complete"]:
-            raise RecordError(f"{path} is not complete; go on with --resume first")
-        for key in _ALIKE:
+            raise RecordError(f"{path} is not complete; resume its generation with --resume first")
+        for key in _EQUAL_KEYS:
             if manifest[key] != manifests[0][key]:
-                raise RecordError(f"{path} has {key} {manifest[key]}, {paths[0]} {manifests[0][key]}; they stay apart")
+                raise RecordError(
+                    f"{path} has {key} {manifest[key]} but {paths[0]} has {manifests[0][key]}; they cannot be merged"
+                )
         for row in manifest["files"]:
             file = path / row["name"]
-            document = hashlib.sha256(read_bytes(file).rpartition(b'"software"')[0]).hexdigest()  # however it is packed
-            if document in seen:
-                raise RecordError(f"{file} is the same episode as {seen[document]}; leave one of the data sets out")
-            seen[document] = file
+            # The unpacked document without its software block identifies an episode under any compression.
+            digest = hashlib.sha256(read_bytes(file).rpartition(b'"software"')[0]).hexdigest()
+            if digest in path_of_hash:
+                raise RecordError(f"{file} is the same episode as {path_of_hash[digest]}; omit one of the data sets")
+            path_of_hash[digest] = file
 
 
-def _names(paths: Sequence[Path]) -> list[str]:
-    """A name for each source, all different."""
-    names: list[str] = []
+def _prefixes(paths: Sequence[Path]) -> list[str]:
+    """A distinct file-name prefix for each source folder."""
+    prefixes: list[str] = []
     for path in paths:
-        stem, again = safe_text(path.resolve().name), 1
-        while (name := f"{stem}-{again}" if again > 1 else stem) in names:
-            again += 1
-        names.append(name)
-    return names
+        stem, number = safe_text(path.resolve().name), 1
+        while (prefix := f"{stem}-{number}" if number > 1 else stem) in prefixes:
+            number += 1
+        prefixes.append(prefix)
+    return prefixes
 
 
-def _sources(name: str, manifest: Tree) -> list[Tree]:
-    """What a data set was made from; of one that was merged itself, what each of its own was."""
+def _sources(prefix: str, manifest: JsonDict) -> list[JsonDict]:
+    """The entries in `sources` for a data set; a merged data set passes on its own sources."""
     if manifest.get("sources"):
         return [
-            source | {"name": f"{name}__{source['name']}", "files": [f"{name}__{file}" for file in source["files"]]}
+            source | {"name": f"{prefix}__{source['name']}", "files": [f"{prefix}__{file}" for file in source["files"]]}
             for source in manifest["sources"]
         ]
-    told: dict[str, Any] = {"name": name} | ({"mirrored": True} if manifest.get("mirrored") else {})
-    told |= {"scenario": manifest["name"], **{key: manifest[key] for key in _TOLD if key in manifest}}
-    return [told | {"files": [f"{name}__{row['name']}" for row in manifest["files"]]}]
+    source: JsonDict = {"name": prefix} | ({"mirrored": True} if manifest.get("mirrored") else {})
+    source |= {"scenario": manifest["name"], **{key: manifest[key] for key in _SOURCE_KEYS if key in manifest}}
+    return [source | {"files": [f"{prefix}__{row['name']}" for row in manifest["files"]]}]
 
 
-def _manifest(first: Tree, rows: list[Tree], sources: list[Tree]) -> Tree:
+def _merged_manifest(first: JsonDict, rows: list[JsonDict], sources: list[JsonDict]) -> JsonDict:
     counted = ["outcome", "family"] + ["contributor"] * any(row.get("contributor") is not None for row in rows)
     counts = {key: Counter(row[key] for row in rows if row.get(key) is not None) for key in counted}
     return {
@@ -105,11 +113,11 @@ def _manifest(first: Tree, rows: list[Tree], sources: list[Tree]) -> Tree:
         "seed": None,
         "episodes": len(rows),
         "controller": None,
-        **{key: first[key] for key in _ALIKE},
+        **{key: first[key] for key in _EQUAL_KEYS},
         "complete": True,
         "counts": {key: dict(sorted(count.items())) for key, count in counts.items()},
         "split": None,
         "sources": sources,
         "files": rows,
-        "software": software(),
+        "software": software_versions(),
     }

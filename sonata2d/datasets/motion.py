@@ -1,41 +1,46 @@
-"""An episode as arrays, in one frame of reference or another: what learning takes, and what transforms change."""
+"""An episode as arrays in one frame of reference, for learning; measurement noise and subsampling of these arrays."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from ..core.entities import Interaction
 from ..core.humans import frozen
-from ..core.portable_math import Array
-from ..record.layout import interactions_of
+from ..core.portable_math import Array, BoolArray, IntArray
+from ..core.vectors import wrap_angles
+from ..record.layout import interactions_from_rows
 from ..record.record import EpisodeRecord
 
 Reference = Literal["world", "goal", "robot"]
 
+X, Y, THETA, VX, VY, OMEGA, HEAD = range(7)  # columns of recorded rows; those of the robot end with OMEGA
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """T frames and the final look, N people, W walls, O things; SI, arrays read-only.
+    """T frames and the final state of an episode with N pedestrians, W walls and O objects; SI, read-only arrays.
 
-    Velocities are the world's, in the axes of the frame of reference: a frame that moves adds none of its own.
+    Velocities are relative to the world and expressed in the axes of the frame of reference; the motion of the frame
+    itself is not subtracted.
 
     Attributes:
-        reference: what the numbers are seen from.
-        dt: s between looks.
+        reference: the frame of reference.
+        dt: time between states, s.
         time: (T + 1,), s.
         robot: (T + 1, 6), columns x, y, theta, vx, vy, omega.
-        humans: (T + 1, N, 7), the same and head; NaN where not present.
+        humans: (T + 1, N, 7), the same columns and head; NaN where not present.
         present: (T + 1, N) of bool.
-        activity: (T + 1, N) of int, into `humans.ACTIVITIES`; -1 where not present.
+        activity: (T + 1, N) of int, index into `humans.ACTIVITIES`; -1 where not present.
         goal: (T + 1, 3), columns x, y, theta.
         walls: (T + 1, W, 4), columns x1, y1, x2, y2.
-        objects: (T + 1, O, 3), columns x, y, theta, in the scene's order.
-        command, executed: (T, 3), columns vx, vy, omega; body frame, whatever the frame of reference.
-        interactions: of each look.
-        labels: of each frame; the command where there is none.
+        objects: (T + 1, O, 3), columns x, y, theta, in the order of the scene.
+        command, executed: (T, 3), columns vx, vy, omega; always in the body frame.
+        interactions: for each state.
+        labels: for each frame; the command if the episode has no labels.
     """
 
     reference: Reference
@@ -43,8 +48,8 @@ class Motion:
     time: Array
     robot: Array
     humans: Array
-    present: Any
-    activity: Any
+    present: BoolArray
+    activity: IntArray
     goal: Array
     walls: Array
     objects: Array
@@ -59,9 +64,9 @@ class Motion:
 
 
 def motion_of(record: EpisodeRecord) -> Motion:
-    """A recorded episode as arrays, world frame."""
-    scene, looks = record.scene(), record.looks
-    told = [*record.document["frames"], record.document["final"]]
+    """The arrays of a recorded episode, world frame."""
+    scene, states = record.scene(), record.states
+    rows = [*record.document["frames"], record.document["final"]]
     goal = np.array([scene.goal.x, scene.goal.y, scene.goal.theta], dtype=float)
     walls = np.array([[*wall.start, *wall.end] for wall in scene.walls], dtype=float).reshape(-1, 4)
     poses = [[thing.pose.x, thing.pose.y, thing.pose.theta] for thing in scene.furniture]
@@ -69,21 +74,91 @@ def motion_of(record: EpisodeRecord) -> Motion:
     return Motion(
         reference="world",
         dt=scene.rules.dt,
-        time=looks.time,
-        robot=looks.robot,
-        humans=looks.humans,
-        present=looks.present,
-        activity=looks.activity,
-        goal=_at_each_look(goal, len(told)),
-        walls=_at_each_look(walls, len(told)),
-        objects=_at_each_look(objects, len(told)),
+        time=states.time,
+        robot=states.robot,
+        humans=states.humans,
+        present=states.present,
+        activity=states.activity,
+        goal=_repeated(goal, len(rows)),
+        walls=_repeated(walls, len(rows)),
+        objects=_repeated(objects, len(rows)),
         command=record.command,
         executed=record.executed,
-        interactions=tuple(interactions_of(look["interactions"]) for look in told),
+        interactions=tuple(interactions_from_rows(row["interactions"]) for row in rows),
         labels=tuple(record.labels),
     )
 
 
-def _at_each_look(rows: Array, looks: int) -> Array:
-    """What stands still, seen at each look; (…) to (looks, …)."""
-    return frozen(np.broadcast_to(rows, (looks, *rows.shape)).copy())
+def _repeated(values: Array, count: int) -> Array:
+    """Values of static things, repeated for each state; (...) to (count, ...)."""
+    return frozen(np.broadcast_to(values, (count, *values.shape)).copy())
+
+
+def with_pose_noise(
+    motion: Motion, seed: int | Sequence[int], *, position: float = 0.05, angle: float = 0.05
+) -> Motion:
+    """Add independent normal errors to the poses of the pedestrians in every state.
+
+    Velocities, the robot and static things stay exact. The same seed gives the same errors with every release of NumPy,
+    up to the last bits of its logarithm and cosine.
+
+    Args:
+        motion: in any frame of reference.
+        seed: seed of the errors, 0 or more; [seed, episode] gives each episode errors of its own.
+        position: standard deviation of x and of y, m.
+        angle: standard deviation of theta and of head, rad.
+
+    Raises:
+        ValueError: a standard deviation is negative or not finite.
+    """
+    for name, value in (("position", position), ("angle", angle)):
+        if not 0.0 <= value < np.inf:
+            raise ValueError(f"{name} must be a standard deviation of 0 or more, got {value}")
+    errors = _normal(seed, (*motion.humans.shape[:2], 4))
+    humans = motion.humans.copy()
+    humans[..., X : Y + 1] += position * errors[..., 0:2]
+    for column, k in ((THETA, 2), (HEAD, 3)):
+        humans[..., column] = wrap_angles(humans[..., column] + angle * errors[..., k])
+    return replace(motion, humans=frozen(humans))
+
+
+def _normal(seed: int | Sequence[int], shape: tuple[int, ...]) -> Array:
+    """Standard normal numbers by the Box-Muller transform of raw PCG64 output, whose stream NumPy guarantees."""
+    count = int(np.prod(shape))
+    raw: Any = np.random.PCG64(np.random.SeedSequence(seed)).random_raw(2 * count)
+    u = (raw >> np.uint64(11)) * 2.0**-53
+    normal: Array = np.sqrt(-2.0 * np.log(1.0 - u[:count])) * np.cos(2.0 * np.pi * u[count:])
+    return normal.reshape(shape)
+
+
+_PER_STATE = ("time", "robot", "humans", "present", "activity", "goal", "walls", "objects", "interactions")
+
+
+def subsampled(motion: Motion, every: int) -> Motion:
+    """Keep every k-th state from the first; states after the last complete step are dropped.
+
+    `command` and labels are those of the kept states. `executed` is the mean over the ticks up to the next kept state.
+
+    Args:
+        motion: T frames, in any frame of reference.
+        every: number of ticks that become one; 1 changes nothing.
+
+    Returns:
+        T // every frames.
+
+    Raises:
+        ValueError: `every` is below 1 or above the number of frames.
+    """
+    if every < 1 or every > len(motion):
+        raise ValueError(f"every must be 1 to {len(motion)}, the number of frames, got {every}")
+    count = len(motion) // every
+    states = slice(0, count * every + 1, every)
+    frames = slice(0, count * every, every)
+    return replace(
+        motion,
+        dt=motion.dt * every,
+        **{key: getattr(motion, key)[states] for key in _PER_STATE},
+        command=motion.command[frames],
+        executed=frozen(np.mean(motion.executed[: count * every].reshape(count, every, 3), axis=1)),
+        labels=motion.labels[frames],
+    )

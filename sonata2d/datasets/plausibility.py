@@ -1,220 +1,232 @@
-"""Does a recorded episode make sense? Its numbers must agree with one another and with what bodies can do."""
+"""Plausibility of a recorded episode: its numbers must be consistent with one another and physically possible."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
 from ..core.entities import RELATIONS, ROBOT_ID, Furniture
 from ..core.geometry import Barriers, Disc, inside_polygon
 from ..core.humans import ACTIVITIES
-from ..core.portable_math import Array
+from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
 from ..core.vectors import wrap_angle
 from ..record.canonical import rounded_rows
 from ..record.layout import HUMAN_ANGLES, ROBOT_ANGLES
 from ..record.record import EpisodeRecord
+from .motion import THETA, VX, VY, X, Y
 
-DEEPEST = 0.06  # m, that outlines may overlap: a step of the physics finds a contact after the bodies moved
-ROUNDING = 2e-4  # m, m/s, rad/s: of numbers rounded to 1e-4
-HURRY, PUSH = 1.3, 1.0  # a person walks up to HURRY times their desired speed; shoved aside, by PUSH m/s more
-ROBOT_SLACK = 0.05  # m/s, of the robot's speed over its limits
-JERK = 0.5  # m/s and half of the top speed, between a tick's displacement over dt and the mean velocity at its ends
-REACHED = 0.1  # m, gap to one who is recorded within which they may have shoved somebody in the last tick
-TURN_SLACK = 0.05  # rad, between a turn in a tick and the mean turn rate at its ends
+MAXIMUM_OVERLAP = 0.06  # m, of outlines: the physics detects a contact only after the bodies have moved
+ROUNDING = 2e-4  # m, m/s, rad/s: tolerance for numbers rounded to 1e-4
+HURRY_FACTOR, PUSH_SPEED = 1.3, 1.0  # a pedestrian reaches HURRY_FACTOR times the desired speed, pushed PUSH_SPEED more
+ROBOT_SPEED_TOLERANCE = 0.05  # m/s above the robot's limits
+# m/s, on top of half the top speed: tolerance between the displacement of a tick over dt and the mean velocity
+MOTION_TOLERANCE = 0.5
+PUSH_RANGE = 0.1  # m, clearance to a recorded pedestrian within which a push in the last tick is possible
+TURN_TOLERANCE = 0.05  # rad, between the rotation in a tick and the executed turn rate times dt
 
-Doubt = tuple[str, str]  # place, message
-
-
-def doubts(record: EpisodeRecord) -> Iterator[Doubt]:
-    """All that does not make sense, as place and message."""
-    shoved = shoved_in(record)
-    yield from _about_numbers(record)
-    yield from _about_ids(record.scene())
-    yield from _about_time(record)
-    yield from _about_activities(record)
-    yield from _about_speeds(record, shoved)
-    yield from _about_motion(record, shoved)
-    yield from _about_room(record)
-    yield from _about_overlaps(record, shoved)
-    yield from _about_presence(record)
-    yield from _about_outcome(record)
+Finding = tuple[str, str]  # place, message
 
 
-def _about_numbers(record: EpisodeRecord) -> Iterator[Doubt]:
-    """Numbers are written the one way there is, to the bit."""
-    looks = record.looks
-    kinds = (("robot", looks.robot, ROBOT_ANGLES), ("humans", looks.humans, HUMAN_ANGLES))
-    for key, rows, angles in (*kinds, ("command", record.command, []), ("executed", record.executed, [])):
+def implausible_values(record: EpisodeRecord) -> Iterator[Finding]:
+    """Everything implausible in an episode, as place and message."""
+    pushed = may_be_pushed(record)
+    yield from _check_rounding(record)
+    yield from _check_ids(record.scene())
+    yield from _check_time(record)
+    yield from _check_activities(record)
+    yield from _check_speeds(record, pushed)
+    yield from _check_motion(record, pushed)
+    yield from _check_room(record)
+    yield from _check_overlaps(record, pushed)
+    yield from _check_presence(record)
+    yield from _check_outcome(record)
+
+
+def _check_rounding(record: EpisodeRecord) -> Iterator[Finding]:
+    """Numbers must be in the canonical form of files, to the bit."""
+    states = record.states
+    rows_of: tuple[tuple[str, Array, list[int]], ...] = (
+        ("robot", states.robot, ROBOT_ANGLES),
+        ("humans", states.humans, HUMAN_ANGLES),
+        ("command", record.command, []),
+        ("executed", record.executed, []),
+    )
+    for key, rows, angles in rows_of:
         values = np.nan_to_num(rows)
-        strange = (rounded_rows(values, angles).view(np.int64) != values.view(np.int64)).any(axis=-1)
-        strange |= (values[..., angles] > 3.1416).any(axis=-1)
-        for t in np.flatnonzero(strange.reshape(len(values), -1).any(axis=1))[:1]:
-            yield f"frames.{t}.{key}", "a number is not rounded to 0.0001, is -0.0, or an angle out of range"
+        wrong = (rounded_rows(values, angles).view(np.int64) != values.view(np.int64)).any(axis=-1)
+        wrong |= (values[..., angles] > 3.1416).any(axis=-1)
+        for t in np.flatnonzero(wrong.reshape(len(values), -1).any(axis=1))[:1]:
+            yield f"frames.{t}.{key}", "a number is not rounded to 0.0001 or is -0.0, or an angle is out of range"
 
 
-def _about_ids(scene: Scene) -> Iterator[Doubt]:
-    """Ids are unique, and whoever is spoken of exists."""
-    people, things = [human.id for human in scene.humans], [thing.id for thing in scene.furniture]
-    for kind, ids in (("ids", [ROBOT_ID, *people, *things]), ("groups", [group.id for group in scene.groups])):
+def _check_ids(scene: Scene) -> Iterator[Finding]:
+    """Ids must be unique, and references must refer to existing entities."""
+    humans, things = [human.id for human in scene.humans], [thing.id for thing in scene.furniture]
+    for kind, ids in (("ids", [ROBOT_ID, *humans, *things]), ("groups", [group.id for group in scene.groups])):
         for id, count in Counter(ids).items():
             if count > 1:
-                yield kind, f"id {id} is given {count} times"
+                yield kind, f"id {id} is used {count} times"
     groups = {group.id: group.members for group in scene.groups}
     for group, members in groups.items():
-        for id in set(members) - set(people):
-            yield "groups", f"member {id} of group {group} is no human"
+        for id in set(members) - set(humans):
+            yield "groups", f"member {id} of group {group} is not a human"
     for human in scene.humans:
         if human.group is not None and human.id not in groups.get(human.group, ()):
-            yield "humans", f"human {human.id} is no member of the group {human.group} it names"
+            yield "humans", f"human {human.id} names group {human.group} but is not a member of it"
     for thing in scene.furniture:
         if thing.on is not None and thing.on not in things:
-            yield "objects", f"object {thing.id} lies on {thing.on}, which is no object"
+            yield "objects", f"object {thing.id} lies on {thing.on}, which is not an object"
 
 
-def _about_time(record: EpisodeRecord) -> Iterator[Doubt]:
-    """Ticks count from 0 and time is tick * dt."""
-    ticks, dt = record.looks.tick, record.scene().rules.dt
+def _check_time(record: EpisodeRecord) -> Iterator[Finding]:
+    """Ticks must count from 0, and time must be tick * dt."""
+    ticks, time, dt = record.states.tick, record.states.time, record.scene().rules.dt
     for t in np.flatnonzero(ticks != np.arange(len(ticks)))[:1]:
         yield f"frames.{t}", f"tick should be {t}, is {ticks[t]}"
         return
-    for t in np.flatnonzero(np.abs(record.looks.time - ticks * dt) > ROUNDING)[:1]:
-        yield f"frames.{t}", f"time should be {ticks[t] * dt:.4f} s, is {record.looks.time[t]} s"
+    for t in np.flatnonzero(np.abs(time - ticks * dt) > ROUNDING)[:1]:
+        yield f"frames.{t}", f"time should be {ticks[t] * dt:.4f} s, is {time[t]} s"
 
 
-def _about_activities(record: EpisodeRecord) -> Iterator[Doubt]:
-    """Activities are in the list, and interactions are between those who exist."""
+def _check_activities(record: EpisodeRecord) -> Iterator[Finding]:
+    """Activities must be in the list of the file, and interactions must be between existing entities."""
     names, scene = record.document["activities"], record.scene()
     if not set(names) <= set(ACTIVITIES):
         yield "activities", f"unknown {sorted(set(names) - set(ACTIVITIES))}"
-    for t, k in np.argwhere(record.looks.activity >= len(names))[:1]:
-        yield f"frames.{t}.activity.{k}", f"{record.looks.activity[t, k]} is not in the list of activities"
-    people = {human.id for human in scene.humans}
-    known = people | {thing.id for thing in scene.furniture} | {ROBOT_ID}
-    for tie in scene.interactions:
-        if tie.src not in people or tie.dst not in known or tie.relation not in RELATIONS:
-            yield "interactions", f"{tie.relation} of {tie.src} and {tie.dst}: unknown, or not in the room"
+    activity = record.states.activity
+    for t, k in np.argwhere(activity >= len(names))[:1]:
+        yield f"frames.{t}.activity.{k}", f"{activity[t, k]} is not in the list of activities"
+    humans = {human.id for human in scene.humans}
+    known = humans | {thing.id for thing in scene.furniture} | {ROBOT_ID}
+    for interaction in scene.interactions:
+        src, relation, dst = interaction.src, interaction.relation, interaction.dst
+        if src not in humans or dst not in known or relation not in RELATIONS:
+            yield "interactions", f"{relation} of {src} and {dst}: unknown relation or entity"
     for t, frame in enumerate([*record.document["frames"], record.document["final"]]):
         for src, relation, dst in frame["interactions"]:
-            if src not in people or dst not in known:
-                yield f"frames.{t}.interactions", f"{relation} of {src} and {dst}, who are not in the room"
+            if src not in humans or dst not in known:
+                yield f"frames.{t}.interactions", f"{relation} of {src} and {dst}: unknown entity"
                 return
 
 
-def _about_speeds(record: EpisodeRecord, shoved: Any) -> Iterator[Doubt]:
-    """Nobody is faster than they can be."""
+def _check_speeds(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
+    """Speeds must stay within the limits of the robot and the pedestrians."""
     scene = record.scene()
     robot, limits = scene.robot, scene.robot.limits
     sideways = limits.sideways if robot.kinematics == "holonomic" else 0.0
-    most = math.hypot(max(limits.ahead, limits.back), sideways) + ROBOT_SLACK
-    done = np.hypot(record.executed[:, 0], record.executed[:, 1])
-    yield from _worst(done - most, "executed", "the robot's drive", "m/s faster than its limits")
+    maximum_speed = math.hypot(max(limits.ahead, limits.back), sideways) + ROBOT_SPEED_TOLERANCE
+    executed = np.hypot(record.executed[:, 0], record.executed[:, 1])
+    yield from _worst_tick(executed - maximum_speed, "executed", "the robot's drive", "m/s faster than its limits")
     turning = np.abs(record.executed[:, 2]) - limits.turn - ROUNDING
-    yield from _worst(turning, "executed", "the robot's drive", "rad/s of turning beyond its limits")
-    fastest = np.array([HURRY * human.desired_speed + PUSH for human in scene.humans])
-    speed = np.hypot(record.looks.humans[..., 3], record.looks.humans[..., 4])
-    speed[shoved[:, :-1]] = 0.0
-    yield from _worst_person(speed - fastest, scene, "m/s faster than they can be")
+    yield from _worst_tick(turning, "executed", "the robot's drive", "rad/s of turning beyond its limits")
+    speed = np.hypot(record.states.humans[..., VX], record.states.humans[..., VY])
+    speed[pushed[:, :-1]] = 0.0
+    yield from _worst_tick_of_humans(speed - _maximum_speeds(scene), scene, "m/s faster than possible")
 
 
-def _about_motion(record: EpisodeRecord, shoved: Any) -> Iterator[Doubt]:
-    """Velocities are what poses change by."""
-    looks, dt = record.looks, record.scene().rules.dt
-    people, robot = _unexplained(looks.humans, dt), _unexplained(looks.robot, dt)
-    either = shoved[1:] | shoved[:-1]
-    people[either[:, :-1]] = robot[either[:, -1]] = 0.0
-    scene = record.scene()
-    limits = scene.robot.limits
-    fastest = np.array([HURRY * human.desired_speed + PUSH for human in scene.humans])
-    yield from _worst_person(people - fastest / 2 - JERK, scene, "m/s of motion beyond what the velocities explain")
-    robot = robot - math.hypot(max(limits.ahead, limits.back), limits.sideways) / 2 - JERK
-    yield from _worst(robot, "robot", "the robot", "m/s of motion beyond what the velocities explain")
-    turned = (np.diff(looks.robot[:, 2]) - record.executed[:, 2] * dt + np.pi) % (2 * np.pi) - np.pi
-    yield from _worst(
-        np.abs(turned) - TURN_SLACK, "robot", "the robot", "rad turned beyond what its turn rate explains"
-    )
+def _maximum_speeds(scene: Scene) -> Array:
+    """(N,), m/s, of the pedestrians."""
+    return np.array([HURRY_FACTOR * human.desired_speed + PUSH_SPEED for human in scene.humans])
 
 
-def _unexplained(rows: Array, dt: float) -> Array:
-    """|displacement / dt - mean velocity| of each tick, m/s; rows (T + 1, …, columns) to (T, …)."""
-    place, velocity = rows[..., 0:2], rows[..., 3:5]
-    off = np.diff(place, axis=0) / dt - (velocity[1:] + velocity[:-1]) / 2
-    return np.hypot(off[..., 0], off[..., 1])
+def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
+    """Velocities must match the changes of the poses."""
+    scene, states = record.scene(), record.states
+    dt, limits = scene.rules.dt, scene.robot.limits
+    humans, robot = _unexplained_speed(states.humans, dt), _unexplained_speed(states.robot, dt)
+    exempt = pushed[1:] | pushed[:-1]
+    humans[exempt[:, :-1]] = robot[exempt[:, -1]] = 0.0
+    excess = humans - _maximum_speeds(scene) / 2 - MOTION_TOLERANCE
+    yield from _worst_tick_of_humans(excess, scene, "m/s of motion beyond what the velocities explain")
+    robot = robot - math.hypot(max(limits.ahead, limits.back), limits.sideways) / 2 - MOTION_TOLERANCE
+    yield from _worst_tick(robot, "robot", "the robot", "m/s of motion beyond what the velocities explain")
+    turned = (np.diff(states.robot[:, THETA]) - record.executed[:, 2] * dt + np.pi) % (2 * np.pi) - np.pi
+    turned = np.abs(turned) - TURN_TOLERANCE
+    yield from _worst_tick(turned, "robot", "the robot", "rad turned beyond what its turn rate explains")
 
 
-def _about_room(record: EpisodeRecord) -> Iterator[Doubt]:
-    """Nobody is outside."""
-    scene, there = record.scene(), record.looks.present
-    everybody = np.concatenate((record.looks.humans[..., :2], record.looks.robot[:, None, :2]), axis=1)
-    inside = inside_polygon(np.nan_to_num(everybody).reshape(-1, 2), scene.outline).reshape(everybody.shape[:2])
-    out = np.argwhere(~inside[:, :-1] & there)
-    if len(out):
-        yield f"frames.{out[0, 0]}", f"human {scene.humans[out[0, 1]].id} is outside the room ({len(out)} cases in all)"
+def _unexplained_speed(rows: Array, dt: float) -> Array:
+    """|displacement / dt - mean velocity| of each tick, m/s; rows (T + 1, ..., columns) to (T, ...)."""
+    position, velocity = rows[..., X : Y + 1], rows[..., VX : VY + 1]
+    difference = np.diff(position, axis=0) / dt - (velocity[1:] + velocity[:-1]) / 2
+    return np.hypot(difference[..., 0], difference[..., 1])
+
+
+def _check_room(record: EpisodeRecord) -> Iterator[Finding]:
+    """All centres must be inside the room."""
+    scene, positions = record.scene(), _positions(record)
+    inside = inside_polygon(np.nan_to_num(positions).reshape(-1, 2), scene.outline).reshape(positions.shape[:2])
+    outside = np.argwhere(~inside[:, :-1] & record.states.present)
+    if len(outside):
+        t, k = outside[0]
+        yield f"frames.{t}", f"human {scene.humans[k].id} is outside the room ({len(outside)} cases in total)"
     if not inside[:, -1].all():
         yield f"frames.{int(np.argmin(inside[:, -1]))}", "the robot is outside the room"
 
 
-def _about_overlaps(record: EpisodeRecord, shoved: Any) -> Iterator[Doubt]:
-    """Outlines do not overlap by more than `DEEPEST`."""
+def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
+    """Outlines must not overlap by more than `MAXIMUM_OVERLAP`."""
     scene = record.scene()
-    places = np.where(shoved[..., None], np.nan, _places(record))
+    positions = np.where(pushed[..., None], np.nan, _positions(record))
     radii = np.array([*(human.radius for human in scene.humans), scene.robot.radius])
     names = [*(f"human {human.id}" for human in scene.humans), "the robot"]
+    walls = Barriers.of([(wall.start, wall.end, 0.0) for wall in scene.walls])
     for k, name in enumerate(names):
-        mine, nearest = places[:, k], radii[k] - DEEPEST
-        walls = Barriers.of([(wall.start, wall.end, 0.0) for wall in scene.walls])
+        position, minimum_distance = positions[:, k], radii[k] - MAXIMUM_OVERLAP
         if len(walls):
-            yield from _worst(nearest - walls.gaps(mine).min(axis=0), "walls", name, "m too deep in a wall")
+            depth = minimum_distance - walls.gaps(position).min(axis=0)
+            yield from _worst_tick(depth, "walls", name, "m too deep in a wall")
         for thing in scene.furniture:
-            if thing.on is None:
-                place = f"m too deep in {thing.type} {thing.id}"
-                yield from _worst(nearest - _distance(mine, thing), "objects", name, place)
-        apart = places[:, k + 1 :] - mine[:, None]
-        deep = nearest + radii[k + 1 :] - np.hypot(apart[..., 0], apart[..., 1])
-        for other in range(deep.shape[1]):
-            yield from _worst(deep[:, other], "humans", name, f"m too deep in {names[k + 1 + other]}")
+            if thing.on is None:  # bodies do not collide with things on a table
+                depth = minimum_distance - _distance_to_outline(position, thing)
+                yield from _worst_tick(depth, "objects", name, f"m too deep in {thing.type} {thing.id}")
+        offset = positions[:, k + 1 :] - position[:, None]
+        depths = minimum_distance + radii[k + 1 :] - np.hypot(offset[..., 0], offset[..., 1])
+        for other in range(depths.shape[1]):
+            yield from _worst_tick(depths[:, other], "humans", name, f"m too deep in {names[k + 1 + other]}")
 
 
-def _about_presence(record: EpisodeRecord) -> Iterator[Doubt]:
-    """Nobody is there before they enter or after they leave, and who is recorded is on their track."""
-    looks, ticks = record.looks, np.arange(len(record) + 1)
+def _check_presence(record: EpisodeRecord) -> Iterator[Finding]:
+    """Pedestrians must be absent before they enter and after they leave, and recorded ones must be on their track."""
+    states, ticks = record.states, np.arange(len(record) + 1)
     for k, human in enumerate(record.scene().humans):
-        outside = (ticks < human.enters) | (ticks >= (np.inf if human.leaves is None else human.leaves))
-        for t in np.flatnonzero(looks.present[:, k] & outside)[:1]:
-            yield f"frames.{t}.humans", f"human {human.id} is there before they enter or after they leave"
+        absent = (ticks < human.enters) | (ticks >= (np.inf if human.leaves is None else human.leaves))
+        for t in np.flatnonzero(states.present[:, k] & absent)[:1]:
+            yield f"frames.{t}.humans", f"human {human.id} is present before entering or after leaving"
         if human.track:
-            track = np.array([human.place_at(t) for t in ticks.tolist()])
-            off = np.hypot(*(looks.humans[:, k, :2] - track).T)
-            yield from _worst(off - ROUNDING, "humans", f"human {human.id}", "m off their track")
+            track = np.array([human.track_position(t) for t in ticks.tolist()])
+            distance = np.hypot(*(states.humans[:, k, X : Y + 1] - track).T)
+            yield from _worst_tick(distance - ROUNDING, "humans", f"human {human.id}", "m off the recorded track")
 
 
-def shoved_in(record: EpisodeRecord) -> Any:
-    """Who is recorded or touches one who is, who heeds nobody and may shove them anywhere; (T + 1, N + 1) of bool.
+def may_be_pushed(record: EpisodeRecord) -> BoolArray:
+    """Whether each pedestrian, and the robot last, is recorded or touches a recorded one; (T + 1, N + 1).
 
-    The robot comes last.
+    Recorded pedestrians react to nothing and may push others, so limits on motion do not hold there.
     """
-    scene, places = record.scene(), _places(record)
+    scene, positions = record.scene(), _positions(record)
     radii = np.array([*(human.radius for human in scene.humans), scene.robot.radius])
-    shoved = np.zeros(places.shape[:2], dtype=bool)
+    pushed = np.zeros(positions.shape[:2], dtype=bool)
     for k, human in enumerate(scene.humans):
         if human.behaviour == "recorded":
-            apart = places - places[:, k, None]
-            shoved |= np.hypot(apart[..., 0], apart[..., 1]) < radii + human.radius + REACHED
-            shoved[:, k] = True
-    return shoved
+            offset = positions - positions[:, k, None]
+            pushed |= np.hypot(offset[..., 0], offset[..., 1]) < radii + human.radius + PUSH_RANGE
+            pushed[:, k] = True
+    return pushed
 
 
-def _places(record: EpisodeRecord) -> Array:
-    """(T + 1, N + 1, 2), m, of all, the robot last; NaN where absent."""
-    return np.concatenate((record.looks.humans[..., :2], record.looks.robot[:, None, :2]), axis=1)
+def _positions(record: EpisodeRecord) -> Array:
+    """(T + 1, N + 1, 2), m, of the pedestrians and the robot, which is last; NaN where absent."""
+    states = record.states
+    return np.concatenate((states.humans[..., X : Y + 1], states.robot[:, None, X : Y + 1]), axis=1)
 
 
-def _distance(points: Array, thing: Furniture) -> Array:
-    """Signed distance of points to the outline of a thing, m, negative inside; (T, 2) to (T,)."""
+def _distance_to_outline(points: Array, thing: Furniture) -> Array:
+    """Signed distance of points to the outline of an object, m, negative inside; (T, 2) to (T,)."""
     offset = points - np.array(thing.pose.position)
     if isinstance(thing.shape, Disc):
         return np.asarray(np.hypot(offset[:, 0], offset[:, 1]) - thing.shape.radius)
@@ -225,35 +237,35 @@ def _distance(points: Array, thing: Furniture) -> Array:
     return np.asarray(np.hypot(outside[:, 0], outside[:, 1]) + np.minimum(beyond.max(axis=1), 0.0))
 
 
-def _about_outcome(record: EpisodeRecord) -> Iterator[Doubt]:
-    """The outcome is what the last look shows, and no look before it showed it."""
-    scene, looks, outcome = record.scene(), record.looks, record.outcome
-    if outcome.tick != len(record) or abs(outcome.time - looks.time[-1]) > ROUNDING:
+def _check_outcome(record: EpisodeRecord) -> Iterator[Finding]:
+    """The outcome must match the final state, and no earlier state may have ended the episode."""
+    scene, states, outcome = record.scene(), record.states, record.outcome
+    if outcome.tick != len(record) or abs(outcome.time - states.time[-1]) > ROUNDING:
         yield "outcome", f"is of tick {outcome.tick} at {outcome.time} s, but there are {len(record)} frames"
-    goal, robot = scene.goal, looks.robot
-    reached = np.hypot(robot[:, 0] - goal.x, robot[:, 1] - goal.y) - goal.distance
+    goal, robot = scene.goal, states.robot
+    missing = np.hypot(robot[:, X] - goal.x, robot[:, Y] - goal.y) - goal.distance  # m, and rad: 0 or less at the goal
     if goal.angle < 3.14:
-        turned = np.array([abs(wrap_angle(theta - goal.theta)) for theta in robot[:, 2].tolist()])
-        reached = np.maximum(reached, turned - goal.angle)
-    if outcome.status == "goal" and reached[-1] > ROUNDING:
-        yield "outcome", f"says the goal was reached, but {reached[-1]:.3f} m or rad were missing"
-    if "goal" in scene.rules.ends_on and (reached[:-1] < -ROUNDING).any():
-        yield "outcome", f"the goal was reached at tick {int(np.argmax(reached < -ROUNDING))}, but the episode went on"
+        turned = np.array([abs(wrap_angle(theta - goal.theta)) for theta in robot[:, THETA].tolist()])
+        missing = np.maximum(missing, turned - goal.angle)
+    if outcome.status == "goal" and missing[-1] > ROUNDING:
+        yield "outcome", f"says the goal was reached, but {missing[-1]:.3f} m or rad were missing"
+    if "goal" in scene.rules.ends_on and (missing[:-1] < -ROUNDING).any():
+        yield "outcome", f"the goal was reached at tick {int(np.argmax(missing < -ROUNDING))}, but the episode went on"
     if outcome.status == "timeout" and outcome.tick < scene.rules.last_tick:
-        yield "outcome", f"says time was up at {outcome.time} s, the limit is {scene.rules.time_limit} s"
+        yield "outcome", f"says the time limit was reached at {outcome.time} s; the limit is {scene.rules.time_limit} s"
     if outcome.status == "contact" and not record.document["final"]["contacts"]:
-        yield "outcome", "says a contact ended the episode, but the final look has none"
+        yield "outcome", "says a contact ended the episode, but the final state has none"
 
 
-def _worst(excess: Array, place: str, who: str, what: str) -> Iterator[Doubt]:
-    """The tick at which somebody is most beyond what is allowed; (T,), positive: too much, NaN: not present."""
+def _worst_tick(excess: Array, place: str, subject: str, description: str) -> Iterator[Finding]:
+    """The tick with the largest excess over a limit; (T,), positive values exceed it, NaN is ignored."""
     excess = np.nan_to_num(excess, nan=-1.0)
     if len(excess) and excess.max() > 0.0:
         t, count = int(np.argmax(excess)), int(np.count_nonzero(excess > 0.0))
-        often = f" (the worst of {count} ticks)" if count > 1 else ""
-        yield f"frames.{t}.{place}", f"{who} is {excess[t]:.3f} {what}{often}"
+        ticks = f" (the worst of {count} ticks)" if count > 1 else ""
+        yield f"frames.{t}.{place}", f"{subject} is {excess[t]:.3f} {description}{ticks}"
 
 
-def _worst_person(excess: Array, scene: Scene, what: str) -> Iterator[Doubt]:
+def _worst_tick_of_humans(excess: Array, scene: Scene, description: str) -> Iterator[Finding]:
     for k, human in enumerate(scene.humans):
-        yield from _worst(excess[:, k], "humans", f"human {human.id}", what)
+        yield from _worst_tick(excess[:, k], "humans", f"human {human.id}", description)

@@ -1,4 +1,4 @@
-"""Progress of a generation run: which episodes count, and the run log `run.jsonl`."""
+"""Progress of a generation run: which episodes count towards the data set, and the run log `run.jsonl`."""
 
 from __future__ import annotations
 
@@ -12,141 +12,150 @@ from typing import Any
 import orjson
 
 from ..errors import RecordError, Sonata2dError
-from ..record.canonical import plain
-from .manifest import DatasetSpec, Entry
+from ..record.canonical import to_json_value
+from .manifest import DatasetSpec, ManifestEntry
 
 LOG = "run.jsonl"
-
-
-def log(folder: Path, **facts: Any) -> None:
-    """Add a line: wall time, host, workers, command line; or an episode that was left out.
-
-    Raises:
-        RecordError: it cannot be written.
-    """
-    try:
-        with (folder / LOG).open("ab") as file:
-            file.write(orjson.dumps(plain(facts, LOG, exact=True), option=orjson.OPT_APPEND_NEWLINE))
-    except OSError as error:
-        raise RecordError(f"{folder / LOG} cannot be written: {error.strerror or error}") from error
-
-
-def log_left_out(folder: Path, episode: int, outcome: str) -> None:
-    """Note an episode that was run and not kept, so that it need not be run again.
-
-    Raises:
-        RecordError: it cannot be written.
-    """
-    log(folder, left_out=episode, outcome=outcome)
-
-
-def logged_left_out(folder: Path) -> dict[int, str]:
-    """Outcome by number of the episodes that earlier runs left out; a line that was cut short tells of none."""
-    told: dict[int, str] = {}
-    for line in (folder / LOG).read_bytes().splitlines() if (folder / LOG).is_file() else ():
-        try:
-            row = orjson.loads(line)
-        except orjson.JSONDecodeError:
-            continue
-        if isinstance(row, dict) and isinstance(row.get("left_out"), int):
-            told[row["left_out"]] = str(row.get("outcome"))
-    return told
-
-
-TRIED, RARE = 200, 50  # from so many episodes on, at least one in so many must be kept
+ABORT_AFTER = 200  # episodes before a run may be aborted because too few of them are kept
+MAXIMUM_EPISODES_PER_KEPT = 50  # abort if fewer than 1 in 50 episodes is kept
 
 
 @dataclass(frozen=True, slots=True)
-class LeftOut:
-    """An episode that ended otherwise than is kept."""
+class ExcludedEpisode:
+    """An episode that was run and not kept because of its outcome."""
 
     episode: int
     outcome: str
 
 
 @dataclass(frozen=True, slots=True)
-class Failure:
-    """An episode that an error ended: which, what happened, and where its frames up to there are."""
+class FailedEpisode:
+    """An episode that an error ended.
+
+    Attributes:
+        episode: number of the episode.
+        error: class of the error.
+        message: what happened.
+        partial_file: file with the frames before the error; None if there are none.
+    """
 
     episode: int
     error: type[Sonata2dError]
     message: str
-    remains: Path | None
+    partial_file: Path | None
 
 
-Result = Entry | LeftOut | Failure
+EpisodeResult = ManifestEntry | ExcludedEpisode | FailedEpisode
 
 
-class Tally:
-    """The first episodes by number that ended as the plan asks, as many as it asks for.
+class Progress:
+    """The kept episodes of a generation run: the first ones, by number, with the requested outcomes.
 
-    Results count in the order of their numbers, so that what is made, and whether an error ends it, does not depend on
-    who was quicker.
+    Results are counted in the order of their episode numbers, so neither the kept episodes nor an abort depend on which
+    worker finishes first.
 
     Args:
-        plan: what is asked for.
+        spec: specification of the data set.
         known: results of earlier runs.
 
     Attributes:
-        kept: in order of number.
-        left_out: how many of those before the last one kept were not, by outcome.
-        failure: the error that ends it here, if one does.
+        kept: manifest rows of the kept episodes, by number.
+        left_out: number of excluded episodes before the last kept one, by outcome.
+        failure: the failed episode that ends the run; None if there is none.
 
     Raises:
-        RecordError: hardly any episode ends as the plan asks.
+        RecordError: fewer than 1 in 50 episodes is kept after 200 episodes.
     """
 
-    def __init__(self, plan: DatasetSpec, known: Iterable[Entry | LeftOut] = ()) -> None:
-        self._plan = plan
-        self._results: dict[int, Result] = {}
-        self._next = 0
-        self.kept: list[Entry] = []
+    def __init__(self, spec: DatasetSpec, known: Iterable[ManifestEntry | ExcludedEpisode] = ()) -> None:
+        self._spec = spec
+        self._results: dict[int, EpisodeResult] = {result.episode: result for result in known}
+        self._next = 0  # number of the first episode that is not counted yet
+        self.kept: list[ManifestEntry] = []
         self.left_out: Counter[str] = Counter()
-        self.failure: Failure | None = None
-        for result in known:
-            self._results[result.episode] = result
+        self.failure: FailedEpisode | None = None
         self._count()
 
     @property
-    def is_over(self) -> bool:
-        """Whether no further result is needed."""
-        return self.failure is not None or len(self.kept) == self._plan.episodes
+    def is_finished(self) -> bool:
+        """Whether the run needs no further result."""
+        return self.failure is not None or len(self.kept) == self._spec.episodes
 
     @property
-    def whole(self) -> int:
-        """How many episodes are there to be kept, counted yet or not."""
-        return sum(isinstance(result, Entry) for result in self._results.values())
+    def stored_count(self) -> int:
+        """Number of stored episodes with a requested outcome, including those not counted yet."""
+        return sum(isinstance(result, ManifestEntry) for result in self._results.values())
 
-    def take(self, result: Result) -> int:
-        """Count a result in, and those that waited for it; how many are kept now that were not before."""
+    def add(self, result: EpisodeResult) -> int:
+        """Add a result and return the number of newly kept episodes.
+
+        Raises:
+            RecordError: fewer than 1 in 50 episodes is kept after 200 episodes.
+        """
         before = len(self.kept)
         self._results[result.episode] = result
         self._count()
         return len(self.kept) - before
 
-    def missing(self) -> Iterator[int]:
-        """The numbers that have no result yet, without end where only some are kept; none if it is over."""
-        if self.is_over:
+    def pending(self) -> Iterator[int]:
+        """Episode numbers without a result: endless with `keep`, empty if the run is finished."""
+        if self.is_finished:
             return iter(())
-        numbers = count() if self._plan.keep else range(self._plan.episodes)
+        numbers = count() if self._spec.keep else range(self._spec.episodes)
         return (k for k in numbers if k not in self._results)
 
     def _count(self) -> None:
-        while not self.is_over and (result := self._results.get(self._next)) is not None:
-            if isinstance(result, Failure):
+        """Count results up to the first missing number, a failure, or the last requested episode."""
+        while not self.is_finished and (result := self._results.get(self._next)) is not None:
+            if isinstance(result, FailedEpisode):
                 self.failure = result
                 return
             self._next += 1
-            if isinstance(result, Entry):
+            if isinstance(result, ManifestEntry):
                 self.kept.append(result)
             else:
                 self.left_out[result.outcome] += 1
-                self._refuse_rarity()
+                self._abort_if_rare()
 
-    def _refuse_rarity(self) -> None:
-        if self._next >= TRIED and len(self.kept) * RARE < self._next:
+    def _abort_if_rare(self) -> None:
+        if self._next >= ABORT_AFTER and len(self.kept) * MAXIMUM_EPISODES_PER_KEPT < self._next:
             others = ", ".join(f"{number} {outcome}" for outcome, number in sorted(self.left_out.items()))
             raise RecordError(
-                f"only {len(self.kept)} of the first {self._next} episodes ended in {' or '.join(self._plan.keep)}"
+                f"only {len(self.kept)} of the first {self._next} episodes ended in {' or '.join(self._spec.keep)}"
                 f" ({others}); keep other outcomes, or change the controller or the scenario"
             )
+
+
+def append_to_log(folder: Path, **facts: Any) -> None:
+    """Append a line to the run log: wall time, host, workers and command line of a run, or an excluded episode.
+
+    Raises:
+        RecordError: the log cannot be written.
+    """
+    try:
+        with (folder / LOG).open("ab") as file:
+            file.write(orjson.dumps(to_json_value(facts, LOG, exact=True), option=orjson.OPT_APPEND_NEWLINE))
+    except OSError as error:
+        raise RecordError(f"{folder / LOG} cannot be written: {error.strerror or error}") from error
+
+
+def log_excluded(folder: Path, excluded: ExcludedEpisode) -> None:
+    """Log an excluded episode, so that a resumed run does not run it again.
+
+    Raises:
+        RecordError: the log cannot be written.
+    """
+    append_to_log(folder, left_out=excluded.episode, outcome=excluded.outcome)
+
+
+def read_excluded(folder: Path) -> list[ExcludedEpisode]:
+    """The excluded episodes of earlier runs; incomplete lines of the log are skipped."""
+    outcomes: dict[int, str] = {}
+    for line in (folder / LOG).read_bytes().splitlines() if (folder / LOG).is_file() else ():
+        try:
+            row = orjson.loads(line)
+        except orjson.JSONDecodeError:
+            continue
+        if isinstance(row, dict) and isinstance(row.get("left_out"), int):
+            outcomes[row["left_out"]] = str(row.get("outcome"))
+    return [ExcludedEpisode(episode, outcome) for episode, outcome in outcomes.items()]

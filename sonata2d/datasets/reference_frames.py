@@ -1,98 +1,104 @@
-"""The same motion seen from elsewhere: from the goal, from the robot, from anywhere."""
+"""Changes of the frame of reference of a motion: seen from the goal, from the robot, or from any pose."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..core.humans import frozen
 from ..core.portable_math import Array, arctan2, unit_vectors
 from ..core.vectors import wrap_angles
-from .motion import Motion, Reference
-
-_TURN = 2 * np.pi
+from .motion import HEAD, THETA, VX, VY, Motion, Reference, X, Y
 
 
-def seen_from(motion: Motion, origin: Any, reference: Reference) -> Motion:
-    """A motion as it is seen from a pose of its own frame of reference, or from one for each look.
+def seen_from(motion: Motion, origin: ArrayLike, reference: Reference) -> Motion:
+    """Express a motion in a new frame of reference, fixed or moving.
 
     Args:
-        motion: as it is seen now.
-        origin: (3,) or (T + 1, 3), columns x, y, theta: where the new frame's origin lies, and its x axis points.
-        reference: what to call the new frame.
+        motion: in its present frame of reference.
+        origin: (3,), or (T + 1, 3) for a moving frame; columns x, y, theta: position of the new origin and angle of the
+            new x axis in the present frame.
+        reference: name of the new frame.
 
     Raises:
-        ValueError: origin has another shape, or is not finite.
+        ValueError: `origin` has another shape or is not finite.
     """
-    looks = len(motion.robot)
+    count = len(motion.robot)
     origins = np.array(origin, dtype=float)
-    if origins.shape not in ((3,), (looks, 3)) or not np.isfinite(origins).all():
-        raise ValueError(f"origin must be finite, of shape (3,) or ({looks}, 3), got shape {origins.shape}")
-    origins = np.broadcast_to(origins, (looks, 3))
-    axes = unit_vectors(origins[:, 2])
-    starts, ends = (_poses(motion.walls[..., k : k + 2], origins, axes) for k in (0, 2))
+    if origins.shape not in ((3,), (count, 3)) or not np.isfinite(origins).all():
+        raise ValueError(f"origin must be finite and of shape (3,) or ({count}, 3), got shape {origins.shape}")
+    origins = np.broadcast_to(origins, (count, 3))
+    axes = unit_vectors(origins[:, THETA])
+    starts, ends = (_transformed(motion.walls[..., k : k + 2], origins, axes) for k in (0, 2))
     return replace(
         motion,
         reference=reference,
-        robot=frozen(_poses(motion.robot, origins, axes)),
-        humans=frozen(_poses(motion.humans, origins, axes)),
-        goal=frozen(_poses(motion.goal, origins, axes)),
+        robot=frozen(_transformed(motion.robot, origins, axes)),
+        humans=frozen(_transformed(motion.humans, origins, axes)),
+        goal=frozen(_transformed(motion.goal, origins, axes)),
         walls=frozen(np.concatenate((starts, ends), axis=-1)),
-        objects=frozen(_poses(motion.objects, origins, axes)),
+        objects=frozen(_transformed(motion.objects, origins, axes)),
     )
 
 
 def goal_frame(motion: Motion, centre: Literal["goal", "robot"] = "goal") -> Motion:
-    """The motion seen along the way to the goal.
+    """Express a motion in a frame whose x axis points from the robot to the goal.
+
+    If robot and goal coincide, the x axis stays unchanged.
 
     Args:
-        motion: in any frame of reference that does not move.
-        centre: `goal`: the origin is the goal, x points there from the robot's first place, and nothing moves that
-            stands; `robot`: at each look the origin is the robot, and x points to the goal.
+        motion: in a fixed frame of reference.
+        centre: `goal`: a fixed frame with the goal as origin and the x axis along the line from the robot's initial
+            position; `robot`: a moving frame with the robot as origin.
 
-    Where robot and goal coincide x stays as it is.
-
-    Source: of `robot`, Y. F. Chen et al., ICRA 2017 (CADRL), the robot-centric frame.
+    Source: for `robot`, Y. F. Chen et al., ICRA 2017 (CADRL), the robot-centric frame.
     """
-    there = motion.goal[:, :2] - motion.robot[:, :2]
-    along = arctan2(there[:, 1], there[:, 0])
+    to_goal = motion.goal[:, X : Y + 1] - motion.robot[:, X : Y + 1]
+    bearing = arctan2(to_goal[:, Y], to_goal[:, X])
     if centre == "robot":
-        return seen_from(motion, np.column_stack((motion.robot[:, :2], along)), "goal")
-    return seen_from(motion, np.array([*motion.goal[0, :2], along[0]]), "goal")
+        return seen_from(motion, np.column_stack((motion.robot[:, X : Y + 1], bearing)), "goal")
+    return seen_from(motion, np.array([*motion.goal[0, X : Y + 1], bearing[0]]), "goal")
 
 
 def robot_frame(motion: Motion) -> Motion:
-    """The motion seen by the robot: at each look the origin is the robot, x is ahead and y to its left."""
-    return seen_from(motion, motion.robot[:, :3], "robot")
+    """Express a motion in the body frame of the robot: x is forward, y is left."""
+    return seen_from(motion, motion.robot[:, X : THETA + 1], "robot")
 
 
-def world_frame(motion: Motion, origin: Any) -> Motion:
-    """The inverse of `seen_from`, to rounding.
+def world_frame(motion: Motion, origin: ArrayLike) -> Motion:
+    """The inverse of `seen_from`, up to rounding.
 
     Args:
-        motion: as it is seen from `origin`.
-        origin: as it was given.
+        motion: in the frame at `origin`.
+        origin: (3,) or (T + 1, 3), as passed to `seen_from`.
     """
     origins = np.array(origin, dtype=float).reshape(-1, 3)
-    axes = unit_vectors(origins[:, 2])
-    x, y = origins[:, 0], origins[:, 1]
-    back = np.column_stack((-(x * axes[:, 0] + y * axes[:, 1]), x * axes[:, 1] - y * axes[:, 0], -origins[:, 2]))
-    return seen_from(motion, back if np.ndim(origin) > 1 else back[0], "world")
+    axes = unit_vectors(origins[:, THETA])
+    x, y = origins[:, X], origins[:, Y]
+    inverse = np.column_stack((-(x * axes[:, X] + y * axes[:, Y]), x * axes[:, Y] - y * axes[:, X], -origins[:, THETA]))
+    return seen_from(motion, inverse if np.ndim(origin) > 1 else inverse[0], "world")
 
 
-def _poses(rows: Array, origins: Array, axes: Array) -> Array:
-    """Rows x, y (theta (vx, vy, omega (head))) seen from the origins; (looks, …, columns)."""
+def _transformed(rows: Array, origins: Array, axes: Array) -> Array:
+    """Rows in new frames of reference.
+
+    Args:
+        rows: (T, ..., C), the first C recorded columns: points have 2, poses 3, robot rows 6, pedestrian rows 7.
+        origins: (T, 3), columns x, y, theta.
+        axes: (T, 2), unit vectors of the new x axes.
+    """
     shape = (len(rows),) + (1,) * (rows.ndim - 2)
-    c, s = axes[:, 0].reshape(shape), axes[:, 1].reshape(shape)
-    seen = rows.copy()
-    dx, dy = rows[..., 0] - origins[:, 0].reshape(shape), rows[..., 1] - origins[:, 1].reshape(shape)
-    seen[..., 0], seen[..., 1] = dx * c + dy * s, dy * c - dx * s
-    for k in (2, 6):
-        if rows.shape[-1] > k:
-            seen[..., k] = wrap_angles(rows[..., k] - origins[:, 2].reshape(shape))
-    if rows.shape[-1] > 4:
-        vx, vy = rows[..., 3], rows[..., 4]
-        seen[..., 3], seen[..., 4] = vx * c + vy * s, vy * c - vx * s
-    return seen
+    c, s = axes[:, X].reshape(shape), axes[:, Y].reshape(shape)
+    result = rows.copy()
+    dx, dy = rows[..., X] - origins[:, X].reshape(shape), rows[..., Y] - origins[:, Y].reshape(shape)
+    result[..., X], result[..., Y] = dx * c + dy * s, dy * c - dx * s
+    for column in (THETA, HEAD):
+        if rows.shape[-1] > column:
+            result[..., column] = wrap_angles(rows[..., column] - origins[:, THETA].reshape(shape))
+    if rows.shape[-1] > VY:
+        vx, vy = rows[..., VX], rows[..., VY]
+        result[..., VX], result[..., VY] = vx * c + vy * s, vy * c - vx * s
+    return result

@@ -1,4 +1,4 @@
-"""A recorded file run again, to prove it, or branched, to see what another controller would have done."""
+"""Runs recorded episodes again: verification by replay and rerun, and branches under another controller."""
 
 from __future__ import annotations
 
@@ -12,75 +12,92 @@ from ..agents.controllers.loading import load_controller
 from ..core.geometry import Twist
 from ..core.snapshot import Observer, Snapshot
 from ..errors import ControllerError, RecordError, SceneError
-from ..record.canonical import written
+from ..record.canonical import serialise
 from ..record.files import read_bytes
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
-from ..sim.episode import Episode, Moment, author_of, renderer_for
+from ..sim.episode import Episode, TickInput, controller_info_of, renderer_for
 from ..version import PHYSICS_VERSION
 from .check import Problem
 from .mirror import mirrored
 
 
-class _Nobody(Controller):
-    """Drives when the recording is over and the episode is not: never."""
+class _RecordedCommandsOnly(Controller):
+    """Controller of a replay; it is asked only if the recorded commands end before the episode does."""
 
     def act(self, snapshot: Snapshot) -> Twist:
         raise ControllerError("the recorded commands end before the episode does")
 
 
 def branch(path: str | Path, tick: int, controller: Controller, *, observers: Iterable[Observer] = ()) -> Episode:
-    """A recorded episode up to `tick`, to the bit, then driven by another controller.
+    """A recorded episode up to `tick`, to the bit, which another controller continues.
 
     Args:
         path: an episode file.
-        tick: how many ticks stay as they were.
-        controller: drives from there on.
-        observers: see the branch from its tick 0 on.
+        tick: number of recorded ticks to keep.
+        controller: drives the robot afterwards.
+        observers: receive the frames of the branch from tick 0.
 
     Raises:
-        RecordError: the file cannot be read, or is a mirror image, which would go another way from its first choice.
-        ValueError: the recording has no such tick.
+        RecordError: the file cannot be read, or is a mirror image, which cannot be run.
+        ValueError: the recording has fewer ticks.
     """
     record = read_episode(path)
     if record.document.get("mirrored_from"):
-        raise RecordError(f"{path} is a mirror image, which does not run again; branch its original and mirror that")
-    past = moments(record)
+        # The random choices of pedestrians follow the seed, so a mirror image would diverge at the first choice.
+        raise RecordError(f"{path} is a mirror image, which cannot be run; branch its original and mirror the branch")
+    past = recorded_inputs(record)
     if not 0 <= tick <= len(past):
         raise ValueError(f"tick must be 0..{len(past)}, the ticks in {path}, got {tick}")
-    eye = renderer_for(controller)
-    return Episode(record.scene(), controller, observers=observers, past=past[:tick], renderer=eye).caught_up()
+    renderer = renderer_for(controller)
+    return Episode(record.scene(), controller, observers=observers, past=past[:tick], renderer=renderer).replay_past()
 
 
-def moments(record: EpisodeRecord) -> list[Moment]:
+def recorded_inputs(record: EpisodeRecord) -> list[TickInput]:
     """Command, label and device events of each recorded tick."""
-    return [Moment(frame.command, frame.label, frame.snapshot.events) for frame in record.frames()]
+    return [TickInput(frame.command, frame.label, frame.snapshot.events) for frame in record.frames()]
 
 
-def replayed(record: EpisodeRecord) -> bytes:
-    """The document that the recorded commands give when they are run again."""
-    recorder, past, outcome = _recorder_like(record), moments(record), record.outcome
-    episode = Episode(record.scene(), _Nobody(), observers=[recorder], past=past, author=record.author).caught_up()
-    last = record.snapshot(-1).events
-    if outcome.status in ("stopped", "regenerate", "error"):
-        episode.end(outcome.status, outcome.reason, last)
+def replay_document(record: EpisodeRecord) -> bytes:
+    """The episode document that results from the recorded commands.
+
+    Raises:
+        ControllerError: the recorded commands end before the episode does.
+    """
+    recorder, outcome = _recorder_like(record), record.outcome
+    episode = Episode(
+        record.scene(),
+        _RecordedCommandsOnly(),
+        observers=[recorder],
+        past=recorded_inputs(record),
+        controller_info=record.controller_info,
+    ).replay_past()
+    last_events = record.snapshot(-1).events
+    if outcome.status in ("stopped", "regenerate", "error"):  # ended from outside; the simulation cannot tell
+        episode.end(outcome.status, outcome.reason, last_events)
     else:
-        episode.step(last)
+        episode.step(last_events)
     return recorder.document()
 
 
-def rerun(record: EpisodeRecord, controller: Controller) -> bytes:
-    """The document that the controller gives when it is asked again."""
-    recorder, author = _recorder_like(record), author_of(controller, record.author.path)
-    branched, told = record.document["branched_from"], moments(record)
-    past = told[: branched["tick"]] if branched else []  # up to there another one drove
-    eye = renderer_for(controller)
-    episode = Episode(record.scene(), controller, observers=[recorder], past=past, author=author, renderer=eye)
+def rerun_document(record: EpisodeRecord, controller: Controller) -> bytes:
+    """The episode document that results when the controller runs again with the recorded device events."""
+    recorder = _recorder_like(record)
+    branched, inputs = record.document["branched_from"], recorded_inputs(record)
+    past = inputs[: branched["tick"]] if branched else []  # another controller drove before the branch
+    episode = Episode(
+        record.scene(),
+        controller,
+        observers=[recorder],
+        past=past,
+        controller_info=controller_info_of(controller, record.controller_info.path),
+        renderer=renderer_for(controller),
+    )
     try:
-        for events in (*(moment.events for moment in told), record.snapshot(-1).events):
+        for events in (*(tick.events for tick in inputs), record.snapshot(-1).events):
             episode.step(events)
         episode.run()
     except Exception:
@@ -90,10 +107,10 @@ def rerun(record: EpisodeRecord, controller: Controller) -> bytes:
 
 
 def check_replay(path: Path) -> list[Problem]:
-    """Whether a file is what its scene and its commands give, and its scene what its seed and settings give.
+    """Problems of a file that its scene and commands, or its seed and settings, do not reproduce.
 
-    Of a mirror image it is proven that it is the exact image of such an episode: people's choices on their way are
-    drawn from the seed, so that an image, run by itself, would go another way.
+    For a mirror image the original is replayed, and the file must be its exact image: the random choices of pedestrians
+    follow the seed, so a mirror image cannot be run itself.
     """
     record, problems = _original(path)
     physics = record.document["physics"]
@@ -102,80 +119,81 @@ def check_replay(path: Path) -> list[Problem]:
         return [Problem(path.name, "physics", message)]
     problems += _check_scene(path, record)
     try:
-        again = replayed(record)
+        replayed = replay_document(record)
     except (ControllerError, ValueError) as error:
         return [*problems, Problem(path.name, "replay", str(error))]
-    return problems + _difference(path.name, "replay", _document_of(path, record), again)
+    return problems + _first_difference(path.name, "replay", _stored_document(path, record), replayed)
 
 
 def check_rerun(path: Path, name: str | None = None) -> list[Problem]:
-    """Whether the controller drives the same again; of a mirror image, whether it drove the original.
+    """Problems of a file that its controller does not reproduce; for a mirror image the original is run.
 
     Args:
         path: an episode file.
-        name: of the controller, if it is no longer found by what the file says.
+        name: name of the controller, if the name in the file no longer finds it.
     """
     record, _ = _original(path)
     if (record.path != path) and read_episode(path).document["mirrored_from"]["labels"]:
-        message = "its labels were mirrored, by what it does not tell: mirror it back (--labels twist) and check that"
+        message = "its labels were mirrored by an unknown function; mirror it back (--labels twist) and check that"
         return [Problem(path.name, "rerun", message)]
-    controller = load_controller(name or record.author.path, record.author.settings or {})
+    controller = load_controller(name or record.controller_info.path, record.controller_info.settings or {})
     if not controller.deterministic:
         return []
-    return _difference(path.name, "rerun", _document_of(path, record), rerun(record, controller))
+    return _first_difference(path.name, "rerun", _stored_document(path, record), rerun_document(record, controller))
 
 
 def _original(path: Path) -> tuple[EpisodeRecord, list[Problem]]:
-    """The episode of a file, or the one that it is the mirror image of; and why it is no exact image, if so."""
+    """The episode of a file, or the original of a mirror image with the problems of an inexact image."""
     record = read_episode(path)
-    told = record.document.get("mirrored_from")
-    if not told:
+    origin = record.document.get("mirrored_from")
+    if not origin:
         return record, []
     original = mirrored(record)
-    document = written(original.document)
-    problems = _difference(path.name, "mirrored_from", read_bytes(path), written(mirrored(original).document))
-    if told["labels"]:
-        problems = []
-    elif hashlib.sha256(document).hexdigest() != told["sha256"]:
-        message = f"mirrored back it is not {told['id']} as it was (another SHA-256)"
+    document = serialise(original.document)
+    problems = _first_difference(path.name, "mirrored_from", read_bytes(path), serialise(mirrored(original).document))
+    if origin["labels"]:
+        problems = []  # the function that mirrored the labels is unknown, so bytes cannot be compared
+    elif hashlib.sha256(document).hexdigest() != origin["sha256"]:
+        message = f"mirroring it back does not give the original {origin['id']}: the SHA-256 differs"
         problems.append(Problem(path.name, "mirrored_from", message))
     return original, problems
 
 
-def _document_of(path: Path, record: EpisodeRecord) -> bytes:
-    """The file's own bytes; of a mirror image those of its original."""
-    return read_bytes(path) if record.path == path else written(record.document)
+def _stored_document(path: Path, record: EpisodeRecord) -> bytes:
+    """The document in the file, or that of its original if the file is a mirror image."""
+    return read_bytes(path) if record.path == path else serialise(record.document)
 
 
 def _check_scene(path: Path, record: EpisodeRecord) -> list[Problem]:
-    """Whether settings and seed give the recorded scene; scenes made by hand have none."""
+    """Whether settings and seed give the recorded scene; scenes not generated from settings always pass."""
     settings = record.scene().settings
     if settings is None:
         return []
     try:
-        again = generate(ScenarioConfig(**settings), record.seed, record.episode)
+        scene = generate(ScenarioConfig(**settings), record.seed, record.episode)
     except (ValueError, SceneError) as error:
         return [Problem(path.name, "settings", f"they give no scene: {error}")]
-    same = replace(again, settings=settings) == record.scene()  # newer versions have more settings
-    return [] if same else [Problem(path.name, "scene", "settings and seed give another one")]
+    is_equal = replace(scene, settings=settings) == record.scene()  # newer versions have more settings
+    return [] if is_equal else [Problem(path.name, "scene", "settings and seed give another scene")]
 
 
-def _difference(name: str, place: str, recorded: bytes, again: bytes) -> list[Problem]:
-    """Where two documents part, all but their software blocks; nothing if they are the same bytes."""
-    old, new = recorded.splitlines(), again.splitlines()
-    for number, (was, now) in enumerate(zip(old, new, strict=False), 1):
-        if was != now and not was.startswith(b'"software"'):
-            return [Problem(name, place, f"line {number} differs: {_around(was, now)}")]
-    return [] if len(old) == len(new) else [Problem(name, place, f"has {len(old)} lines, should have {len(new)}")]
+def _first_difference(name: str, place: str, recorded: bytes, again: bytes) -> list[Problem]:
+    """The first line in which two documents differ, apart from their software blocks."""
+    recorded_lines, new_lines = recorded.splitlines(), again.splitlines()
+    for number, (old, new) in enumerate(zip(recorded_lines, new_lines, strict=False), 1):
+        if old != new and not old.startswith(b'"software"'):
+            return [Problem(name, place, f"line {number} differs: {_excerpts(old, new)}")]
+    if len(recorded_lines) == len(new_lines):
+        return []
+    return [Problem(name, place, f"has {len(recorded_lines)} lines, should have {len(new_lines)}")]
 
 
-def _around(was: bytes, now: bytes) -> str:
-    """What stands where two lines part."""
-    part = next(
-        (k for k, pair in enumerate(zip(was, now, strict=False)) if pair[0] != pair[1]), min(len(was), len(now))
-    )
-    shown = slice(max(part - 20, 0), part + 20)
-    return f"recorded …{was[shown].decode(errors='replace')}…, again …{now[shown].decode(errors='replace')}…"
+def _excerpts(old: bytes, new: bytes) -> str:
+    """The text of both lines around their first difference."""
+    differences = (k for k, (a, b) in enumerate(zip(old, new, strict=False)) if a != b)
+    start = next(differences, min(len(old), len(new)))
+    shown = slice(max(start - 20, 0), start + 20)
+    return f"recorded …{old[shown].decode(errors='replace')}…, again …{new[shown].decode(errors='replace')}…"
 
 
 def _recorder_like(record: EpisodeRecord) -> EpisodeRecorder:

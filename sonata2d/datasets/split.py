@@ -1,4 +1,4 @@
-"""Train, dev and test: a data set in parts between which no scene is shared."""
+"""Splits a data set into train, dev and test parts that share no scene."""
 
 from __future__ import annotations
 
@@ -9,111 +9,120 @@ from pathlib import Path
 import orjson
 
 from ..errors import RecordError
-from ..record.layout import layout_of
+from ..record.layout import scene_to_json
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
-from .derived import Advance, listed_bytes, manifest_as_it_stands
-from .manifest import MANIFEST, write_tree
+from .executors import Advance
+from .manifest import MANIFEST, read_listed_file, read_stored_manifest, write_json
 from .mirror import mirrored
 
-SHARES = {"train": 0.8, "dev": 0.1, "test": 0.1}
-Split = dict[str, list[str]]
+FRACTIONS = {"train": 0.8, "dev": 0.1, "test": 0.1}
+Split = dict[str, list[str]]  # file names by part
 Unit = tuple[str, ...]  # names of files that stay together
 
 
 def split_dataset(
     folder: str | Path,
-    shares: Mapping[str, float] = SHARES,
+    fractions: Mapping[str, float] = FRACTIONS,
     *,
     seed: int = 0,
     whole_families: bool = False,
     advance: Advance = lambda step: None,
 ) -> Split:
-    """Part a data set by scene family, and write the parts into its manifest.
+    """Split a data set by scene and scene family, and write the parts into its manifest.
 
-    Runs of one scene stay together: mirror images, branches, other controllers and other people in it. Each family is
-    shared out in the same proportions, or stays whole, so that the test has rooms that training never saw.
+    All episodes of one scene stay together: mirror images, branches, other controllers and other drivers. By default
+    the scenes of each family are distributed in the same proportions; with `whole_families` a family stays in one part,
+    so that the test part has rooms that the training part does not contain.
 
     Args:
-        folder: a data set.
-        shares: how much of the files each part shall have, by name; they are taken as proportions.
-        seed: another one gives another split.
+        folder: folder of the data set.
+        fractions: relative size of each part, by name; they need not sum to 1.
+        seed: seed of the assignment.
         whole_families: keep each family in one part.
-        advance: is told how many files are read, as they are.
+        advance: progress callback; its argument is the number of files read.
 
     Returns:
-        Names of files by part, in the order of the manifest.
+        File names by part, in the order of the manifest.
 
     Raises:
-        RecordError: the data set is damaged, or has too few scenes or families for so many parts.
-        ValueError: a share is not positive.
+        RecordError: the data set is damaged, or it has fewer scenes (or families) than parts.
+        ValueError: a fraction is not positive and finite.
     """
     folder = Path(folder)
-    if not shares or any(not 0.0 < share < float("inf") for share in shares.values()):
-        raise ValueError(f"shares must be positive, got {dict(shares)}")
-    manifest = manifest_as_it_stands(folder)
-    families: dict[str, dict[str, list[str]]] = {}
-    home: dict[str, str] = {}  # family of each scene: the first one that it is met in
+    if not fractions or any(not 0.0 < fraction < float("inf") for fraction in fractions.values()):
+        raise ValueError(f"fractions must be positive, got {dict(fractions)}")
+    manifest = read_stored_manifest(folder)
+    families: dict[str, dict[str, list[str]]] = {}  # file names by family and scene
+    family_of_scene: dict[str, str] = {}  # a scene of several families counts for the first one
     for row in manifest["files"]:
-        listed_bytes(folder, row)
+        read_listed_file(folder, row)
         scene = scene_key(read_episode(folder / row["name"]))
-        families.setdefault(home.setdefault(scene, row["family"]), {}).setdefault(scene, []).append(row["name"])
+        family = family_of_scene.setdefault(scene, row["family"])
+        families.setdefault(family, {}).setdefault(scene, []).append(row["name"])
         advance(1)
     units = _units(families, seed, whole_families)
-    if len(units) < len(shares):
+    if len(units) < len(fractions):
         what = "families" if whole_families else "scenes"
-        raise RecordError(f"{folder} has {len(units)} {what}, too few for {len(shares)} parts; ask for fewer parts")
-    place = dealt(units, shares)
-    split: Split = {part: [row["name"] for row in manifest["files"] if place[row["name"]] == part] for part in shares}
-    write_tree(folder / MANIFEST, manifest | {"split": split})
+        raise RecordError(f"{folder} has {len(units)} {what}, too few for {len(fractions)} parts; use fewer parts")
+    part_of = assign_parts(units, fractions)
+    split: Split = {
+        part: [row["name"] for row in manifest["files"] if part_of[row["name"]] == part] for part in fractions
+    }
+    write_json(folder / MANIFEST, manifest | {"split": split})
     return split
 
 
 def scene_key(record: EpisodeRecord) -> str:
-    """The same for all episodes that start from one scene, mirrored or not: whoever drives, which robot, what rules."""
+    """A hash of the initial scene; independent of mirroring, controller, type of robot and rules."""
     original = mirrored(record) if record.document.get("mirrored_from") else record
-    layout = layout_of(original.scene())
-    places = [[row["x"], row["y"], row["theta"]] for row in (*layout["humans"], layout["robot"])]
+    layout = scene_to_json(original.scene())
+    poses = [[row["x"], row["y"], row["theta"]] for row in (*layout["humans"], layout["robot"])]
     goal = [layout["goal"]["x"], layout["goal"]["y"]]
-    return hashlib.sha256(orjson.dumps([layout["room"], layout["walls"], layout["objects"], places, goal])).hexdigest()
+    return hashlib.sha256(orjson.dumps([layout["room"], layout["walls"], layout["objects"], poses, goal])).hexdigest()
 
 
-def dealt(units: Sequence[Unit], shares: Mapping[str, float]) -> dict[str, str]:
-    """The part of each file: each unit goes where most is missing, so far; each part gets one at least.
+def assign_parts(units: Sequence[Unit], fractions: Mapping[str, float]) -> dict[str, str]:
+    """Assign units one by one to the part that lacks the most files so far; each part gets at least one unit.
 
     Args:
-        units: names of files that stay together; at least as many as parts.
-        shares: of each part.
+        units: names of files that stay together; at least as many units as parts.
+        fractions: relative size of each part, by name.
+
+    Returns:
+        The part of each file name.
     """
-    whole = sum(shares.values())
-    has, seen = dict.fromkeys(shares, 0), 0
-    place: dict[str, str] = {}
+    total = sum(fractions.values())
+    assigned, seen = dict.fromkeys(fractions, 0), 0  # number of files per part, and in total
+    part_of: dict[str, str] = {}
     for k, unit in enumerate(units):
         seen += len(unit)
-        empty = [part for part in shares if has[part] == 0]
-        open_to = empty if len(units) - k <= len(empty) else list(shares)
-        part = max(open_to, key=lambda name: shares[name] / whole * seen - has[name])
-        has[part] += len(unit)
-        place |= dict.fromkeys(unit, part)
-    return place
+        empty = [part for part in fractions if assigned[part] == 0]
+        # The last units are reserved for parts that are still empty.
+        candidates = empty if len(units) - k <= len(empty) else list(fractions)
+        part = max(candidates, key=lambda name: fractions[name] / total * seen - assigned[name])
+        assigned[part] += len(unit)
+        part_of |= dict.fromkeys(unit, part)
+    return part_of
 
 
 def _units(families: dict[str, dict[str, list[str]]], seed: int, whole_families: bool) -> list[Unit]:
-    """What is dealt out, family by family, shuffled by the seed and by nothing else."""
+    """The units to assign, in an order that depends on the seed, the scenes and the families only."""
     if whole_families:
-        whole = {
+        files = {
             family: tuple(name for names in scenes.values() for name in names) for family, scenes in families.items()
         }
+        # Large families first, so that small ones can even out the sizes of the parts.
         return [
-            whole[family] for family in sorted(whole, key=lambda family: (-len(whole[family]), _draw(seed, family)))
+            files[family] for family in sorted(files, key=lambda family: (-len(files[family]), _rank(seed, family)))
         ]
     return [
         tuple(families[family][scene])
         for family in sorted(families)
-        for scene in sorted(families[family], key=lambda scene: _draw(seed, scene))
+        for scene in sorted(families[family], key=lambda scene: _rank(seed, scene))
     ]
 
 
-def _draw(seed: int, key: str) -> bytes:
-    """A number as good as random, which adding other files does not change."""
+def _rank(seed: int, key: str) -> bytes:
+    """A pseudo-random sort key, unaffected by other keys."""
     return hashlib.sha256(f"{seed}:{key}".encode()).digest()

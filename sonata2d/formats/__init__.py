@@ -1,4 +1,4 @@
-"""Import and export of episodes in the formats of other programs."""
+"""Import and export of episodes in the file formats of other programs."""
 
 import lazy_loader
 

@@ -6,29 +6,27 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..datasets.check import Listed
-from ..datasets.manifest import MANIFEST, METRICS, SCENARIO
-from ..datasets.verification import files_of
+from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
 from ..errors import RecordError
-from ..record.files import SUFFIXES, packed, safe_text, stem_of, write_atomically
+from ..record.files import SUFFIXES, compress, file_stem, safe_text, write_atomically
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..registry import FORMATS
 from . import sonata
-from .base import Format, Options
-from .validate import proven
+from .base import Format, Import, Options
+from .parse import encode_episode
 
 Advance = Callable[[int], None]
-_PLAIN = Options()
+_DEFAULT_OPTIONS = Options()
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
-    """What came of an export or an import.
+class TransferResult:
+    """Outcome of an export or an import.
 
     Attributes:
-        files: that were written.
-        refused: a line for each episode or file that was not.
+        files: the files that were written.
+        refused: one line for each episode or file that was not transferred, with the reason.
     """
 
     files: list[Path]
@@ -36,10 +34,10 @@ class Done:
 
 
 def format_named(name: str) -> Format:
-    """A format by its name.
+    """Return the format of a name, e.g. `socnav3`.
 
     Raises:
-        RecordError: there is none of this name.
+        RecordError: no format has this name.
     """
     format: Format = FORMATS.load(name, _problem)
     return format
@@ -47,123 +45,136 @@ def format_named(name: str) -> Format:
 
 def _problem(found: object) -> str | None:
     """Why an object cannot be used as a format."""
-    return None if isinstance(found, Format) else "is no Format; it must be sonata2d.formats.Format(...)"
+    return None if isinstance(found, Format) else "is not a Format; define it as sonata2d.formats.Format(...)"
 
 
 def episodes_in(source: Path) -> list[Path]:
-    """The one episode file, or those of a folder.
-
-    Raises:
-        RecordError: there are none.
-    """
-    return [file.path if isinstance(file, Listed) else file for file in files_of(source) if not _is_manifest(file)]
-
-
-def _is_manifest(file: Path | Listed) -> bool:
-    """What lies beside episodes and is none."""
-    return isinstance(file, Path) and file.name in (MANIFEST, SCENARIO, METRICS)
-
-
-def export_to(
-    source: Path, format: str, out: Path, options: Options = _PLAIN, *, advance: Advance = lambda step: None
-) -> Done:
-    """Write episodes in another format; an episode that would mislead its readers is refused, and the rest go on.
+    """List the episode files of a source.
 
     Args:
         source: an episode file, or a folder of them.
-        format: its name, see `FORMATS`.
-        out: a folder; of one episode that becomes one file, the file's name if it ends as the format's files do.
-        options: see `Options`.
-        advance: is told how many episodes are done, as they are.
 
     Raises:
-        RecordError: there is no such format, or nothing to export.
+        RecordError: the source does not exist or holds no episodes.
+    """
+    return [file for file in files_of(source) if file.name not in (MANIFEST, SCENARIO, METRICS)]
+
+
+def export_to(
+    source: Path, format: str, out: Path, options: Options = _DEFAULT_OPTIONS, *, advance: Advance = lambda step: None
+) -> TransferResult:
+    """Write episodes in another format.
+
+    Episodes that readers of the format would misinterpret are refused; the others are still written.
+
+    Args:
+        source: an episode file, or a folder of them.
+        format: name of the format, see `registry.FORMATS`.
+        out: a folder; for a single episode that becomes a single file, a path that ends with the suffix of the format
+            is the name of the file.
+        options: see `Options`.
+        advance: called with 1 after each episode.
+
+    Returns:
+        The files that were written, and the reasons of the refusals.
+
+    Raises:
+        RecordError: no format has this name, it does not export, or the source holds no episodes.
     """
     chosen, files = format_named(format), episodes_in(source)
     if options.original and format != sonata.NAME:
-        raise RecordError(f"{format} has no quirks to keep; they are for {sonata.NAME}")
-    done = Done([], [])
-    if chosen.gather is not None:
-        done.files.extend(chosen.gather(_read(files, done, advance), out))
-        return done
-    for record in _read(files, done, advance):
+        raise RecordError(f"{format} has no quirks of an original program to reproduce; only {sonata.NAME} has them")
+    result = TransferResult([], [])
+    if chosen.export_all is not None:
+        result.files.extend(chosen.export_all(_read(files, result, advance), out))
+        return result
+    if chosen.export is None:
+        raise RecordError(f"{format} files can only be imported")
+    for record in _read(files, result, advance):
         try:
-            path = _target(record, chosen, out, options, alone=source.is_file())
-            _write(path, _exported(chosen, record, options), record.path, done)
+            path = _output_path(record, chosen, out, options, is_single=source.is_file())
+            _write(path, chosen.export(record, options), record.path, result)
         except RecordError as error:
-            done.refused.append(str(error))
-    return done
+            result.refused.append(str(error))
+    return result
 
 
-def _exported(chosen: Format, record: EpisodeRecord, options: Options) -> bytes:
-    assert chosen.export is not None, "a format writes files one by one or together"
-    return chosen.export(record, options)
-
-
-def _read(files: list[Path], done: Done, advance: Advance) -> Iterator[EpisodeRecord]:
-    """Episodes one after another, so that a data set need not fit into memory; those that cannot be read are told."""
+def _read(files: list[Path], result: TransferResult, advance: Advance) -> Iterator[EpisodeRecord]:
+    """Yield episodes one by one, as a data set may not fit into memory; unreadable files are refused."""
     for file in files:
         try:
             yield read_episode(file)
         except RecordError as error:
-            done.refused.append(str(error))
+            result.refused.append(str(error))
         advance(1)
 
 
-def _target(record: EpisodeRecord, chosen: Format, out: Path, options: Options, *, alone: bool) -> Path:
-    """Where an episode goes."""
-    if alone and out.name.endswith(chosen.suffix) and not out.is_dir():
+def _output_path(record: EpisodeRecord, chosen: Format, out: Path, options: Options, *, is_single: bool) -> Path:
+    if is_single and out.name.endswith(chosen.suffix) and not out.is_dir():
         return out
-    return out / (sonata.original_name(record) if options.original else f"{stem_of(record.path)}{chosen.suffix}")
+    return out / (sonata.original_name(record) if options.original else f"{file_stem(record.path)}{chosen.suffix}")
 
 
-def _write(path: Path, data: bytes, source: Path, done: Done) -> None:
-    """Write a file, but never over its own source or over another one of the same go."""
-    if path in done.files:
-        raise RecordError(f"{source}: {path} holds another episode already; take them one by one")
+def _write(path: Path, data: bytes, source: Path, result: TransferResult) -> None:
+    """Write a file, unless it would overwrite its own source or another file of the same transfer."""
+    if path in result.files:
+        raise RecordError(f"{source}: {path} already holds another episode; transfer them one by one")
     if path.exists() and path.samefile(source):
-        raise RecordError(f"{path} is what is read; choose another place to write to")
+        raise RecordError(f"{path} is the source; choose another output")
     write_atomically(path, data)
-    done.files.append(path)
+    result.files.append(path)
 
 
 def import_from(
-    source: Path, format: str, out: Path, options: Options = _PLAIN, *, advance: Advance = lambda step: None
-) -> Done:
-    """Make episode files of files in another format; a file that tells no episode is refused, and the rest go on.
+    source: Path, format: str, out: Path, options: Options = _DEFAULT_OPTIONS, *, advance: Advance = lambda step: None
+) -> TransferResult:
+    """Convert files of another format to episode files.
+
+    Files that do not describe an episode are refused; the others are still converted.
 
     Args:
         source: a file, or a folder of them.
-        format: its name, see `FORMATS`.
-        out: a folder; of one file, the episode's name if it ends in .json, .json.gz or .json.zst.
+        format: name of the format, see `registry.FORMATS`.
+        out: a folder; for a single file, a path that ends in .json, .json.gz or .json.zst is the name of the episode.
         options: see `Options`.
-        advance: is told how many files are done, as they are.
+        advance: called with 1 after each file.
+
+    Returns:
+        The episode files that were written, and the reasons of the refusals.
 
     Raises:
-        RecordError: there is no such format, or nothing to import.
+        RecordError: no format has this name, it does not import, or the source holds no files of it.
     """
-    chosen, done = format_named(format), Done([], [])
-    alone = source.is_file() and out.name.endswith(SUFFIXES) and not out.is_dir()
+    chosen, result = format_named(format), TransferResult([], [])
+    read = _import_function(chosen, format)
+    is_single = source.is_file() and out.name.endswith(SUFFIXES) and not out.is_dir()
     for file in _sources(source, chosen):
         try:
-            for document in chosen.import_(file, options):
-                data = proven(document, file)
-                name = document["id"] if chosen.gather is not None else file.name.split(".")[0]
-                path = out if alone else out / f"{safe_text(name)}.json"
-                _write(path, packed(data, path), file, done)
+            for document in read(file, options):
+                data = encode_episode(document, file)
+                # A folder of tables holds many episodes: each is named by its id. Else the file gives the name.
+                name = document["id"] if chosen.export_all is not None else file.name.split(".")[0]
+                path = out if is_single else out / f"{safe_text(name)}.json"
+                _write(path, compress(data, path), file, result)
         except RecordError as error:
-            done.refused.append(str(error))
+            result.refused.append(str(error))
         advance(1)
-    return done
+    return result
+
+
+def _import_function(chosen: Format, name: str) -> Import:
+    if chosen.import_ is None:
+        raise RecordError(f"{name} files can only be exported")
+    return chosen.import_
 
 
 def _sources(source: Path, chosen: Format) -> list[Path]:
-    """The files to import.
+    """The files to import; of a format of tables, the folder.
 
     Raises:
-        RecordError: there are none.
+        RecordError: the source does not exist, or holds no files of the format.
     """
-    if source.is_file() or (chosen.gather is not None and source.is_dir()):
+    if source.is_file() or (chosen.export_all is not None and source.is_dir()):
         return [source]
     if not source.is_dir():
         raise RecordError(f"{source} does not exist")
@@ -174,5 +185,9 @@ def _sources(source: Path, chosen: Format) -> list[Path]:
 
 
 def count_sources(source: Path, format: str) -> int:
-    """How many files an import will read, for a progress bar."""
+    """Number of files that `import_from` will read, for a progress bar.
+
+    Raises:
+        RecordError: no format has this name, or the source holds no files of it.
+    """
     return len(_sources(source, format_named(format)))

@@ -1,24 +1,30 @@
-"""What a format is: how an episode is put into it, and how one is had from it."""
+"""The definition of a format, and the checks and time stamps that exporters share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import math
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from ..core.entities import RELATIONS
+from ..core.portable_math import Array, IntArray
 from ..errors import RecordError
-from ..record.layout import Tree
+from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
+
+_STAMP_GRID = 2.0**30  # stamps are multiples of 1/_STAMP_GRID s: differences of stamps below 2**23 s are exact
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What may be asked of an export or an import.
+    """Options of an export or an import.
 
     Attributes:
-        original: keep the quirks of the program that a format comes from, where it has any (`sonata`).
-        frame_time: s that a frame number stands for, in files that do not say it (`csv`).
+        original: reproduce the quirks of the program that the format comes from; only `sonata` has any.
+        frame_time: duration of one frame number, s, for track files without times.
     """
 
     original: bool = False
@@ -26,42 +32,145 @@ class Options:
 
 
 Export = Callable[[EpisodeRecord, Options], bytes]
-Import = Callable[[Path, Options], Iterator[Tree]]  # documents of episodes, as `record.read_episode` reads them
-Gather = Callable[[Iterator[EpisodeRecord], Path], list[Path]]
+Import = Callable[[Path, Options], Iterator[JsonDict]]  # yields episode documents, as `record.read_episode` reads them
+ExportAll = Callable[[Iterator[EpisodeRecord], Path], list[Path]]
 
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A format that other programs read.
+    """A file format of other programs.
+
+    A format that writes one file per episode defines `export`; a format whose files hold several episodes defines
+    `export_all`.
 
     Attributes:
-        about: one line.
-        suffix: of its files; of a format of tables, that of each table.
-        import_: reads a file (of tables: a folder).
-        export: the bytes of one file an episode; None where episodes share their files.
-        gather: writes all episodes into shared files in a folder, instead of `export`.
+        description: one line.
+        suffix: suffix of the files; for a format of tables, of each table.
+        import_: yields the episode documents of a file (for tables: of a folder); None if the format is only written.
+        export: returns the bytes of the file of one episode.
+        export_all: writes all episodes into a folder and returns the files that it wrote.
+
+    Example:
+        >>> Format("goal position: x, y in m", ".goal.txt", export=lambda record, options: b"3.0 0.0").suffix
+        '.goal.txt'
     """
 
-    about: str
+    description: str
     suffix: str
-    import_: Import
+    import_: Import | None = None
     export: Export | None = None
-    gather: Gather | None = None
+    export_all: ExportAll | None = None
 
 
-@contextmanager
-def parsing(path: Path, format: str) -> Iterator[None]:
-    """Whatever a damaged or foreign file makes go wrong is one RecordError that names file and format."""
-    try:
-        yield
-    except RecordError:
-        raise
-    except KeyError as error:
-        raise RecordError(f"{path} is no whole {format} file: {error} is missing") from error
-    except RecursionError as error:
-        raise RecordError(f"{path} is no {format} file: it is nested too deep") from error
-    except MemoryError as error:
-        raise RecordError(f"{path} is no {format} file: it claims more than memory holds") from error
-    except (TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
-        told = " ".join(str(error).split())
-        raise RecordError(f"{path} is no whole {format} file: {told:.200}") from error
+def require_all_present(record: EpisodeRecord, format: str) -> None:
+    """Check that every pedestrian is present in every frame.
+
+    Readers of some formats take the pedestrians of one frame for those of all frames.
+
+    Raises:
+        RecordError: a pedestrian is absent at some tick.
+    """
+    absences = np.argwhere(~record.states.present)
+    if len(absences):
+        tick, k = absences[0].tolist()
+        human = record.scene().humans[k].id
+        raise RecordError(
+            f"{record.path}: human {human} is not present at tick {tick}, but readers of {format} expect the same"
+            " people in every frame; export to parquet, npz, csv or trajnet"
+        )
+
+
+def require_duration(record: EpisodeRecord, format: str, duration: float, minimum: float) -> None:
+    """Check that an episode is long enough for the readers of a format.
+
+    Args:
+        record: the episode.
+        format: name of the format.
+        duration: time from the first to the last exported frame, s.
+        minimum: shortest duration that readers accept, s.
+
+    Raises:
+        RecordError: the episode is shorter.
+    """
+    if duration < minimum - 1e-9:
+        raise RecordError(
+            f"{record.path}: {duration:.4g} s from first to last frame, but readers of {format} need {minimum:g} s;"
+            " leave out such episodes"
+        )
+
+
+def require_robot(record: EpisodeRecord, format: str) -> None:
+    """Check that the robot was recorded, and is not the stand-in that `imported` adds.
+
+    Raises:
+        RecordError: the episode was imported from a source without a robot.
+    """
+    if "robot" in record.document.get("imported", {}).get("lacks", ()):
+        raise RecordError(
+            f"{record.path}: the episode has no recorded robot, but {format} describes what a robot observes; export to"
+            " csv, trajnet, npz or parquet"
+        )
+
+
+def require_consecutive_ids(record: EpisodeRecord, format: str) -> None:
+    """Check that the ids of people and objects together are 1..P+O: readers use them as node indices.
+
+    Raises:
+        RecordError: the ids have gaps or do not start at 1.
+    """
+    scene = record.scene()
+    ids = [human.id for human in scene.humans] + [thing.id for thing in scene.furniture]
+    if sorted(ids) != list(range(1, len(ids) + 1)):
+        raise RecordError(
+            f"{record.path}: ids are {sorted(ids)}, but readers of {format} use ids as indices and need 1..{len(ids)};"
+            " export to socnav3 or parquet, which accept any ids"
+        )
+
+
+def require_known_relations(record: EpisodeRecord, format: str, known: Collection[str] = RELATIONS) -> None:
+    """Check that a format has a name for every recorded relation.
+
+    Raises:
+        RecordError: an interaction has another relation.
+    """
+    for frame in (*record.document["frames"], record.document["final"]):
+        for src, relation, dst in frame["interactions"]:
+            if relation not in known:
+                raise RecordError(
+                    f"{record.path}: {format} has no relation {relation} (of {src} and {dst} at tick {frame['tick']});"
+                    f" its relations are {', '.join(known)}; leave out such episodes"
+                )
+
+
+def require_even_times(record: EpisodeRecord, format: str) -> None:
+    """Check that frame k was recorded at k * dt; imported episodes may have uneven times.
+
+    Raises:
+        RecordError: a time differs from tick * dt by more than 0.2 ms.
+    """
+    dt, states = record.scene().rules.dt, record.states
+    uneven = np.flatnonzero(np.abs(states.time - states.tick * dt) > 2e-4)
+    if len(uneven):
+        t = int(uneven[0])
+        raise RecordError(
+            f"{record.path}: frame {t} was recorded at {states.time[t]:g} s, not at {t} * {dt:g} s, but {format} needs"
+            " even time steps; resample the source first"
+        )
+
+
+def exact_stamps(tick: IntArray | list[int], dt: float) -> Array:
+    """Return time stamps whose differences are never below the tick length in floating point.
+
+    Readers that compare `t - last >= 0.1` would drop frames with decimal stamps. The step used here is the tick length
+    rounded up to a multiple of 2**-30 s: 10 000 ticks end less than 10 microseconds late, and the difference over n
+    ticks is never smaller than n * dt.
+
+    Args:
+        tick: (T,), from 0.
+        dt: tick length, s.
+
+    Returns:
+        (T,), s.
+    """
+    step = math.ceil(dt * _STAMP_GRID) / _STAMP_GRID
+    return np.asarray(tick, dtype=np.float64) * step

@@ -1,8 +1,8 @@
-"""`csv`: one row a person and frame, `frame, ped, x, y`, the usual four columns of pedestrian tracks.
+"""`csv`: one row per pedestrian and frame, `frame, ped, x, y`, the usual four columns of pedestrian tracks.
 
-The robot is no pedestrian and stays out. Read are files with these columns by name, in any order, with `t` (s) or not,
-and files without names, split by commas, tabs or blanks, in this order. Beside NAME.csv may lie NAME.obstacles.csv
-(`x1, y1, x2, y2`, walls) and NAME.json (`{"desired_speed": m/s}`).
+The robot is not a pedestrian and is not exported. The reader accepts these columns by name, in any order, with or
+without `t` (s) and `group`, and files without a header row, separated by commas, tabs or blanks, in this order.
+NAME.obstacles.csv (`x1, y1, x2, y2`, walls) and NAME.json (`{"desired_speed": m/s}`) beside NAME.csv are read too.
 """
 
 from __future__ import annotations
@@ -13,54 +13,56 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.geometry import LARGEST
-from ..core.portable_math import Array
+from ..core.geometry import MAX_MAGNITUDE
+from ..core.portable_math import Array, IntArray
 from ..errors import RecordError
 from ..record.files import read_bytes
-from ..record.layout import Tree
+from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import Format, Options, parsing
-from .parse import load_json, numbers
-from .refuse import refuse_uneven
-from .tracks import Tracks, document_of_tracks, sightings
+from .base import Format, Options, require_even_times
+from .parse import load_json, numbers, parsing
+from .tracks import Tracks, positions_of_present, tracks_document
 
 NAME = "csv"
 COLUMNS = ("frame", "ped", "x", "y")
-OBSTACLES = ("x1", "y1", "x2", "y2")
+WALL_COLUMNS = ("x1", "y1", "x2", "y2")
 
 
 def export(record: EpisodeRecord, options: Options) -> bytes:
-    """The file of an episode; the frame number is the tick.
+    """Return the track file of an episode; the frame number is the tick.
 
     Raises:
-        RecordError: nobody is in it, or its stamps are uneven.
+        RecordError: no pedestrian is present in the episode, or its times are uneven.
     """
-    refuse_uneven(record, NAME)
-    rows, ids, place = sightings(record.looks.humans, [human.id for human in record.scene().humans])
+    require_even_times(record, NAME)
+    rows, ids, positions = positions_of_present(record.states.humans, [human.id for human in record.scene().humans])
     if not len(rows):
-        raise RecordError(f"{record.path}: nobody is in it, and {NAME} holds tracks of people; leave it out")
+        raise RecordError(
+            f"{record.path}: no pedestrian is in the episode, and {NAME} holds tracks of pedestrians; leave it out"
+        )
     lines = [
         f"{tick},{id},{x!r},{y!r}"
-        for tick, id, (x, y) in zip(record.looks.tick[rows].tolist(), ids.tolist(), place.tolist(), strict=True)
+        for tick, id, (x, y) in zip(record.states.tick[rows].tolist(), ids.tolist(), positions.tolist(), strict=True)
     ]
     return "\n".join([",".join(COLUMNS), *lines, ""]).encode()
 
 
-def import_(path: Path, options: Options) -> Iterator[Tree]:
-    """The tracks of a file, as an episode.
+def import_(path: Path, options: Options) -> Iterator[JsonDict]:
+    """Yield the episode of a track file.
 
     Raises:
-        RecordError: it is damaged, or says nothing of time and `options.frame_time` does not either.
+        RecordError: the file is damaged, or neither it nor `options.frame_time` gives the time between frames.
     """
     with parsing(path, NAME):
-        yield document_of_tracks(read_tracks(path, options), NAME, path, walls_beside(path), desired_speed_beside(path))
+        tracks = read_tracks(path, options)
+        yield tracks_document(tracks, NAME, path, walls_beside(path), desired_speed_beside(path))
 
 
 def read_tracks(path: Path, options: Options) -> Tracks:
-    """The tracks of a file.
+    """Read the tracks of a file.
 
     Raises:
-        RecordError: it is damaged, or says nothing of time and `options.frame_time` does not either.
+        RecordError: the file is damaged, or neither it nor `options.frame_time` gives the time between frames.
     """
     with parsing(path, NAME):
         names, cells = _read(path)
@@ -68,33 +70,33 @@ def read_tracks(path: Path, options: Options) -> Tracks:
             if name not in names:
                 raise ValueError(f"it has no column {name}; its columns are {', '.join(names)}")
         if not len(cells):
-            raise ValueError("nobody is in it: it has no rows")
+            raise ValueError("it has no rows")
         columns = {name: cells[:, k] for k, name in enumerate(names)}
         tracks = Tracks(
             frame=columns["frame"],
-            ped=_whole(columns["ped"], "ped"),
-            place=np.stack((columns["x"], columns["y"]), axis=1),
+            ped=_integers(columns["ped"], "ped"),
+            position=np.stack((columns["x"], columns["y"]), axis=1),
             frame_time=_frame_time(columns, options, path),
             group=_groups(columns),
         )
-        if not (np.abs(tracks.frame) < LARGEST).all() or not (np.abs(tracks.place) < LARGEST).all():
+        if not (np.abs(tracks.frame) < MAX_MAGNITUDE).all() or not (np.abs(tracks.position) < MAX_MAGNITUDE).all():
             raise ValueError("frame, x and y must be finite numbers")
         return tracks
 
 
 def _read(path: Path) -> tuple[list[str], Array]:
-    """Names of the columns, and (M, columns) of numbers; NaN where a cell is empty or no number."""
+    """Column names, and (M, columns) of numbers; NaN where a cell is empty or not a number."""
     try:
         text = read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(f"it is no text: {error}") from error
+        raise ValueError(f"it is not text: {error}") from error
     lines = [line.strip() for line in text.splitlines()]
     rows = [_cells(line) for line in lines if line and not line.startswith("#")]
     if not rows:
         raise ValueError("it is empty")
-    named = any(re.search("[A-Za-z]", cell) and not _is_number(cell) for cell in rows[0])
-    names = [cell.strip().lower() for cell in rows[0]] if named else list(COLUMNS)
-    body = rows[1:] if named else rows
+    has_header = any(re.search("[A-Za-z]", cell) and not _is_number(cell) for cell in rows[0])  # `nan` is a number
+    names = [cell.strip().lower() for cell in rows[0]] if has_header else list(COLUMNS)
+    body = rows[1:] if has_header else rows
     for number, row in enumerate(body):
         if len(row) != len(names):
             raise ValueError(f"row {number + 1} has {len(row)} cells, not the {len(names)} of {', '.join(names)}")
@@ -118,63 +120,71 @@ def _number(cell: str) -> float:
     return float(cell) if _is_number(cell) else float("nan")
 
 
-def _whole(values: Array, name: str) -> Array:
+def _integers(values: Array, name: str) -> IntArray:
     if not (np.abs(values) < 2**53).all() or (values != np.rint(values)).any():
-        raise ValueError(f"{name} must be whole numbers")
+        raise ValueError(f"{name} must be integers")
     return values.astype(np.int64)
 
 
 def _frame_time(columns: dict[str, Array], options: Options, path: Path) -> float:
-    """Seconds that a frame number stands for: from the option, or from the column of times."""
+    """Duration of one frame number, s: the option, or the slope of the time column, which must be constant."""
     if options.frame_time is not None:
         return options.frame_time
     frame, t = columns["frame"], columns.get("t")
     if t is None:
-        raise RecordError(f"{path} does not say how long a frame is; tell it, e.g. --frame-time 0.04")
+        raise RecordError(f"{path} does not give the duration of a frame; pass it, e.g. --frame-time 0.04")
     first, last = int(np.argmin(frame)), int(np.argmax(frame))
     span = frame[last] - frame[first]
     per_frame = float((t[last] - t[first]) / span) if span else 0.0
     if not per_frame > 0.0 or not (np.abs(t - t[first] - (frame - frame[first]) * per_frame) < 2e-3).all():
-        raise ValueError("its times t are no multiple of its frame numbers")
+        raise ValueError("its times t are not proportional to its frame numbers")
     return per_frame
 
 
 def _groups(columns: dict[str, Array]) -> dict[int, int] | None:
-    """Of each person their group's number, 0 for nobody's; None where nobody annotated groups."""
+    """Group number of each pedestrian id, 0 without a group; None if groups were not annotated."""
     if "group" not in columns or np.isnan(columns["group"]).all():
         return None
-    group = _whole(np.nan_to_num(columns["group"]), "group")
-    return dict(zip(_whole(columns["ped"], "ped").tolist(), group.tolist(), strict=True))
+    group = _integers(np.nan_to_num(columns["group"]), "group")
+    return dict(zip(_integers(columns["ped"], "ped").tolist(), group.tolist(), strict=True))
 
 
 def walls_beside(path: Path) -> Array:
-    """(W, 4), from the file beside it, if there is one."""
-    beside = path.with_name(f"{path.name.split('.')[0]}.obstacles.csv")
-    return read_walls(beside) if beside.is_file() else np.zeros((0, 4))
+    """Read NAME.obstacles.csv beside NAME.csv; (W, 4), W = 0 if the file does not exist.
+
+    Raises:
+        RecordError: the file is damaged.
+    """
+    walls = path.with_name(f"{path.name.split('.')[0]}.obstacles.csv")
+    return read_walls(walls) if walls.is_file() else np.zeros((0, 4))
 
 
 def read_walls(path: Path) -> Array:
-    """(W, 4), x1, y1, x2, y2, m.
+    """Read a file of walls; (W, 4), x1, y1, x2, y2, m.
 
     Raises:
-        RecordError: the file holds something else.
+        RecordError: the file has other columns, or values that are not finite numbers.
     """
     with parsing(path, "walls"):
         names, cells = _read(path)
-    if names != list(OBSTACLES) or not (np.abs(cells) < LARGEST).all():
-        raise RecordError(f"{path} must hold numbers under {', '.join(OBSTACLES)}")
+    if names != list(WALL_COLUMNS) or not (np.abs(cells) < MAX_MAGNITUDE).all():
+        raise RecordError(f"{path} must hold numbers in the columns {', '.join(WALL_COLUMNS)}")
     return cells
 
 
 def desired_speed_beside(path: Path) -> float | None:
-    """m/s, from the file beside it, if there is one."""
-    beside = path.with_name(f"{path.name.split('.')[0]}.json")
-    if not beside.is_file():
+    """Read the desired speed of all pedestrians, m/s, from NAME.json beside NAME.csv; None if it is not given.
+
+    Raises:
+        RecordError: the file is damaged.
+    """
+    settings_file = path.with_name(f"{path.name.split('.')[0]}.json")
+    if not settings_file.is_file():
         return None
-    told = load_json(beside, "settings")
-    if not isinstance(told, dict) or "desired_speed" not in told:
+    settings = load_json(settings_file, "settings")
+    if not isinstance(settings, dict) or "desired_speed" not in settings:
         return None
-    return float(numbers([told], ("desired_speed",), beside.name)[0, 0])
+    return float(numbers([settings], ("desired_speed",), settings_file.name)[0, 0])
 
 
-FORMAT = Format("tracks of people: frame, ped, x, y", ".csv", import_, export=export)
+FORMAT = Format("pedestrian tracks: frame, ped, x, y", ".csv", import_, export=export)

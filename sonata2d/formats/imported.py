@@ -13,103 +13,128 @@ import numpy as np
 from ..core.entities import Goal, Human, Robot
 from ..core.geometry import PRECISION, Barriers, Pose
 from ..core.humans import ACTIVITIES
-from ..core.portable_math import Array
+from ..core.portable_math import Array, IntArray
 from ..core.scene import Rules
 from ..core.vectors import wrap_angles
 from ..record.canonical import rounded, rounded_rows
-from ..record.layout import HUMAN_ANGLES, ROBOT_ANGLES, Tree, columns, software
+from ..record.layout import HUMAN_ANGLES, ROBOT_ANGLES, JsonDict, columns, software_versions
 from ..version import FORMAT, FORMAT_VERSION
 
-MOVES = 0.1  # m/s; whoever is slower stands
-_MEETS = 0.05  # m, ends of walls that are one corner
+# Columns of recorded states: x, y, theta, vx, vy, omega, and for pedestrians head.
+X, Y, THETA, VX, VY = range(5)
+POSITION, POSE, VELOCITY = slice(0, 2), slice(0, 3), slice(3, 5)
+
+WALKING_SPEED = 0.1  # m/s; a slower pedestrian stands
+_CORNER_TOLERANCE = 0.05  # m; ends of walls nearer than this are one corner
 
 
 def velocities(time: Array, poses: Array) -> Array:
-    """Backward differences, as a simulator's velocities are those of the last step; the first row looks ahead.
+    """Return velocities as backward differences of poses, as a simulator's velocities are those of the last step.
+
+    The first frame of an entity has no predecessor and takes the velocity of the next frame.
 
     Args:
         time: (T,), s, rising.
-        poses: (T, …, 3), columns x, y, theta; NaN where not present.
+        poses: (T, ..., 3), columns x, y, theta; NaN where absent.
 
     Returns:
-        (T, …, 3), m/s, m/s, rad/s; 0 where nothing tells, NaN where not present.
+        (T, ..., 3), m/s, m/s, rad/s; 0 where unknown, NaN where absent.
     """
     rates = np.zeros(poses.shape)
     if len(poses) > 1:
         step = np.diff(time).reshape(-1, *([1] * (poses.ndim - 1)))
         change = np.diff(poses, axis=0)
-        change[..., 2] = wrap_angles(change[..., 2])
+        change[..., THETA] = wrap_angles(change[..., THETA])
         rates[1:] = change / step
-        unknown = np.isnan(rates) & ~np.isnan(poses)  # they have just come, or are looked at first
+        unknown = np.isnan(rates) & ~np.isnan(poses)  # present now, but not in the frame before
         unknown[0] = True
-        ahead = np.concatenate((rates[1:], np.zeros((1, *poses.shape[1:]))))
-        rates = np.where(unknown, np.nan_to_num(ahead), rates)
+        following = np.concatenate((rates[1:], np.zeros((1, *poses.shape[1:]))))
+        rates = np.where(unknown, np.nan_to_num(following), rates)
     return np.where(np.isnan(poses), np.nan, rates)
 
 
 def headings_along(velocity: Array) -> Array:
-    """Where people face if they look where they go; whoever stands faces as before.
+    """Return headings along the velocities; a pedestrian who stands keeps the last heading.
 
     Args:
-        velocity: (T, N, 2), m/s; NaN where not present.
+        velocity: (T, N, 2), m/s; NaN where absent.
 
     Returns:
-        (T, N), rad; NaN where not present; 0 for those who never move.
+        (T, N), rad; NaN where absent; 0 for pedestrians who never move.
     """
     speed = np.hypot(velocity[..., 0], velocity[..., 1])
     theta = np.arctan2(velocity[..., 1], velocity[..., 0])
-    known = speed > MOVES
-    rows = np.arange(len(velocity))[:, None]
-    last = np.maximum.accumulate(np.where(known, rows, -1), axis=0)
-    first = np.where(known.any(axis=0), known.argmax(axis=0), 0)
-    source = np.where(last < 0, first[None], last)
-    faced = np.take_along_axis(np.where(known, theta, 0.0), source, axis=0)
-    return np.where(np.isnan(speed), np.nan, faced)
+    moving = speed > WALKING_SPEED
+    frames = np.arange(len(velocity))[:, None]
+    last = np.maximum.accumulate(np.where(moving, frames, -1), axis=0)
+    first = np.where(moving.any(axis=0), moving.argmax(axis=0), 0)
+    source = np.where(last < 0, first[None], last)  # before the first motion, its heading is used
+    heading = np.take_along_axis(np.where(moving, theta, 0.0), source, axis=0)
+    return np.where(np.isnan(speed), np.nan, heading)
 
 
-def activity_of(velocity: Array) -> Any:
-    """(T, N) of int into `humans.ACTIVITIES`, by speed alone; -1 where not present."""
+def activity_of(velocity: Array) -> IntArray:
+    """Derive activities, walking or standing, from speeds.
+
+    Args:
+        velocity: (T, N, 2), m/s; NaN where absent.
+
+    Returns:
+        (T, N), indices into `humans.ACTIVITIES`; -1 where absent.
+    """
     speed = np.hypot(velocity[..., 0], velocity[..., 1])
-    moves = np.where(speed > MOVES, ACTIVITIES.index("walking"), ACTIVITIES.index("standing"))
-    return np.where(np.isnan(speed), -1, moves)
+    activity = np.where(speed > WALKING_SPEED, ACTIVITIES.index("walking"), ACTIVITIES.index("standing"))
+    return np.where(np.isnan(speed), -1, activity)
 
 
 def polygon_of(walls: Array) -> Array | None:
-    """The room that walls close off, (K, 2), counter-clockwise; None if the first wall is no part of a closed line.
+    """Find the room that walls enclose.
 
     Args:
         walls: (W, 4), x1, y1, x2, y2, m, in any order and direction.
+
+    Returns:
+        (K, 2), corners, counter-clockwise; None if the first wall is not part of a closed line.
     """
     if len(walls) < 3:
         return None
-    left = list(walls[1:])
+    remaining = list(walls[1:])
     corners, end = [walls[0, 0:2]], walls[0, 2:4]
-    while left and np.hypot(*(end - corners[0])) > _MEETS:
-        gaps = [min(np.hypot(*(end - wall[k : k + 2])) for k in (0, 2)) for wall in left]
+    # Append the wall that continues at the open end until the line returns to the first corner.
+    while remaining and np.hypot(*(end - corners[0])) > _CORNER_TOLERANCE:
+        gaps = [min(np.hypot(*(end - wall[k : k + 2])) for k in (0, 2)) for wall in remaining]
         nearest = int(np.argmin(gaps))
-        if gaps[nearest] > _MEETS:
+        if gaps[nearest] > _CORNER_TOLERANCE:
             return None
-        wall = left.pop(nearest)
+        wall = remaining.pop(nearest)
         corners.append(end)
-        end = wall[2:4] if np.hypot(*(end - wall[0:2])) <= _MEETS else wall[0:2]
+        end = wall[2:4] if np.hypot(*(end - wall[0:2])) <= _CORNER_TOLERANCE else wall[0:2]
     ring = np.array(corners)
-    if len(ring) < 3 or np.hypot(*(end - ring[0])) > _MEETS:
+    if len(ring) < 3 or np.hypot(*(end - ring[0])) > _CORNER_TOLERANCE:
         return None
     x, y = ring.T
     area = float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
     return ring if area > 0 else ring[::-1]
 
 
-def box_round(points: Array, margin: float) -> Array:
-    """The upright oblong round points, (4, 2), counter-clockwise; (M, 2), m."""
+def bounding_box(points: Array, margin: float) -> Array:
+    """Return the corners of the axis-aligned box around points, widened by a margin.
+
+    Args:
+        points: (M, 2), m.
+        margin: m.
+
+    Returns:
+        (4, 2), counter-clockwise, m.
+    """
     (x0, y0), (x1, y1) = points.min(axis=0) - margin, points.max(axis=0) + margin
     return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
 
 
-NO_PHYSICS = 0  # a version that never was
-_OVERLAP, _SLIGHTEST = 0.02, 0.05  # m
-PERSON, ROBOT = Human(1, Pose(0.0, 0.0)), Robot(Pose(0.0, 0.0))  # stand-ins
-_LACKS = (
+NO_PHYSICS = 0  # version of the physics in imported episodes: no simulator produced them
+_OVERLAP, _SMALLEST_RADIUS = 0.02, 0.05  # m
+PERSON, ROBOT = Human(1, Pose(0.0, 0.0)), Robot(Pose(0.0, 0.0))  # default values of what a source does not record
+_MISSING = (
     "seed", "episode", "physics", "settings", "rules.substeps", "rules.iterations", "rules.time_limit", "rules.ends_on",
     "rules.guard", "rules.contact_distance", "rules.side", "robot.limits", "robot.kinematics", "humans.desired_speed",
     "humans.model", "humans.reacts_to_robot", "humans.reaction", "humans.robot_clearance", "controller", "contributor",
@@ -119,24 +144,26 @@ _DERIVED = ("frames.executed", "humans.behaviour", "humans.enters", "humans.leav
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """What a source tells, T looks at N people; SI, world frame.
+class SourceEpisode:
+    """Contents of a foreign recording: T frames of N pedestrians; SI units, world frame.
 
     Attributes:
         time: (T,), s, from 0.
         robot: (T, 6), columns x, y, theta, vx, vy, omega.
-        humans: (T, N, 7), the same and head; NaN where not present.
-        ids, radii: (N,), of the people.
-        activity: (T, N) of int, -1 where not present.
-        interactions: of each look, [src, relation, dst].
-        polygon: of the room, counter-clockwise.
-        walls: (W, 4).
-        objects: as the episode file has them.
-        goal: its keys.
-        command: (T, 3) or (T - 1, 3), body frame; None: the source has none.
-        share: instead of `command`, shares of the robot's limits, -1..1.
-        lacks, derived: besides what no source has.
-        header: keys that replace stand-ins.
+        humans: (T, N, 7), the same columns and head; NaN where absent.
+        ids, radii: (N,), of the pedestrians; radii in m.
+        activity: (T, N), indices into `humans.ACTIVITIES`; -1 where absent.
+        interactions: [src, relation, dst] of each frame.
+        polygon: (K, 2), corners of the room, counter-clockwise, m.
+        walls: (W, 4), x1, y1, x2, y2, m.
+        objects: furniture with the keys of the episode file.
+        goal: goal with the keys of the episode file.
+        robot_radius: m.
+        command: (T, 3) or (T - 1, 3), twists in the body frame; None if the source has no commands.
+        command_fraction: commands as fractions of the robot's limits, -1..1, instead of `command`.
+        missing: keys that hold defaults as this source lacks them, besides those that all sources lack.
+        derived: keys that were computed from the source, besides those of all sources.
+        header: keys of the episode file that replace the defaults.
     """
 
     time: Array
@@ -144,71 +171,85 @@ class Found:
     humans: Array
     ids: list[int]
     radii: list[float]
-    activity: Any
+    activity: IntArray
     interactions: list[list[list[Any]]]
-    polygon: Any
-    walls: Any
-    objects: list[Tree]
-    goal: Tree
+    polygon: Array
+    walls: Array
+    objects: list[JsonDict]
+    goal: JsonDict
     robot_radius: float
     command: Array | None = None
-    share: Array | None = None
-    lacks: tuple[str, ...] = ()
+    command_fraction: Array | None = None
+    missing: tuple[str, ...] = ()
     derived: tuple[str, ...] = ()
-    header: Tree = field(default_factory=dict)
+    header: JsonDict = field(default_factory=dict)
 
 
-def document_of(found: Found, format: str, path: Path) -> Tree:
-    """The document of an episode.
+def episode_document(source: SourceEpisode, format: str, path: Path) -> JsonDict:
+    """Make an episode document from a foreign recording.
 
     Args:
-        found: what the source tells.
-        format: of the source.
-        path: of the source.
+        source: contents of the recording.
+        format: name of its format.
+        path: its file, for the name of the episode and the hash of its origin.
+
+    Returns:
+        The document; its key `imported` lists which values are missing and which are derived.
     """
-    dt = _tick(found.time)
-    head = _head(found, format, path, dt)
-    command, lacks = _commands(found, dt, head["robot"]["limits"])
-    told = {
+    dt = _tick_length(source.time)
+    header = _header(source, format, path, dt)
+    command, missing = _commands(source, dt, header["robot"]["limits"])
+    origin = {
         "format": format,
         "file": path.name,
         "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-        "lacks": sorted({*_LACKS, *found.lacks, *lacks} - set(found.header)),
-        "derived": sorted({*_DERIVED, *found.derived}),
+        "lacks": sorted({*_MISSING, *source.missing, *missing} - set(source.header)),
+        "derived": sorted({*_DERIVED, *source.derived}),
     }
-    looks = _looks(found)
-    acts = zip(looks, command.tolist(), _executed(found, dt).tolist(), strict=False)
-    frames = [_frame(look, *act) for look, *act in acts][: len(looks) - 1]
-    final = looks[-1] | ({"command": command[-1].tolist()} if len(command) == len(looks) else {})
-    return {**head, **found.header, "imported": told, "frames": frames, "final": final, "software": software()}
+    states = _states(source)
+    twists = zip(states, command.tolist(), _executed(source, dt).tolist(), strict=False)
+    frames = [_frame(state, *pair) for state, *pair in twists][: len(states) - 1]
+    final = states[-1] | ({"command": command[-1].tolist()} if len(command) == len(states) else {})
+    return {
+        **header,
+        **source.header,
+        "imported": origin,
+        "frames": frames,
+        "final": final,
+        "software": software_versions(),
+    }
 
 
-def _tick(time: Array) -> float:
-    """The usual step between stamps, s; a whole number of 0.1 ms."""
+def _tick_length(time: Array) -> float:
+    """The median step between time stamps, s, as a multiple of 0.1 ms."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.1
     return max(round(step / PRECISION), 1) / round(1 / PRECISION)
 
 
-def _commands(found: Found, dt: float, limits: Tree) -> tuple[Array, tuple[str, ...]]:
-    """What was asked of the robot; where the source does not tell it, what was carried out stands in."""
-    if found.share is not None:
-        return rounded(found.share * np.array([limits["ahead"], limits["sideways"], limits["turn"]])), ()
-    if found.command is not None:
-        return rounded(found.command), ()
-    return _executed(found, dt), ("frames.command",)
+def _commands(source: SourceEpisode, dt: float, limits: JsonDict) -> tuple[Array, tuple[str, ...]]:
+    """The commands, and the keys that are missing: executed twists stand in for commands that were not recorded."""
+    if source.command_fraction is not None:
+        scale = np.array([limits["ahead"], limits["sideways"], limits["turn"]])
+        return rounded(source.command_fraction * scale), ()
+    if source.command is not None:
+        return rounded(source.command), ()
+    return _executed(source, dt), ("frames.command",)
 
 
-def _executed(found: Found, dt: float) -> Array:
-    """Body-frame twists that explain the change of pose from look to look; (T - 1, 3)."""
-    step = np.maximum(np.diff(found.time), PRECISION) if len(found.time) > 1 else np.full(0, dt)
-    moved, theta = np.diff(found.robot[:, 0:2], axis=0) / step[:, None], found.robot[:-1, 2]
-    turn = wrap_angles(np.diff(found.robot[:, 2])) / step
+def _executed(source: SourceEpisode, dt: float) -> Array:
+    """Body-frame twists, (T - 1, 3), that explain the change of the robot's pose from frame to frame."""
+    step = np.maximum(np.diff(source.time), PRECISION) if len(source.time) > 1 else np.full(0, dt)
+    velocity, theta = np.diff(source.robot[:, POSITION], axis=0) / step[:, None], source.robot[:-1, THETA]
+    omega = wrap_angles(np.diff(source.robot[:, THETA])) / step
     c, s = np.cos(theta), np.sin(theta)
-    return rounded(np.stack((moved[:, 0] * c + moved[:, 1] * s, moved[:, 1] * c - moved[:, 0] * s, turn), axis=1))
+    ahead = velocity[:, 0] * c + velocity[:, 1] * s
+    left = velocity[:, 1] * c - velocity[:, 0] * s
+    return rounded(np.stack((ahead, left, omega), axis=1))
 
 
-def _head(found: Found, format: str, path: Path, dt: float) -> Tree:
-    name, duration = path.name.split(".")[0], float(found.time[-1])
+def _header(source: SourceEpisode, format: str, path: Path, dt: float) -> JsonDict:
+    """The keys of the document besides frames and origin, in the file's order."""
+    name, duration = path.name.split(".")[0], float(source.time[-1])
     rules = Rules(dt=dt, time_limit=max(duration, dt), ends_on=(), guard=False)
     return {
         "format": FORMAT,
@@ -222,14 +263,14 @@ def _head(found: Found, format: str, path: Path, dt: float) -> Tree:
         "precision": PRECISION,
         "settings": None,
         "rules": asdict(rules) | {"ends_on": []},
-        "room": {"polygon": rounded(np.asarray(found.polygon, dtype=float)).tolist()},
-        "walls": rounded(np.asarray(found.walls, dtype=float)).tolist(),
-        "objects": found.objects,
-        "humans": _humans(found),
+        "room": {"polygon": rounded(np.asarray(source.polygon, dtype=float)).tolist()},
+        "walls": rounded(np.asarray(source.walls, dtype=float)).tolist(),
+        "objects": source.objects,
+        "humans": _humans(source),
         "groups": [],
-        "interactions": found.interactions[0],
-        "robot": _robot(found, dt),
-        "goal": found.goal,
+        "interactions": source.interactions[0],
+        "robot": _robot(source, dt),
+        "goal": source.goal,
         "dropped": [],
         "controller": {"path": f"imported:{format}", "version": None, "settings": None},
         "labels": None,
@@ -241,66 +282,69 @@ def _head(found: Found, format: str, path: Path, dt: float) -> Tree:
         "outcome": {
             "status": "stopped",
             "reason": "imported; the source does not say how it ended",
-            "tick": len(found.time) - 1,
-            "time": float(rounded(found.time[-1:])[0]),
+            "tick": len(source.time) - 1,
+            "time": float(rounded(source.time[-1:])[0]),
         },
     }
 
 
-def _humans(found: Found) -> list[Tree]:
-    """The people as they are first seen."""
-    people = []
-    rows = rounded_rows(np.nan_to_num(found.humans), HUMAN_ANGLES)
-    for k, (id, radius) in enumerate(zip(found.ids, found.radii, strict=True)):
-        there = np.flatnonzero(~np.isnan(found.humans[:, k, 0]))
-        first, speeds = rows[there[0], k], np.hypot(rows[there, k, 3], rows[there, k, 4])
+def _humans(source: SourceEpisode) -> list[JsonDict]:
+    """The pedestrians at their first appearance, with desired speeds that no recorded motion exceeds by much."""
+    humans = []
+    rows = rounded_rows(np.nan_to_num(source.humans), HUMAN_ANGLES)
+    for k, (id, radius) in enumerate(zip(source.ids, source.radii, strict=True)):
+        present = np.flatnonzero(~np.isnan(source.humans[:, k, X]))
+        first, speeds = rows[present[0], k], np.hypot(rows[present, k, VX], rows[present, k, VY])
         walks = bool(speeds.max() > 0.1)
-        fastest = _upward(max(PERSON.desired_speed, (float(speeds.max()) - 1.0) / 1.3))
-        gone = int(there[-1]) + 1
-        person = Human(
+        # `check` accepts up to 1.3 times the desired speed and 1 m/s more.
+        desired_speed = _round_up(max(PERSON.desired_speed, (float(speeds.max()) - 1.0) / 1.3))
+        leaves = int(present[-1]) + 1
+        human = Human(
             id,
             PERSON.pose,
             radius,
-            fastest,
+            desired_speed,
             "wandering" if walks else "standing",
             "imported",
-            enters=int(there[0]),
-            leaves=gone if gone < len(found.humans) else None,
+            enters=int(present[0]),
+            leaves=leaves if leaves < len(source.humans) else None,
         )
-        flat = {key: value for key, value in asdict(person).items() if key != "pose"}
-        people.append({"id": id, "x": first[0].item(), "y": first[1].item(), "theta": first[2].item()} | flat)
-    return people
+        fields = {key: value for key, value in asdict(human).items() if key != "pose"}
+        humans.append({"id": id, "x": first[X].item(), "y": first[Y].item(), "theta": first[THETA].item()} | fields)
+    return humans
 
 
-def _robot(found: Found, dt: float) -> Tree:
-    """Its start, and limits that no recorded motion is beyond."""
-    x, y, theta = rounded_rows(found.robot, ROBOT_ANGLES)[0, :3].tolist()
-    most = np.abs(_executed(found, dt)).max(axis=0, initial=0.0)
-    usual = ROBOT.limits
+def _robot(source: SourceEpisode, dt: float) -> JsonDict:
+    """The robot at its start, with limits that no recorded motion exceeds."""
+    x, y, theta = rounded_rows(source.robot, ROBOT_ANGLES)[0, POSE].tolist()
+    maximum = np.abs(_executed(source, dt)).max(axis=0, initial=0.0)
+    default = ROBOT.limits
     ahead, sideways, turn = (
-        _upward(max(float(seen), default))
-        for seen, default in zip(most, (usual.ahead, usual.sideways, usual.turn), strict=True)
+        _round_up(max(float(recorded), limit))
+        for recorded, limit in zip(maximum, (default.ahead, default.sideways, default.turn), strict=True)
     )
-    limits = asdict(usual) | {"ahead": ahead, "sideways": sideways, "turn": turn}
-    kind = ROBOT.kinematics
-    return {"x": x, "y": y, "theta": theta, "radius": found.robot_radius, "kinematics": kind, "limits": limits}
+    limits = asdict(default) | {"ahead": ahead, "sideways": sideways, "turn": turn}
+    kinematics = ROBOT.kinematics
+    return {
+        "x": x, "y": y, "theta": theta, "radius": source.robot_radius, "kinematics": kinematics, "limits": limits
+    }  # fmt: skip
 
 
-def _upward(value: float) -> float:
+def _round_up(value: float) -> float:
     """The next multiple of 0.1."""
     return math.ceil(value * 10 - 1e-9) / 10
 
 
-def _looks(found: Found) -> list[Tree]:
-    """What is seen at each look."""
-    there = ~np.isnan(found.humans[..., 0])
-    robot = rounded_rows(found.robot, ROBOT_ANGLES).tolist()
-    humans = rounded_rows(np.nan_to_num(found.humans), HUMAN_ANGLES).tolist()
+def _states(source: SourceEpisode) -> list[JsonDict]:
+    """Each frame without its command."""
+    present = ~np.isnan(source.humans[..., X])
+    robot = rounded_rows(source.robot, ROBOT_ANGLES).tolist()
+    humans = rounded_rows(np.nan_to_num(source.humans), HUMAN_ANGLES).tolist()
     rows = [
-        [row if here else None for row, here in zip(people, seen, strict=True)]
-        for people, seen in zip(humans, there.tolist(), strict=True)
+        [row if is_present else None for row, is_present in zip(frame, mask, strict=True)]
+        for frame, mask in zip(humans, present.tolist(), strict=True)
     ]
-    times, activity = rounded(found.time).tolist(), np.asarray(found.activity).tolist()
+    times, activity = rounded(source.time).tolist(), np.asarray(source.activity).tolist()
     return [
         {
             "tick": t,
@@ -308,45 +352,52 @@ def _looks(found: Found) -> list[Tree]:
             "robot": robot[t],
             "humans": rows[t],
             "activity": activity[t],
-            "interactions": found.interactions[t],
+            "interactions": source.interactions[t],
             "contacts": [],
         }
         for t in range(len(times))
     ]
 
 
-def _frame(look: Tree, command: list[float], executed: list[float]) -> Tree:
-    return look | {"command": command, "executed": executed, "guarded": False, "events": []}
+def _frame(state: JsonDict, command: list[float], executed: list[float]) -> JsonDict:
+    return state | {"command": command, "executed": executed, "guarded": False, "events": []}
 
 
-def goal_of(place: list[float], theta: float = 0.0, **told: float) -> Tree:
-    """A goal's keys, rounded as files hold them; what is not told is the usual."""
-    pose = Pose(place[0], place[1], theta).rounded()
-    return asdict(Goal(pose.x, pose.y, pose.theta, **told))
-
-
-def radii_that_fit(rows: Array, walls: Any) -> list[float]:
-    """Stand-ins for radii that nobody tells: the usual one, less where people come nearer to others or to walls.
-
-    So that no check speaks of outlines that overlap, when nothing is known of outlines.
+def goal_of(position: list[float], theta: float = 0.0, **tolerances: float) -> JsonDict:
+    """Return a goal with the keys of the episode file, rounded as in files.
 
     Args:
-        rows: (T, N, 2 or more), columns x, y, …; NaN where not present.
-        walls: (W, 4), m.
+        position: x, y, m.
+        theta: rad.
+        tolerances: `distance` (m) and `angle` (rad) of `Goal`; defaults where they are not given.
+    """
+    pose = Pose(position[0], position[1], theta).rounded()
+    return asdict(Goal(pose.x, pose.y, pose.theta, **tolerances))
+
+
+def fitting_radii(positions: Array, walls: Array) -> list[float]:
+    """Choose radii for pedestrians without recorded radii.
+
+    The default radius is reduced where a pedestrian comes nearer to another one or to a wall, so that no check reports
+    overlapping outlines when the outlines are unknown.
+
+    Args:
+        positions: (T, N, 2 or more), columns x, y, ...; NaN where absent.
+        walls: (W, 4), x1, y1, x2, y2, m.
 
     Returns:
         (N,), m.
     """
     barriers = Barriers.of([((x1, y1), (x2, y2), 0.0) for x1, y1, x2, y2 in np.asarray(walls).tolist()])
-    room = np.full(rows.shape[1], np.inf)
-    for look in rows[..., 0:2]:
-        there = np.flatnonzero(~np.isnan(look[:, 0]))
-        place = look[there]
-        apart = np.hypot(*(place[:, None] - place[None]).transpose(2, 0, 1))
-        np.fill_diagonal(apart, np.inf)
-        free = apart.min(axis=1, initial=np.inf) / 2
-        if len(barriers) and len(place):
-            free = np.minimum(free, barriers.gaps(place).min(axis=0))
-        room[there] = np.minimum(room[there], free)
-    fitting = np.clip(room + _OVERLAP, _SLIGHTEST, PERSON.radius)
-    return [float(radius) for radius in rounded(fitting)]
+    clearance = np.full(positions.shape[1], np.inf)
+    for frame in positions[..., POSITION]:
+        present = np.flatnonzero(~np.isnan(frame[:, X]))
+        points = frame[present]
+        distance = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
+        np.fill_diagonal(distance, np.inf)
+        free = distance.min(axis=1, initial=np.inf) / 2
+        if len(barriers) and len(points):
+            free = np.minimum(free, barriers.gaps(points).min(axis=0))
+        clearance[present] = np.minimum(clearance[present], free)
+    radii = np.clip(clearance + _OVERLAP, _SMALLEST_RADIUS, PERSON.radius)
+    return [float(radius) for radius in rounded(radii)]

@@ -1,8 +1,9 @@
-"""`npz`: NumPy arrays of a whole episode, with its header and what is no array as JSON text; nothing is lost.
+"""`npz`: NumPy arrays of a whole episode, with everything else as JSON text; nothing is lost.
 
-Keys: `tick`, `time`, `robot` (T + 1, 6), `humans` (T + 1, N, 7) with NaN for whoever is not present, `activity`,
-`command` and `executed` (T, 3), `guarded`, `human_id`, `header` (text of the episode file's keys besides frames) and
-`told` (text: interactions, contacts, events, label of each look). `numpy.load` reads it without pickle.
+For T frames and the final state of N pedestrians, the keys are `tick`, `time`, `robot` (T + 1, 6), `humans`
+(T + 1, N, 7) with NaN where a pedestrian is absent, `activity`, `command` and `executed` (T, 3), `guarded`, `human_id`,
+`header` (text: the keys of the episode file besides frames) and `told` (text: interactions, contacts, events and label
+of each frame). `numpy.load` reads the file without pickle.
 """
 
 from __future__ import annotations
@@ -19,102 +20,113 @@ import orjson
 from numpy.lib import format as npy
 
 from ..errors import RecordError
-from ..record.files import LARGEST, read_bytes
-from ..record.layout import Tree
+from ..record.files import MAX_BYTES, read_bytes
+from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import Format, Options, parsing
+from .base import Format, Options
+from .imported import X
+from .parse import one_line, parsing
 
 NAME = "npz"
 _ARRAYS = ("tick", "time", "robot", "humans", "activity", "command", "executed", "guarded")
-_TOLD = ("interactions", "contacts", "events", "label")
+_TEXT_KEYS = ("interactions", "contacts", "events", "label")
 
 
 def export(record: EpisodeRecord, options: Options) -> bytes:
-    """The file of an episode."""
-    document, looks = record.document, record.looks
+    """Return the file of an episode."""
+    document, states = record.document, record.states
     header = {key: value for key, value in document.items() if key not in ("frames", "final")}
-    told = [
-        {key: look[key] for key in (*_TOLD, *(("command",) if look is document["final"] else ())) if key in look}
-        for look in (*document["frames"], document["final"])
+    texts = [  # the command of the final state, if it has one, is not in the arrays
+        {
+            key: frame[key]
+            for key in (*_TEXT_KEYS, *(("command",) if frame is document["final"] else ()))
+            if key in frame
+        }
+        for frame in (*document["frames"], document["final"])
     ]
     arrays: dict[str, Any] = {
-        "tick": looks.tick,
-        "time": looks.time,
-        "robot": looks.robot,
-        "humans": looks.humans,
-        "activity": looks.activity,
+        "tick": states.tick,
+        "time": states.time,
+        "robot": states.robot,
+        "humans": states.humans,
+        "activity": states.activity,
         "command": record.command,
         "executed": record.executed,
         "guarded": record.guarded,
         "human_id": np.array([human.id for human in record.scene().humans], dtype=np.int64),
         "header": np.array(orjson.dumps(header).decode()),
-        "told": np.array(orjson.dumps(told).decode()),
+        "told": np.array(orjson.dumps(texts).decode()),
     }
     data = io.BytesIO()
     np.savez_compressed(data, allow_pickle=False, **arrays)
     return data.getvalue()
 
 
-def import_(path: Path, options: Options) -> Iterator[Tree]:
-    """The episode that was exported.
+def import_(path: Path, options: Options) -> Iterator[JsonDict]:
+    """Yield the episode that was exported.
 
     Raises:
-        RecordError: it is damaged, or not of sonata2d's making.
+        RecordError: the file is damaged, or was not exported by sonata2d.
     """
     data = read_bytes(path)
     try:
         with parsing(path, NAME):
             yield _document(_load(data))
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, SyntaxError) as error:
-        told = " ".join(str(error).split())
-        raise RecordError(f"{path} is no whole {NAME} file: {told:.200}") from error
+        raise RecordError(f"{path} is not a complete {NAME} file: {one_line(error):.200}") from error
 
 
 def _load(data: bytes) -> dict[str, Any]:
-    """The arrays, none of them larger than what the archive says it holds."""
+    """The arrays of an archive.
+
+    Declared sizes are checked before anything is unpacked, so that a damaged file cannot exhaust the memory.
+    """
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         entries = {entry.filename: entry for entry in archive.infolist()}
-        if sum(entry.file_size for entry in entries.values()) > LARGEST:
-            raise ValueError(f"it unpacks to more than {LARGEST} bytes; no episode is that long")
-        found = {}
+        if sum(entry.file_size for entry in entries.values()) > MAX_BYTES:
+            raise ValueError(f"it unpacks to more than {MAX_BYTES} bytes, the limit of an episode")
+        arrays = {}
         for name in (*_ARRAYS, "human_id", "header", "told"):
             if f"{name}.npy" not in entries:
                 raise KeyError(name)
             with archive.open(entries[f"{name}.npy"]) as member:
-                found[name] = _array(io.BytesIO(member.read(LARGEST)), name)
-    return found
+                arrays[name] = _array(io.BytesIO(member.read(MAX_BYTES)), name)
+    return arrays
 
 
 def _array(file: io.BytesIO, name: str) -> Any:
-    """An array whose header claims no more than follows it."""
+    """Read an array whose header declares exactly the bytes that follow it."""
     version = npy.read_magic(file)
     if version not in ((1, 0), (2, 0)):
-        raise ValueError(f"{name} has version {version} of the array format")
+        raise ValueError(f"{name} has version {version} of the array format; known are 1.0 and 2.0")
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, fortran, dtype = read(file)
-    left = len(file.getbuffer()) - file.tell()
+    remaining = len(file.getbuffer()) - file.tell()
     count = 1
     for length in shape:
-        count *= length
-    if dtype.hasobject or dtype.kind not in "biufU" or fortran or count * dtype.itemsize != left:
-        raise ValueError(f"{name} claims {shape} of {dtype}, which is not what follows")
+        count *= length  # Python integers do not overflow
+    if dtype.hasobject or dtype.kind not in "biufU" or fortran or count * dtype.itemsize != remaining:
+        raise ValueError(f"{name} declares {shape} of {dtype}, but its data differ")
     return np.frombuffer(file.read(), dtype=dtype, count=count).reshape(shape)
 
 
-def _document(found: dict[str, Any]) -> Tree:
-    """The document, keys in the order of the recorder."""
-    header, told = orjson.loads(str(found["header"])), orjson.loads(str(found["told"]))
+def _document(arrays: dict[str, Any]) -> JsonDict:
+    """The document, with keys in the order of the recorder."""
+    header, texts = orjson.loads(str(arrays["header"])), orjson.loads(str(arrays["told"]))
     software = header.pop("software")
-    lists = {name: found[name].tolist() for name in _ARRAYS}
-    gone = np.isnan(found["humans"][..., 0]) if found["humans"].size else np.zeros((len(told), 0), dtype=bool)
-    looks = []
-    for t, told_look in enumerate(told):
-        people = [None if away else row for row, away in zip(lists["humans"][t], gone[t].tolist(), strict=True)]
-        look: Tree = {"tick": lists["tick"][t], "time": lists["time"][t], "robot": lists["robot"][t]}
-        if t < len(told) - 1:
-            look |= {key: lists[key][t] for key in ("command", "executed", "guarded")}
-        looks.append(look | {"humans": people, "activity": lists["activity"][t]} | told_look)
-    return {**header, "frames": looks[:-1], "final": looks[-1], "software": software}
+    lists = {name: arrays[name].tolist() for name in _ARRAYS}
+    humans = arrays["humans"]
+    absent = np.isnan(humans[..., X]) if humans.size else np.zeros((len(texts), 0), dtype=bool)
+    frames = []
+    for t, text in enumerate(texts):
+        rows = [
+            None if is_absent else row for row, is_absent in zip(lists["humans"][t], absent[t].tolist(), strict=True)
+        ]
+        frame: JsonDict = {"tick": lists["tick"][t], "time": lists["time"][t], "robot": lists["robot"][t]}
+        if t < len(texts) - 1:
+            frame |= {key: lists[key][t] for key in ("command", "executed", "guarded")}
+        frames.append(frame | {"humans": rows, "activity": lists["activity"][t]} | text)
+    return {**header, "frames": frames[:-1], "final": frames[-1], "software": software}
 
 
 FORMAT = Format("NumPy arrays of the whole episode", ".npz", import_, export=export)

@@ -1,14 +1,14 @@
 """`parquet`: all episodes in four tables that join on `episode_id` and `tick`; nothing is lost.
 
-| table | a row | columns |
+| table | one row per | columns |
 | --- | --- | --- |
-| `episodes` | an episode | family, seed, outcome, … and `header`, the text of its file's other keys |
-| `frames` | a look, the final one too | time, robot, command, executed, guarded; contacts, events, label as JSON |
-| `agents` | a person who is present at a look | pose, velocity, head, activity, radius |
-| `interactions` | a tie at a look | src, relation, dst |
+| `episodes` | episode | family, seed, outcome, … and `header`, the other keys of the episode file as JSON |
+| `frames` | frame, and the final state | time, robot, command, executed, guarded; contacts, events, label as JSON |
+| `agents` | pedestrian present in a frame | pose, velocity, head, activity, radius |
+| `interactions` | interaction in a frame | src, relation, dst |
 
-Beside them lies a README.md with a `configs` head, by which `datasets.load_dataset(folder, "agents")` finds a table.
-pyarrow is asked for when it is needed.
+A README.md with a `configs` header is written beside the tables: `datasets.load_dataset(folder, "agents")` uses it to
+find a table. pyarrow is imported only when it is needed.
 """
 
 from __future__ import annotations
@@ -23,26 +23,34 @@ import orjson
 
 from ..core.humans import ACTIVITIES
 from ..errors import RecordError
-from ..record.files import TEMPORARY, stem_of, write_atomically
-from ..record.layout import COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, Tree
+from ..record.files import TEMPORARY_PREFIX, file_stem, write_atomically
+from ..record.layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
-from .base import Format, Options, parsing
+from .base import Format, Options
+from .parse import one_line, parsing
 
 NAME = "parquet"
 TABLES = ("episodes", "frames", "agents", "interactions")
-_GROUP = 100_000  # rows of a row group
-_TEXTS = ("contacts", "events", "label")  # of frames, as JSON
+_ROW_GROUP = 100_000  # rows
+_JSON_KEYS = ("contacts", "events", "label")  # columns of `frames` that hold JSON
 
 
-def gather(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
-    """Write the tables of all episodes into a folder, a few episodes at a time.
+def export_all(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
+    """Write the tables of all episodes into a folder; only a few episodes are held in memory.
+
+    Args:
+        records: the episodes.
+        out: the folder; created if needed.
+
+    Returns:
+        The tables and their README.md.
 
     Raises:
-        RecordError: pyarrow is not installed, two episodes have the same file name, or nothing can be written.
+        RecordError: pyarrow is not installed, two episodes have the same file name, or a file cannot be written.
     """
-    pa, pq = _arrow()
+    pa, pq = _pyarrow()
     schemas, files = _schemas(pa), {name: out / f"{name}.parquet" for name in TABLES}
-    parts = {name: out / f"{TEMPORARY}{name}.tmp" for name in TABLES}
+    parts = {name: out / f"{TEMPORARY_PREFIX}{name}.tmp" for name in TABLES}
     options = {"write_page_checksum": True, "compression": "zstd"}
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -52,28 +60,30 @@ def gather(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
         finally:
             for writer in writers.values():
                 writer.close()
-        for name in TABLES:
+        for name in TABLES:  # only complete tables get their final names
             os.replace(parts[name], files[name])
     except OSError as error:
         raise RecordError(f"{out} cannot be written: {error.strerror or error}") from error
     finally:
         for part in parts.values():
             part.unlink(missing_ok=True)
-    write_atomically(out / "README.md", _card().encode())
+    write_atomically(out / "README.md", _readme().encode())
     return [*files.values(), out / "README.md"]
 
 
 def _write_all(pa: Any, records: Iterator[EpisodeRecord], writers: dict[str, Any], schemas: dict[str, Any]) -> None:
-    """Write the rows of each episode, in groups of some hundred thousand."""
+    """Write the rows of each episode, in row groups of about 100 000 rows."""
     waiting: dict[str, list[Any]] = {name: [] for name in TABLES}
     names: set[str] = set()
     for record in records:
-        if (name := stem_of(record.path)) in names:
-            raise RecordError(f"{record.path}: another episode is named {name} too; rename one, names join the tables")
+        if (name := file_stem(record.path)) in names:
+            raise RecordError(
+                f"{record.path}: another episode is also named {name}, but names join the tables; rename one file"
+            )
         names.add(name)
         for table, columns in _rows(record, name).items():
             waiting[table].append(pa.table(columns, schema=schemas[table]))
-            if sum(len(part) for part in waiting[table]) > _GROUP:
+            if sum(len(part) for part in waiting[table]) > _ROW_GROUP:
                 writers[table].write_table(pa.concat_tables(waiting[table]))
                 waiting[table] = []
     for table, rest in waiting.items():
@@ -81,11 +91,11 @@ def _write_all(pa: Any, records: Iterator[EpisodeRecord], writers: dict[str, Any
             writers[table].write_table(pa.concat_tables(rest))
 
 
-def _arrow() -> tuple[Any, Any]:
+def _pyarrow() -> tuple[Any, Any]:
     """pyarrow and its parquet module.
 
     Raises:
-        RecordError: they are not installed; says what is to be installed.
+        RecordError: pyarrow is not installed; names the package to install.
     """
     try:
         import pyarrow as pa
@@ -96,35 +106,41 @@ def _arrow() -> tuple[Any, Any]:
 
 
 def _schemas(pa: Any) -> dict[str, Any]:
-    real, whole, text = pa.float64(), pa.int64(), pa.string()
-    key = {"episode_id": text}
-    moment = key | {"tick": whole}
-    body = {f"robot_{name}": real for name in ROBOT_NAMES}
-    acts = {f"{kind}_{name}": real for kind in ("command", "executed") for name in COMMAND_NAMES}
+    number, integer, text = pa.float64(), pa.int64(), pa.string()
+    episode_key = {"episode_id": text}
+    frame_key = episode_key | {"tick": integer}
+    robot = {f"robot_{name}": number for name in ROBOT_NAMES}
+    twists = {f"{kind}_{name}": number for kind in ("command", "executed") for name in COMMAND_NAMES}
+    human = dict.fromkeys(HUMAN_NAMES, number)
     tables = {
-        "episodes": key
+        "episodes": episode_key
         | dict.fromkeys(("name", "family", "contributor", "context", "outcome", "outcome_reason"), text)
-        | dict.fromkeys(("seed", "episode", "physics", "frames"), whole)
-        | dict.fromkeys(("dt", "goal_x", "goal_y", "goal_distance", "robot_radius"), real)
+        | dict.fromkeys(("seed", "episode", "physics", "frames"), integer)
+        | dict.fromkeys(("dt", "goal_x", "goal_y", "goal_distance", "robot_radius"), number)
         | {"label": text, "header": text},
-        "frames": moment | {"time": real} | body | acts | {"guarded": pa.bool_()} | dict.fromkeys(_TEXTS, text),
-        "agents": moment | {"human_id": whole} | dict.fromkeys(HUMAN_NAMES, real) | {"activity": text, "radius": real},
-        "interactions": moment | {"src": whole, "relation": text, "dst": whole},
+        "frames": frame_key
+        | {"time": number}
+        | robot
+        | twists
+        | {"guarded": pa.bool_()}
+        | dict.fromkeys(_JSON_KEYS, text),
+        "agents": frame_key | {"human_id": integer} | human | {"activity": text, "radius": number},
+        "interactions": frame_key | {"src": integer, "relation": text, "dst": integer},
     }
     return {name: pa.schema(list(columns.items())) for name, columns in tables.items()}
 
 
 def _rows(record: EpisodeRecord, name: str) -> dict[str, dict[str, Any]]:
-    """Columns of each table for one episode."""
-    looks = [*record.document["frames"], record.document["final"]]
-    ties = [(look["tick"], *tie) for look in looks for tie in look["interactions"]]
-    tick, src, relation, dst = (list(column) for column in zip(*ties, strict=True)) if ties else ([], [], [], [])
+    """The columns of each table for one episode."""
+    frames = [*record.document["frames"], record.document["final"]]
+    rows = [(frame["tick"], *interaction) for frame in frames for interaction in frame["interactions"]]
+    tick, src, relation, dst = (list(column) for column in zip(*rows, strict=True)) if rows else ([], [], [], [])
     return {
         "episodes": _episode(record, name),
-        "frames": _frames(record, name, looks),
+        "frames": _frames(record, name, frames),
         "agents": _agents(record, name),
         "interactions": {
-            "episode_id": [name] * len(ties), "tick": tick, "src": src, "relation": relation, "dst": dst
+            "episode_id": [name] * len(rows), "tick": tick, "src": src, "relation": relation, "dst": dst
         },
     }  # fmt: skip
 
@@ -143,80 +159,85 @@ def _episode(record: EpisodeRecord, name: str) -> dict[str, Any]:
         "goal_y": scene.goal.y,
         "goal_distance": scene.goal.distance,
         "robot_radius": scene.robot.radius,
-        "label": _text(document, "label"),
+        "label": _json(document, "label"),
         "header": orjson.dumps(header).decode(),
     }
     return {key: [value] for key, value in row.items()}
 
 
-def _text(tree: Tree, key: str) -> str | None:
+def _json(tree: JsonDict, key: str) -> str | None:
     return orjson.dumps(tree[key]).decode() if key in tree else None
 
 
-def _frames(record: EpisodeRecord, name: str, looks: list[Tree]) -> dict[str, Any]:
-    robot = {f"robot_{key}": record.looks.robot[:, k] for k, key in enumerate(ROBOT_NAMES)}
-    acts = {
-        f"{kind}_{key}": [look[kind][k] if kind in look else None for look in looks]
+def _frames(record: EpisodeRecord, name: str, frames: list[JsonDict]) -> dict[str, Any]:
+    robot = {f"robot_{key}": record.states.robot[:, k] for k, key in enumerate(ROBOT_NAMES)}
+    twists = {
+        f"{kind}_{key}": [frame[kind][k] if kind in frame else None for frame in frames]
         for kind in ("command", "executed")
         for k, key in enumerate(COMMAND_NAMES)
     }
     return {
-        "episode_id": [name] * len(looks),
-        "tick": record.looks.tick,
-        "time": record.looks.time,
+        "episode_id": [name] * len(frames),
+        "tick": record.states.tick,
+        "time": record.states.time,
         **robot,
-        **acts,
-        "guarded": [look.get("guarded") for look in looks],
-        **{key: [_text(look, key) for look in looks] for key in _TEXTS},
+        **twists,
+        "guarded": [frame.get("guarded") for frame in frames],
+        **{key: [_json(frame, key) for frame in frames] for key in _JSON_KEYS},
     }
 
 
 def _agents(record: EpisodeRecord, name: str) -> dict[str, Any]:
-    """Whoever is present, look by look."""
-    looks, people = record.looks, record.scene().humans
-    t, k = np.nonzero(looks.present)
-    names = np.array(record.document["activities"], dtype=object)
-    rows = looks.humans[t, k]
+    """The pedestrians who are present, frame by frame."""
+    states, humans = record.states, record.scene().humans
+    t, k = np.nonzero(states.present)
+    activities = np.array(record.document["activities"], dtype=object)
+    rows = states.humans[t, k]
     return {
         "episode_id": [name] * len(t),
-        "tick": looks.tick[t],
-        "human_id": np.array([human.id for human in people], dtype=np.int64)[k],
+        "tick": states.tick[t],
+        "human_id": np.array([human.id for human in humans], dtype=np.int64)[k],
         **{key: rows[:, column] for column, key in enumerate(HUMAN_NAMES)},
-        "activity": names[looks.activity[t, k]].tolist(),
-        "radius": np.array([human.radius for human in people], dtype=float)[k],
+        "activity": activities[states.activity[t, k]].tolist(),
+        "radius": np.array([human.radius for human in humans], dtype=float)[k],
     }
 
 
-def _card() -> str:
+def _readme() -> str:
+    """README.md of the folder; the description of the tables is that of this module."""
     configs = "".join(f"- config_name: {name}\n  data_files: {name}.parquet\n" for name in TABLES)
-    about = [line for line in (__doc__ or "").splitlines() if line.startswith("|")]
-    return "\n".join([f"---\nconfigs:\n{configs}---", "# Episodes of sonata2d as tables", "", *about, ""])
+    description = [line for line in (__doc__ or "").splitlines() if line.startswith("|")]
+    return "\n".join([f"---\nconfigs:\n{configs}---", "# Episodes of sonata2d as tables", "", *description, ""])
 
 
-def import_(path: Path, options: Options) -> Iterator[Tree]:
-    """The episodes that were exported.
+def import_(path: Path, options: Options) -> Iterator[JsonDict]:
+    """Yield the episodes that were exported.
+
+    Args:
+        path: the folder of the tables.
+        options: not used.
 
     Raises:
         RecordError: pyarrow is not installed, or a table is missing or damaged.
     """
-    pa, pq = _arrow()
+    pa, pq = _pyarrow()
     if not path.is_dir():
-        raise RecordError(f"{path} is no folder; {NAME} is a folder with {', '.join(TABLES)}")
+        raise RecordError(f"{path} is not a folder; {NAME} data are a folder with the tables {', '.join(TABLES)}")
     try:
         with parsing(path, NAME):
-            tables = {name: _sorted(pa, pq, path / f"{name}.parquet", name) for name in TABLES}
+            tables = {name: _sorted_table(pa, pq, path / f"{name}.parquet", name) for name in TABLES}
             for episode in tables["episodes"].to_pylist():
-                yield _document(episode, *(_part(tables[name], episode["episode_id"]) for name in TABLES[1:]))
+                yield _document(episode, *(_rows_of(tables[name], episode["episode_id"]) for name in TABLES[1:]))
     except (OSError, pa.ArrowException) as error:
-        told = " ".join(str(error).split())
-        raise RecordError(f"{path} holds no whole tables: {told:.200}") from error
+        raise RecordError(f"{path} does not hold complete tables: {one_line(error):.200}") from error
 
 
-def _sorted(pa: Any, pq: Any, path: Path, name: str) -> Any:
-    """A table by episode and tick.
+def _sorted_table(pa: Any, pq: Any, path: Path, name: str) -> Any:
+    """A table, sorted by episode and tick.
 
     Raises:
-        ValueError: its columns are others, or of other types.
+        KeyError: a column is missing.
+        pyarrow.ArrowException: a column has another type, or the file is damaged.
     """
     table, schema = pq.read_table(path, page_checksum_verification=True, partitioning=None), _schemas(pa)[name]
     for column in schema:
@@ -226,33 +247,36 @@ def _sorted(pa: Any, pq: Any, path: Path, name: str) -> Any:
     return table.select(schema.names).cast(schema).sort_by(keys)
 
 
-def _part(table: Any, episode: str) -> list[Tree]:
-    """The rows of an episode in a sorted table."""
+def _rows_of(table: Any, episode: str) -> list[JsonDict]:
+    """The rows of one episode."""
     import pyarrow.compute as pc
 
-    rows: list[Tree] = table.filter(pc.equal(table["episode_id"], episode)).to_pylist()
+    rows: list[JsonDict] = table.filter(pc.equal(table["episode_id"], episode)).to_pylist()
     return rows
 
 
-def _document(episode: Tree, frames: list[Tree], agents: list[Tree], ties: list[Tree]) -> Tree:
-    """The document, keys in the order of the recorder."""
+def _document(
+    episode: JsonDict, frames: list[JsonDict], agents: list[JsonDict], interactions: list[JsonDict]
+) -> JsonDict:
+    """The document, with keys in the order of the recorder."""
     header = orjson.loads(episode["header"])
     software, activities = header.pop("software"), header.get("activities", list(ACTIVITIES))
     column = {human["id"]: k for k, human in enumerate(header["humans"])}
-    people: dict[int, list[Any]] = {row["tick"]: [None] * len(column) for row in frames}
-    doing = {row["tick"]: [-1] * len(column) for row in frames}
-    held: dict[int, list[Any]] = {row["tick"]: [] for row in frames}
+    humans: dict[int, list[Any]] = {row["tick"]: [None] * len(column) for row in frames}
+    activity = {row["tick"]: [ABSENT] * len(column) for row in frames}
+    edges: dict[int, list[Any]] = {row["tick"]: [] for row in frames}
     for row in agents:
-        people[row["tick"]][column[row["human_id"]]] = [row[key] for key in HUMAN_NAMES]
-        doing[row["tick"]][column[row["human_id"]]] = activities.index(row["activity"])
-    for row in ties:
-        held[row["tick"]].append([row["src"], row["relation"], row["dst"]])
-    looks = [_look(row, people[row["tick"]], doing[row["tick"]], held[row["tick"]]) for row in frames]
-    return {**header, "frames": looks[:-1], "final": looks[-1], "software": software}
+        humans[row["tick"]][column[row["human_id"]]] = [row[key] for key in HUMAN_NAMES]
+        activity[row["tick"]][column[row["human_id"]]] = activities.index(row["activity"])
+    for row in interactions:
+        edges[row["tick"]].append([row["src"], row["relation"], row["dst"]])
+    states = [_frame(row, humans[row["tick"]], activity[row["tick"]], edges[row["tick"]]) for row in frames]
+    return {**header, "frames": states[:-1], "final": states[-1], "software": software}
 
 
-def _look(row: Tree, people: list[Any], doing: list[int], ties: list[Any]) -> Tree:
-    acts = {
+def _frame(row: JsonDict, humans: list[Any], activity: list[int], interactions: list[Any]) -> JsonDict:
+    """A frame, or the final state, which has no executed twist and often no command."""
+    twists = {
         kind: [row[f"{kind}_{key}"] for key in COMMAND_NAMES]
         for kind in ("command", "executed")
         if row[f"{kind}_vx"] is not None
@@ -261,13 +285,15 @@ def _look(row: Tree, people: list[Any], doing: list[int], ties: list[Any]) -> Tr
         "tick": row["tick"],
         "time": row["time"],
         "robot": [row[f"robot_{key}"] for key in ROBOT_NAMES],
-        **acts,
+        **twists,
         **({"guarded": row["guarded"]} if row["guarded"] is not None else {}),
-        "humans": people,
-        "activity": doing,
-        "interactions": ties,
-        **{key: orjson.loads(row[key]) for key in _TEXTS if row[key] is not None},
+        "humans": humans,
+        "activity": activity,
+        "interactions": interactions,
+        **{key: orjson.loads(row[key]) for key in _JSON_KEYS if row[key] is not None},
     }
 
 
-FORMAT = Format("four tables that join: episodes, frames, agents, interactions", ".parquet", import_, gather=gather)
+FORMAT = Format(
+    "four tables that join: episodes, frames, agents, interactions", ".parquet", import_, export_all=export_all
+)

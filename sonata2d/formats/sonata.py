@@ -13,123 +13,136 @@ import orjson
 from ..core.entities import AT_LAPTOP, AT_PLANT, RELATIONS
 from ..core.geometry import Disc, Shape
 from ..core.humans import ACTIVITIES
-from ..core.portable_math import Array
+from ..core.portable_math import Array, IntArray
 from ..core.scene import Scene
 from ..core.vectors import wrap_angles
 from ..errors import RecordError
 from ..record.canonical import rounded, rounded_rows
-from ..record.layout import Tree
+from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import Format, Options, parsing
+from .base import (
+    Format,
+    Options,
+    exact_stamps,
+    require_all_present,
+    require_consecutive_ids,
+    require_duration,
+    require_even_times,
+    require_known_relations,
+    require_robot,
+)
 from .imported import (
+    POSE,
+    POSITION,
     ROBOT,
-    Found,
+    THETA,
+    VELOCITY,
+    SourceEpisode,
     activity_of,
-    box_round,
-    document_of,
+    bounding_box,
+    episode_document,
+    fitting_radii,
     goal_of,
     polygon_of,
-    radii_that_fit,
     velocities,
 )
-from .parse import load_json, numbers, table
-from .refuse import refuse_absences, refuse_ids, refuse_relations, refuse_short, refuse_uneven, refuse_without_robot
-from .timestamps import exact_stamps
+from .parse import load_json, numbers, parsing, table
 
 NAME = "sonata"
-ADVANCE, ROTATION = 3.5, 4.0  # the stick at its stop
-LEAST = 2.0  # s; a shorter file gives its reader no graph, and alone it stops it
+ADVANCE, ROTATION = 3.5, 4.0  # joystick values at full deflection
+MINIMUM_DURATION = 2.0  # s; readers make no graph of a shorter file, and stop if it is the only one
 ORIGINAL_RELATIONS = RELATIONS[:4]
-_EPOCH = 1_595_000_000.0  # s since 1970, July 2020: when the original's episodes are said to begin
-_APART = 3600.0  # s between the beginnings of episodes
-_PERIOD = 0.1  # s; the original saved a frame when more than this had passed
+_EPOCH = 1_595_000_000.0  # s since 1970, July 2020: nominal start of the original's first episode
+_EPISODE_OFFSET = 3600.0  # s between the nominal starts of episodes
+_PERIOD = 0.1  # s; the original saved a frame when more time than this had passed
 
 
 def export(record: EpisodeRecord, options: Options) -> bytes:
-    """The file of an episode.
+    """Return the frame list of an episode.
 
     Raises:
-        RecordError: readers would be misled by it.
+        RecordError: readers of the format would misinterpret the episode.
     """
-    _refuse(record, options)
-    chosen, stamps = _chosen(record, options)
-    refuse_short(record, NAME, float(stamps[-1] - stamps[0]) if len(stamps) else 0.0, LEAST)
-    poses = _local_poses(record, chosen)
-    steps = np.zeros(poses.shape)
+    _check_exportable(record, options)
+    ticks, stamps = _saved_ticks(record, options)
+    require_duration(record, NAME, float(stamps[-1] - stamps[0]) if len(stamps) else 0.0, MINIMUM_DURATION)
+    poses = _local_poses(record, ticks)
+    steps = np.zeros(poses.shape)  # the format's velocities: previous pose minus this one, per frame
     steps[1:] = poses[:-1] - poses[1:]
-    if not options.original:
-        steps[..., 2] = wrap_angles(steps[..., 2])
-    commands = _stick(record, chosen)
-    parts: tuple[Any, ...] = (
-        chosen,
+    if not options.original:  # the original's angular velocities jump by 2 pi
+        steps[..., THETA] = wrap_angles(steps[..., THETA])
+    commands = _joystick(record, ticks)
+    columns: tuple[Any, ...] = (
+        ticks,
         stamps.tolist(),
         commands.tolist(),
         poses.tolist(),
         steps.tolist(),
-        *_still(record, chosen),
+        *_walls_and_goal(record, ticks),
     )
-    frames = [_frame(record, *part) for part in zip(*parts, strict=True)]
+    frames = [_frame(record, *row) for row in zip(*columns, strict=True)]
     if options.original:
-        return _as_the_original(frames)
-    frames = [frame | {"ID": record.id} for frame in frames]
+        return _original_text(frames)
+    frames = [frame | {"ID": record.id} for frame in frames]  # SNGNN2D-v2 reads it
     return b"[\n" + b",\n".join(orjson.dumps(frame, option=orjson.OPT_SORT_KEYS) for frame in frames) + b"\n]\n"
 
 
 def original_name(record: EpisodeRecord) -> str:
-    """The name that the original gave its files, with colons, which Windows does not take.
+    """Return the file name that the original would use; it has colons, which Windows does not allow.
 
-    The minute stands for the episode, since when it was recorded is not in the file.
+    The date is nominal, an hour per episode, as the date of the recording is not in the episode file.
     """
     from datetime import UTC, datetime
 
-    start = datetime.fromtimestamp(_start(record), UTC)
+    start = datetime.fromtimestamp(_nominal_start(record), UTC)
     return f"{record.contributor or 'default'}__{start:%Y-%m-%d__%H:%M:%S}.json"
 
 
-def _refuse(record: EpisodeRecord, options: Options) -> None:
-    refuse_without_robot(record, NAME)
-    refuse_absences(record, NAME)
-    refuse_ids(record, NAME)
-    refuse_uneven(record, NAME)
-    refuse_relations(record, NAME, ORIGINAL_RELATIONS if options.original else RELATIONS)
+def _check_exportable(record: EpisodeRecord, options: Options) -> None:
+    require_robot(record, NAME)
+    require_all_present(record, NAME)
+    require_consecutive_ids(record, NAME)
+    require_even_times(record, NAME)
+    require_known_relations(record, NAME, ORIGINAL_RELATIONS if options.original else RELATIONS)
 
 
-def _start(record: EpisodeRecord) -> float:
-    return _EPOCH + _APART * record.episode
+def _nominal_start(record: EpisodeRecord) -> float:
+    """s since 1970."""
+    return _EPOCH + _EPISODE_OFFSET * record.episode
 
 
-def _chosen(record: EpisodeRecord, options: Options) -> tuple[list[int], Array]:
-    """The looks that are saved, and their stamps, s.
+def _saved_ticks(record: EpisodeRecord, options: Options) -> tuple[list[int], Array]:
+    """The ticks that are saved, and their time stamps, s.
 
-    The original ran by the wall clock: at each tick it saved if more than 0.1 s had passed since the last frame,
-    which in floating point is now this tick, now the next one.
+    The original ran by the wall clock: at each tick it saved a frame if more than 0.1 s had passed since the last one,
+    which in floating point holds after one tick or after two.
     """
-    looks = len(record) + ("command" in record.document["final"])
+    count = len(record) + ("command" in record.document["final"])
     if not options.original:
-        return list(range(looks)), exact_stamps(record.looks.tick[:looks], record.scene().rules.dt)
-    clock = _start(record) + record.looks.time[:looks]
-    kept: list[int] = []
-    for look, now in enumerate(clock.tolist()):
-        if not kept or now - float(clock[kept[-1]]) > _PERIOD:
-            kept.append(look)
-    return kept, clock[kept]
+        return list(range(count)), exact_stamps(record.states.tick[:count], record.scene().rules.dt)
+    clock = _nominal_start(record) + record.states.time[:count]
+    saved: list[int] = []
+    for tick, now in enumerate(clock.tolist()):
+        if not saved or now - float(clock[saved[-1]]) > _PERIOD:
+            saved.append(tick)
+    return saved, clock[saved]
 
 
-def _local_poses(record: EpisodeRecord, chosen: list[int]) -> Array:
-    """People, then objects, as the robot sees them: (T, P + O, 3), columns x, y, a."""
-    scene, looks = record.scene(), record.looks
-    people = looks.humans[chosen][..., 0:3]
-    still = np.array([(*f.pose.position, f.pose.theta) for f in scene.furniture], dtype=float).reshape(-1, 3)
-    things = np.broadcast_to(still, (len(chosen), *still.shape))
-    world = np.concatenate((people, things), axis=1)
-    robot = looks.robot[chosen][:, None, 0:3]
-    place = local(world[..., 0:2], robot)
-    angle = -wrap_angles(world[..., 2] - robot[..., 2] + np.pi / 2)
-    return np.concatenate((place, angle[..., None]), axis=-1)
+def _local_poses(record: EpisodeRecord, ticks: list[int]) -> Array:
+    """Poses of the pedestrians, then the objects, in the robot frame: (T, P + O, 3), columns x, y, a."""
+    scene, states = record.scene(), record.states
+    people = states.humans[ticks][..., POSE]
+    furniture = np.array([(*f.pose.position, f.pose.theta) for f in scene.furniture], dtype=float).reshape(-1, 3)
+    objects = np.broadcast_to(furniture, (len(ticks), *furniture.shape))
+    world = np.concatenate((people, objects), axis=1)
+    robot = states.robot[ticks][:, None, POSE]
+    position = to_robot_frame(world[..., POSITION], robot)
+    angle = -wrap_angles(world[..., THETA] - robot[..., THETA] + np.pi / 2)
+    return np.concatenate((position, angle[..., None]), axis=-1)
 
 
-def local(points: Array, robot: Array) -> Array:
-    """World points in the format's frame of the robot: to its right, and ahead.
+def to_robot_frame(points: Array, robot: Array) -> Array:
+    """Transform world points into the format's robot frame, x to the right and y ahead.
 
     Args:
         points: (T, K, 2), m.
@@ -138,41 +151,41 @@ def local(points: Array, robot: Array) -> Array:
     Returns:
         (T, K, 2), m.
     """
-    c, s = np.cos(robot[..., 2]), np.sin(robot[..., 2])
+    c, s = np.cos(robot[..., THETA]), np.sin(robot[..., THETA])
     dx, dy = points[..., 0] - robot[..., 0], points[..., 1] - robot[..., 1]
     return np.stack((dx * s - dy * c, dx * c + dy * s), axis=-1)
 
 
-def _still(record: EpisodeRecord, chosen: list[int]) -> tuple[Any, Any]:
-    """Walls, (T, W, 4), and the goal, (T, 2), as the robot sees them."""
-    scene, robot = record.scene(), record.looks.robot[chosen][:, None, 0:3]
+def _walls_and_goal(record: EpisodeRecord, ticks: list[int]) -> tuple[Any, Any]:
+    """Walls, (T, W, 4), and the goal, (T, 2), in the robot frame, as lists."""
+    scene, robot = record.scene(), record.states.robot[ticks][:, None, POSE]
     ends = np.array([point for wall in scene.walls for point in (wall.start, wall.end)], dtype=float).reshape(1, -1, 2)
-    walls = local(np.broadcast_to(ends, (len(chosen), *ends.shape[1:])), robot).reshape(len(chosen), -1, 4)
-    goal = local(np.broadcast_to(np.array(scene.goal.position), (len(chosen), 1, 2)), robot)[:, 0]
+    walls = to_robot_frame(np.broadcast_to(ends, (len(ticks), *ends.shape[1:])), robot).reshape(len(ticks), -1, 4)
+    goal = to_robot_frame(np.broadcast_to(np.array(scene.goal.position), (len(ticks), 1, 2)), robot)[:, 0]
     return walls.tolist(), goal.tolist()
 
 
-def _stick(record: EpisodeRecord, chosen: list[int]) -> Array:
-    """Commands as a stick gives them, (T, 3): ahead, to the right (readers take it as -1..1), clockwise."""
+def _joystick(record: EpisodeRecord, ticks: list[int]) -> Array:
+    """Commands as joystick values, (T, 3): ahead, to the right (readers expect -1..1), clockwise."""
     limits, final = record.scene().robot.limits, record.document["final"]
-    asked = np.concatenate((record.command, [final.get("command", (0.0, 0.0, 0.0))]))[chosen]
+    command = np.concatenate((record.command, [final.get("command", (0.0, 0.0, 0.0))]))[ticks]
     scale = np.array([1.0 / limits.ahead, -1.0 / limits.sideways, -1.0 / limits.turn])
-    stick = np.clip(asked * scale, -1.0, 1.0) * np.array([ADVANCE, 1.0, ROTATION]) + 0.0
-    return np.asarray(stick)
+    joystick = np.clip(command * scale, -1.0, 1.0) * np.array([ADVANCE, 1.0, ROTATION]) + 0.0  # + 0.0: no -0.0
+    return np.asarray(joystick)
 
 
 def _frame(
     record: EpisodeRecord,
-    look: int,
+    tick: int,
     stamp: float,
     command: list[float],
     poses: list[list[float]],
     steps: list[list[float]],
     walls: list[list[float]],
     goal: list[float],
-) -> Tree:
+) -> JsonDict:
     scene, frames = record.scene(), record.document["frames"]
-    told = frames[look] if look < len(frames) else record.document["final"]
+    recorded = frames[tick] if tick < len(frames) else record.document["final"]
     people = len(scene.humans)
     entities = [
         {"x": x, "y": y, "a": a, "vx": vx, "vy": vy, "va": va}
@@ -181,7 +194,7 @@ def _frame(
     return {
         "command": command,
         "goal": [{"x": goal[0], "y": goal[1]}],
-        "interaction": _interactions(scene, told["interactions"]),
+        "interaction": _interactions(scene, recorded["interactions"]),
         "objects": [
             {"id": thing.id, **_size(thing.shape), **entity}
             for thing, entity in zip(scene.furniture, entities[people:], strict=True)
@@ -192,8 +205,8 @@ def _frame(
     }
 
 
-def _interactions(scene: Scene, rows: list[list[Any]]) -> list[Tree]:
-    """As readers know them: whoever is at a laptop is tied to the table it stands on."""
+def _interactions(scene: Scene, rows: list[list[Any]]) -> list[JsonDict]:
+    """Interactions as the format defines them: with the table instead of the laptop on it."""
     carrier = {thing.id: thing.on for thing in scene.furniture if thing.on is not None}
     return [
         {"src": src, "relation": relation, "dst": carrier.get(dst, dst) if relation == AT_LAPTOP else dst}
@@ -201,18 +214,18 @@ def _interactions(scene: Scene, rows: list[list[Any]]) -> list[Tree]:
     ]
 
 
-def _size(shape: Shape) -> Tree:
-    """Extent of the box round a thing, along its own x and y, m."""
+def _size(shape: Shape) -> JsonDict:
+    """Extent of the bounding box along the object's own x and y, m."""
     if isinstance(shape, Disc):
         return {"size_x": 2 * shape.radius, "size_y": 2 * shape.radius}
     return {"size_x": shape.length, "size_y": shape.width}
 
 
-def _as_the_original(frames: list[Tree]) -> bytes:
-    """Seven keys a frame, sorted, indented by four; a lateral command that is always the integer 0.
+def _original_text(frames: list[JsonDict]) -> bytes:
+    """The original's text: seven keys per frame, sorted, indented by four; the lateral command is the integer 0.
 
     Raises:
-        RecordError: it would be no JSON.
+        RecordError: a value is not finite.
     """
     for frame in frames:
         frame["command"][1] = 0
@@ -222,61 +235,58 @@ def _as_the_original(frames: list[Tree]) -> bytes:
         raise RecordError(f"a {NAME} file holds finite numbers only: {error}") from error
 
 
-_STILL = 0.05  # m, that walls may seem to move
-_LACKS = (
+_TOLERANCE = 0.05  # m, apparent motion of walls, objects and the goal
+_MISSING = (
     "humans.radius", "humans.group", "humans.head", "objects.on", "objects.type", "robot.radius", "goal.theta",
     "goal.distance", "goal.angle",
 )  # fmt: skip
 _DERIVED = ("frames.robot", "frames.humans", "frames.activity", "room.polygon")
-_DOING = {RELATIONS[0]: "talking", AT_LAPTOP: "using", AT_PLANT: "looking", RELATIONS[3]: "walking together"}
+_ACTIVITY_OF = {RELATIONS[0]: "talking", AT_LAPTOP: "using", AT_PLANT: "looking", RELATIONS[3]: "walking together"}
 
 
-def import_(path: Path, options: Options) -> Iterator[Tree]:
-    """The episode of a file.
+def import_(path: Path, options: Options) -> Iterator[JsonDict]:
+    """Yield the episode of a file; the world frame is the robot's first frame, as the format does not record one.
 
     Raises:
-        RecordError: it is damaged, its entities change, or nothing in it stands still to tell the robot's way.
+        RecordError: the file is damaged, its entities change, or it holds nothing static that shows the robot's motion.
     """
     frames = load_json(path, NAME)
     with parsing(path, NAME):
-        yield document_of(_found(frames), NAME, path)
+        yield episode_document(_source_episode(frames), NAME, path)
 
 
-def _found(frames: Any) -> Found:
+def _source_episode(frames: Any) -> SourceEpisode:
     if not isinstance(frames, list) or len(frames) < 2:
         raise ValueError("it must be a list of two frames or more")
-    people, things = _ids(frames, "people"), _ids(frames, "objects")
+    people, objects = _ids(frames, "people"), _ids(frames, "objects")
     stamps = numbers(frames, ("timestamp",), "frames")[:, 0]
     time = stamps - stamps[0]
     if not (np.diff(time) > 5e-5).all():
         raise ValueError(f"timestamps must rise, frame {int(np.argmin(np.diff(time))) + 1} does not")
     walls = _block(frames, "walls", ("x1", "y1", "x2", "y2"))
-    bodies = np.concatenate([_block(frames, key, ("x", "y", "a"), ids) for key, ids in _kinds(people, things)], axis=1)
+    entities = (("people", people), ("objects", objects))
+    bodies = np.concatenate([_block(frames, key, ("x", "y", "a"), ids) for key, ids in entities], axis=1)
     goal = _block(frames, "goal", ("x", "y"))
     if goal.shape[1] != 1:
-        raise ValueError(f"a frame has one goal, got {goal.shape[1]}")
-    robot = _way(_anchors(walls, bodies[:, len(people) :, 0:2], goal))
-    return _in_the_world(frames, time, robot, bodies, walls, goal, people, things)
+        raise ValueError(f"a frame must have one goal, got {goal.shape[1]}")
+    robot = _robot_poses(_landmarks(walls, bodies[:, len(people) :, POSITION], goal))
+    return _to_world(frames, time, robot, bodies, walls, goal, people, objects)
 
 
-def _kinds(people: list[int], things: list[int]) -> tuple[tuple[str, list[int]], ...]:
-    return ("people", people), ("objects", things)
-
-
-def _ids(frames: list[Tree], key: str) -> list[int]:
+def _ids(frames: list[JsonDict], key: str) -> list[int]:
     """Ids under a key, in the first frame's order."""
     ids = [entity["id"] for entity in frames[0][key]]
     for t, frame in enumerate(frames):
-        found = [entity["id"] for entity in frame[key]]
-        if any(type(id) is not int for id in found) or len(set(found)) != len(found):
-            raise ValueError(f"ids of {key} in frame {t} must be different integers")
-        if sorted(found) != sorted(ids):
+        frame_ids = [entity["id"] for entity in frame[key]]
+        if any(type(id) is not int for id in frame_ids) or len(set(frame_ids)) != len(frame_ids):
+            raise ValueError(f"ids of {key} in frame {t} must be unique integers")
+        if sorted(frame_ids) != sorted(ids):
             raise ValueError(f"{key} change at frame {t}; an episode of this format has the same throughout")
     return ids
 
 
-def _block(frames: list[Tree], key: str, names: tuple[str, ...], ids: list[int] | None = None) -> Array:
-    """(T, K, columns) of what all frames hold under a key, in the order of ids if there are any."""
+def _block(frames: list[JsonDict], key: str, names: tuple[str, ...], ids: list[int] | None = None) -> Array:
+    """(T, K, columns) of the entities under a key in all frames; in the order of ids if they are given."""
     blocks = []
     for t, frame in enumerate(frames):
         rows = frame[key]
@@ -289,119 +299,120 @@ def _block(frames: list[Tree], key: str, names: tuple[str, ...], ids: list[int] 
     return np.array(blocks)
 
 
-def _anchors(walls: Array, things: Array, goal: Array) -> Array:
-    """(T, K, 2): what stands still in the room, as the robot sees it."""
+def _landmarks(walls: Array, objects: Array, goal: Array) -> Array:
+    """(T, K, 2): points that are static in the world, in the robot frame."""
     if walls.shape[1]:
         return walls.reshape(len(walls), -1, 2)
-    return np.concatenate((things, goal), axis=1)
+    return np.concatenate((objects, goal), axis=1)
 
 
-def _way(anchors: Array) -> Array:
-    """The robot's poses, (T, 3), by the rigid motion that takes each frame's anchors to the first frame's."""
-    first = anchors[0] - anchors[0].mean(axis=0)
+def _robot_poses(landmarks: Array) -> Array:
+    """The robot's poses, (T, 3), from the least-squares rigid motion of the landmarks onto those of the first frame."""
+    first = landmarks[0] - landmarks[0].mean(axis=0)
     if len(first) < 2 or np.hypot(*first.T).max() < 0.1:
-        raise ValueError("nothing in it stands still (walls, or two objects) to tell the robot's way by")
-    seen = anchors - anchors.mean(axis=1, keepdims=True)
-    dot = (seen * first).sum(axis=(1, 2))
-    cross = (seen[..., 0] * first[..., 1] - seen[..., 1] * first[..., 0]).sum(axis=1)
+        raise ValueError("it has no walls, and fewer than two static points, so the robot's motion cannot be found")
+    centred = landmarks - landmarks.mean(axis=1, keepdims=True)
+    dot = (centred * first).sum(axis=(1, 2))
+    cross = (centred[..., 0] * first[..., 1] - centred[..., 1] * first[..., 0]).sum(axis=1)
     turn = np.arctan2(cross, dot)
-    place = anchors[0].mean(axis=0) - _turned(anchors.mean(axis=1), turn)
-    off = _turned(anchors, turn[:, None]) + place[:, None] - anchors[0]
-    worst = np.hypot(off[..., 0], off[..., 1]).max(axis=1)
-    if worst.max() > _STILL:
+    position = landmarks[0].mean(axis=0) - _rotate(landmarks.mean(axis=1), turn)
+    residual = _rotate(landmarks, turn[:, None]) + position[:, None] - landmarks[0]
+    worst = np.hypot(residual[..., 0], residual[..., 1]).max(axis=1)
+    if worst.max() > _TOLERANCE:
         raise ValueError(f"its walls move by {worst.max():.2f} m at frame {int(np.argmax(worst))}")
-    return np.concatenate((place, wrap_angles(turn + np.pi / 2)[:, None]), axis=1)
+    return np.concatenate((position, wrap_angles(turn + np.pi / 2)[:, None]), axis=1)
 
 
-def _refuse_motion(places: Array, names: list[str]) -> None:
-    """Things and the goal stand still in an episode; (T, K, 2), m."""
-    off = np.hypot(*np.moveaxis(places - places[0], -1, 0))
-    if off.max() > _STILL:
-        t, k = np.unravel_index(int(np.argmax(off)), off.shape)
-        raise ValueError(f"{names[k]} has moved by {off[t, k]:.2f} m at frame {t}; in an episode it stands still")
+def _check_static(positions: Array, names: list[str]) -> None:
+    """Check that objects and goal, (T, K, 2), m, stand still, as in every episode."""
+    distance = np.hypot(*np.moveaxis(positions - positions[0], -1, 0))
+    if distance.max() > _TOLERANCE:
+        t, k = np.unravel_index(int(np.argmax(distance)), distance.shape)
+        raise ValueError(f"{names[k]} has moved by {distance[t, k]:.2f} m at frame {t}; in an episode it stands still")
 
 
-def _turned(points: Array, angle: Array) -> Array:
+def _rotate(points: Array, angle: Array) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     return np.stack((points[..., 0] * c - points[..., 1] * s, points[..., 0] * s + points[..., 1] * c), axis=-1)
 
 
-def _in_the_world(
-    frames: list[Tree], time: Array, robot: Array, bodies: Array, walls: Array, goal: Array,
-    people: list[int], things: list[int],
-) -> Found:  # fmt: skip
-    turn, count = robot[:, None, 2] - np.pi / 2, len(people)
-    place = _turned(bodies[..., 0:2], turn) + robot[:, None, 0:2]
-    standing = np.concatenate((place[:, count:], _turned(goal, turn) + robot[:, None, 0:2]), axis=1)
-    _refuse_motion(standing, [*(f"object {id}" for id in things), "the goal"])
-    poses = np.concatenate((place, wrap_angles(turn - bodies[..., 2])[..., None]), axis=-1)
+def _to_world(
+    frames: list[JsonDict], time: Array, robot: Array, bodies: Array, walls: Array, goal: Array,
+    people: list[int], objects: list[int],
+) -> SourceEpisode:  # fmt: skip
+    """Transform everything from the robot frame of each frame into the world frame."""
+    turn, count = robot[:, None, THETA] - np.pi / 2, len(people)
+    position = _rotate(bodies[..., POSITION], turn) + robot[:, None, POSITION]
+    static = np.concatenate((position[:, count:], _rotate(goal, turn) + robot[:, None, POSITION]), axis=1)
+    _check_static(static, [*(f"object {id}" for id in objects), "the goal"])
+    poses = np.concatenate((position, wrap_angles(turn - bodies[..., THETA])[..., None]), axis=-1)
     humans = np.concatenate((poses[:, :count], velocities(time, poses[:, :count])), axis=-1)
-    humans = np.concatenate((humans, humans[..., 2:3]), axis=-1)  # the head is not told: as the body
-    known = {*people, *things}
-    ties = [_read_interactions(frame["interaction"], set(people), known) for frame in frames]
+    humans = np.concatenate((humans, humans[..., THETA : THETA + 1]), axis=-1)  # the head faces ahead
+    ids = {*people, *objects}
+    interactions = [_read_interactions(frame["interaction"], set(people), ids) for frame in frames]
     polygon, corners = polygon_of(walls[0]), walls[0].reshape(-1, 2)
-    everything = np.concatenate((place.reshape(-1, 2), robot[:, 0:2], corners))
-    return Found(
+    points = np.concatenate((position.reshape(-1, 2), robot[:, POSITION], corners))
+    return SourceEpisode(
         time=time,
         robot=np.concatenate((robot, velocities(time, robot)), axis=1),
         humans=humans,
         ids=people,
-        radii=radii_that_fit(humans, walls[0]),
-        activity=_activity(humans, people, ties),
-        interactions=ties,
-        polygon=box_round(everything, 1.0) if polygon is None else polygon,
+        radii=fitting_radii(humans, walls[0]),
+        activity=_activity(humans, people, interactions),
+        interactions=interactions,
+        polygon=bounding_box(points, 1.0) if polygon is None else polygon,
         walls=walls[0],
-        objects=_objects(frames[0], things, poses[0, count:]),
+        objects=_objects(frames[0], objects, poses[0, count:]),
         goal=goal_of(goal[0, 0].tolist()),
         robot_radius=ROBOT.radius,
-        share=_shares(frames),
-        lacks=_LACKS,
+        command_fraction=_command_fractions(frames),
+        missing=_MISSING,
         derived=_DERIVED,
     )
 
 
-def _read_interactions(rows: list[Tree], people: set[int], known: set[int]) -> list[list[Any]]:
-    ties = [[row["src"], row["relation"], row["dst"]] for row in rows]
-    for src, relation, dst in ties:
-        if src not in people or dst not in known or relation not in RELATIONS:
-            raise ValueError(f"interaction {relation} of {src} and {dst}: unknown, or of nobody in the frame")
-    return ties
+def _read_interactions(rows: list[JsonDict], people: set[int], ids: set[int]) -> list[list[Any]]:
+    interactions = [[row["src"], row["relation"], row["dst"]] for row in rows]
+    for src, relation, dst in interactions:
+        if src not in people or dst not in ids or relation not in RELATIONS:
+            raise ValueError(f"interaction {relation} of {src} and {dst}: unknown relation, or an id not in the frame")
+    return interactions
 
 
-def _activity(humans: Array, ids: list[int], ties: list[list[list[Any]]]) -> Any:
-    """By interactions, else by speed."""
-    activity = activity_of(humans[..., 3:5])
-    for t, rows in enumerate(ties):
+def _activity(humans: Array, ids: list[int], interactions: list[list[list[Any]]]) -> IntArray:
+    """Activities by interaction; of pedestrians without interactions by speed."""
+    activity = activity_of(humans[..., VELOCITY])
+    for t, rows in enumerate(interactions):
         for src, relation, dst in rows:
-            doing = ACTIVITIES.index(_DOING.get(relation, "looking"))
+            index = ACTIVITIES.index(_ACTIVITY_OF.get(relation, "looking"))
             for id in {src, dst} & set(ids):
-                activity[t, ids.index(id)] = doing
+                activity[t, ids.index(id)] = index
     return activity
 
 
-def _objects(frame: Tree, ids: list[int], poses: Array) -> list[Tree]:
-    """Things where they first stand; what they are follows from who attends to them."""
-    kinds = {tie["dst"]: "plant" for tie in frame["interaction"] if tie["relation"] == AT_PLANT}
-    kinds |= {tie["dst"]: "table" for tie in frame["interaction"] if tie["relation"] == AT_LAPTOP}
+def _objects(frame: JsonDict, ids: list[int], poses: Array) -> list[JsonDict]:
+    """The objects at their first poses; their types follow from the interactions with them."""
+    types = {row["dst"]: "plant" for row in frame["interaction"] if row["relation"] == AT_PLANT}
+    types |= {row["dst"]: "table" for row in frame["interaction"] if row["relation"] == AT_LAPTOP}
     by_id = {thing["id"]: thing for thing in frame["objects"]}
     sizes = rounded(numbers([by_id[id] for id in ids], ("size_x", "size_y"), "objects")).tolist()
-    placed = rounded_rows(poses, [2]).tolist()
+    placed = rounded_rows(poses, [THETA]).tolist()
     return [
         {
-            "id": id, "type": kinds.get(id, "object"), "x": x, "y": y, "theta": theta,
+            "id": id, "type": types.get(id, "object"), "x": x, "y": y, "theta": theta,
             "shape": {"type": "rectangle", "length": length, "width": width}, "on": None,
         }
         for id, (x, y, theta), (length, width) in zip(ids, placed, sizes, strict=True)
     ]  # fmt: skip
 
 
-def _shares(frames: list[Tree]) -> Array:
-    """Commands as shares of the robot's limits; what the stick's scale meant in m/s is nowhere told."""
-    stick = table([frame["command"] for frame in frames], 3, "command of frames")
-    share: Array = stick * np.array([1.0 / ADVANCE, -1.0, -1.0 / ROTATION])
-    return share
+def _command_fractions(frames: list[JsonDict]) -> Array:
+    """Commands as fractions of the robot's limits; the format does not give the scale of the joystick in m/s."""
+    joystick = table([frame["command"] for frame in frames], 3, "command of frames")
+    fraction: Array = joystick * np.array([1.0 / ADVANCE, -1.0, -1.0 / ROTATION])
+    return fraction
 
 
 FORMAT = Format(
-    "robot-frame frame lists of the 2020 toolkit, which SNGNN2D-v2 reads too", ".json", import_, export=export
+    "robot-frame frame lists of the SONATA toolkit (2020), also read by SNGNN2D-v2", ".json", import_, export=export
 )

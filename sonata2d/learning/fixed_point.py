@@ -1,34 +1,32 @@
-"""Arithmetic in fixed point: numbers are multiples of a power of two, and so few bits long that no sum is ever rounded.
+"""Fixed-point arithmetic: numbers are multiples of a power of two, short enough that no sum of products is rounded.
 
-So neither the order of a sum nor a fused multiply-add matters, and a matrix product by any BLAS gives the same bits on
-every processor.
+Neither the order of a sum nor a fused multiply-add changes the result, so a matrix product by any BLAS gives the same
+bits on every processor. Only this module rounds numbers to fixed point.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ..core.portable_math import Array, exp
+from ..core.portable_math import Array, IntArray, exp
 
 UNIT, LARGEST_VALUE = 1.0 / (1 << 14), 64.0  # of values: 20 bits
-WEIGHT_UNIT, LARGEST_WEIGHT = 1.0 / (1 << 13), 32.0  # 18 bits: of 2^14 products the sum has 52, and a double holds 53
-SLOPE = 0.01  # below 0, of the leaky ReLU
-BLOCK = 1 << 17  # multiplications at a time: from 2^18 on OpenBLAS starts threads, which here cost more than they save
+WEIGHT_UNIT, LARGEST_WEIGHT = 1.0 / (1 << 13), 32.0  # 18 bits: a sum of 2^14 products has 52 bits; a double holds 53
+SLOPE = 0.01  # of the leaky ReLU below 0
+BLOCK = 1 << 17  # multiplications per call: from 2^18 on OpenBLAS starts threads, which cost more than they save here
 
 
-def values(numbers: Any) -> Array:
-    """Rounded to fixed point, and kept within ±64."""
+def round_values(numbers: Array) -> Array:
+    """Clip numbers to ±64 and round them to multiples of 2^-14; any shape."""
     rounded: Array = np.rint(np.minimum(np.maximum(numbers, -LARGEST_VALUE), LARGEST_VALUE) / UNIT) * UNIT
     return rounded
 
 
-def weights(numbers: Any) -> Array:
-    """Rounded to fixed point.
+def round_weights(numbers: Array) -> Array:
+    """Round weights to multiples of 2^-13; any shape.
 
     Raises:
-        ValueError: one is beyond ±32.
+        ValueError: a weight is beyond ±32.
     """
     if not (np.abs(numbers) <= LARGEST_WEIGHT).all():
         raise ValueError(f"weights must be within ±{LARGEST_WEIGHT:g}, got {np.abs(numbers).max():g}")
@@ -36,36 +34,53 @@ def weights(numbers: Any) -> Array:
     return rounded
 
 
-def leaky(numbers: Array, slope: float = SLOPE) -> Array:
+def leaky_relu(numbers: Array, slope: float = SLOPE) -> Array:
     """Leaky ReLU."""
-    bent: Array = np.where(numbers > 0.0, numbers, numbers * slope)
-    return bent
+    activated: Array = np.where(numbers > 0.0, numbers, numbers * slope)
+    return activated
 
 
 def tanh(numbers: Array) -> Array:
-    """Hyperbolic tangent; relative error under 1e-6."""
+    """Hyperbolic tangent; relative error below 1e-6."""
     small = exp(-2.0 * np.abs(numbers))
-    bent: Array = np.where(numbers < 0.0, -1.0, 1.0) * (1.0 - small) / (1.0 + small)
-    return bent
+    activated: Array = np.where(numbers < 0.0, -1.0, 1.0) * (1.0 - small) / (1.0 + small)
+    return activated
 
 
 def product(rows: Array, weight: Array) -> Array:
-    """Matrix product of `values` and `weights`, (n, in) and (in, out) to (n, out); exact up to 2^15 in."""
-    some = max(BLOCK // weight.size, 1)
-    if len(rows) <= some:
+    """Matrix product of rounded values and rounded weights; exact for `in` up to 2^15.
+
+    Args:
+        rows: (n, in), from `round_values`.
+        weight: (in, out), from `round_weights`.
+
+    Returns:
+        (n, out).
+    """
+    count = max(BLOCK // weight.size, 1)
+    if len(rows) <= count:
         whole: Array = rows @ weight
         return whole
-    return np.concatenate([rows[k : k + some] @ weight for k in range(0, len(rows), some)])
+    return np.concatenate([rows[k : k + count] @ weight for k in range(0, len(rows), count)])
 
 
-def dots(rows: Array, weight: Array) -> Array:
-    """Scalar products along the last axis of `values` and `weights`, (…, n) each, to (…,)."""
-    told: Array = np.add.reduce(rows * weight, axis=-1)
-    return told
+def dot(rows: Array, weight: Array) -> Array:
+    """Scalar products of rounded values and rounded weights along the last axis; (..., n) each, to (...)."""
+    products: Array = np.add.reduce(rows * weight, axis=-1)
+    return products
 
 
-def summed(rows: Array, at: Any, count: int) -> Array:
-    """Rows added up by index; (E, …) and (E,) to (count, …). Exact, as long as each is a `values`."""
+def scatter_sum(rows: Array, index: IntArray, count: int) -> Array:
+    """Add up rows by index; exact if the rows are rounded values.
+
+    Args:
+        rows: (E, ...).
+        index: (E,), where each row is added, 0 to count - 1.
+        count: number of sums.
+
+    Returns:
+        (count, ...).
+    """
     total: Array = np.zeros((count, *rows.shape[1:]))
-    np.add.at(total, at, rows)
+    np.add.at(total, index, rows)
     return total

@@ -1,4 +1,4 @@
-"""`graph-policy`: the robot driven by a network that has learned from recorded runs."""
+"""`graph-policy`: a network trained on recorded episodes drives the robot."""
 
 from __future__ import annotations
 
@@ -17,22 +17,27 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..errors import ControllerError
 from .graph.graph import INTERVAL, ROUNDING, Graph
-from .graph.modern import graph_of_looks
-from .graph.paper import INSTANTS, TURNED, paper_graph
-from .graph.source import Look, look_of
-from .inputs import inputs_of
+from .graph.modern import graph_of_observations, inputs_of
+from .graph.paper import INSTANTS, LABEL_SIGNS, paper_graph
+from .graph.source import POSE, Observation, observation_of
 from .network import network_of
 from .weights import STOCK, read_weights
 
 
 class GraphPolicy(Controller):
-    """Drives as a network learned to, from graphs of people, things, walls, the goal and who attends to whom.
+    """Drives with a network that reads graphs of pedestrians, objects, walls, the goal and the interactions.
 
     Args:
-        weights: a file of `write_weights`; the package's own if None.
+        weights: a file of `write_weights`; None: the weights that come with the package.
 
     Raises:
-        ControllerError: the file holds no weights of a network that is known here.
+        ControllerError: the file does not hold the weights of a known network.
+
+    Example:
+        >>> import sonata2d as s2
+        >>> scene = s2.generate(s2.ScenarioConfig(humans=(2, 4), rules={"time_limit": 1.0}), seed=1)
+        >>> s2.Episode(scene, GraphPolicy()).run().status
+        'timeout'
     """
 
     version = "1"
@@ -43,56 +48,61 @@ class GraphPolicy(Controller):
         self._network = network_of(self._weights)
 
     def settings(self) -> dict[str, Any]:
+        """Return the path and the hash of the weights."""
         return {"weights": self._path, "sha256": self._weights.sha256}
 
     @classmethod
-    def from_settings(cls, settings: Mapping[str, Any], *, found: str | None = None) -> Self:
-        """As a file tells of it.
+    def from_settings(cls, settings: Mapping[str, Any], *, weights: str | None = None) -> Self:
+        """Reconstruct a recorded policy.
 
         Args:
-            settings: as in the file.
-            found: where its weights are now, if they may have been moved.
+            settings: as stored in an episode file.
+            weights: path of the weights, if the file has moved since; None: the recorded path.
 
         Raises:
-            ControllerError: there are other weights now.
+            ControllerError: the file cannot be read, or its weights differ from the recorded ones.
         """
-        policy = cls(found or settings.get("weights"))
+        policy = cls(weights or settings.get("weights"))
         if settings.get("sha256", policy._weights.sha256) != policy._weights.sha256:
-            name, told = policy._path or "graph-policy", str(settings["sha256"])[:8]
-            raise ControllerError(f"{name} has other weights now than those that drove, of SHA-256 {told}…; bring them")
+            name, sha256 = policy._path or "graph-policy", str(settings["sha256"])[:8]
+            raise ControllerError(
+                f"{name} has other weights now than when the episode was recorded; provide those of SHA-256 {sha256}…"
+            )
         policy._path = settings.get("weights", policy._path)
         return policy
 
     def reset(self, scene: Scene) -> None:
-        self._step = math.ceil((INTERVAL - ROUNDING) / scene.rules.dt)  # ticks, as of recordings
-        self._looks: deque[Look] = deque(maxlen=(INSTANTS - 1) * self._step + 2)
+        self._step = math.ceil((INTERVAL - ROUNDING) / scene.rules.dt)  # ticks between instants, as in recordings
+        self._history: deque[Observation] = deque(maxlen=(INSTANTS - 1) * self._step + 2)
         robot, limits = scene.robot, scene.robot.limits
         sideways = limits.sideways if robot.kinematics == "holonomic" else 0.0
         self._scale = np.array([limits.ahead, sideways, limits.turn])
 
     def act(self, snapshot: Snapshot) -> Twist:
-        self._looks.append(look_of(snapshot))
+        self._history.append(observation_of(snapshot))
         graph = self.graph(snapshot.scene)
-        share = self._network(inputs_of(graph), graph.edges, graph.relation)
+        fraction = self._network(inputs_of(graph), graph.edges, graph.relation)
         if self._weights.graph == "paper":
-            share = share * TURNED
-        return Twist(*(share * self._scale).tolist())
+            fraction = fraction * LABEL_SIGNS
+        return Twist(*(fraction * self._scale).tolist())
 
     def graph(self, scene: Scene) -> Graph:
-        """What the network reads now."""
-        newest = self._looks[-1]
+        """Return the graph that the network reads at the current tick; call `act` first."""
+        newest = self._history[-1]
         if self._weights.graph == "modern":
-            return graph_of_looks(scene, [newest], newest.robot[:3])
+            return graph_of_observations(scene, [newest], newest.robot[POSE])
         instants = self._instants()
-        return paper_graph(scene, instants, first=instants[-1][0].tick < 2 * self._step)
+        return paper_graph(scene, instants, is_first=instants[-1][0].tick < 2 * self._step)
 
-    def _instants(self) -> list[tuple[Look, Look]]:
-        """Looks a second apart, the newest first, each with the one before it.
+    def _instants(self) -> list[tuple[Observation, Observation]]:
+        """Observations a second apart, the newest first, each with the one of the tick before.
 
-        As in recordings none is of the first second; the newest, if it is, counts as a second old.
+        Recorded graphs have no instant in the first second of an episode. So older instants in it are left out, and if
+        the newest one is in it, it is treated as one second old.
         """
-        known, newest = {look.tick: look for look in self._looks}, self._looks[-1]
+        by_tick, newest = {observation.tick: observation for observation in self._history}, self._history[-1]
         wanted = [newest.tick - i * self._step for i in range(INSTANTS)]
-        told = [newest.tick, *(tick for tick in wanted[1:] if tick >= self._step and tick in known)]
-        (look, before), *older = [(known[tick], known.get(tick - 1, known[tick])) for tick in told]
-        return [(replace(look, tick=max(look.tick, self._step)), before), *older]
+        ticks = [newest.tick, *(tick for tick in wanted[1:] if tick >= self._step and tick in by_tick)]
+        # The first observation of all has no predecessor: it is paired with itself, which gives zero velocities.
+        (current, before), *older = [(by_tick[tick], by_tick.get(tick - 1, by_tick[tick])) for tick in ticks]
+        return [(replace(current, tick=max(current.tick, self._step)), before), *older]

@@ -1,4 +1,4 @@
-"""Metrics of recorded runs, with formula, unit and source; summaries, tables, plots and pages."""
+"""Metrics of recorded episodes, with formula, unit and source; summaries, tables, plots and pages."""
 
 import lazy_loader
 

@@ -1,54 +1,87 @@
-"""All metrics by name."""
+"""All metrics by name, and which of them an imported episode lacks the data for."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 from ..errors import MetricError
-from ..registry import METRICS as PLUGINS
-from ..registry import did_you_mean
+from ..record.record import EpisodeRecord
+from ..registry import METRICS as PLUGINS, did_you_mean
 from . import disturbance, interactions, outcomes, paths, space
 from .definition import Metric
 from .interop import VARIANTS
 
 FAMILIES: dict[str, tuple[Metric, ...]] = {
-    "Arriving and touching": outcomes.METRICS,
-    "The way and the motion": paths.METRICS,
-    "Room left to people and things": space.METRICS,
-    "Meetings": interactions.METRICS,
-    "What it cost the people": disturbance.METRICS,
+    "Success, collisions and time": outcomes.METRICS,
+    "Path and motion": paths.METRICS,
+    "Distance to people and obstacles": space.METRICS,
+    "Interactions": interactions.METRICS,
+    "Effect on people": disturbance.METRICS,
 }
 
 
-def _problem(found: object) -> str | None:
-    """Why an object cannot be used as a metric."""
-    return None if isinstance(found, Metric) else "is no Metric; it must be sonata2d.metrics.Metric(...)"
+def _plugin_problem(plugin: object) -> str | None:
+    """The reason why an object cannot be used as a metric, or None."""
+    return None if isinstance(plugin, Metric) else "is not a Metric; it must be a sonata2d.metrics.Metric(...)"
 
 
 if PLUGINS.plugins:
-    FAMILIES["Plug-ins"] = tuple(PLUGINS.load_all(_problem).values())
+    FAMILIES["Plug-ins"] = tuple(PLUGINS.load_all(_plugin_problem).values())
 METRICS: dict[str, Metric] = {metric.name: metric for family in FAMILIES.values() for metric in family}
-ALL: dict[str, Metric] = METRICS | {metric.name: metric for metric in VARIANTS}
+ALL: dict[str, Metric] = METRICS | {metric.name: metric for metric in VARIANTS}  # with other projects' variants
 
 
-def named(names: Iterable[str]) -> tuple[Metric, ...]:
-    """The metrics of these names; `hunavsim` alone stands for all of its variants, `all` for all there is.
+def select_metrics(names: Iterable[str]) -> tuple[Metric, ...]:
+    """Metrics by name, without duplicates.
+
+    Args:
+        names: names of metrics; the name of a project, e.g. `hunavsim`, selects all its variants, and `all` selects
+            every metric except variants.
 
     Raises:
-        MetricError: there is none of a name.
+        MetricError: a name is unknown.
     """
-    return tuple(dict.fromkeys(metric for name in names for metric in _of(name)))
+    return tuple(dict.fromkeys(metric for name in names for metric in _select(name)))
 
 
-def headline() -> tuple[Metric, ...]:
-    """Those that short tables and the picture show."""
+def headline_metrics() -> tuple[Metric, ...]:
+    """The metrics shown in the short table and in the picture."""
     return tuple(metric for metric in METRICS.values() if metric.headline)
 
 
-def _of(name: str) -> tuple[Metric, ...]:
+def _select(name: str) -> tuple[Metric, ...]:
     if name == "all":
         return tuple(METRICS.values())
     found = tuple(metric for metric in ALL.values() if metric.name == name or metric.name.startswith(f"{name}."))
     if found:
         return found
     raise MetricError(f"no metric is named {name!r}{did_you_mean(name, ALL) or '; docs/metrics.md lists them'}")
+
+
+_GOAL = ("success", "timeout", "time_to_goal", "spl", "stl", "shortest_length")
+_COLLISION = ("collisions", "human_collisions", "robot_on_person", "person_on_robot", "both_on_each_other")
+_CLEARANCE = ("human_clearance", "personal_space", "zone", "time_to_collision")
+
+# Names of the metrics, or their first letters, that need each piece of data that `imported.lacks` of a file can name.
+METRICS_REQUIRING: dict[str, tuple[str, ...]] = {
+    "robot": ("",),  # all metrics
+    "goal": _GOAL,
+    "goal.distance": _GOAL,
+    "outcome": ("timeout",),
+    "robot.limits": ("stl",),
+    "robot.radius": (
+        *_COLLISION, *_CLEARANCE, "success_strict", "object_collisions", "wall_collisions", "time_to_first_collision",
+        "obstacle_clearance", "shortest_length", "spl", "stl", "group_intrusion", "interaction_intrusion",
+    ),
+    "humans.radius": (*_COLLISION, *_CLEARANCE, "success_strict", "time_to_first_collision", "group_intrusion"),
+    "humans.desired_speed": ("human_speed_ratio",),
+    "humans.group": ("group_intrusion",),
+    "frames.interactions": ("interaction_intrusion",),
+}  # fmt: skip
+
+
+def is_measurable(metric: Metric, record: EpisodeRecord) -> bool:
+    """Whether an episode has the data that a metric needs; a variant needs what the metric of this package needs."""
+    lacks = (record.document.get("imported") or {}).get("lacks", ())
+    names = (metric.name, metric.variant_of or metric.name)
+    return not any(name.startswith(METRICS_REQUIRING.get(key, ())) for key in lacks for name in names)

@@ -1,4 +1,4 @@
-"""What a metric is: a number of one run, with its unit, its formula and where the formula comes from."""
+"""The definition of a metric: one number of an episode, with its unit, formula and source."""
 
 from __future__ import annotations
 
@@ -9,27 +9,31 @@ from typing import Literal
 
 from .trajectory import Trajectory
 
-DEFINITIONS_VERSION = 1  # of all metrics together; a changed formula raises it
-METRICS_FORMAT = "sonata2d-metrics"
-OURS = "sonata2d"
+DEFINITIONS_VERSION = 1  # of all metrics together; raised when a formula changes
+OURS = "sonata2d"  # source of a formula that is not published elsewhere
 
 Better = Literal["more", "less", "neither"]
+ARROWS: dict[Better, str] = {"more": "↑", "less": "↓", "neither": " "}
 Function = Callable[[Trajectory], float | None]
 
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """One number of one run.
+    """One number of an episode.
 
     Attributes:
-        name: as files and tables call it; a variant begins with whose it is, as in `hunavsim.stalled_time`.
-        unit: SI, or `share` (0..1), `count`, `0/1`.
-        better: which way a controller would want it to go.
-        formula: in words and symbols, as docs/metrics.md shows it.
-        source: paper or program that it is from; `sonata2d` where the definition is ours.
-        function: gives the value of a run; None where it is not defined, as the clearance in a room without people.
-        headline: whether short tables and the picture show it.
-        variant_of: the metric of ours that it is to be compared with.
+        name: in files and tables; the variant of another project starts with the project, as in
+            `hunavsim.stalled_time`.
+        unit: an SI unit, `share` (a fraction, 0 to 1), `count` or `0/1`.
+        better: whether a controller should achieve more or less of it.
+        formula: in words and symbols, as printed in docs/metrics.md.
+        source: the paper or program that defines it; `sonata2d` for definitions of this package.
+        function: computes the value; returns None where the metric is not defined, e.g. a distance to humans in an
+            episode without humans.
+        headline: whether the short table and the picture show it.
+        variant_of: name of the metric of this package to compare a variant with.
+
+    >>> duration = Metric("duration", "s", "less", "t_end - t_0", "mine", lambda trajectory: trajectory.time[-1])
     """
 
     name: str
@@ -41,7 +45,7 @@ class Metric:
     headline: bool = False
     variant_of: str | None = None
 
-    def of(self, run: Trajectory) -> float | None:
-        """The value of a run, rounded to 1e-6; None where it is not defined."""
-        value = self.function(run)
+    def of(self, trajectory: Trajectory) -> float | None:
+        """Compute the value for one episode, rounded to 1e-6; None where the metric is not defined or not finite."""
+        value = self.function(trajectory)
         return None if value is None or not math.isfinite(value) else round(float(value), 6) + 0.0

@@ -1,8 +1,10 @@
-"""What the robot cost the people: their ways and paces against those of the same seed without a robot."""
+"""Metrics of the robot's effect on humans: comparison with the same seed run without a robot."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,132 +12,135 @@ import numpy as np
 from ..agents.controllers.base import Controller
 from ..core.entities import Human, Robot
 from ..core.geometry import Pose, Twist
-from ..core.portable_math import Array
+from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
+from ..core.vectors import lengths
 from ..datasets.mirror import mirrored
 from ..record.canonical import rounded
 from ..record.record import EpisodeRecord
 from ..sim.episode import Episode
 from ..version import PHYSICS_VERSION
 from .definition import OURS, Metric
-from .trajectory import Trajectory, distances
+from .trajectory import Trajectory
 
-FAR = 100.0  # m beyond the room: where the robot waits, minded by nobody, while the people walk alone
+FAR = 100.0  # m outside the room: where the robot stands, ignored, in the run without a robot
 
 
-class _Still(Controller):
-    """Stands."""
+class _StandStill(Controller):
+    """Does not move."""
 
     def act(self, snapshot: Snapshot) -> Twist:
         return Twist()
 
 
 def without_robot(record: EpisodeRecord) -> Array | None:
-    """Where the people of an episode are, look by look, when the same seed runs without a robot.
+    """Run the seed of an episode again without a robot.
+
+    Args:
+        record: the episode.
 
     Returns:
-        (T + 1, N, 2), m, at the precision of files, NaN where absent; None for an episode that the physics of this
-        version did not make, or in which nobody walks.
+        (T + 1, N, 2), m, positions of the humans at all states, rounded as in files, NaN where absent; None for an
+        episode made by another version of the physics, or in which no human walks.
     """
-    if record.document.get("mirrored_from"):  # the seed made the original
-        alone = without_robot(mirrored(record))
-        return None if alone is None else alone * (1.0, -1.0) + 0.0
+    if record.document.get("mirrored_from"):  # the seed gives the original, not its mirror image
+        positions = without_robot(mirrored(record))
+        return None if positions is None else positions * (1.0, -1.0) + 0.0
     scene = record.scene()
     is_ours = record.document["physics"] == PHYSICS_VERSION
     if not is_ours or not any(_walks(human) for human in scene.humans):
         return None
-    episode = Episode(_emptied(scene), _Still())
-    places = [_places(episode.look())]
+    episode = Episode(_scene_without_robot(scene), _StandStill())
+    states = [_positions(episode.snapshot())]
     for _ in range(len(record)):
         episode.step()
-        places.append(_places(episode.look()))
-    return rounded(np.stack(places))
+        states.append(_positions(episode.snapshot()))
+    return rounded(np.stack(states))
 
 
-def _places(look: Snapshot) -> Array:
+def _positions(snapshot: Snapshot) -> Array:
     """(N, 2), m; NaN where absent."""
-    return np.asarray(look.humans.among_all(look.humans.position, len(look.scene.humans), np.nan))
+    humans = snapshot.humans
+    return np.asarray(humans.expand(humans.position, len(snapshot.scene.humans), np.nan))
 
 
 def _walks(human: Human) -> bool:
-    """Whether somebody goes where they want to: those who are recorded take no notice of a robot."""
+    """Whether a human walks to its own goals; a recorded one follows its track and never reacts to a robot."""
     return human.behaviour in ("wandering", "walking")
 
 
-def _emptied(scene: Scene) -> Scene:
-    """The same scene with its robot far away, and ignored."""
+def _scene_without_robot(scene: Scene) -> Scene:
+    """The scene with its robot far away and ignored, so that random streams are drawn as with the robot."""
     x, y = scene.outline.max(axis=0).tolist()
     robot: Robot = replace(scene.robot, pose=Pose(x + FAR, y + FAR))
-    people = tuple(replace(human, reacts_to_robot=0.0) for human in scene.humans)
-    return replace(scene, robot=robot, humans=people, rules=replace(scene.rules, ends_on=()))
+    humans = tuple(replace(human, reacts_to_robot=0.0) for human in scene.humans)
+    return replace(scene, robot=robot, humans=humans, rules=replace(scene.rules, ends_on=()))
 
 
-def human_speed_ratio(run: Trajectory) -> float | None:
-    """Mean over looks and walkers of speed over desired speed; None where nobody walks."""
-    there = run.present & _walkers(run)
-    if not there.any():
+def human_speed_ratio(trajectory: Trajectory) -> float | None:
+    """Mean over states and walking humans of speed over desired speed; None without walking humans."""
+    present = trajectory.present & _walkers(trajectory)
+    if not present.any():
         return None
-    wanted = np.array([human.desired_speed for human in run.scene.humans])
-    return float((distances(run.people[:, :, 3:5], (0.0, 0.0)) / wanted)[there].mean())
+    desired = np.array([human.desired_speed for human in trajectory.scene.humans])
+    return float((lengths(trajectory.human_velocity) / desired)[present].mean())
 
 
-def human_deviation_mean(run: Trajectory) -> float | None:
-    """m, mean over looks and walkers, from where they would have been without the robot; None if that is unknown."""
-    away = _deviation(run)
-    return None if away is None or np.isnan(away).all() else float(np.nanmean(away))
+def human_deviation(trajectory: Trajectory, reduce: Callable[[Array], Any]) -> float | None:
+    """Distance of walking humans from their positions without the robot, m; None if these are unknown.
 
-
-def human_deviation_max(run: Trajectory) -> float | None:
-    """m, the largest of any walker at any look."""
-    away = _deviation(run)
-    return None if away is None or np.isnan(away).all() else float(np.nanmax(away))
-
-
-def human_slowing(run: Trajectory) -> float | None:
-    """m/s, by which walkers got on more slowly than without the robot; negative if faster; None if unknown."""
-    took = float(run.time[-1] - run.time[0])
-    if run.alone is None or took == 0.0:
+    Args:
+        reduce: combines the distances, (L, W) for W walking humans with NaN where absent, e.g. `np.nanmean`.
+    """
+    if trajectory.undisturbed is None:
         return None
-    walks = _walkers(run)
-    alone, here = run.alone[: len(run), walks], run.people[:, walks, :2]
-    steps = [distances(places[1:], places[:-1]) for places in (alone, here)]
-    both = ~np.isnan(steps[0] + steps[1])  # of the steps at which they are there in both runs
+    walkers = _walkers(trajectory)
+    undisturbed = trajectory.undisturbed[: len(trajectory), walkers]
+    deviation = lengths(trajectory.human_position[:, walkers] - undisturbed)
+    return None if np.isnan(deviation).all() else float(reduce(deviation))
+
+
+def human_slowing(trajectory: Trajectory) -> float | None:
+    """Mean speed that walking humans lose against the run without the robot, m/s; negative if they gain.
+
+    Returns:
+        None if the run without the robot is unknown.
+    """
+    if trajectory.undisturbed is None or trajectory.total_time == 0.0:
+        return None
+    walkers = _walkers(trajectory)
+    runs = trajectory.undisturbed[: len(trajectory), walkers], trajectory.human_position[:, walkers]
+    undisturbed, disturbed = (lengths(positions[1:] - positions[:-1]) for positions in runs)
+    both = ~np.isnan(undisturbed + disturbed)  # steps during which the human is present in both runs
     if not both.any():
         return None
-    each = np.where(both, steps[0] - steps[1], 0.0).sum()
-    return float(each) / (float(np.where(both, run.lasted[:, None], 0.0).sum()))
+    lost = np.where(both, undisturbed - disturbed, 0.0).sum()
+    return float(lost) / float(np.where(both, trajectory.durations[:, None], 0.0).sum())
 
 
-def _walkers(run: Trajectory) -> Any:
-    """(N,) of bool."""
-    return np.array([_walks(human) for human in run.scene.humans], dtype=bool)
-
-
-def _deviation(run: Trajectory) -> Array | None:
-    """(L, W), m, of W walkers."""
-    if run.alone is None:
-        return None
-    walks = _walkers(run)
-    return distances(run.people[:, walks, :2], run.alone[: len(run), walks])
+def _walkers(trajectory: Trajectory) -> BoolArray:
+    """(N,), which humans walk."""
+    return np.array([_walks(human) for human in trajectory.scene.humans], dtype=bool)
 
 
 METRICS = (
     Metric(
-        "human_speed_ratio", "share", "more", "mean over looks and walkers of |v_person| / desired speed",
+        "human_speed_ratio", "share", "more", "mean over states and walking people of |v_person| / desired speed",
         "HuNavSim, avg_pedestrian_velocity, over the desired speed", human_speed_ratio,
     ),
     Metric(
         "human_deviation_mean", "m", "less",
-        "mean over looks and walkers of |q − q₀|, q₀ = the person's place in a rerun of the seed without a robot. Who"
-        " is held up may then choose another place to go to, as may those after them: read it beside human_slowing",
-        "the comparison is SACSoN's (Hirose et al., arXiv 2306.01874)", human_deviation_mean,
+        "mean over states and walking people of |q − q₀|, q₀ = position in a rerun of the seed without a robot. A"
+        " person delayed by the robot may choose another destination, and so may others after them: read together with"
+        " human_slowing",
+        "the comparison is SACSoN's (Hirose et al., arXiv 2306.01874)", partial(human_deviation, reduce=np.nanmean),
     ),
-    Metric("human_deviation_max", "m", "less", "max over looks and walkers of |q − q₀|", "as human_deviation_mean",
-           human_deviation_max),
+    Metric("human_deviation_max", "m", "less", "max over states and walking people of |q − q₀|",
+           "as human_deviation_mean", partial(human_deviation, reduce=np.nanmax)),
     Metric(
         "human_slowing", "m/s", "less",
-        "mean over walkers of (way gone in the rerun without a robot − way gone) / T", OURS, human_slowing,
+        "mean over walking people of (path length in the rerun without a robot − path length) / T", OURS, human_slowing,
         headline=True,
     ),
 )  # fmt: skip

@@ -1,11 +1,11 @@
-"""How robot and people came near each other in an episode, told from where they went alone."""
+"""Encounters of the robot with humans and groups in an episode, derived from their positions alone."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -18,249 +18,273 @@ from ..core.snapshot import Snapshot
 from ..core.vectors import lengths
 from ..record.record import EpisodeRecord
 
-WINDOW = 2.0  # s, before and after the nearest moment: the way each goes while they meet
-PASSING = 20.0  # s, before and after: who was ahead, and who is
-STAYED = 0.4  # m: who got less far within the window stood
-HEAD_ON, SAME_WAY = 3 * np.pi / 4, np.pi / 4  # rad, between the ways of two who meet
-AT_DOOR, DOOR = 2.5, 1.3  # m: how near a doorway is at it; the widest that counts as narrow
-TOGETHER = SOCIAL_DISTANCE / 2  # m, mean distance from the middle, up to which a group has not broken up
-JOINED = 0.4  # m, that somebody who joins may stand farther out than the members do
+DIRECTION_WINDOW = 2.0  # s before and after the nearest moment, over which directions of motion are taken
+PASSING_WINDOW = 20.0  # s before and after the nearest moment, at which "ahead" and "behind" are compared
+STILL_DISTANCE = 0.4  # m; a smaller displacement within the direction window counts as standing
+HEAD_ON_ANGLE, SAME_WAY_ANGLE = 3 * np.pi / 4, np.pi / 4  # rad, between the directions of robot and human
+DOOR_RANGE, MAX_DOOR_WIDTH = 2.5, 1.3  # m; distance up to which an agent is at a doorway; wider gaps are no doorways
+MAX_GROUP_RADIUS = SOCIAL_DISTANCE / 2  # m; a group with a larger radius has broken up
+JOIN_TOLERANCE = 0.4  # m, by which a robot that has joined a group may be farther from the centre than the members
 
 Kind = Literal["head-on", "overtaking", "overtaken", "alongside", "crossing", "standing", "waiting"]
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """Where all went: L looks, N people; m, world frame. Who is absent is NaN."""
+class Tracks:
+    """Positions in all L states of an episode with N humans; m, world frame, NaN where absent."""
 
     scene: Scene
     robot: Array  # (L, 2)
-    people: Array  # (L, N, 2)
+    humans: Array  # (L, N, 2)
 
     @classmethod
-    def of(cls, episode: EpisodeRecord | Iterable[Snapshot]) -> Course:
-        """From a recorded episode, or from the snapshots of a live one."""
+    def of(cls, episode: EpisodeRecord | Iterable[Snapshot]) -> Tracks:
+        """The tracks of a recorded episode, or of the snapshots of a live one."""
         if isinstance(episode, EpisodeRecord):
-            return cls(episode.scene(), episode.looks.robot[:, :2], episode.looks.humans[:, :, :2])
-        looks = list(episode)
-        robot, count = np.array([look.robot.position for look in looks], dtype=float), len(looks[0].scene.humans)
-        people = [look.humans.among_all(look.humans.position, count, np.nan) for look in looks]
-        return cls(looks[0].scene, robot, np.stack(people))
+            return cls(episode.scene(), episode.states.robot[:, :2], episode.states.humans[:, :, :2])
+        snapshots = list(episode)
+        scene = snapshots[0].scene
+        robot = np.array([snapshot.robot.position for snapshot in snapshots], dtype=float)
+        humans = [s.humans.expand(s.humans.position, len(scene.humans), np.nan) for s in snapshots]
+        return cls(scene, robot, np.stack(humans))
 
     @property
     def dt(self) -> float:
+        """From one state to the next, s."""
         return self.scene.rules.dt
 
 
 @dataclass(frozen=True, slots=True)
 class Meeting:
-    """How robot and person came near each other.
+    """The approach of the robot and one human.
 
     Attributes:
-        person: id.
-        kind: by the angle between the ways they go about the nearest moment; overtaking: the robot passes the person,
-            overtaken: the person the robot; waiting: the robot stands.
+        person: id of the human.
+        kind: by the angle between the directions around the nearest moment. `overtaking`: the robot passes the human;
+            `overtaken`: the human passes the robot; `standing`: the human stands; `waiting`: the robot stands.
         time: of the nearest moment, s.
-        gap: between their outlines then, m.
-        angle: between their ways, rad, 0..pi.
-        side: on which the robot has the person then.
-        sight: m, between centres, when a wall no longer hid them from each other; None if it never did.
-        missed: s, between their visits to where their ways cross; None if they do not.
-        at_door: m, the width of a doorway with one of them on either side, both near it; None if there is none.
+        clearance: between the outlines at the nearest moment, m.
+        angle: between the directions, 0 to pi, rad.
+        side: of the robot, on which the human is at the nearest moment.
+        sight_distance: between the centres when a wall first no longer hides them from each other, m; None if they
+            see each other from the start, or never.
+        crossing_delay: time between the two passages of the point where the paths cross, s; None if they do not cross.
+        door_width: of a doorway that both are near, on opposite sides, and that the human passes, m; None without one.
     """
 
     person: int
     kind: Kind
     time: float
-    gap: float
+    clearance: float
     angle: float
     side: Literal["left", "right"]
-    sight: float | None
-    missed: float | None
-    at_door: float | None
+    sight_distance: float | None
+    crossing_delay: float | None
+    door_width: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class GroupMeeting:
-    """How the robot and a group came near each other, while all of its members were there and together.
+    """The approach of the robot and a group, while all members of the group are present and together.
 
     Attributes:
         group: id.
-        in_the_way: whether the robot's straight way to its goal leads through the group.
-        nearest: m, least distance of the robot's centre from the middle; of talkers, from that of the circle.
-        reach: m, mean distance of the members from the middle then.
-        joined: whether in the end the robot stands as near to the middle as the members do.
+        blocks_path: whether the straight line from the robot's start to its goal leads through the group.
+        distance: smallest distance of the robot's centre from the centre of the group, m.
+        radius: mean distance of the members from the centre of the group at that moment, m.
+        joined: whether the robot stands as near to the centre as the members do at the end.
     """
 
     group: int
-    in_the_way: bool
-    nearest: float
-    reach: float
+    blocks_path: bool
+    distance: float
+    radius: float
     joined: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Encounter:
-    """All that took place between robot and people.
+    """All encounters of an episode.
 
     Attributes:
-        meetings: with everybody, nearest first.
-        groups: with those who walk or talk together.
-        company: people within 3.6 m of the robot's outline, on average over looks.
-        density: people per m2 of the room's outline, on average over looks.
+        meetings: with each human, nearest first.
+        groups: with each group.
+        neighbours: mean number of humans within 3.6 m of the robot's outline.
+        density: mean number of humans per m² of the room.
     """
 
     meetings: tuple[Meeting, ...]
     groups: tuple[GroupMeeting, ...]
-    company: float
+    neighbours: float
     density: float
 
 
 def encounter(episode: EpisodeRecord | Iterable[Snapshot]) -> Encounter:
-    """What took place between robot and people in an episode, recorded or live."""
-    course = Course.of(episode)
-    scene = course.scene
-    there = [k for k in range(len(scene.humans)) if np.isfinite(course.people[:, k, 0]).any()]
-    meetings = sorted((_meeting(course, k) for k in there), key=lambda meeting: meeting.gap)
-    gaps = np.stack([_gaps(course, k) for k in there]) if there else np.full((1, 1), np.inf)
+    """Find the encounters of an episode.
+
+    Args:
+        episode: a recorded episode, or the snapshots of a live one.
+    """
+    tracks = Tracks.of(episode)
+    scene = tracks.scene
+    present = [k for k in range(len(scene.humans)) if np.isfinite(tracks.humans[:, k, 0]).any()]
+    meetings = sorted((_meeting(tracks, k) for k in present), key=lambda meeting: meeting.clearance)
+    clearance = np.stack([_clearance(tracks, k) for k in present]) if present else np.full((1, 1), np.inf)
     x, y = scene.outline.T
     area = abs(float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())) / 2
     return Encounter(
         tuple(meetings),
-        tuple(meeting for group in scene.groups if (meeting := _group_meeting(course, group)) is not None),
-        float((gaps < SOCIAL_DISTANCE).sum(axis=0).mean()),
-        float(np.isfinite(gaps).sum(axis=0).mean()) / area,
+        tuple(meeting for group in scene.groups if (meeting := _group_meeting(tracks, group)) is not None),
+        float((clearance < SOCIAL_DISTANCE).sum(axis=0).mean()),
+        float(np.isfinite(clearance).sum(axis=0).mean()) / area,
     )
 
 
 def doorways(scene: Scene) -> list[tuple[Point, Point]]:
-    """Gaps of up to 1.3 m between loose ends of walls."""
+    """Both ends of each gap of up to 1.3 m between free ends of walls, m."""
     ends = [end for wall in scene.walls for end in (wall.start, wall.end)]
     barriers = [Barriers.of([(wall.start, wall.end, 0.0)]) for wall in scene.walls]
-    loose = [end for end in ends if sum(b.gaps(np.array([end])).min() < 1e-3 for b in barriers) == 1]
-    return [(a, b) for a, b in combinations(loose, 2) if 0.0 < lengths(np.subtract(a, b)) <= DOOR]
+    free = [end for end in ends if sum(b.gaps(np.array([end])).min() < 1e-3 for b in barriers) == 1]
+    return [(a, b) for a, b in combinations(free, 2) if 0.0 < lengths(np.subtract(a, b)) <= MAX_DOOR_WIDTH]
 
 
-def _meeting(course: Course, k: int) -> Meeting:
-    gaps = _gaps(course, k)
-    nearest = int(np.argmin(gaps))
-    reach, far = round(WINDOW / course.dt), round(PASSING / course.dt)
-    robot, person = course.robot, course.people[:, k]
-    came, went = np.flatnonzero(np.isfinite(gaps))[[0, -1]].tolist()
-    first, last = max(nearest - reach, came), min(nearest + reach, went)
-    ways = robot[last] - robot[first], person[last] - person[first]
-    angle = _angle(*ways)
-    offset = person - robot
-    cross = ways[0][0] * offset[nearest][1] - ways[0][1] * offset[nearest][0]
+def _meeting(tracks: Tracks, k: int) -> Meeting:
+    """The meeting with the human of index k."""
+    clearance = _clearance(tracks, k)
+    nearest = int(np.argmin(clearance))
+    near, far = round(DIRECTION_WINDOW / tracks.dt), round(PASSING_WINDOW / tracks.dt)
+    robot, human = tracks.robot, tracks.humans[:, k]
+    entered, left = np.flatnonzero(np.isfinite(clearance))[[0, -1]].tolist()  # first and last state with the human
+    first, last = max(nearest - near, entered), min(nearest + near, left)
+    moved = robot[last] - robot[first], human[last] - human[first]
+    angle = _angle(*moved)
+    offset = human - robot
+    cross = moved[0][0] * offset[nearest][1] - moved[0][1] * offset[nearest][0]
     return Meeting(
-        person=course.scene.humans[k].id,
-        kind=_kind(ways, angle, offset[max(nearest - far, came)], offset[min(nearest + far, went)]),
-        time=round(nearest * course.dt, 4),
-        gap=float(gaps[nearest]),
+        person=tracks.scene.humans[k].id,
+        kind=_kind(moved, angle, offset[max(nearest - far, entered)], offset[min(nearest + far, left)]),
+        time=round(nearest * tracks.dt, 4),
+        clearance=float(clearance[nearest]),
         angle=angle,
         side="left" if cross > 0.0 else "right",
-        sight=_sight(course, k),
-        missed=_missed(course, k),
-        at_door=_at_door(course, k),
+        sight_distance=_sight_distance(tracks, k),
+        crossing_delay=_crossing_delay(tracks, k),
+        door_width=_door_width(tracks, k),
     )
 
 
-def _gaps(course: Course, k: int) -> Array:
-    """(L,), m, between the outlines of robot and person; inf where the person is absent."""
-    away = lengths(course.people[:, k] - course.robot) - course.scene.humans[k].radius - course.scene.robot.radius
-    return np.where(np.isfinite(away), away, np.inf)
+def _clearance(tracks: Tracks, k: int) -> Array:
+    """(L,), m, between the outlines of the robot and a human; inf where the human is absent."""
+    distance = lengths(tracks.humans[:, k] - tracks.robot)
+    clearance = distance - tracks.scene.humans[k].radius - tracks.scene.robot.radius
+    return np.where(np.isfinite(clearance), clearance, np.inf)
 
 
-def _kind(ways: tuple[Array, Array], angle: float, before: Array, after: Array) -> Kind:
-    """By the ways of robot and person, and where the person is, from the robot, before and after."""
-    if not lengths(ways[1]) > STAYED:
+def _kind(moved: tuple[Array, Array], angle: float, before: Array, after: Array) -> Kind:
+    """Classify a meeting.
+
+    Args:
+        moved: displacements of robot and human, (2,) each, m.
+        angle: between them, rad.
+        before, after: (2,), m, offset from the robot to the human before and after the meeting.
+    """
+    if not lengths(moved[1]) > STILL_DISTANCE:
         return "standing"
-    if not lengths(ways[0]) > STAYED:
+    if not lengths(moved[0]) > STILL_DISTANCE:
         return "waiting"
-    if angle >= HEAD_ON:
+    if angle >= HEAD_ON_ANGLE:
         return "head-on"
-    if angle > SAME_WAY:
+    if angle > SAME_WAY_ANGLE:
         return "crossing"
-    way = ways[0] + ways[1]
-    ahead_before, ahead_after = float((before * way).sum()), float((after * way).sum())
+    # in the same direction: compare along it whether the human is ahead of the robot
+    along = moved[0] + moved[1]
+    ahead_before, ahead_after = float((before * along).sum()), float((after * along).sum())
     if ahead_before > 0.0 > ahead_after:
         return "overtaking"
     return "overtaken" if ahead_before < 0.0 < ahead_after else "alongside"
 
 
-def _sight(course: Course, k: int) -> float | None:
-    """m, at the first look at which they see each other; None if they do from the start, or never."""
-    walls = Barriers.of((wall.start, wall.end, 0.0) for wall in course.scene.walls)
-    there = np.isfinite(course.people[:, k, 0])
-    robot, person = course.robot[there], course.people[there, k]
-    hidden: Any = np.any(segments_cross(robot, person, walls), axis=0)
+def _sight_distance(tracks: Tracks, k: int) -> float | None:
+    """Distance in the first state without a wall between robot and human, m; None if that is the first, or none."""
+    walls = Barriers.of((wall.start, wall.end, 0.0) for wall in tracks.scene.walls)
+    present = np.isfinite(tracks.humans[:, k, 0])
+    robot, human = tracks.robot[present], tracks.humans[present, k]
+    hidden = np.any(segments_cross(robot, human, walls), axis=0)
     if not hidden[0] or hidden.all():
         return None
-    return float(lengths(person - robot)[int(np.argmin(hidden))])
+    return float(lengths(human - robot)[int(np.argmin(hidden))])
 
 
-def _missed(course: Course, k: int) -> float | None:
-    """s, between the moments at which robot and person are where their ways cross; the least if they do so often."""
-    robot, person = course.robot, course.people[:, k]
-    steps = Barriers(person[:-1], person[1:], np.zeros(len(person) - 1))
-    there, here = np.nonzero(segments_cross(robot[:-1], robot[1:], steps))
-    return None if len(here) == 0 else float(np.abs(here - there).min()) * course.dt
+def _crossing_delay(tracks: Tracks, k: int) -> float | None:
+    """Time between the passages of robot and human at the point where their paths cross, s; the smallest if several."""
+    robot, human = tracks.robot, tracks.humans[:, k]
+    human_steps = Barriers(human[:-1], human[1:], np.zeros(len(human) - 1))
+    human_index, robot_index = np.nonzero(segments_cross(robot[:-1], robot[1:], human_steps))
+    return None if len(robot_index) == 0 else float(np.abs(robot_index - human_index).min()) * tracks.dt
 
 
-def _at_door(course: Course, k: int) -> float | None:
-    """m, the width of a doorway with robot and person near it, one on either side."""
-    for a, b in doorways(course.scene):
+def _door_width(tracks: Tracks, k: int) -> float | None:
+    """Width of the first doorway that robot and human are near on opposite sides, and that the human passes, m."""
+    for a, b in doorways(tracks.scene):
         start, end = np.array(a), np.array(b)
         along, middle = end - start, (start + end) / 2
-        one, other = (
-            along[0] * (who[:, 1] - middle[1]) - along[1] * (who[:, 0] - middle[0])
-            for who in (course.robot, course.people[:, k])
+        # sign: the side of the doorway
+        robot, human = (
+            along[0] * (track[:, 1] - middle[1]) - along[1] * (track[:, 0] - middle[0])
+            for track in (tracks.robot, tracks.humans[:, k])
         )
-        near = [lengths(who - middle) < AT_DOOR for who in (course.robot, course.people[:, k])]
-        went_through = other[np.isfinite(other)][0] * other[np.isfinite(other)][-1] < 0.0
-        if went_through and bool(((one * other < 0.0) & near[0] & near[1]).any()):
+        near = [lengths(track - middle) < DOOR_RANGE for track in (tracks.robot, tracks.humans[:, k])]
+        passed = human[np.isfinite(human)][0] * human[np.isfinite(human)][-1] < 0.0
+        if passed and bool(((robot * human < 0.0) & near[0] & near[1]).any()):
             return float(lengths(along))
     return None
 
 
-def _group_meeting(course: Course, group: Group) -> GroupMeeting | None:
-    """None for a group that is never together."""
-    index = {human.id: k for k, human in enumerate(course.scene.humans)}
-    places = course.people[:, [index[m] for m in group.members]]
-    middle = _middles(places, in_circle=group.kind == "talking" and len(group.members) > 2)
-    reach = lengths(places - middle[:, None]).mean(axis=1)
-    away = np.where(reach < TOGETHER, lengths(middle - course.robot), np.nan)
-    if not np.isfinite(away).any():
+def _group_meeting(tracks: Tracks, group: Group) -> GroupMeeting | None:
+    """The meeting with a group; None if the group is never together."""
+    column = {human.id: k for k, human in enumerate(tracks.scene.humans)}
+    members = tracks.humans[:, [column[m] for m in group.members]]
+    centre = _centres(members, in_circle=group.kind == "talking" and len(group.members) > 2)
+    radius = lengths(members - centre[:, None]).mean(axis=1)
+    distance = np.where(radius < MAX_GROUP_RADIUS, lengths(centre - tracks.robot), np.nan)
+    if not np.isfinite(distance).any():
         return None
-    nearest = int(np.nanargmin(away))
-    goal = np.array([course.scene.goal.position])
-    straight = Barriers(course.robot[:1], goal, np.zeros(1))
+    nearest = int(np.nanargmin(distance))
+    goal = np.array([tracks.scene.goal.position])
+    straight = Barriers(tracks.robot[:1], goal, np.zeros(1))
     return GroupMeeting(
         group=group.id,
-        in_the_way=bool(straight.gaps(middle[nearest : nearest + 1])[0, 0] < reach[nearest]),
-        nearest=float(away[nearest]),
-        reach=float(reach[nearest]),
-        joined=bool(away[-1] < reach[-1] + JOINED),
+        blocks_path=bool(straight.gaps(centre[nearest : nearest + 1])[0, 0] < radius[nearest]),
+        distance=float(distance[nearest]),
+        radius=float(radius[nearest]),
+        joined=bool(distance[-1] < radius[-1] + JOIN_TOLERANCE),
     )
 
 
-def _middles(places: Array, *, in_circle: bool) -> Array:
-    """(L, 2), the middle of (L, M, 2) members; of those in a circle, which may be open, the circle's centre.
+def _centres(members: Array, *, in_circle: bool) -> Array:
+    """Centre of a group in each state.
+
+    Args:
+        members: (L, M, 2), m, NaN where absent.
+        in_circle: whether to fit a circle, as the mean of an open circle is not its centre.
+
+    Returns:
+        (L, 2), m, the mean of the members or the centre of the circle; NaN if a member is absent.
 
     Source: Kåsa, IEEE Trans. Instrum. Meas. 25 (1976) 8, the least-squares circle.
     """
-    middles: Array = places.mean(axis=1)
+    centres: Array = members.mean(axis=1)
     if not in_circle:
-        return middles
-    for k in np.flatnonzero(np.isfinite(middles[:, 0])):
-        from_mean = places[k] - middles[k]
+        return centres
+    for index in np.flatnonzero(np.isfinite(centres[:, 0])):
+        from_mean = members[index] - centres[index]
         rows = np.column_stack((2 * from_mean, np.ones(len(from_mean))))
-        centre = np.linalg.lstsq(rows, (from_mean**2).sum(axis=1), rcond=None)[0][:2]
-        if lengths(centre) < lengths(from_mean).max():  # else they stand in a line
-            middles[k] += centre
-    return middles
+        offset = np.linalg.lstsq(rows, (from_mean**2).sum(axis=1), rcond=None)[0][:2]
+        if lengths(offset) < lengths(from_mean).max():  # otherwise the members stand in a line
+            centres[index] += offset
+    return centres
 
 
 def _angle(a: Array, b: Array) -> float:
-    """Between two ways, rad, 0..pi."""
+    """Angle between two vectors, 0 to pi, rad."""
     return float(abs(np.arctan2(a[0] * b[1] - a[1] * b[0], (a * b).sum())))

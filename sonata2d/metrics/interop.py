@@ -1,7 +1,7 @@
-"""The same names as other programs mean them, for comparison with numbers that were made there.
+"""Metrics of the same names as other projects define them, to compare with numbers published by those projects.
 
-Facts about SocNavGym (`socnavenv_v1.py`), HuNavSim (`hunav_metrics.py`) and SocNav3 (its baseline's `metrics.py`) were
-read in their sources; where their code differs from their documentation, the code counts.
+The definitions were read in the sources of SocNavGym (`socnavenv_v1.py`), HuNavSim (`hunav_metrics.py`) and SocNav3
+(`metrics.py` of its baseline). Where code and documentation of a project differ, the variant follows the code.
 """
 
 from __future__ import annotations
@@ -12,224 +12,234 @@ from typing import Literal
 import numpy as np
 
 from ..core.portable_math import Array
-from ..core.vectors import wrap_angles
+from ..core.vectors import lengths, wrap_angles
 from .definition import Better, Function, Metric
 from .interactions import times_to_collision
 from .paths import path_length
-from .space import ZONES
-from .trajectory import Trajectory, distances
+from .space import ZONES, zone_fraction
+from .trajectory import Trajectory
 
-SOCNAV3_PERSON = 0.3  # m, everybody's radius there
-HUNAV_TOUCH = 0.02  # m
+SOCNAV3_HUMAN_RADIUS = 0.3  # m, the same for every human
+SOCNAV3_IMMINENT = 0.01  # s, time to collision up to which fear is 10
+HUNAV_CONTACT_DISTANCE = 0.02  # m
 HUNAV_STILL_SPEED, HUNAV_STILL_TURN = 0.01, 0.02  # m/s, rad/s
-HUNAV_GOAL_SLACK = 0.05  # m beyond the goal's radius
-HUNAV_GROUP_AHEAD = 1.5  # m ahead of each member, where the middle of the group is taken to be
-SOCNAV3_SOON = 0.01  # s, below which fear is 10
+HUNAV_GOAL_TOLERANCE = 0.05  # m, added to the goal's radius
+HUNAV_GROUP_AHEAD = 1.5  # m, ahead of each member, where the centre of the group is assumed
 
 
-def socnavgym_compliance(run: Trajectory) -> float | None:
-    """Share of looks with the robot's outline 0.45 m or more from every person's centre."""
-    if not run.has_people:
+def socnavgym_compliance(trajectory: Trajectory) -> float | None:
+    """Fraction of the states in which the robot's outline is 0.45 m or more from every human's centre."""
+    if not trajectory.has_humans:
         return None
-    return float((run.distance.min(axis=1, initial=np.inf) - run.radius >= 0.45).mean())
+    return float((trajectory.distance.min(axis=1, initial=np.inf) - trajectory.radius >= 0.45).mean())
 
 
-def socnavgym_distance(run: Trajectory) -> float | None:
-    """m, least distance between centres."""
-    return float(run.distance.min()) if run.has_people else None
+def socnavgym_distance(trajectory: Trajectory) -> float | None:
+    """Smallest distance between the centres of robot and human, m."""
+    return float(trajectory.distance.min()) if trajectory.has_humans else None
 
 
-def socnavgym_no_progress(run: Trajectory) -> float:
-    """Looks at which the goal is further, as the crow flies, than at the look before."""
-    return float((np.diff(distances(run.position, run.scene.goal.position)) > 0.0).sum())
+def socnavgym_no_progress(trajectory: Trajectory) -> float:
+    """Number of states with a larger straight-line distance to the goal than the state before."""
+    return float((np.diff(lengths(trajectory.position - trajectory.scene.goal.position)) > 0.0).sum())
 
 
-def socnavgym_stalled(run: Trajectory) -> float:
-    """s, of the ticks with a command of exactly no advance and no lateral speed; turning counts as stalled."""
-    return float(run.lasted[(_executed(run)[:, :2] == 0.0).all(axis=1)].sum())
+def socnavgym_stalled(trajectory: Trajectory) -> float:
+    """Total duration of the ticks whose executed vx and vy are exactly zero, s; the robot may turn."""
+    return float(trajectory.durations[(_executed_velocity(trajectory) == 0.0).all(axis=1)].sum())
 
 
-def socnavgym_jerk(run: Trajectory) -> float | None:
-    """m/s³, mean size of the second difference of the commanded (vx, vy), body frame, which was zero before."""
-    if not len(run.lasted):
+def socnavgym_jerk(trajectory: Trajectory) -> float | None:
+    """Mean length of the second difference of the executed (vx, vy), body frame, m/s³; zero before the start."""
+    if not len(trajectory.durations):
         return None
-    step = run.lasted[:, None]
-    acceleration = np.diff(_executed(run)[:, :2], axis=0, prepend=np.zeros((1, 2))) / step
-    jerk = np.diff(acceleration, axis=0, prepend=np.zeros((1, 2))) / step
-    return float(distances(jerk, (0.0, 0.0)).mean())
+    durations, before = trajectory.durations[:, None], np.zeros((1, 2))
+    acceleration = np.diff(_executed_velocity(trajectory), axis=0, prepend=before) / durations
+    jerk = np.diff(acceleration, axis=0, prepend=before) / durations
+    return float(lengths(jerk).mean())
 
 
-def socnavgym_obstacle(run: Trajectory) -> float | None:
-    """m, from the robot's centre to the nearest outline of a wall or thing."""
-    return float(run.barrier_gaps.min()) + run.radius if len(run.barrier_gaps) else None
+def socnavgym_obstacle(trajectory: Trajectory) -> float | None:
+    """Smallest distance from the robot's centre to the outline of a wall or object, m."""
+    clearance = trajectory.barrier_clearance
+    return float(clearance.min()) + trajectory.radius if len(clearance) else None
 
 
-def hunav_goal(run: Trajectory) -> float:
-    """1 if the last look is less than 5 cm beyond the goal's radius, whatever the heading."""
-    away = float(distances(run.position[-1], run.scene.goal.position))
-    return float(away - run.scene.goal.distance < HUNAV_GOAL_SLACK)
+def hunav_goal(trajectory: Trajectory) -> float:
+    """1 if the last state is less than 5 cm outside the goal's radius, with any heading."""
+    distance = float(lengths(trajectory.position[-1] - trajectory.scene.goal.position))
+    return float(distance - trajectory.scene.goal.distance < HUNAV_GOAL_TOLERANCE)
 
 
-def hunav_stalled(run: Trajectory) -> float:
-    """s, looks with |v| < 0.01 and ω < 0.02 (a turn to the right counts as standing) times T / L."""
-    omega = run.record.looks.robot[: len(run), 5]
-    still = (distances(run.velocity, (0.0, 0.0)) < HUNAV_STILL_SPEED) & (omega < HUNAV_STILL_TURN)
-    return float(still.sum()) * float(run.time[-1] - run.time[0]) / len(run)
+def hunav_stalled(trajectory: Trajectory) -> float:
+    """Number of states with |v| < 0.01 m/s and ω < 0.02 rad/s times T / L, s; every right turn counts as still."""
+    still = (lengths(trajectory.velocity) < HUNAV_STILL_SPEED) & (trajectory.omega < HUNAV_STILL_TURN)
+    return float(still.sum()) * trajectory.total_time / len(trajectory)
 
 
-def hunav_hits(run: Trajectory, by: Literal["robot", "person"]) -> float:
-    """Looks times people nearer than 0.02 m, given to whoever has the other more straight ahead.
+def hunav_collisions(trajectory: Trajectory, by: Literal["robot", "person"]) -> float:
+    """Number of (state, human) pairs with a clearance below 0.02 m, attributed by bearings.
 
-    α is the robot's bearing from the person; of the person's bearing from the robot the two arguments of atan2 are
-    exchanged, so that α' is π/2 less it. Equal angles count for both where speeds are equal too.
+    A pair is attributed to the robot if |α| < |α'|, where α is the robot's bearing seen from the human and α' is π/2
+    minus the human's bearing seen from the robot (HuNavSim exchanges the arguments of atan2), and to the human if |α|
+    is larger. Pairs of equal speeds count only if both angles are equal, and then for both.
     """
-    look, k = np.nonzero(run.gaps < HUNAV_TOUCH)
-    person, offset = run.people[look, k], run.offset[look, k]
-    alpha = np.abs(_bearing(-offset, person[:, 2]))
-    other = np.abs(wrap_angles(np.pi / 2.0 - _bearing(offset, run.heading[look])))
-    own_speed, speed = distances(run.velocity[look], (0.0, 0.0)), distances(person[:, 3:5], (0.0, 0.0))
-    first = alpha < other if by == "robot" else alpha > other
-    return float(((first & (own_speed != speed)) | ((alpha == other) & (own_speed == speed))).sum())
+    index, k = np.nonzero(trajectory.human_clearance < HUNAV_CONTACT_DISTANCE)
+    offset = trajectory.offset[index, k]
+    alpha = np.abs(_bearing(-offset, trajectory.human_heading[index, k]))
+    alpha_prime = np.abs(wrap_angles(np.pi / 2.0 - _bearing(offset, trajectory.heading[index])))
+    robot_speed, speed = lengths(trajectory.velocity[index]), lengths(trajectory.human_velocity[index, k])
+    attributed = alpha < alpha_prime if by == "robot" else alpha > alpha_prime
+    both = (alpha == alpha_prime) & (robot_speed == speed)
+    return float(((attributed & (robot_speed != speed)) | both).sum())
 
 
-def hunav_group_zone(run: Trajectory, low: float, high: float) -> float | None:
-    """% of looks at which the nearest group's middle, 1.5 m ahead of its members, is in a zone from the robot's rim."""
-    column = {human.id: k for k, human in enumerate(run.scene.humans)}
-    groups = [[column[m] for m in group.members] for group in run.scene.groups]
+def hunav_group_zone(trajectory: Trajectory, low: float, high: float) -> float | None:
+    """Percentage of the states with the nearest group's centre in [low, high) m from the robot's outline.
+
+    The centre is the mean of the points 1.5 m ahead of each member.
+    """
+    column = trajectory.human_column
+    groups = [[column[m] for m in group.members] for group in trajectory.scene.groups]
     if not groups:
         return None
-    theta = run.people[:, :, 2]
-    ahead = run.people[:, :, :2] + HUNAV_GROUP_AHEAD * np.stack((np.cos(theta), np.sin(theta)), axis=-1)
-    away = np.stack([distances(ahead[:, members].mean(axis=1), run.position) for members in groups]).min(axis=0)
-    inside = (away - run.radius >= low) & (away - run.radius < high)
+    theta = trajectory.human_heading
+    ahead = trajectory.human_position + HUNAV_GROUP_AHEAD * np.stack((np.cos(theta), np.sin(theta)), axis=-1)
+    centres = [ahead[:, members].mean(axis=1) for members in groups]
+    distance = np.stack([lengths(centre - trajectory.position) for centre in centres]).min(axis=0)
+    inside = (distance - trajectory.radius >= low) & (distance - trajectory.radius < high)
     return 100.0 * float(inside.mean())
 
 
-def hunav_zone(run: Trajectory, low: float, high: float) -> float | None:
-    """% of looks with the nearest person in a zone."""
-    if not run.has_people:
+def hunav_zone(trajectory: Trajectory, low: float, high: float) -> float | None:
+    """Percentage of the states with the nearest human's clearance in [low, high) m."""
+    fraction = zone_fraction(trajectory, low, high)
+    return None if fraction is None else 100.0 * fraction
+
+
+def hunav_overacceleration(trajectory: Trajectory) -> float | None:
+    """Signed sum of Δ|v| / Δt² over the number of states, m/s³."""
+    durations = trajectory.durations
+    if not len(durations):
         return None
-    return 100.0 * float(((run.nearest >= low) & (run.nearest < high)).mean())
+    return float((np.diff(lengths(trajectory.velocity)) / durations / durations).sum()) / len(trajectory)
 
 
-def hunav_overacceleration(run: Trajectory) -> float | None:
-    """m/s³ by its name: sum of Δ|v| / Δt², signed, over the number of looks."""
-    if not len(run.lasted):
+def socnav3_intrusion(trajectory: Trajectory, threshold: float) -> float | None:
+    """Fraction of the states with a human of radius 0.3 m nearer than the threshold, m."""
+    return float((_socnav3_clearance(trajectory) < threshold).mean()) if trajectory.has_humans else None
+
+
+def socnav3_contact(trajectory: Trajectory) -> float | None:
+    """Fraction of the states in contact with a human of radius 0.3 m."""
+    return float((_socnav3_clearance(trajectory) <= 0.0).mean()) if trajectory.has_humans else None
+
+
+def socnav3_time_to_collision(trajectory: Trajectory) -> float | None:
+    """Smallest time to collision, s, for a robot √2 times as large and humans of 0.3 m; None if it never collides."""
+    smallest = _socnav3_min_time(trajectory)
+    return smallest if np.isfinite(smallest) else None
+
+
+def socnav3_fear(trajectory: Trajectory) -> float | None:
+    """Largest inverse time to collision, 1/s; 10 if that time is 0.01 s or less, 0 if the robot never collides."""
+    if not trajectory.has_humans:
         return None
-    change = np.diff(distances(run.velocity, (0.0, 0.0)))
-    return float((change / run.lasted / run.lasted).sum()) / len(run)
+    smallest = _socnav3_min_time(trajectory)
+    return 1.0 / smallest if smallest > SOCNAV3_IMMINENT else 10.0
 
 
-def socnav3_intrusion(run: Trajectory, threshold: float) -> float | None:
-    """Share of looks with somebody, of radius 0.3 m, nearer than the threshold."""
-    return float((_socnav3_gaps(run).min(axis=1) < threshold).mean()) if run.has_people else None
+def socnav3_path_efficiency(trajectory: Trajectory) -> float:
+    """Straight-line distance from the start to the goal's centre over path length, at most 1."""
+    straight = float(lengths(trajectory.position[0] - trajectory.scene.goal.position))
+    actual = path_length(trajectory)
+    return min(1.0, straight / actual) if actual > 0.0 else 1.0
 
 
-def socnav3_contact(run: Trajectory) -> float | None:
-    """Share of looks with somebody, of radius 0.3 m, touched."""
-    return float((_socnav3_gaps(run).min(axis=1) <= 0.0).mean()) if run.has_people else None
-
-
-def socnav3_time_to_collision(run: Trajectory) -> float | None:
-    """s, the least; robot's radius √2 too large, person's 0.3 m, velocities from differences of places."""
-    least = _socnav3_times(run).min(initial=np.inf)
-    return float(least) if np.isfinite(least) else None
-
-
-def socnav3_fear(run: Trajectory) -> float | None:
-    """1/s, largest of 1 / time to collision, 10 from 0.01 s down, 0 where there is none."""
-    if not run.has_people:
-        return None
-    least = float(_socnav3_times(run).min(initial=np.inf))
-    return 1.0 / least if least > SOCNAV3_SOON else 10.0
-
-
-def socnav3_path_efficiency(run: Trajectory) -> float:
-    """Distance to the goal's centre at the start, as the crow flies, over the way gone, at most 1."""
-    straight, gone = float(distances(run.position[0], run.scene.goal.position)), path_length(run)
-    return min(1.0, straight / gone) if gone > 0.0 else 1.0
-
-
-def _executed(run: Trajectory) -> Array:
-    """(L - 1, 3), what the drive carried out in each tick."""
-    return run.record.executed[: len(run) - 1]
+def _executed_velocity(trajectory: Trajectory) -> Array:
+    """(L - 1, 2), m/s, body frame: vx and vy executed in each tick."""
+    return trajectory.record.executed[: len(trajectory) - 1, :2]
 
 
 def _bearing(offset: Array, heading: Array) -> Array:
-    """Angle at which something lies, left of ahead, rad."""
+    """(K,), rad, counter-clockwise angle from headings (K,) to the directions of offsets (K, 2)."""
     return wrap_angles(np.arctan2(offset[:, 1], offset[:, 0]) - heading)
 
 
-def _socnav3_gaps(run: Trajectory) -> Array:
-    """(L, N), m."""
-    gaps: Array = np.maximum(run.distance - run.radius - SOCNAV3_PERSON, 0.0)
-    return gaps
+def _socnav3_clearance(trajectory: Trajectory) -> Array:
+    """(L,), m, to the nearest human of radius 0.3 m; 0 where they overlap."""
+    clearance: Array = np.maximum(trajectory.distance - trajectory.radius - SOCNAV3_HUMAN_RADIUS, 0.0).min(axis=1)
+    return clearance
 
 
-def _socnav3_times(run: Trajectory) -> Array:
-    """(L, N), s; at the first look nobody moves."""
-    own, others = np.zeros_like(run.position), np.zeros_like(run.people[:, :, :2])
-    own[1:] = np.diff(run.position, axis=0) / run.lasted[:, None]
-    others[1:] = np.diff(run.people[:, :, :2], axis=0) / run.lasted[:, None, None]
-    return times_to_collision(run.offset, own[:, None, :] - others, np.sqrt(2.0) * run.radius + SOCNAV3_PERSON)
+def _socnav3_min_time(trajectory: Trajectory) -> float:
+    """Smallest time to collision, s, with velocities from differences of positions, zero in the first state."""
+    velocity, human_velocity = np.zeros_like(trajectory.position), np.zeros_like(trajectory.human_position)
+    velocity[1:] = np.diff(trajectory.position, axis=0) / trajectory.durations[:, None]
+    human_velocity[1:] = np.diff(trajectory.human_position, axis=0) / trajectory.durations[:, None, None]
+    radii = np.sqrt(2.0) * trajectory.radius + SOCNAV3_HUMAN_RADIUS
+    times = times_to_collision(trajectory.offset, velocity[:, None, :] - human_velocity, radii)
+    return float(times.min(initial=np.inf))
 
 
-def _variant(
-    name: str, of: str, unit: str, better: Better, formula: str, function: Function, source: str | None = None
-) -> Metric:
-    where = {"socnavgym": "SocNavGym, info", "hunavsim": "HuNavSim, hunav_metrics.py", "socnav3": "SocNav3, metrics.py"}
-    return Metric(name, unit, better, formula, source or where[name.split(".")[0]], function, variant_of=of)
+_SOURCES = {"socnavgym": "SocNavGym, info", "hunavsim": "HuNavSim, hunav_metrics.py", "socnav3": "SocNav3, metrics.py"}
+
+
+def _variant(name: str, of: str, unit: str, better: Better, formula: str, function: Function) -> Metric:
+    return Metric(name, unit, better, formula, _SOURCES[name.split(".")[0]], function, variant_of=of)
 
 
 VARIANTS = (
     _variant("socnavgym.personal_space_compliance", "personal_space_compliance_0.45", "share", "more",
-             "share of looks with min |p − q| − r_robot ≥ 0.45 m: the person's radius is not taken off",
+             "fraction of states with min |p − q| − r_robot ≥ 0.45 m; the person's radius is not subtracted",
              socnavgym_compliance),
     _variant("socnavgym.minimum_distance_to_human", "human_clearance_min", "m", "more", "min |p − q|, between centres",
              socnavgym_distance),
     _variant("socnavgym.minimum_obstacle_distance", "obstacle_clearance_min", "m", "more",
-             "least distance from the robot's centre to the outline of a wall or thing", socnavgym_obstacle),
+             "smallest distance from the robot's centre to the outline of a wall or object", socnavgym_obstacle),
     _variant("socnavgym.stalled_time", "stalled_time", "s", "less",
-             "Σ Δt over ticks with executed vx = vy = 0 exactly, turning or not", socnavgym_stalled),
+             "Σ Δt over ticks with executed vx = vy = 0 exactly; the robot may turn", socnavgym_stalled),
     _variant("socnavgym.failure_to_progress", "stalled_time", "count", "less",
-             "looks with |p − g| greater than at the look before", socnavgym_no_progress),
+             "number of states with |p − g| greater than in the state before", socnavgym_no_progress),
     _variant("socnavgym.jerk_avg", "jerk_mean", "m/s³", "less",
-             "mean |Δ²u| / Δt² of the executed u = (vx, vy) in the body frame, so that turning at constant speed has"
+             "mean |Δ²u| / Δt² of the executed u = (vx, vy) in the body frame, so that turning at constant speed adds"
              " none; u and Δu are zero before the start", socnavgym_jerk),
     _variant("hunavsim.goal_reached", "success", "0/1", "more",
-             "1 if |p − g| − goal.distance < 0.05 m at the last look, whatever the heading", hunav_goal),
+             "1 if |p − g| − goal.distance < 0.05 m in the last state, with any heading", hunav_goal),
     _variant("hunavsim.robot_on_person_collision", "robot_on_person", "count", "less",
-             "looks × people with d < 0.02 m and |α| < |α'|, where α = bearing of the robot from the person, α' = π/2 −"
-             " bearing of the person from the robot (their atan2 takes x first), speeds unequal; or both equal: one"
-             " long contact counts many times", partial(hunav_hits, by="robot")),
+             "number of (state, person) pairs with d < 0.02 m and |α| < |α'|, where α = bearing of the robot from the"
+             " person, α' = π/2 − bearing of the person from the robot (atan2 is called with x first), and unequal"
+             " speeds; pairs of equal angles and equal speeds count too. One long contact counts many times",
+             partial(hunav_collisions, by="robot")),
     _variant("hunavsim.person_on_robot_collision", "person_on_robot", "count", "neither",
-             "the same with |α| > |α'|", partial(hunav_hits, by="person")),
+             "as robot_on_person_collision, with |α| > |α'|", partial(hunav_collisions, by="person")),
     _variant("hunavsim.time_not_moving", "stalled_time", "s", "less",
-             "T / L · looks with |v| < 0.01 m/s and ω < 0.02 rad/s (ω has its sign: a bracket is misplaced there)",
-             hunav_stalled),
+             "T / L · number of states with |v| < 0.01 m/s and ω < 0.02 rad/s (ω keeps its sign: a bracket is"
+             " misplaced in the source)", hunav_stalled),
     *(_variant(f"hunavsim.{name}_space_intrusions", f"zone_{name}", "%", "less",
-               f"% of looks with {low:g} m ≤ min d < {high:g} m", partial(hunav_zone, low=low, high=high))
+               f"percentage of states with {low:g} m ≤ min d < {high:g} m", partial(hunav_zone, low=low, high=high))
       for name, (low, high) in ZONES.items() if name != "public"),
     *(_variant(f"hunavsim.group_{name}_space_intrusions", "group_intrusion", "%", "less",
-               f"% of looks with {'' if name == 'intimate' else f'{low:g} m ≤ '}|p − c| − r_robot < {high:g} m for the"
-               " nearest group, c = mean of members' places 1.5 m ahead of each",
+               f"percentage of states with {'' if name == 'intimate' else f'{low:g} m ≤ '}|p − c| − r_robot < {high:g}"
+               " m for the nearest group, c = mean of the points 1.5 m ahead of each member",
                partial(hunav_group_zone, low=-np.inf if name == "intimate" else low, high=high))
       for name, (low, high) in ZONES.items() if name != "public"),
     _variant("hunavsim.avg_overacceleration", "jerk_mean", "m/s³", "less",
-             "Σ Δ|v| / Δt² / L, with its sign: a change of speed over Δt², not a change of acceleration",
+             "Σ Δ|v| / Δt² / L, signed: a change of speed over Δt², not a change of acceleration",
              hunav_overacceleration),
     *(_variant(f"socnav3.social_space_intrusion{letter}", f"personal_space_compliance_{ours:.2f}", "share", "less",
-               f"share of looks with min max(0, |p − q| − r_robot − 0.3 m) < {threshold:g} m",
+               f"fraction of states with min max(0, |p − q| − r_robot − 0.3 m) < {threshold:g} m",
                partial(socnav3_intrusion, threshold=threshold))
       for letter, threshold, ours in (("A", 0.4, 0.45), ("B", 0.6, 0.5), ("C", 0.8, 0.8))),
     _variant("socnav3.hum_collision_flag", "human_collisions", "share", "less",
-             "share of looks with |p − q| ≤ r_robot + 0.3 m for somebody", socnav3_contact),
+             "fraction of states with |p − q| ≤ r_robot + 0.3 m for any person", socnav3_contact),
     _variant("socnav3.min_time_to_collision", "time_to_collision_min", "s", "more",
-             "as time_to_collision_min with R = √2 r_robot + 0.3 m and velocities from differences of places",
+             "as time_to_collision_min with R = √2 r_robot + 0.3 m and velocities from differences of positions",
              socnav3_time_to_collision),
     _variant("socnav3.max_fear", "time_to_collision_min", "1/s", "less",
-             "max of 1 / time to collision as socnav3 has it, 10 where that is ≤ 0.01 s, 0 where there is none",
-             socnav3_fear),
+             "max of 1 / (time to collision as in socnav3.min_time_to_collision); 10 where it is ≤ 0.01 s, 0 where it"
+             " is not defined", socnav3_fear),
     _variant("socnav3.path_efficiency_ratio", "spl", "share", "more",
-             "min(1, |p(0) − g| / PL), as the crow flies, reached or not", socnav3_path_efficiency),
+             "min(1, |p(0) − g| / PL), with the straight-line distance, whether or not the goal is reached",
+             socnav3_path_efficiency),
 )  # fmt: skip

@@ -1,39 +1,45 @@
-"""Measuring: one record, a file, a data set on as many processors as asked for; and the file that keeps it."""
+"""Measuring metrics: of one episode, of files in parallel; comparing evaluations, and storing them as JSON."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import orjson
 
-from ..datasets.check import Listed
-from ..datasets.manifest import METRICS as METRICS_FILE
-from ..datasets.manifest import write_tree
-from ..datasets.verification import files_of
-from ..record.layout import layout_of, software
+from ..datasets.executors import Advance, parallel_map
+from ..datasets.manifest import METRICS as METRICS_FILE, files_of as episode_files, write_json
+from ..record.layout import scene_to_json, software_versions
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
-from .catalogue import ALL
-from .definition import DEFINITIONS_VERSION, METRICS_FORMAT, Metric
+from .catalogue import ALL, is_measurable
+from .definition import ARROWS, DEFINITIONS_VERSION, Metric
 from .disturbance import without_robot
-from .missing import is_measurable
 from .summary import LEVEL, RESAMPLES, Summary, differences, summarise
 from .trajectory import Trajectory
 
-Advance = Callable[[int], None]
+__all__ = ["Evaluation", "Measured", "episode_files", "measure", "measure_files", "save_metrics"]
+
+METRICS_FORMAT = "sonata2d-metrics"
+MARK = "*"  # of values that differ from those of the first evaluation
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """The metrics of one run, and which it was; `scene` is a hash that tells scenes apart, whoever drove in them."""
+    """The metrics of one episode.
+
+    Attributes:
+        file, sha256: the episode file and its hash.
+        name, family: of the scenario.
+        seed, episode: as in the file.
+        scene: hash of the scene, equal for episodes that start alike, whatever the controller; see `scene_hash`.
+        outcome: status with which the episode ended.
+        values: value of each metric; None where it is not defined.
+    """
 
     file: str
     sha256: str
@@ -48,129 +54,155 @@ class Measured:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All that was measured of one controller, or of one data set.
+    """The measured episodes of one controller or one data set.
 
     Args:
-        label: what tables call it.
-        runs: what was measured.
+        label: name in tables.
+        episodes: the measured episodes.
         resamples: of the bootstrap.
+
+    >>> files = episode_files(Path("demo"))
+    >>> Evaluation("demo", measure_files(files)).summary("spl").mean
     """
 
     label: str
-    runs: Sequence[Measured]
+    episodes: Sequence[Measured]
     resamples: int = RESAMPLES
-    _known: dict[str, Summary] = field(default_factory=dict, repr=False, compare=False)
+    _cache: dict[str, Summary] = field(default_factory=dict, repr=False, compare=False)
+
+    def values(self, name: str) -> list[float]:
+        """Values of a metric in the episodes in which it is defined."""
+        return [value for episode in self.episodes if (value := episode.values.get(name)) is not None]
 
     def summary(self, name: str) -> Summary:
-        """One metric over all runs."""
-        if name not in self._known:
-            self._known[name] = self._over(name, self.runs)
-        return self._known[name]
+        """Summary of a metric over all episodes."""
+        if name not in self._cache:
+            self._cache[name] = self._summarise(name, self.episodes)
+        return self._cache[name]
 
-    def summaries(self) -> dict[str, Any]:
-        """Every metric over all runs, over those that reached the goal, and over those of each family, as JSON."""
-        families = sorted({run.family for run in self.runs})
+    def difference(self, baseline: Evaluation, name: str) -> Summary:
+        """Summary of this evaluation's metric minus the baseline's, over the scenes common to both."""
+        own, other = ({episode.scene: episode.values for episode in each.episodes} for each in (self, baseline))
+        return differences(other, own, name, resamples=self.resamples)
+
+    def differs(self, baseline: Evaluation, name: str) -> bool:
+        """Whether a metric differs significantly from that of another evaluation in the common scenes."""
+        return baseline is not self and self.difference(baseline, name).excludes_zero
+
+    def to_json(self) -> dict[str, Any]:
+        """Version of the definitions, summaries and the metrics of every episode, as a JSON object.
+
+        Summaries cover all episodes, the successful ones and those of each scenario family.
+        """
+        names = self.episodes[0].values if self.episodes else {}
+        families = sorted({episode.family for episode in self.episodes})
         return {
-            "all": self._table(self.runs),
-            "successful": self._table([run for run in self.runs if run.values.get("success")]),
-            "by_family": {family: self._table([r for r in self.runs if r.family == family]) for family in families},
-        }
+            "format": METRICS_FORMAT,
+            "version": DEFINITIONS_VERSION,
+            "metrics": {name: {"unit": ALL[name].unit, "better": ALL[name].better} for name in names},
+            "bootstrap": {"level": LEVEL, "resamples": self.resamples, "seed": 0},
+            "rerun": any(episode.values.get("human_slowing") is not None for episode in self.episodes),
+            "summary": {
+                "all": self._summaries(self.episodes),
+                "successful": self._summaries([e for e in self.episodes if e.values.get("success")]),
+                "by_family": {name: self._summaries([e for e in self.episodes if e.family == name])
+                              for name in families},
+            },
+            "episodes": [asdict(episode) for episode in self.episodes],
+        }  # fmt: skip
 
-    def less(self, other: Evaluation, name: str) -> Summary:
-        """This one's metric less the other's, run by run in the scenes that both were in."""
-        mine, others = ({run.scene: run.values for run in each.runs} for each in (self, other))
-        return differences(others, mine, name, resamples=self.resamples)
+    def _summarise(self, name: str, episodes: Sequence[Measured]) -> Summary:
+        return summarise([episode.values.get(name) for episode in episodes], resamples=self.resamples)
 
-    def _over(self, name: str, runs: Sequence[Measured]) -> Summary:
-        return summarise([run.values.get(name) for run in runs], resamples=self.resamples)
-
-    def _table(self, runs: Sequence[Measured]) -> dict[str, Any]:
-        return {name: self._over(name, runs).tree() for name in self.runs[0].values} if self.runs else {}
+    def _summaries(self, episodes: Sequence[Measured]) -> dict[str, Any]:
+        names = self.episodes[0].values if self.episodes else ()  # also for an empty selection
+        return {name: self._summarise(name, episodes).to_json() for name in names}
 
 
 def measure(
     record: EpisodeRecord, metrics: Iterable[Metric] = tuple(ALL.values()), *, rerun: bool = True
 ) -> dict[str, float | None]:
-    """The metrics of one run.
+    """Compute metrics of one episode.
 
     Args:
         record: the episode.
-        metrics: which; by default all and their variants.
-        rerun: also run the seed without a robot, to see what the robot cost the people; takes as long as an episode
-            does, and is left out where this version's physics did not make the episode.
+        metrics: by default all, with the variants of other projects.
+        rerun: whether to run the seed again without a robot, for the metrics of its effect on humans. This takes as
+            long as an episode, and is skipped for episodes made by another version of the physics.
 
     Returns:
-        By name; None where a metric is not defined, or rests on what an imported run does not tell.
+        Value by name; None where a metric is not defined, or where an imported episode lacks the data.
     """
-    run = Trajectory(record, without_robot(record) if rerun else None)
-    return {metric.name: metric.of(run) if is_measurable(metric, record) else None for metric in metrics}
+    trajectory = Trajectory(record, without_robot(record) if rerun else None)
+    return {metric.name: metric.of(trajectory) if is_measurable(metric, record) else None for metric in metrics}
 
 
 def measure_files(
-    paths: Sequence[Path],
-    *,
-    rerun: bool = True,
-    workers: int = 1,
-    advance: Advance = lambda step: None,
+    paths: Sequence[Path], *, rerun: bool = True, workers: int = 1, advance: Advance = lambda step: None
 ) -> list[Measured]:
-    """The metrics of each file.
+    """Compute all metrics of episode files.
 
     Args:
         paths: episode files.
         rerun: as for `measure`.
-        workers: processes. With more than one, a script must guard its start by `if __name__ == "__main__":`.
-        advance: is told how many files are done, as they are.
+        workers: number of processes. With more than one, a script needs `if __name__ == "__main__":` around its start.
+        advance: called with 1 after each file.
+
+    Returns:
+        The metrics, in the order of the files.
 
     Raises:
         RecordError: a file cannot be read.
     """
-    found = []
-    with _mapper(workers if len(paths) > 1 else 1) as each:
-        for one in each(partial(_measured, rerun=rerun), paths):
-            found.append(one)
-            advance(1)
-    return found
+    measured = []
+    for one in parallel_map(partial(_measure_file, rerun=rerun), paths, workers=workers):
+        measured.append(one)
+        advance(1)
+    return measured
 
 
-def episode_files(path: Path) -> list[Path]:
-    """The one episode file, or those of a folder.
-
-    Raises:
-        RecordError: there is no such file or folder, no episode in it, or its manifest is damaged.
-    """
-    return [file.path if isinstance(file, Listed) else file for file in files_of(path)]
-
-
-def keep(folder: Path, evaluation: Evaluation) -> Path:
-    """Write `metrics.json` beside the episodes; its path.
+def save_metrics(folder: Path, evaluation: Evaluation) -> Path:
+    """Write `metrics.json` into the folder of a data set and return its path.
 
     Raises:
-        RecordError: it cannot be written.
+        RecordError: the file cannot be written.
     """
-    write_tree(folder / METRICS_FILE, tree_of(evaluation) | {"software": software()})
+    write_json(folder / METRICS_FILE, evaluation.to_json() | {"software": software_versions()})
     return folder / METRICS_FILE
 
 
-def tree_of(evaluation: Evaluation) -> dict[str, Any]:
-    """An evaluation as JSON: the version of the definitions, every run, and what they come to."""
-    names: Mapping[str, Any] = evaluation.runs[0].values if evaluation.runs else {}
-    return {
-        "format": METRICS_FORMAT,
-        "version": DEFINITIONS_VERSION,
-        "metrics": {name: {"unit": ALL[name].unit, "better": ALL[name].better} for name in names},
-        "bootstrap": {"level": LEVEL, "resamples": evaluation.resamples, "seed": 0},
-        "rerun": any(run.values.get("human_slowing") is not None for run in evaluation.runs),
-        "summary": evaluation.summaries(),
-        "episodes": [asdict(run) for run in evaluation.runs],
-    }
+def comparison_table(evaluations: Sequence[Evaluation], metrics: Sequence[Metric]) -> list[str]:
+    """Format evaluations side by side as lines of text.
+
+    Returns:
+        A line of headings, then a line for each metric: name, arrow (which direction is better), unit, and mean with
+        confidence interval of each evaluation. `(n=12)` follows where the metric is defined in 12 episodes only, and
+        `*` where the value differs significantly from the first evaluation in the common scenes.
+    """
+    rows = [("metric", "", "unit", *(one.label for one in evaluations))]
+    for metric in metrics:
+        cells = (
+            one.summary(metric.name).text(len(one.episodes))
+            + (MARK if one.differs(evaluations[0], metric.name) else "")
+            for one in evaluations
+        )
+        rows.append((metric.name, ARROWS[metric.better], metric.unit, *cells))
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
-def _measured(path: Path, *, rerun: bool) -> Measured:
+def scene_hash(record: EpisodeRecord) -> str:
+    """Hash of everything that is fixed before the first tick, including the seed from which humans make choices."""
+    scene = record.scene()
+    layout = scene_to_json(scene) | {"settings": None, "dropped": None, "seed": scene.seed, "episode": scene.episode}
+    return hashlib.sha256(orjson.dumps(layout)).hexdigest()[:16]
+
+
+def _measure_file(path: Path, *, rerun: bool) -> Measured:
     record = read_episode(path)
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return Measured(
         file=path.name,
-        sha256=digest,
+        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
         name=record.name,
         family=record.family,
         seed=record.seed,
@@ -179,20 +211,3 @@ def _measured(path: Path, *, rerun: bool) -> Measured:
         outcome=record.outcome.status,
         values=measure(record, rerun=rerun),
     )
-
-
-def scene_hash(record: EpisodeRecord) -> str:
-    """Of all that is there before the first tick, and of what people will choose."""
-    scene = record.scene()
-    layout = layout_of(scene) | {"settings": None, "dropped": None, "seed": scene.seed, "episode": scene.episode}
-    return hashlib.sha256(orjson.dumps(layout)).hexdigest()[:16]
-
-
-@contextmanager
-def _mapper(workers: int) -> Iterator[Callable[..., Iterator[Measured]]]:
-    """`map`, here or in other processes."""
-    if workers <= 1:
-        yield map
-        return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield partial(pool.map, chunksize=4)

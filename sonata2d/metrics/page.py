@@ -1,13 +1,16 @@
-"""The evaluation page: one HTML file with tables, plots and film strips."""
+"""The evaluation page: one self-contained HTML file with outcomes, metrics, plots and film strips.
+
+`save_page` computes what the page shows; the template page.html holds texts and layout.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader
@@ -15,322 +18,43 @@ from jinja2 import Environment, PackageLoader
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ..errors import RenderError
 from ..record.files import write_atomically
-from ..record.layout import software
+from ..record.layout import software_versions
 from ..record.reader import read_episode
 from ..version import PHYSICS_VERSION
-from ..view.strips import filmstrip
+from ..view.stills import filmstrip
 from .catalogue import FAMILIES, METRICS
-from .definition import DEFINITIONS_VERSION, Metric
-from .measurement import Evaluation, Measured
+from .definition import ARROWS, DEFINITIONS_VERSION, Metric
+from .measurement import MARK, Evaluation, Measured
 from .plots import COLOURS
-from .summary import LEVEL
-from .table import ARROWS, KINDS, MARK, cell, differs, endings, kinds_of, number
-from .trajectory import Touch, Trajectory
+from .summary import LEVEL, Interval, Summary, format_number, wilson_interval
+from .trajectory import Trajectory
 
-COMPLIANCE = f"personal_space_compliance_{INTIMATE_DISTANCE:.2f}"
-
-BEST_RULE = (
-    f"Best: the goal was reached; nothing was touched; nobody was nearer than {INTIMATE_DISTANCE:g} m, and no group or"
-    f" interaction was cut; but somebody was met, nearer than {PERSONAL_DISTANCE:g} m. Of these runs the one with the"
-    " highest SPL (to 0.01), and of equals the closest meeting. Where no run does all that, one that does the most from"
-    " the start of the list."
-)
-WORST_RULE = (
-    "Worst: the run with the most touches of people by the robot's fault; without any, one that did not reach the goal;"
-    " then one that touched a wall or furniture; then the lowest personal-space compliance; then the lowest SPL."
-)
-
-
-def best_of(runs: Sequence[Measured]) -> Measured:
-    """The run that `BEST_RULE` tells; the first of equals."""
-    return max(runs, key=_goodness)
-
-
-def worst_of(runs: Sequence[Measured]) -> Measured:
-    """The run that `WORST_RULE` tells; the first of equals."""
-    return max(runs, key=_badness)
-
-
-def why_best(run: Measured) -> str:
-    """What made it the best, or what even the best lacks."""
-    reached, untouched, kept, met, *_ = _goodness(run)
-    if not reached:
-        return "no run reached the goal; this one is the nearest to it by the rule"
-    lacks = [
-        text
-        for is_so, text in (
-            (untouched, "something was touched"),
-            (kept, "somebody's space was intruded upon"),
-            (met, f"nobody was met within {PERSONAL_DISTANCE:g} m"),
-        )
-        if not is_so
-    ]
-    if lacks:
-        return f"goal reached, though {' and '.join(lacks)}: no run did better; SPL {_value(run, 'spl'):.2f}"
-    return f"goal reached past people, nothing touched, nobody's space intruded upon; SPL {_value(run, 'spl'):.2f}"
-
-
-def why_worst(run: Measured) -> str:
-    """What made it the worst."""
-    touches, missed, things, intruded, _ = _badness(run)
-    if touches:
-        return f"touched people by its own fault: {touches:.0f} time{'s' if touches > 1 else ''}"
-    if missed:
-        return "did not reach the goal"
-    if things:
-        return f"touched walls or furniture: {things:.0f} time{'s' if things > 1 else ''}"
-    if intruded:
-        return f"nearer than {INTIMATE_DISTANCE:g} m to somebody in {100.0 * intruded:.0f} % of its looks"
-    return f"the lowest SPL, {_value(run, 'spl'):.2f}; it reached the goal, touched nothing and kept its distance"
-
-
-def _goodness(run: Measured) -> tuple[bool, bool, bool, bool, float, float]:
-    """More is better, the first thing first."""
-    nearest = _value(run, "human_clearance_min", PERSONAL_DISTANCE)
-    between = _value(run, "group_intrusion") + _value(run, "interaction_intrusion")
-    return (
-        _value(run, "success") > 0.0,
-        _value(run, "collisions") == 0.0,
-        between == 0.0 and _value(run, COMPLIANCE, 1.0) == 1.0,
-        nearest < PERSONAL_DISTANCE,
-        round(_value(run, "spl"), 2),
-        -nearest,
-    )
-
-
-def _badness(run: Measured) -> tuple[float, bool, float, float, float]:
-    """More is worse, the first thing first."""
-    return (
-        _value(run, "robot_on_person"),
-        _value(run, "success", 1.0) == 0.0,
-        _value(run, "wall_collisions") + _value(run, "object_collisions"),
-        1.0 - _value(run, COMPLIANCE, 1.0),
-        -_value(run, "spl"),
-    )
-
-
-def _value(run: Measured, name: str, otherwise: float = 0.0) -> float:
-    """A metric of a run; something else where it is not defined."""
-    value = run.values.get(name)
-    return otherwise if value is None else value
-
-
-_MARGIN = 0.05  # of the axis, free at either end
-
-
-@dataclass(frozen=True, slots=True)
-class Axis:
-    """What is drawn from left to right.
-
-    Attributes:
-        low, high: ends.
-        ticks: where a line stands, in per cent, and what it says.
-    """
-
-    low: float
-    high: float
-    ticks: list[tuple[float, str]]
-
-    @classmethod
-    def of(cls, values: Sequence[float]) -> Axis:
-        """One that holds all values, with two to five round ticks."""
-        low, high = min(values), max(values)
-        if high - low < 1e-9:
-            low, high = min(low, 0.0), max(high, 0.0) or float(low == 0.0)
-        free = _MARGIN * (high - low)
-        bare = cls(low - free, high + free, [])
-        return cls(bare.low, bare.high, [(bare.at(tick), f"{tick:g}") for tick in _round_between(low, high)])
-
-    def at(self, value: float) -> float:
-        """Its place, per cent."""
-        return round(100.0 * (value - self.low) / (self.high - self.low), 2)
-
-    def both(self, ends: tuple[float, float] | None) -> tuple[float, float] | None:
-        """The places of two ends, if there are any."""
-        return None if ends is None else (self.at(ends[0]), self.at(ends[1]))
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One evaluation in a panel: places in per cent; ends are None where there are too few runs for them."""
-
-    label: str
-    text: str
-    mean: float | None
-    interval: tuple[float, float] | None
-    middle: tuple[float, float] | None  # half of all runs lie there
-
-
-@dataclass(frozen=True, slots=True)
-class Panel:
-    """One metric, all evaluations on one axis."""
-
-    metric: Metric
-    axis: Axis
-    rows: list[Row]
-
-
-def panel(evaluations: Sequence[Evaluation], metric: Metric) -> Panel | None:
-    """The panel of a metric; None if it is defined in no run."""
-    halves = [_middle_half(one, metric) for one in evaluations]
-    summaries = [one.summary(metric.name) for one in evaluations]
-    found = [value for half in halves for value in half or ()]
-    for summary in summaries:
-        found += [] if summary.mean is None else [summary.mean, *(summary.interval or ())]
-    if not found:
-        return None
-    axis = Axis.of([0.0, 1.0] if metric.unit == "0/1" else found)
-    rows = [
-        Row(
-            label=one.label,
-            text=cell(summary, len(one.runs)),
-            mean=None if summary.mean is None else axis.at(summary.mean),
-            interval=axis.both(summary.interval),
-            middle=axis.both(half),
-        )
-        for one, summary, half in zip(evaluations, summaries, halves, strict=True)
-    ]
-    return Panel(metric, axis, rows)
-
-
-def _middle_half(one: Evaluation, metric: Metric) -> tuple[float, float] | None:
-    """First and third quartile over runs; None for what is only 0 or 1, or never defined."""
-    values = [value for run in one.runs if (value := run.values.get(metric.name)) is not None]
-    if not values or metric.unit == "0/1":
-        return None
-    low, high = np.quantile(values, (0.25, 0.75)).tolist()
-    return low, high
-
-
-def _round_between(low: float, high: float) -> list[float]:
-    """Two to five multiples of 1, 2 or 5 times a power of ten, from low to high."""
-    power = 10.0 ** math.floor(math.log10(high - low))
-    for step in (power * share for share in (0.1, 0.2, 0.5, 1.0, 2.0)):
-        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-        if last - first < 5:
-            return [round(k * step, 12) for k in range(first, last + 1)]
-    return [low, high]
-
-
-MOMENTS = 6
-
-
-@dataclass(frozen=True, slots=True)
-class Strip:
-    """One run in pictures.
-
-    Attributes:
-        title: what it is an example of.
-        why: the rule's reason.
-        facts: metrics of the run, as text.
-        origin: scenario, seed, episode, file.
-        driver: of the robot, as the file tells it.
-        moments: when, and what is special then; and a PNG within a URL.
-    """
-
-    title: str
-    why: str
-    facts: str
-    origin: str
-    driver: str
-    moments: list[tuple[str, str]]
-
-
-def extremes(runs: Sequence[Measured], files: Sequence[Path]) -> list[Strip]:
-    """The best and the worst of some runs; the only one, if best and worst are the same.
-
-    Args:
-        runs: what was measured.
-        files: where each of them is recorded.
-
-    Raises:
-        RecordError: a file cannot be read.
-    """
-    if not runs:
-        return []
-    where = dict(zip(map(id, runs), files, strict=True))
-    best, worst = best_of(runs), worst_of(runs)
-    if best is worst:
-        return [_strip("best and worst", why_best(best), best, where[id(best)])]
-    return [
-        _strip("best", why_best(best), best, where[id(best)]),
-        _strip("worst", why_worst(worst), worst, where[id(worst)]),
-    ]
-
-
-def _strip(title: str, why: str, measured: Measured, file: Path) -> Strip:
-    record = read_episode(file)
-    run = Trajectory(record)
-    event = _event(run)
-    looks = _looks(len(run), None if event is None else event[0])
-    urls = filmstrip([record.snapshot(k) for k in range(len(run))], looks)
-    return Strip(
-        title=title,
-        why=why,
-        facts=_facts(measured, run),
-        origin=f"{measured.name}, seed {measured.seed} / episode {measured.episode}, {measured.file}",
-        driver=record.author.path,
-        moments=[
-            (f"{run.time[k]:.1f} s" + (f", {event[1]}" if event and k == event[0] else ""), url)
-            for k, url in zip(looks, urls, strict=True)
-        ],
-    )
-
-
-def _event(run: Trajectory) -> tuple[int, str] | None:
-    """The look that tells most, and what happens then: the first touch by the robot's fault, any touch, a meeting."""
-    by_rank = sorted(run.touches, key=lambda touch: (not touch.robot_at_fault, touch.kind != "human", touch.first))
-    if by_rank:
-        return by_rank[0].first, _described(by_rank[0])
-    return (int(np.argmin(run.nearest)), "nearest") if run.has_people else None
-
-
-def _described(touch: Touch) -> str:
-    what = {"human": "person", "object": "furniture", "wall": "wall"}[touch.kind]
-    return f"touches {what}" if touch.robot_at_fault else f"touched by {what}"
-
-
-def _looks(count: int, event: int | None) -> list[int]:
-    """`MOMENTS` looks of so many, evenly spread; the inner one nearest to the event is the event."""
-    looks = [round(k) for k in np.linspace(0, count - 1, MOMENTS)]
-    if event is not None and event not in looks:
-        looks[min(range(1, MOMENTS - 1), key=lambda k: abs(looks[k] - event))] = event
-    return sorted(set(looks))
-
-
-def _facts(measured: Measured, run: Trajectory) -> str:
-    """The outcome, and the metrics by which runs are chosen."""
-    outcome = run.record.outcome
-    texts = [f"outcome: {outcome.status} at {outcome.time:.1f} s"]
-    for name, text in (
-        ("spl", "SPL {:.2f}"),
-        ("human_clearance_min", "nearest person {:.2f} m"),
-        (COMPLIANCE, "personal space compliance {:.2f}"),
-        ("interaction_intrusion", "interaction intrusion {:.2f}"),
-        ("robot_on_person", "touches of people by its fault {:.0f}"),
-    ):
-        value = measured.values.get(name)
-        texts += [] if value is None else [text.format(value)]
-    return ", ".join(texts)
-
-
-FEW = 20  # runs, below which intervals are too narrow
-_BESIDES = ("collisions", "object_collisions", "wall_collisions", "person_on_robot")  # the headline ones
+FEW = 20  # episodes; with fewer, confidence intervals are too narrow
+OUTCOMES = {
+    "goal": "goal reached without collision",
+    "goal-collision": "goal reached after a collision",
+    "timeout": "time limit reached",
+    "contact": "ended by a contact",
+    "stopped": "stopped by the controller or a person",
+    "regenerate": "new scene requested",
+    "error": "error in the controller",
+}
+_COLLISIONS = ("collisions", "object_collisions", "wall_collisions", "person_on_robot")  # beside the headline metrics
 
 
 def page_metrics() -> tuple[Metric, ...]:
-    """Those that a page shows unless others are asked for: the headline ones, and every class of collision."""
-    return tuple(metric for metric in METRICS.values() if metric.headline or metric.name in _BESIDES)
+    """The metrics of a page by default: the headline metrics and every class of collision."""
+    return tuple(metric for metric in METRICS.values() if metric.headline or metric.name in _COLLISIONS)
 
 
-def refuse_page(path: Path) -> None:
-    """Say before the work whether a page could be written.
+def check_page_path(path: Path) -> None:
+    """Check the path of a page before any work is done.
 
     Raises:
-        RenderError: its name does not end in .html.
+        RenderError: the path does not end in .html or .htm.
     """
     if path.suffix.lower() not in (".html", ".htm"):
-        raise RenderError(f"{path}: a page of metrics ends in .html")
+        raise RenderError(f"{path}: the name of an evaluation page must end in .html")
 
 
 def save_page(
@@ -339,117 +63,56 @@ def save_page(
     files: Sequence[Sequence[Path]] | None = None,
     metrics: Sequence[Metric] | None = None,
 ) -> None:
-    """Write evaluations side by side as a page.
+    """Write a page that shows evaluations side by side.
 
     Args:
-        path: `.html`.
-        evaluations: one or more, each with its column and colour.
-        files: where the runs of each evaluation are recorded, in the order of its runs; without them there are no
-            film strips.
-        metrics: rows of the table and panels; `page_metrics()` unless given.
+        path: of the page, ending in .html.
+        evaluations: one or more, each shown as one column and one colour.
+        files: for each evaluation the files of its episodes, in the same order; without files the page has no film
+            strips.
+        metrics: the metrics to show; `page_metrics()` by default.
 
     Raises:
-        RenderError: the page's name does not end in .html.
-        RecordError: a file cannot be read, or the page not written.
+        RenderError: the path does not end in .html or .htm.
+        RecordError: an episode file cannot be read, or the page cannot be written.
     """
     path, shown = Path(path), page_metrics() if metrics is None else metrics
-    refuse_page(path)
-    strips = [extremes(one.runs, where) for one, where in zip(evaluations, files, strict=True)] if files else []
-    kinds, names = kinds_of(evaluations), short_names([one.label for one in evaluations])
-    page = _template().render(
-        title=", ".join(names),
-        about=_about(evaluations),
+    check_page_path(path)
+    strips = [film_strips(one.episodes, own) for one, own in zip(evaluations, files, strict=True)] if files else []
+    kinds = outcome_kinds(evaluations)
+    environment = Environment(
+        loader=PackageLoader(__package__, "."), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["number"] = format_number
+    versions = {"metric definitions": DEFINITIONS_VERSION, "physics": PHYSICS_VERSION, **software_versions()}
+    page = environment.get_template("page.html").render(
+        evaluations=evaluations,
+        names=short_names([one.label for one in evaluations]),
+        versions=", ".join(f"{name} {version}" for name, version in versions.items()),
+        contents=[_contents(one) for one in evaluations],
+        common_scenes=len(set.intersection(*({e.scene for e in one.episodes} for one in evaluations))),
+        is_pooled=len({e.name for one in evaluations for e in one.episodes}) > 1,
+        few=FEW if any(len(one.episodes) < FEW for one in evaluations) else None,
+        level=f"{100 * LEVEL:.0f} %",
         resamples=max(one.resamples for one in evaluations),
-        few=FEW if any(len(one.runs) < FEW for one in evaluations) else None,
-        level=LEVEL,
-        names=names,
-        kinds={kind: KINDS[kind] for kind in kinds},
-        endings=[(name, len(one.runs), endings(one, kinds)) for name, one in zip(names, evaluations, strict=True)],
+        outcomes={kind: OUTCOMES[kind] for kind in kinds},
+        outcome_counts=[outcome_counts(one, kinds) for one in evaluations],
         families=_families(evaluations, shown),
         panels=[found for metric in shown if (found := panel(evaluations, metric))],
-        strips=list(zip(names, strips, strict=True)) if strips else [],
+        strips=strips,
         rules=(BEST_RULE, WORST_RULE),
         arrows=ARROWS,
         mark=MARK,
-        colours=COLOURS[:-1],  # the last is black, which the page takes from its ink
+        colours=COLOURS[:-1],  # the last one is black, for which the page uses its text colour
     )
     write_atomically(path, page.encode())
 
 
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """What the table says of one metric of one evaluation; `mark` is best, alike or nothing."""
-
-    mean: str
-    interval: str
-    n: int
-    mark: str
-    differs: bool
-
-
-def cells(evaluations: Sequence[Evaluation], metric: Metric) -> list[Cell]:
-    """One metric of each evaluation, with what is to be said of them side by side."""
-    first, found = evaluations[0], []
-    for one, mark in zip(evaluations, _marks(evaluations, metric), strict=True):
-        summary = one.summary(metric.name)
-        ends = ", ".join(map(number, summary.interval)) if summary.interval else ""
-        mean = "–" if summary.mean is None else number(summary.mean)
-        apart = one is not first and differs(one.less(first, metric.name))
-        found.append(Cell(mean, f"[{ends}]" if ends else "", summary.n, mark, apart))
-    return found
-
-
-def _marks(evaluations: Sequence[Evaluation], metric: Metric) -> list[str]:
-    """`best` for the best mean; `alike` where, run by run in the same scenes, it is not told apart from that one."""
-    means = [one.summary(metric.name).mean for one in evaluations]
-    known = [mean for mean in means if mean is not None]
-    if metric.better == "neither" or len(set(known)) < 2:
-        return [""] * len(means)
-    top = max(known) if metric.better == "more" else min(known)
-    leader = evaluations[means.index(top)]
-    return [
-        "best" if mean == top else "alike" if mean is not None and _is_alike(one, leader, metric) else ""
-        for one, mean in zip(evaluations, means, strict=True)
-    ]
-
-
-def _is_alike(one: Evaluation, other: Evaluation, metric: Metric) -> bool:
-    """Whether the interval of their difference holds zero; False if they share too few scenes to say."""
-    difference = one.less(other, metric.name)
-    return difference.interval is not None and not differs(difference)
-
-
-def _families(
-    evaluations: Sequence[Evaluation], shown: Sequence[Metric]
-) -> list[tuple[str, list[tuple[Metric, list[Cell]]]]]:
-    """Rows of the table by family; variants of other programs come last."""
-    own = [(name, [metric for metric in shown if metric in family]) for name, family in FAMILIES.items()]
-    named = [*own, ("The same names elsewhere", [metric for metric in shown if metric.variant_of])]
-    return [(name, [(metric, cells(evaluations, metric)) for metric in metrics]) for name, metrics in named if metrics]
-
-
-def _about(evaluations: Sequence[Evaluation]) -> Mapping[str, Any]:
-    """What was measured, and with what."""
-    tools = {"metric definitions": DEFINITIONS_VERSION, "physics": PHYSICS_VERSION, **software()}
-    return {
-        "rows": [
-            (
-                one.label,
-                len(one.runs),
-                ", ".join(sorted({run.name for run in one.runs})),
-                _told({run.seed for run in one.runs}),
-                _told({run.episode for run in one.runs}),
-            )
-            for one in evaluations
-        ],
-        "shared": len(set.intersection(*({run.scene for run in one.runs} for one in evaluations))),
-        "pooled": len({run.name for one in evaluations for run in one.runs}) > 1,
-        "versions": ", ".join(f"{name} {version}" for name, version in tools.items()),
-    }
+# --- What was evaluated ---
 
 
 def short_names(labels: Sequence[str]) -> list[str]:
-    """Labels without the folders that they all begin and end with.
+    """Shorten labels by the folders with which all of them begin or end.
 
     >>> short_names(["runs/orca/office", "runs/mine/office"])
     ['orca', 'mine']
@@ -461,15 +124,376 @@ def short_names(labels: Sequence[str]) -> list[str]:
     return ["/".join(own) for own in parts]
 
 
-def _told(numbers: set[int]) -> str:
-    """`0..19` for a whole stretch, `1, 4, 9` for a few, else how many."""
+def _contents(evaluation: Evaluation) -> tuple[str, str, str]:
+    """Scenarios, seeds and episode numbers of an evaluation."""
+    episodes = evaluation.episodes
+    scenarios = ", ".join(sorted({episode.name for episode in episodes}))
+    return scenarios, _number_range({e.seed for e in episodes}), _number_range({e.episode for e in episodes})
+
+
+def _number_range(numbers: set[int]) -> str:
+    """`0..19` for consecutive numbers, `1, 4, 9` for up to five others, else `6 of 0..19`."""
     order = sorted(numbers)
     if len(order) > 2 and order[-1] - order[0] == len(order) - 1:
         return f"{order[0]}..{order[-1]}"
     return ", ".join(map(str, order)) if len(order) <= 5 else f"{len(order)} of {order[0]}..{order[-1]}"
 
 
-def _template() -> Any:
-    return Environment(
-        loader=PackageLoader(__package__, "."), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    ).get_template("page.html")
+# --- Outcomes ---
+
+
+@dataclass(frozen=True, slots=True)
+class OutcomeCount:
+    """How many episodes had one outcome.
+
+    Attributes:
+        kind: a key of `OUTCOMES`.
+        count, fraction: of the episodes.
+        before: sum of the fractions of the preceding kinds, where the segment of a stacked bar begins.
+        interval: Wilson confidence interval of the fraction.
+    """
+
+    kind: str
+    count: int
+    fraction: float
+    before: float
+    interval: Interval
+
+
+def outcome_kinds(evaluations: Sequence[Evaluation]) -> list[str]:
+    """The outcomes that occur, in the order of `OUTCOMES`."""
+    found = {_outcome_kind(episode) for one in evaluations for episode in one.episodes}
+    return [kind for kind in OUTCOMES if kind in found]
+
+
+def outcome_counts(evaluation: Evaluation, kinds: Sequence[str]) -> list[OutcomeCount]:
+    """Count the episodes by outcome, in the order of `kinds`; empty for an evaluation without episodes."""
+    total = len(evaluation.episodes)
+    counts = Counter(map(_outcome_kind, evaluation.episodes))
+    found: list[OutcomeCount] = []
+    for kind in kinds if total else ():
+        before = found[-1].before + found[-1].fraction if found else 0.0
+        count = counts[kind]
+        found.append(OutcomeCount(kind, count, count / total, before, wilson_interval(count, total)))
+    return found
+
+
+def _outcome_kind(episode: Measured) -> str:
+    collided = episode.outcome == "goal" and episode.values.get("success_strict") == 0.0
+    return "goal-collision" if collided else episode.outcome
+
+
+# --- Table of metrics ---
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One metric of one evaluation.
+
+    Attributes:
+        summary: over the episodes.
+        mark: `best` for the best mean, `equal` if it does not differ significantly from the best, else empty.
+        differs: whether it differs significantly from the first evaluation.
+    """
+
+    summary: Summary
+    mark: str
+    differs: bool
+
+
+def cells(evaluations: Sequence[Evaluation], metric: Metric) -> list[Cell]:
+    """The table row of a metric, one cell for each evaluation."""
+    return [
+        Cell(one.summary(metric.name), mark, one.differs(evaluations[0], metric.name))
+        for one, mark in zip(evaluations, _marks(evaluations, metric), strict=True)
+    ]
+
+
+def _marks(evaluations: Sequence[Evaluation], metric: Metric) -> list[str]:
+    """The mark of each evaluation; see `Cell`."""
+    means = [one.summary(metric.name).mean for one in evaluations]
+    defined = [mean for mean in means if mean is not None]
+    # no best without a preferred direction, or if all are equal
+    if metric.better == "neither" or len(set(defined)) < 2:
+        return [""] * len(means)
+    best = max(defined) if metric.better == "more" else min(defined)
+    leader = evaluations[means.index(best)]
+
+    def mark(one: Evaluation, mean: float | None) -> str:
+        if mean is None or mean == best:
+            return "" if mean is None else "best"
+        difference = one.difference(leader, metric.name)
+        # without an interval there are too few common scenes to call them equal
+        return "equal" if difference.interval is not None and not difference.excludes_zero else ""
+
+    return [mark(one, mean) for one, mean in zip(evaluations, means, strict=True)]
+
+
+def _families(
+    evaluations: Sequence[Evaluation], metrics: Sequence[Metric]
+) -> list[tuple[str, list[tuple[Metric, list[Cell]]]]]:
+    """Table rows by family of metrics; variants of other projects come last."""
+    families = {name: [metric for metric in metrics if metric in family] for name, family in FAMILIES.items()}
+    families["Variants of other programs"] = [metric for metric in metrics if metric.variant_of]
+    return [
+        (name, [(metric, cells(evaluations, metric)) for metric in members])
+        for name, members in families.items()
+        if members
+    ]
+
+
+# --- Plots of means and intervals ---
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """A horizontal axis from `low` to `high` with ticks, as (position in per cent, text)."""
+
+    low: float
+    high: float
+    ticks: list[tuple[float, str]]
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> Axis:
+        """An axis that holds all values, with a margin of 5 % at both ends and two to five round ticks."""
+        low, high = min(values), max(values)
+        if high - low < 1e-9:  # a single value: extend the axis to zero, or to one
+            low, high = min(low, 0.0), max(high, 0.0) or float(low == 0.0)
+        margin = 0.05 * (high - low)
+        bare = cls(low - margin, high + margin, [])
+        return cls(bare.low, bare.high, [(bare.at(tick), f"{tick:g}") for tick in _round_numbers(low, high)])
+
+    def at(self, value: float) -> float:
+        """Position of a value, per cent of the axis."""
+        return round(100.0 * (value - self.low) / (self.high - self.low), 2)
+
+
+def _round_numbers(low: float, high: float) -> list[float]:
+    """Two to five multiples of 1, 2 or 5 times a power of ten within [low, high]."""
+    power = 10.0 ** math.floor(math.log10(high - low))
+    for step in (power * factor for factor in (0.1, 0.2, 0.5, 1.0, 2.0)):
+        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+        if last - first < 5:
+            return [round(k * step, 12) for k in range(first, last + 1)]
+    return [low, high]
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """The plot of one metric: for each evaluation its summary and quartiles, (25 %, 75 %) or None."""
+
+    metric: Metric
+    axis: Axis
+    rows: list[tuple[Summary, tuple[float, float] | None]]
+
+
+def panel(evaluations: Sequence[Evaluation], metric: Metric) -> Panel | None:
+    """The plot of a metric; None if it is not defined in any episode."""
+    rows = [(one.summary(metric.name), _quartiles(one, metric)) for one in evaluations]
+    shown: list[float] = []
+    for summary, quartiles in rows:
+        shown += [] if summary.mean is None else [summary.mean, *(summary.interval or ()), *(quartiles or ())]
+    return Panel(metric, Axis.of([0.0, 1.0] if metric.unit == "0/1" else shown), rows) if shown else None
+
+
+def _quartiles(evaluation: Evaluation, metric: Metric) -> tuple[float, float] | None:
+    """First and third quartile over episodes; None for metrics that are 0 or 1, or not defined."""
+    values = evaluation.values(metric.name)
+    if not values or metric.unit == "0/1":
+        return None
+    low, high = np.quantile(values, (0.25, 0.75)).tolist()
+    return low, high
+
+
+# --- Film strips of the best and the worst episode ---
+
+MOMENTS = 6  # pictures of a film strip
+COMPLIANCE = f"personal_space_compliance_{INTIMATE_DISTANCE:.2f}"
+
+BEST_RULE = (
+    "Best episode, by the following criteria in this order: the goal was reached; there was no collision; no person was"
+    f" nearer than {INTIMATE_DISTANCE:g} m and no group or interaction was intruded upon; a person was nearer than"
+    f" {PERSONAL_DISTANCE:g} m, so that the robot did pass people; the highest SPL, to 0.01; the smallest clearance to"
+    " a person."
+)
+WORST_RULE = (
+    "Worst episode, by the following criteria in this order: most collisions with people that the robot caused; goal"
+    " not reached; most collisions with walls and furniture; lowest personal-space compliance; lowest SPL."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """One episode in pictures.
+
+    Attributes:
+        title: what the episode is an example of.
+        why: why it was chosen.
+        facts: its outcome and metrics.
+        origin: scenario, seed, episode number and file.
+        controller: path of the controller, as in the file.
+        moments: time and event of each picture, and the picture as a data URL.
+    """
+
+    title: str
+    why: str
+    facts: str
+    origin: str
+    controller: str
+    moments: list[tuple[str, str]]
+
+
+def film_strips(episodes: Sequence[Measured], files: Sequence[Path]) -> list[Strip]:
+    """Film strips of the best and the worst episode; a single strip if they are the same.
+
+    Args:
+        episodes: the measured episodes.
+        files: the file of each.
+
+    Raises:
+        RecordError: a file cannot be read.
+    """
+    if not episodes:
+        return []
+    path = dict(zip(map(id, episodes), files, strict=True))
+    best, worst = best_of(episodes), worst_of(episodes)
+    if best is worst:
+        return [_strip("best and worst", why_best(best), best, path[id(best)])]
+    return [
+        _strip("best", why_best(best), best, path[id(best)]),
+        _strip("worst", why_worst(worst), worst, path[id(worst)]),
+    ]
+
+
+def best_of(episodes: Sequence[Measured]) -> Measured:
+    """The best episode by `BEST_RULE`; the first of equals."""
+    return max(episodes, key=_best_key)
+
+
+def worst_of(episodes: Sequence[Measured]) -> Measured:
+    """The worst episode by `WORST_RULE`; the first of equals."""
+    return max(episodes, key=_worst_key)
+
+
+def why_best(episode: Measured) -> str:
+    """Explain why `best_of` chose an episode, and which criteria even the best one misses."""
+    reached, no_collision, no_intrusion, passed_person, *_ = _best_key(episode)
+    if not reached:
+        return "no episode reached the goal; this one comes first by the other criteria"
+    missed = [
+        text
+        for is_met, text in (
+            (no_collision, "there was a collision"),
+            (no_intrusion, "the personal space of a person was intruded upon"),
+            (passed_person, f"no person was within {PERSONAL_DISTANCE:g} m"),
+        )
+        if not is_met
+    ]
+    spl = f"SPL {_value(episode, 'spl'):.2f}"
+    if missed:
+        return f"goal reached, but {' and '.join(missed)}; no episode did better; {spl}"
+    return f"goal reached past people, without collision or intrusion into personal space; {spl}"
+
+
+def why_worst(episode: Measured) -> str:
+    """Explain why `worst_of` chose an episode."""
+    faulty, missed_goal, other, intrusion, _ = _worst_key(episode)
+    if faulty:
+        return f"the robot caused {_times(faulty)} with people"
+    if missed_goal:
+        return "the goal was not reached"
+    if other:
+        return f"{_times(other)} with walls or furniture"
+    if intrusion:
+        return f"nearer than {INTIMATE_DISTANCE:g} m to a person in {100.0 * intrusion:.0f} % of the states"
+    return f"the lowest SPL, {_value(episode, 'spl'):.2f}; goal reached without collision or intrusion"
+
+
+def _times(collisions: float) -> str:
+    return f"{collisions:.0f} collision{'s' if collisions > 1 else ''}"
+
+
+def _best_key(episode: Measured) -> tuple[bool, bool, bool, bool, float, float]:
+    """The criteria of `BEST_RULE`; larger is better, and the first that differs decides."""
+    clearance = _value(episode, "human_clearance_min", PERSONAL_DISTANCE)
+    intrusion = _value(episode, "group_intrusion") + _value(episode, "interaction_intrusion")
+    return (
+        _value(episode, "success") > 0.0,
+        _value(episode, "collisions") == 0.0,
+        intrusion == 0.0 and _value(episode, COMPLIANCE, 1.0) == 1.0,
+        clearance < PERSONAL_DISTANCE,
+        round(_value(episode, "spl"), 2),
+        -clearance,
+    )
+
+
+def _worst_key(episode: Measured) -> tuple[float, bool, float, float, float]:
+    """The criteria of `WORST_RULE`; larger is worse, and the first that differs decides."""
+    return (
+        _value(episode, "robot_on_person"),
+        _value(episode, "success", 1.0) == 0.0,
+        _value(episode, "wall_collisions") + _value(episode, "object_collisions"),
+        1.0 - _value(episode, COMPLIANCE, 1.0),
+        -_value(episode, "spl"),
+    )
+
+
+def _value(episode: Measured, name: str, default: float = 0.0) -> float:
+    """A metric of an episode; the default where it is not defined."""
+    value = episode.values.get(name)
+    return default if value is None else value
+
+
+def _strip(title: str, why: str, measured: Measured, file: Path) -> Strip:
+    record = read_episode(file)
+    trajectory = Trajectory(record)
+    event, event_text = _event(trajectory)
+    indices = _moments(len(trajectory), event)
+    pictures = filmstrip([record.snapshot(index) for index in range(len(trajectory))], indices)
+    return Strip(
+        title=title,
+        why=why,
+        facts=_facts(measured, record.outcome.time),
+        origin=f"{measured.name}, seed {measured.seed} / episode {measured.episode}, {measured.file}",
+        controller=record.controller_info.path,
+        moments=[
+            (f"{trajectory.time[index]:.1f} s" + (f", {event_text}" if index == event else ""), picture)
+            for index, picture in zip(indices, pictures, strict=True)
+        ],
+    )
+
+
+def _event(trajectory: Trajectory) -> tuple[int | None, str]:
+    """Index and description of the most informative state.
+
+    This is the first collision, those caused by the robot and those with humans first; without collisions the state
+    of the smallest clearance to a human; None without humans.
+    """
+    if trajectory.collisions:
+        first = min(trajectory.collisions, key=lambda c: (not c.robot_at_fault, c.kind != "human", c.first))
+        other = {"human": "person", "object": "furniture", "wall": "wall"}[first.kind]
+        return first.first, f"collision with {other}" + (", caused by the robot" if first.robot_at_fault else "")
+    return (int(np.argmin(trajectory.clearance)), "nearest") if trajectory.has_humans else (None, "")
+
+
+def _moments(count: int, event: int | None) -> list[int]:
+    """Evenly spaced indices below `count`, at most `MOMENTS`; the inner one nearest to the event is moved there."""
+    indices = [round(index) for index in np.linspace(0, count - 1, MOMENTS)]
+    if event is not None and event not in indices:
+        indices[min(range(1, MOMENTS - 1), key=lambda k: abs(indices[k] - event))] = event
+    return sorted(set(indices))
+
+
+def _facts(episode: Measured, time: float) -> str:
+    """The outcome, and the metrics by which episodes are chosen."""
+    texts = [f"outcome: {episode.outcome} at {time:.1f} s"]
+    for name, text in (
+        ("spl", "SPL {:.2f}"),
+        ("human_clearance_min", "smallest clearance to a person {:.2f} m"),
+        (COMPLIANCE, "personal-space compliance {:.2f}"),
+        ("interaction_intrusion", "interaction intrusion {:.2f}"),
+        ("robot_on_person", "collisions with people caused by the robot {:.0f}"),
+    ):
+        value = episode.values.get(name)
+        texts += [] if value is None else [text.format(value)]
+    return ", ".join(texts)

@@ -1,7 +1,7 @@
-"""The canonical situations: whether one took place in an episode, and how often a scenario brings it about.
+"""The canonical situations of social navigation: whether an episode shows one, and whether a scenario produces it.
 
-Source of the situations: Francis et al., Principles and Guidelines for Evaluating Social Robot Navigation Algorithms,
-ACM Trans. Hum.-Robot Interact. 14 (2025), arXiv 2306.16740, section on scenarios. The thresholds are ours.
+Source: Francis et al., Principles and Guidelines for Evaluating Social Robot Navigation Algorithms, ACM Trans.
+Hum.-Robot Interact. 14 (2025), arXiv 2306.16740, section on scenarios. The thresholds are ours.
 """
 
 from __future__ import annotations
@@ -12,48 +12,52 @@ from dataclasses import dataclass
 from ..agents.controllers.base import Controller
 from ..core.proxemics import SOCIAL_DISTANCE
 from ..core.scene import Scene
-from ..core.snapshot import Author, Frame, Outcome, Snapshot
+from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
 from ..errors import ConfigError
 from ..record.record import EpisodeRecord
 from ..registry import did_you_mean
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, Renderer
-from .encounters import HEAD_ON, SAME_WAY, Encounter, Kind, Meeting, encounter
+from .encounters import HEAD_ON_ANGLE, SAME_WAY_ANGLE, Encounter, Kind, Meeting, encounter
 
-MET = 2.0  # m, between outlines: nearer is a meeting
-SUDDEN = 5.0  # m, between centres: who comes in sight at less was hidden by a corner
-CROSSED = 4.0  # s, by which two may miss each other where their ways cross
-CROWD, CROWDED = 3, 0.1  # people near the robot on average; people per m2
+MEETING_CLEARANCE = 2.0  # m, between outlines; a larger clearance is not a meeting
+SUDDEN_DISTANCE = 5.0  # m, between centres; a human first seen nearer than this was hidden by a corner
+MAX_CROSSING_DELAY = 4.0  # s, between the passages of robot and human where their paths cross
+CROWD_NEIGHBOURS, CROWD_DENSITY = 3, 0.1  # mean number of humans near the robot; humans per m²
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether a situation took place, and what was seen of it."""
+    """Whether a situation took place, and a description of the encounter that decided."""
 
     took_place: bool
-    told: str
+    description: str
 
 
 def judge(situation: str, episode: EpisodeRecord | Iterable[Snapshot]) -> Verdict:
-    """Whether the situation of this name took place in an episode.
+    """Decide whether a situation took place in an episode.
+
+    Args:
+        situation: a key of `SITUATIONS`.
+        episode: a recorded episode, or the snapshots of a live one.
 
     Raises:
-        ConfigError: there is no such situation.
+        ConfigError: the situation is unknown.
     """
-    return SITUATIONS[named(situation)](encounter(episode))
+    check_situation(situation)
+    return SITUATIONS[situation](encounter(episode))
 
 
-def named(situation: str) -> str:
-    """The name, if there is such a situation.
+def check_situation(situation: str) -> None:
+    """Check that a situation of this name exists.
 
     Raises:
-        ConfigError: there is none.
+        ConfigError: the situation is unknown.
     """
     if situation not in SITUATIONS:
         hint = did_you_mean(situation, SITUATIONS)
         raise ConfigError(f"no situation is named {situation!r}; situations are {', '.join(SITUATIONS)}{hint}")
-    return situation
 
 
 def rehearse(
@@ -65,101 +69,113 @@ def rehearse(
     episode: int = 0,
     renderer: Renderer | None = None,
 ) -> Verdict:
-    """Run one episode of a scenario, and judge whether a situation took place.
+    """Run one episode of a scenario and decide whether a situation took place.
 
     Args:
-        renderer: for a controller that asks for a camera image.
+        config: the scenario.
+        situation: a key of `SITUATIONS`.
+        controller: drives the robot.
+        seed, episode: seed of the scenario and number of the episode.
+        renderer: makes images for a controller that requests them.
 
     Raises:
-        ConfigError: there is no such situation.
-        SceneError: the scenario cannot be laid out.
+        ConfigError: the situation is unknown.
+        SceneError: no scene of the scenario can be generated.
     """
-    looks = Looker()
-    Episode(generate(config, seed, episode), controller, observers=[looks], renderer=renderer).run()
-    return judge(situation, looks.snapshots)
+    collector = SnapshotCollector()
+    Episode(generate(config, seed, episode), controller, observers=[collector], renderer=renderer).run()
+    return judge(situation, collector.snapshots)
 
 
-class Looker:
-    """An observer that keeps every look of an episode, the final one too."""
+class SnapshotCollector:
+    """Observer that keeps every snapshot of an episode, including the final one, in `snapshots`."""
 
     def __init__(self) -> None:
         self.snapshots: list[Snapshot] = []
 
-    def open(self, scene: Scene, author: Author) -> None:
-        """An episode begins."""
+    def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         self.snapshots = []
 
     def note(self, frame: Frame) -> None:
-        """One tick."""
         self.snapshots.append(frame.snapshot)
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
-        """It is over."""
         self.snapshots.append(last)
 
 
-def _met(what: str, kind: Kind) -> Callable[[Encounter], Verdict]:
-    """A situation that is a meeting of a kind, in sight of each other from the start."""
+def _meeting_of_kind(description: str, kind: Kind) -> Callable[[Encounter], Verdict]:
+    """A situation that is a meeting of one kind, with robot and human in sight of each other from the start."""
 
-    def verdict(seen: Encounter) -> Verdict:
-        return _found(seen, what, lambda m: m.kind == kind and m.gap < MET and m.sight is None)
+    def verdict(found: Encounter) -> Verdict:
+        return _first_match(
+            found,
+            description,
+            lambda m: m.kind == kind and m.clearance < MEETING_CLEARANCE and m.sight_distance is None,
+        )
 
     return verdict
 
 
-def _intersection(seen: Encounter) -> Verdict:
+def _intersection(found: Encounter) -> Verdict:
     def crosses(m: Meeting) -> bool:
-        return m.missed is not None and m.missed < CROSSED and SAME_WAY < m.angle < HEAD_ON
+        is_crossing = m.crossing_delay is not None and m.crossing_delay < MAX_CROSSING_DELAY
+        return m.clearance < MEETING_CLEARANCE and is_crossing and SAME_WAY_ANGLE < m.angle < HEAD_ON_ANGLE
 
-    return _found(seen, "crossed the robot's way", lambda m: m.gap < MET and crosses(m))
-
-
-def _blind_corner(seen: Encounter) -> Verdict:
-    return _found(
-        seen, "came in sight only close by", lambda m: m.sight is not None and m.sight < SUDDEN and m.gap < MET
-    )
+    return _first_match(found, "crossed the robot's path", crosses)
 
 
-def _narrow_doorway(seen: Encounter) -> Verdict:
-    return _found(seen, "came through a narrow doorway that the robot was at", lambda m: m.at_door is not None)
+def _blind_corner(found: Encounter) -> Verdict:
+    def appears(m: Meeting) -> bool:
+        is_sudden = m.sight_distance is not None and m.sight_distance < SUDDEN_DISTANCE
+        return is_sudden and m.clearance < MEETING_CLEARANCE
+
+    return _first_match(found, "came into sight at a short distance", appears)
 
 
-def _found(seen: Encounter, what: str, fits: Callable[[Meeting], bool]) -> Verdict:
-    for one in seen.meetings:
-        if fits(one):
-            seen_at = "" if one.sight is None else f", first seen at {one.sight:.1f} m"
-            door = "" if one.at_door is None else f", doorway {one.at_door:.2f} m"
-            where = f"{one.gap:.2f} m off, on the {one.side}"
-            return Verdict(True, f"person {one.person} {what}: nearest at {one.time:.1f} s, {where}{seen_at}{door}")
-    nearest = "; ".join(f"person {m.person} {m.kind}, {m.gap:.1f} m off" for m in seen.meetings[:2])
-    return Verdict(False, f"nobody {what} ({nearest or 'there is nobody'})")
+def _narrow_doorway(found: Encounter) -> Verdict:
+    description = "passed a narrow doorway with the robot on the other side"
+    return _first_match(found, description, lambda m: m.door_width is not None)
 
 
-def _crossing_a_group(seen: Encounter) -> Verdict:
-    for one in seen.groups:
-        if one.in_the_way and one.nearest < one.reach + SOCIAL_DISTANCE / 2:
-            cut = "through" if one.nearest < one.reach else "round"
-            return Verdict(True, f"group {one.group} was in the way; the robot went {cut} it, {one.nearest:.2f} m off")
-    return Verdict(False, "no group was in the robot's straight way and near to it")
+def _first_match(found: Encounter, description: str, matches: Callable[[Meeting], bool]) -> Verdict:
+    """The verdict for situations in which one meeting decides."""
+    for m in found.meetings:
+        if matches(m):
+            sight = "" if m.sight_distance is None else f", first seen at {m.sight_distance:.1f} m"
+            door = "" if m.door_width is None else f", doorway {m.door_width:.2f} m wide"
+            nearest = f"nearest at {m.time:.1f} s, clearance {m.clearance:.2f} m on the {m.side}"
+            return Verdict(True, f"person {m.person} {description}: {nearest}{sight}{door}")
+    nearest = "; ".join(f"person {m.person} {m.kind}, clearance {m.clearance:.1f} m" for m in found.meetings[:2])
+    return Verdict(False, f"no person {description} ({nearest or 'there are no people'})")
 
 
-def _joining_a_group(seen: Encounter) -> Verdict:
-    for one in seen.groups:
-        if one.joined:
-            return Verdict(True, f"in the end the robot stands with group {one.group}")
-    nearest = min((one.nearest for one in seen.groups), default=None)
-    return Verdict(False, "there is no group" if nearest is None else f"the robot came no nearer than {nearest:.2f} m")
+def _crossing_a_group(found: Encounter) -> Verdict:
+    for m in found.groups:
+        if m.blocks_path and m.distance < m.radius + SOCIAL_DISTANCE / 2:
+            path = "through" if m.distance < m.radius else "around"
+            description = f"group {m.group} was on the straight path; the robot went {path} it at {m.distance:.2f} m"
+            return Verdict(True, description)
+    return Verdict(False, "no group was on the robot's straight path and near the robot")
 
 
-def _crowded_hall(seen: Encounter) -> Verdict:
-    told = f"{seen.company:.1f} people near the robot on average, {seen.density:.2f} per m2 in the room"
-    return Verdict(seen.company >= CROWD and seen.density >= CROWDED, told)
+def _joining_a_group(found: Encounter) -> Verdict:
+    for m in found.groups:
+        if m.joined:
+            return Verdict(True, f"the robot stands with group {m.group} at the end")
+    nearest = min((m.distance for m in found.groups), default=None)
+    description = "there is no group" if nearest is None else f"the robot stayed {nearest:.2f} m or more from groups"
+    return Verdict(False, description)
+
+
+def _crowded_hall(found: Encounter) -> Verdict:
+    description = f"on average {found.neighbours:.1f} people near the robot, {found.density:.2f} per m² of the room"
+    return Verdict(found.neighbours >= CROWD_NEIGHBOURS and found.density >= CROWD_DENSITY, description)
 
 
 SITUATIONS: dict[str, Callable[[Encounter], Verdict]] = {
-    "frontal-approach": _met("came the other way", "head-on"),
-    "overtaking": _met("was overtaken by the robot", "overtaking"),
-    "being-overtaken": _met("overtook the robot", "overtaken"),
+    "frontal-approach": _meeting_of_kind("came towards the robot", "head-on"),
+    "overtaking": _meeting_of_kind("was overtaken by the robot", "overtaking"),
+    "being-overtaken": _meeting_of_kind("overtook the robot", "overtaken"),
     "intersection": _intersection,
     "blind-corner": _blind_corner,
     "narrow-doorway": _narrow_doorway,

@@ -1,4 +1,4 @@
-"""How much room did the robot leave to people and things? All between outlines, at every look."""
+"""Metrics of distance to humans and obstacles, between outlines, over all states."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, SOCIAL_DISTAN
 from .definition import Metric
 from .trajectory import Trajectory
 
-THRESHOLDS = (0.3, 0.45, 0.5, 0.8, 1.2)  # m; a sweep, since no single cut is right for every culture and task
-ZONES = {
+THRESHOLDS = (0.3, 0.45, 0.5, 0.8, 1.2)  # m; several, since no single one is right for every culture and task
+ZONES = {  # m, from the robot's outline to that of the nearest human
     "intimate": (0.0, INTIMATE_DISTANCE),
     "personal": (INTIMATE_DISTANCE, PERSONAL_DISTANCE),
     "social": (PERSONAL_DISTANCE, SOCIAL_DISTANCE),
@@ -23,64 +23,71 @@ _HALL = "E. T. Hall, The Hidden Dimension (1966)"
 _FRANCIS = "Francis et al., arXiv 2306.16740, table of metrics"
 
 
-def human_clearance_min(run: Trajectory) -> float | None:
-    """m, to the nearest person ever; None where nobody ever is."""
-    return float(run.nearest.min()) if run.has_people else None
+def human_clearance_min(trajectory: Trajectory) -> float | None:
+    """Smallest clearance to a human, m; None without humans."""
+    return float(trajectory.clearance.min()) if trajectory.has_humans else None
 
 
-def human_clearance_mean(run: Trajectory) -> float | None:
-    """m, mean over looks at which somebody is there, of the clearance to the nearest; None where nobody ever is."""
-    there = run.present.any(axis=1)
-    return float(run.nearest[there].mean()) if run.has_people else None
+def human_clearance_mean(trajectory: Trajectory) -> float | None:
+    """Mean clearance to the nearest human over the states with humans, m; None without humans."""
+    occupied = trajectory.present.any(axis=1)
+    return float(trajectory.clearance[occupied].mean()) if trajectory.has_humans else None
 
 
-def obstacle_clearance_min(run: Trajectory) -> float | None:
-    """m, to the nearest wall or piece of furniture ever; None where there is none."""
-    return float(_obstacles(run).min()) if len(run.barrier_gaps) else None
+def obstacle_clearance_min(trajectory: Trajectory) -> float | None:
+    """Smallest clearance to a wall or piece of furniture, m; None without obstacles."""
+    return float(_obstacle_clearance(trajectory).min()) if len(trajectory.barrier_clearance) else None
 
 
-def obstacle_clearance_mean(run: Trajectory) -> float | None:
-    """m, mean over looks of the clearance to the nearest wall or piece of furniture; None where there is none."""
-    return float(_obstacles(run).mean()) if len(run.barrier_gaps) else None
+def obstacle_clearance_mean(trajectory: Trajectory) -> float | None:
+    """Mean clearance to the nearest wall or piece of furniture, m; None without obstacles."""
+    return float(_obstacle_clearance(trajectory).mean()) if len(trajectory.barrier_clearance) else None
 
 
-def personal_space_compliance(run: Trajectory, threshold: float) -> float | None:
-    """Share of looks at which nobody is nearer than the threshold, m; None where nobody ever is."""
-    return float((run.nearest >= threshold).mean()) if run.has_people else None
+def personal_space_compliance(trajectory: Trajectory, threshold: float) -> float | None:
+    """Fraction of the states with no human nearer than `threshold` (m); None without humans."""
+    return float((trajectory.clearance >= threshold).mean()) if trajectory.has_humans else None
 
 
-def zone_share(run: Trajectory, low: float, high: float) -> float | None:
-    """Share of looks at which the nearest person is in [low, high), m; None where nobody ever is."""
-    if not run.has_people:
+def zone_fraction(trajectory: Trajectory, low: float, high: float) -> float | None:
+    """Fraction of the states with the nearest human's clearance in [low, high), m; None without humans.
+
+    With `high` infinite, states without humans count.
+    """
+    if not trajectory.has_humans:
         return None
-    return float(((run.nearest >= low) & ((run.nearest < high) | (high == np.inf))).mean())
+    clearance = trajectory.clearance
+    return float(((clearance >= low) & ((clearance < high) | (high == np.inf))).mean())
 
 
-def _obstacles(run: Trajectory) -> Array:
-    """(L,), m."""
-    gaps: Array = np.maximum(run.barrier_gaps.min(axis=0), 0.0)
-    return gaps
+def _obstacle_clearance(trajectory: Trajectory) -> Array:
+    """(L,), m, to the nearest obstacle; 0 where outlines overlap."""
+    clearance: Array = np.maximum(trajectory.barrier_clearance.min(axis=0), 0.0)
+    return clearance
 
 
 METRICS = (
     Metric(
-        "human_clearance_min", "m", "more", "min over looks and people of d, d = max(0, |p − q| − r_robot − r_person)",
+        "human_clearance_min", "m", "more", "min over states and people of d = max(0, |p − q| − r_robot − r_person)",
         f"{_FRANCIS} (DH_min)", human_clearance_min, headline=True,
     ),
     Metric(
-        "human_clearance_mean", "m", "more", "mean over looks with people of min over people of d",
+        "human_clearance_mean", "m", "more", "mean over states with people of min over people of d",
         "HuNavSim, avg_closest_person", human_clearance_mean,
     ),
     Metric(
         "obstacle_clearance_min", "m", "more",
-        "min over looks of the gap from the robot's outline to walls and furniture, not below 0",
+        "min over states of the clearance to walls and furniture, at least 0",
         f"{_FRANCIS} (CD)", obstacle_clearance_min, headline=True,
     ),
-    Metric("obstacle_clearance_mean", "m", "more", "its mean over looks", f"{_FRANCIS} (CD)", obstacle_clearance_mean),
+    Metric(
+        "obstacle_clearance_mean", "m", "more", "mean over states of the clearance to walls and furniture, at least 0",
+        f"{_FRANCIS} (CD)", obstacle_clearance_mean,
+    ),
     *(
         Metric(
             f"personal_space_compliance_{threshold:.2f}", "share", "more",
-            f"share of looks at which min over people of d ≥ {threshold:.2f} m; 1 where nobody is there at that look",
+            f"fraction of states in which min over people of d ≥ {threshold:.2f} m; states without people count",
             f"{_FRANCIS} (SC)", partial(personal_space_compliance, threshold=threshold),
             headline=threshold == INTIMATE_DISTANCE,
         )
@@ -89,8 +96,8 @@ METRICS = (
     *(
         Metric(
             f"zone_{name}", "share", "neither" if name in ("social", "public") else "less",
-            f"share of looks at which {low:g} m ≤ min over people of d{'' if high == np.inf else f' < {high:g} m'}",
-            _HALL, partial(zone_share, low=low, high=high),
+            f"fraction of states in which {low:g} m ≤ min over people of d{'' if high == np.inf else f' < {high:g} m'}",
+            _HALL, partial(zone_fraction, low=low, high=high),
         )
         for name, (low, high) in ZONES.items()
     ),

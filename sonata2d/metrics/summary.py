@@ -1,4 +1,4 @@
-"""What many runs come to: n, mean, median, bootstrap interval; and how two controllers differ on the same scenes."""
+"""Statistics over many episodes: mean, median, confidence intervals, differences between paired episodes."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import numpy as np
 
 from ..core.portable_math import Array
 
-LEVEL = 0.95
-RESAMPLES = 2000
-_AT_ONCE = 1_000_000  # drawn values held in memory
+LEVEL = 0.95  # of confidence intervals
+RESAMPLES = 2000  # of the bootstrap
+_AT_ONCE = 1_000_000  # values drawn at a time, which bounds the memory
 
-Values = Mapping[str, float | None]
+Values = Mapping[str, float | None]  # of one episode, by metric
 
 
 class Interval(NamedTuple):
-    """Low and high end."""
+    """Lower and upper end of a confidence interval."""
 
     low: float
     high: float
@@ -27,11 +27,11 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """One metric over many runs.
+    """One metric over many episodes.
 
     Attributes:
-        n: runs in which it is defined.
-        mean, median: over these; None if n is 0.
+        n: number of episodes in which the metric is defined.
+        mean, median: over these episodes; None if n is 0.
         interval: of the mean, by percentile bootstrap; None if n is below 2.
     """
 
@@ -40,59 +40,78 @@ class Summary:
     median: float | None
     interval: Interval | None
 
-    def tree(self) -> dict[str, float | int | None]:
-        """As JSON."""
+    def to_json(self) -> dict[str, float | int | None]:
+        """The summary as a JSON object."""
         low, high = self.interval or (None, None)
         return {"n": self.n, "mean": self.mean, "median": self.median, "low": low, "high": high}
 
+    @property
+    def excludes_zero(self) -> bool:
+        """Whether there is an interval and zero lies outside; of a difference, whether it is significant."""
+        return self.interval is not None and not self.interval.low <= 0.0 <= self.interval.high
+
+    def text(self, episodes: int) -> str:
+        """Format as `0.95 [0.85, 1.00]`, followed by `(n=12)` if n differs from the number of episodes."""
+        if self.mean is None:
+            return "not defined"
+        ends = self.interval and ", ".join(map(format_number, self.interval))
+        text = format_number(self.mean) + (f" [{ends}]" if ends else "")
+        return text if self.n == episodes else f"{text} (n={self.n})"
+
+
+def format_number(value: float) -> str:
+    """Format with two or three significant digits; exact 0 and 1 without decimals."""
+    if value in (0.0, 1.0) or abs(value) >= 100.0:
+        return f"{value:.0f}"
+    return f"{value:.2f}" if abs(value) >= 0.1 else f"{value:.3f}"
+
 
 def summarise(values: Sequence[float | None], *, resamples: int = RESAMPLES, seed: int = 0) -> Summary:
-    """Summarise one metric of many runs, leaving out those in which it is not defined.
+    """Summarise one metric of many episodes, leaving out those in which it is not defined.
 
     Args:
-        values: one a run.
+        values: one per episode; None where the metric is not defined.
         resamples: of the bootstrap.
-        seed: of the bootstrap; the same values give the same interval.
+        seed: of the bootstrap; the same values and seed give the same interval.
     """
-    there = np.array([value for value in values if value is not None], dtype=float)
-    if not len(there):
+    defined = np.array([value for value in values if value is not None], dtype=float)
+    if not len(defined):
         return Summary(0, None, None, None)
-    interval = bootstrap_interval(there, resamples=resamples, seed=seed)
-    return Summary(len(there), _rounded(there.mean()), _rounded(np.median(there)), interval)
+    interval = bootstrap_interval(defined, resamples=resamples, seed=seed)
+    return Summary(len(defined), _rounded(defined.mean()), _rounded(np.median(defined)), interval)
 
 
 def differences(
     first: Mapping[Any, Values], second: Mapping[Any, Values], name: str, *, resamples: int = RESAMPLES, seed: int = 0
 ) -> Summary:
-    """The second's metric less the first's, run by run where both were in the same scene.
+    """Summarise the differences of one metric, second minus first, in the scenes common to both.
 
     Args:
-        first, second: values of each scene, by what tells scenes apart.
-        name: of the metric.
-        resamples: of the bootstrap.
-        seed: of the bootstrap.
+        first, second: metrics of each episode, by scene.
+        name: the metric.
+        resamples, seed: of the bootstrap.
     """
-    less: list[float | None] = []
+    found: list[float | None] = []
     for scene in sorted(first.keys() & second.keys()):
         before, after = first[scene].get(name), second[scene].get(name)
-        less.append(None if before is None or after is None else after - before)
-    return summarise(less, resamples=resamples, seed=seed)
+        found.append(None if before is None or after is None else after - before)
+    return summarise(found, resamples=resamples, seed=seed)
 
 
 def bootstrap_interval(
     values: Array, *, level: float = LEVEL, resamples: int = RESAMPLES, seed: int = 0
 ) -> Interval | None:
-    """Where the mean would lie if the runs were drawn again: the percentiles of means of resamples.
+    """Confidence interval of a mean: percentiles of the means of resamples.
 
     Args:
         values: (n,).
-        level: of the interval, above 0 and below 1.
-        resamples: how many, 1 or more.
-        seed: of the draws.
+        level: between 0 and 1, exclusive.
+        resamples: 1 or more.
+        seed: of the resampling.
 
     Returns:
-        None for fewer than two values. Values that are all alike give an interval of no width, which says that nothing
-        else was seen, not that nothing else can happen.
+        None for fewer than two values. Equal values give an interval of zero width: no other value was observed,
+        which does not mean that no other is possible.
 
     Raises:
         ValueError: level or resamples are out of range.
@@ -100,7 +119,7 @@ def bootstrap_interval(
     Source: B. Efron, Ann. Statist. 7 (1979) 1; percentile method of Efron & Tibshirani (1993), chapter 13.
     """
     if not 0.0 < level < 1.0 or resamples < 1:
-        raise ValueError(f"level must lie in 0..1 and resamples be positive, got {level} and {resamples}")
+        raise ValueError(f"level must be between 0 and 1 and resamples positive, got {level} and {resamples}")
     if len(values) < 2:
         return None
     generator, count = np.random.Generator(np.random.PCG64(seed)), len(values)
@@ -112,27 +131,31 @@ def bootstrap_interval(
     return Interval(_rounded(low), _rounded(high))
 
 
-def wilson_interval(count: int, of: int, *, level: float = LEVEL) -> Interval:
-    """Where a share would lie if the runs were drawn again; of some width even if the count is none or all.
+def wilson_interval(count: int, total: int, *, level: float = LEVEL) -> Interval:
+    """Confidence interval of a proportion; it has a positive width even if the count is 0 or the total.
 
     Args:
-        count: runs of a kind, 0 .. of.
-        of: all runs, 1 or more.
-        level: of the interval, above 0 and below 1.
+        count: 0 to total.
+        total: 1 or more.
+        level: between 0 and 1, exclusive.
 
     Raises:
-        ValueError: one of them is out of range.
+        ValueError: an argument is out of range.
 
     Source: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
     """
-    if not (0 <= count <= of and of > 0 and 0.0 < level < 1.0):
-        raise ValueError(f"want 0 <= count <= of, of > 0 and a level in 0..1, got {count} of {of} at {level}")
+    if not (0 <= count <= total and total > 0 and 0.0 < level < 1.0):
+        raise ValueError(
+            "count must be in 0..total, total positive and level between 0 and 1,"
+            f" got {count} of {total} at level {level}"
+        )
     z = NormalDist().inv_cdf((1.0 + level) / 2.0)
-    share, weight = count / of, z * z / of
-    middle = (share + weight / 2.0) / (1.0 + weight)
-    reach = z * (share * (1.0 - share) / of + weight / (4.0 * of)) ** 0.5 / (1.0 + weight)
-    return Interval(_rounded(max(middle - reach, 0.0)), _rounded(min(middle + reach, 1.0)))
+    fraction, weight = count / total, z * z / total
+    centre = (fraction + weight / 2.0) / (1.0 + weight)
+    half = z * (fraction * (1.0 - fraction) / total + weight / (4.0 * total)) ** 0.5 / (1.0 + weight)
+    return Interval(_rounded(max(centre - half, 0.0)), _rounded(min(centre + half, 1.0)))
 
 
 def _rounded(value: Any) -> float:
+    """Round to 1e-6, without -0.0."""
     return round(float(value), 6) + 0.0

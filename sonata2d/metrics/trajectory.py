@@ -1,30 +1,38 @@
-"""A recorded episode as the metrics see it: arrays up to the goal, and the robot's contacts."""
+"""The view of a recorded episode from which metrics are computed: arrays up to the goal, and the robot's collisions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from ..core.geometry import Point
 from ..core.navigation import FreeSpace
-from ..core.portable_math import Array
+from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
-from ..core.vectors import wrap_angles
+from ..core.vectors import lengths, wrap_angles
+from ..datasets.motion import OMEGA, THETA, VX, VY
 from ..record.record import EpisodeRecord
-from ..sim.safety import CLOSING
+from ..sim.safety import CLOSING_SPEED
+
+ANY_HEADING = 3.14  # rad; a goal with this tolerance or more accepts every heading, as in `sim.episode`
 
 Kind = Literal["human", "object", "wall"]
-Key = tuple[Kind, int]
-Marks = dict[Key, dict[int, tuple[bool, bool]]]  # of each outline: look -> the robot's fault, the other's
+Outline = tuple[Kind, int]  # kind, and id of the human or object or index of the wall
+Fault = tuple[bool, bool]  # whether the robot's own velocity, and the other's, closes the gap
 
 
 @dataclass(frozen=True, slots=True)
-class Touch:
-    """One outline touched without a break: at which looks, first and last, and who ever closed the gap meanwhile."""
+class Collision:
+    """An uninterrupted contact of the robot with one outline.
+
+    Attributes:
+        kind, id: the outline; of a wall, its index in the scene.
+        first, last: indices of the first and the last state in contact.
+        robot_at_fault, other_at_fault: whether its own velocity closed the gap at any of these states.
+    """
 
     kind: Kind
     id: int
@@ -34,181 +42,216 @@ class Touch:
     other_at_fault: bool
 
 
-def touches_of(run: Trajectory) -> list[Touch]:
-    """All touches of a run, in the order in which they begin."""
-    marks: Marks = {}
-    for key, look, faults in (*_near_people(run), *_near_barriers(run), *_recorded(run)):  # what was felt comes last
-        marks.setdefault(key, {})[look] = faults
-    found = [touch for key, looks in marks.items() for touch in _joined(key, looks)]
-    return sorted(found, key=lambda touch: (touch.first, touch.kind, touch.id))
-
-
-def _recorded(run: Trajectory) -> Iterator[tuple[Key, int, tuple[bool, bool]]]:
-    document = run.record.document
-    for look, told in enumerate([*document["frames"], document["final"]][: len(run)]):
-        for row in told["contacts"]:
-            yield (row["kind"], row["id"]), look, (row["robot_at_fault"], row["other_at_fault"])
-
-
-def _near_people(run: Trajectory) -> Iterator[tuple[Key, int, tuple[bool, bool]]]:
-    for look, k in np.argwhere(run.gaps < run.scene.rules.contact_distance).tolist():
-        towards = run.offset[look, k] / max(float(run.distance[look, k]), 1e-9)
-        own = float(run.velocity[look] @ towards) > CLOSING
-        other = float(-run.people[look, k, 3:5] @ towards) > CLOSING
-        yield ("human", run.scene.humans[k].id), look, (own, other)
-
-
-def _near_barriers(run: Trajectory) -> Iterator[tuple[Key, int, tuple[bool, bool]]]:
-    owners: Any = run.scene.barrier_owner
-    near = np.argwhere(run.barrier_gaps < run.scene.rules.contact_distance).tolist()
-    for m, look in near:
-        x, y = run.scene.barriers.subset([m]).towards(run.position[look : look + 1])
-        vx, vy = run.velocity[look].tolist()
-        closing = (vx * float(x[0, 0]) + vy * float(y[0, 0])) / max(float(np.hypot(x, y)[0, 0]), 1e-9)
-        yield owners[m], look, (closing > CLOSING, False)
-
-
-def _joined(key: Key, looks: dict[int, tuple[bool, bool]]) -> Iterator[Touch]:
-    """Consecutive looks as one touch each."""
-    order = np.array(sorted(looks))
-    for part in np.split(order, np.flatnonzero(np.diff(order) > 1) + 1):
-        own, other = zip(*(looks[look] for look in part.tolist()), strict=True)
-        yield Touch(*key, int(part[0]), int(part[-1]), any(own), any(other))
-
-
-ANY_HEADING = 3.14  # rad; a goal with a wider angle takes every heading, as in `episode.ending`
-
-
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """L looks at a robot among N people: all of an episode up to the look at which the goal is first reached.
+    """An episode of N humans as L states: the frames and the final state, cut after the goal is first reached.
+
+    Positions are in metres, velocities in m/s, angles in radians, all in the world frame.
 
     Args:
         record: the episode.
-        alone: (T + 1, N, 2), m, where people are at the record's looks when the same seed runs without a robot; None
-            if that is not known. See `disturbance.without_robot`.
+        undisturbed: (T + 1, N, 2), m, positions of the humans at all states of the record when the same seed runs
+            without a robot; None if unknown. See `disturbance.without_robot`.
+
+    >>> trajectory = Trajectory(read_episode("demo/000000.json"))
+    >>> float(trajectory.clearance.min())
     """
 
     record: EpisodeRecord
-    alone: Array | None = None
+    undisturbed: Array | None = None
 
     @cached_property
     def scene(self) -> Scene:
+        """The scene at the start."""
         return self.record.scene()
 
     @cached_property
-    def reached(self) -> int | None:
-        """The look at which the robot first is at the goal, by place and heading; None if it never is."""
-        robot, goal = self.record.looks.robot, self.scene.goal
-        if self.record.outcome.status == "goal":
+    def goal_index(self) -> int | None:
+        """Index of the first state in which the robot is at the goal, with an accepted heading; None if never."""
+        robot, goal = self.record.states.robot, self.scene.goal
+        if self.record.outcome.status == "goal":  # the outcome decides: recorded positions are rounded
             return len(robot) - 1
-        there = distances(robot[:, :2], goal.position) <= goal.distance
+        at_goal = lengths(robot[:, :2] - goal.position) <= goal.distance
         if goal.angle < ANY_HEADING:
-            there &= np.abs(wrap_angles(robot[:, 2] - goal.theta)) <= goal.angle
-        return int(np.argmax(there)) if there.any() else None
+            at_goal &= np.abs(wrap_angles(robot[:, THETA] - goal.theta)) <= goal.angle
+        return int(np.argmax(at_goal)) if at_goal.any() else None
 
     def __len__(self) -> int:
         """L, one or more."""
-        return len(self.record.looks.robot) if self.reached is None else self.reached + 1
+        return len(self.record.states.robot) if self.goal_index is None else self.goal_index + 1
 
     @cached_property
     def time(self) -> Array:
         """(L,), s."""
-        return self.record.looks.time[: len(self)]
+        return self.record.states.time[: len(self)]
 
     @cached_property
-    def lasted(self) -> Array:
-        """(L - 1,), s, from each look to the next."""
+    def durations(self) -> Array:
+        """(L - 1,), s, from each state to the next."""
         return np.diff(self.time)
+
+    @property
+    def total_time(self) -> float:
+        """From the first state to the last, s."""
+        return float(self.time[-1] - self.time[0])
 
     @cached_property
     def position(self) -> Array:
         """(L, 2), m, of the robot's centre."""
-        return self.record.looks.robot[: len(self), :2]
+        return self.record.states.robot[: len(self), :2]
 
     @cached_property
     def heading(self) -> Array:
         """(L,), rad, of the robot."""
-        return self.record.looks.robot[: len(self), 2]
+        return self.record.states.robot[: len(self), THETA]
 
     @cached_property
     def velocity(self) -> Array:
-        """(L, 2), m/s, of the robot, world frame."""
-        return self.record.looks.robot[: len(self), 3:5]
+        """(L, 2), m/s, of the robot."""
+        return self.record.states.robot[: len(self), VX : VY + 1]
 
     @cached_property
-    def people(self) -> Array:
-        """(L, N, 7), as `EpisodeRecord.humans`; NaN where not present."""
-        return self.record.looks.humans[: len(self)]
-
-    @cached_property
-    def present(self) -> Any:
-        """(L, N) of bool."""
-        return self.record.looks.present[: len(self)]
-
-    @cached_property
-    def has_people(self) -> bool:
-        """Whether anyone is ever there."""
-        return bool(self.present.any())
-
-    @cached_property
-    def radii(self) -> Array:
-        """(N,), m, of the people's outlines."""
-        return np.array([human.radius for human in self.scene.humans], dtype=float)
+    def omega(self) -> Array:
+        """(L,), rad/s, of the robot."""
+        return self.record.states.robot[: len(self), OMEGA]
 
     @cached_property
     def radius(self) -> float:
-        """Of the robot's outline, m."""
+        """Radius of the robot's outline, m."""
         return self.scene.robot.radius
 
     @cached_property
+    def present(self) -> BoolArray:
+        """(L, N), whether each human is in the scene."""
+        present: BoolArray = self.record.states.present[: len(self)]
+        return present
+
+    @cached_property
+    def has_humans(self) -> bool:
+        """Whether a human is present in any state."""
+        return bool(self.present.any())
+
+    @cached_property
+    def human_position(self) -> Array:
+        """(L, N, 2), m; NaN where absent."""
+        return self.record.states.humans[: len(self), :, :2]
+
+    @cached_property
+    def human_heading(self) -> Array:
+        """(L, N), rad; NaN where absent."""
+        return self.record.states.humans[: len(self), :, THETA]
+
+    @cached_property
+    def human_velocity(self) -> Array:
+        """(L, N, 2), m/s; NaN where absent."""
+        return self.record.states.humans[: len(self), :, VX : VY + 1]
+
+    @cached_property
+    def human_radius(self) -> Array:
+        """(N,), m, of the humans' outlines."""
+        return np.array([human.radius for human in self.scene.humans], dtype=float)
+
+    @cached_property
+    def human_column(self) -> dict[int, int]:
+        """Index along N of each human, by id."""
+        return {human.id: k for k, human in enumerate(self.scene.humans)}
+
+    @cached_property
     def offset(self) -> Array:
-        """(L, N, 2), m, from the robot's centre to each person's; NaN where not present."""
-        offset: Array = self.people[:, :, :2] - self.position[:, None, :]
+        """(L, N, 2), m, from the robot's centre to each human's; NaN where absent."""
+        offset: Array = self.human_position - self.position[:, None, :]
         return offset
 
     @cached_property
     def distance(self) -> Array:
-        """(L, N), m, between centres; inf where not present."""
-        x, y = self.offset[:, :, 0], self.offset[:, :, 1]
-        return np.where(self.present, np.sqrt(x * x + y * y), np.inf)
+        """(L, N), m, between the centres of robot and human; inf where absent."""
+        return np.where(self.present, lengths(self.offset), np.inf)
 
     @cached_property
-    def gaps(self) -> Array:
-        """(L, N), m, between outlines, negative where they overlap; inf where not present."""
-        return self.distance - self.radii - self.radius
+    def human_clearance(self) -> Array:
+        """(L, N), m, between the outlines of robot and human, negative where they overlap; inf where absent."""
+        return self.distance - self.human_radius - self.radius
 
     @cached_property
-    def nearest(self) -> Array:
-        """(L,), m, from the robot's outline to the nearest person's, 0 where they overlap; inf where nobody is."""
-        least: Array = np.maximum(self.gaps.min(axis=1, initial=np.inf), 0.0)
-        return least
+    def clearance(self) -> Array:
+        """(L,), m, from the robot's outline to the nearest human's, 0 where they overlap; inf without humans."""
+        clearance: Array = np.maximum(self.human_clearance.min(axis=1, initial=np.inf), 0.0)
+        return clearance
 
     @cached_property
-    def barrier_gaps(self) -> Array:
-        """(M, L), m, from the robot's outline to each of the scene's barriers, negative where they overlap."""
+    def barrier_clearance(self) -> Array:
+        """(M, L), m, from the robot's outline to each of the scene's M barriers, negative where they overlap."""
         return self.scene.barriers.gaps(self.position) - self.radius
 
     @cached_property
-    def touches(self) -> list[Touch]:
-        """Whom or what the robot touched, in the order in which it began; see `touch`."""
-        return touches_of(self)
+    def collisions(self) -> list[Collision]:
+        """The robot's collisions, ordered by their first state."""
+        return find_collisions(self)
 
     @cached_property
-    def shortest(self) -> float | None:
-        """m, of the shortest way of the robot's outline from its start to the rim of the goal, round walls and
-        furniture, people left out; None if there is none.
+    def shortest_path(self) -> float | None:
+        """Length of the robot's shortest path from its start to the edge of the goal, m; None if there is none.
+
+        The path avoids walls and furniture at the robot's radius and ignores humans.
         """
         goal, scene = self.scene.goal, self.scene
         if not self.radius > 0.0:
             return None
         x, y = self.position[0].tolist()
-        way = FreeSpace(scene.outline, scene.barriers, self.radius).distance((x, y), goal.position)
-        return max(way - goal.distance, 0.0) if np.isfinite(way) else None
+        length = FreeSpace(scene.outline, scene.barriers, self.radius).distance((x, y), goal.position)
+        return max(length - goal.distance, 0.0) if np.isfinite(length) else None
 
 
-def distances(points: Array, place: Point | Array) -> Array:
-    """m, from (…, 2) points to a place or to as many places."""
-    away = points - np.asarray(place)
-    lengths: Array = np.sqrt(away[..., 0] * away[..., 0] + away[..., 1] * away[..., 1])
-    return lengths
+def find_collisions(trajectory: Trajectory) -> list[Collision]:
+    """Join contacts at consecutive states into collisions.
+
+    A state is in contact with an outline if the file records a contact, which is detected within a tick, or if the
+    clearance at the state is below the scene's `contact_distance`.
+
+    Returns:
+        Collisions ordered by first state, kind and id.
+    """
+    contacts: dict[Outline, dict[int, Fault]] = {}
+    # recorded contacts come last: at the same state they replace what positions and velocities suggest
+    sources = (*_human_contacts(trajectory), *_barrier_contacts(trajectory), *_recorded_contacts(trajectory))
+    for outline, index, fault in sources:
+        contacts.setdefault(outline, {})[index] = fault
+    found = [collision for outline, faults in contacts.items() for collision in _join(outline, faults)]
+    return sorted(found, key=lambda collision: (collision.first, collision.kind, collision.id))
+
+
+def _recorded_contacts(trajectory: Trajectory) -> Iterator[tuple[Outline, int, Fault]]:
+    """Outline, state index and fault of the contacts in the file."""
+    document = trajectory.record.document
+    for index, state in enumerate([*document["frames"], document["final"]][: len(trajectory)]):
+        for row in state["contacts"]:
+            yield (row["kind"], row["id"]), index, (row["robot_at_fault"], row["other_at_fault"])
+
+
+def _human_contacts(trajectory: Trajectory) -> Iterator[tuple[Outline, int, Fault]]:
+    """Outline, state index and fault where the clearance to a human is below the contact distance."""
+    near = np.argwhere(trajectory.human_clearance < trajectory.scene.rules.contact_distance).tolist()
+    for index, k in near:
+        direction = trajectory.offset[index, k] / max(float(trajectory.distance[index, k]), 1e-9)
+        robot = float(trajectory.velocity[index] @ direction) > CLOSING_SPEED
+        other = float(-trajectory.human_velocity[index, k] @ direction) > CLOSING_SPEED
+        yield ("human", trajectory.scene.humans[k].id), index, (robot, other)
+
+
+def _barrier_contacts(trajectory: Trajectory) -> Iterator[tuple[Outline, int, Fault]]:
+    """Outline, state index and fault where the clearance to a wall or object is below the contact distance."""
+    scene = trajectory.scene
+    owners: tuple[Outline, ...] = scene.barrier_owner  # type: ignore[assignment]
+    for m, index in np.argwhere(trajectory.barrier_clearance < scene.rules.contact_distance).tolist():
+        x, y = scene.barriers.subset([m]).towards(trajectory.position[index : index + 1])
+        vx, vy = trajectory.velocity[index].tolist()
+        closing = (vx * float(x[0, 0]) + vy * float(y[0, 0])) / max(float(np.hypot(x, y)[0, 0]), 1e-9)
+        yield owners[m], index, (closing > CLOSING_SPEED, False)
+
+
+def _join(outline: Outline, faults: dict[int, Fault]) -> Iterator[Collision]:
+    """One collision for each run of consecutive state indices."""
+    order = np.array(sorted(faults))
+    for part in np.split(order, np.flatnonzero(np.diff(order) > 1) + 1):
+        robot, other = zip(*(faults[index] for index in part.tolist()), strict=True)
+        yield Collision(*outline, int(part[0]), int(part[-1]), any(robot), any(other))

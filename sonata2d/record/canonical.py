@@ -1,4 +1,4 @@
-"""Values as files hold them: rounded, finite, one way to write each."""
+"""Canonical form of the values in episode files: rounded and finite, with one representation for each value."""
 
 from __future__ import annotations
 
@@ -15,102 +15,120 @@ from ..errors import RecordError
 
 
 def rounded(values: Array) -> Array:
-    """The nearest multiples of `geometry.PRECISION`, any shape, without -0.0; bit for bit `geometry.quantised`."""
-    nearest: Array = np.rint(values * 10_000.0) / 10_000.0 + 0.0
-    return nearest
+    """Round to multiples of `geometry.PRECISION`, without -0.0; any shape, bit for bit as `geometry.quantised`."""
+    result: Array = np.rint(values * 10_000.0) / 10_000.0 + 0.0
+    return result
 
 
-def rounded_rows(rows: Array, angles: list[int]) -> Array:
-    """Rows as files hold them: rounded, and the columns `angles`, given in (-pi, pi], in (-3.1416, 3.1416]."""
-    nearest = rounded(rows)
-    turns = nearest[..., angles]
-    nearest[..., angles] = np.where(turns <= -3.1416, 3.1416, turns)
-    return nearest
+def rounded_rows(rows: Array, angle_columns: list[int]) -> Array:
+    """Round rows of frames to the precision of files.
+
+    Args:
+        rows: (..., columns).
+        angle_columns: indices of the columns with angles in (-pi, pi], rad.
+
+    Returns:
+        (..., columns), rounded; the angles lie in (-3.1416, 3.1416].
+    """
+    result = rounded(rows)
+    angles = result[..., angle_columns]
+    result[..., angle_columns] = np.where(angles <= -3.1416, 3.1416, angles)
+    return result
 
 
-def refuse_unfinite(rows: Array, names: tuple[str, ...], who: str, ids: list[int] | None = None) -> None:
-    """Raise a RecordError that tells where a number is not finite, if one is.
+def require_finite(rows: Array, names: tuple[str, ...], entity: str, ids: list[int] | None = None) -> None:
+    """Check that all numbers are finite.
 
     Args:
         rows: (T, columns), or (T, N, columns) with N ids.
         names: of the columns.
-        who: what the rows tell of, e.g. "human".
+        entity: what the rows describe, e.g. "human".
         ids: of the entities, where there are several.
+
+    Raises:
+        RecordError: a number is not finite; names column, entity and tick.
     """
     if np.isfinite(rows).all():
         return
-    place = np.argwhere(~np.isfinite(rows))[0].tolist()
-    entity = f"{who} {ids[place[1]]}" if ids is not None else who
-    raise RecordError(f"{names[place[-1]]} of {entity} is {rows[tuple(place)]} at tick {place[0]}; a file holds finite")
+    index = np.argwhere(~np.isfinite(rows))[0].tolist()
+    name = f"{entity} {ids[index[1]]}" if ids is not None else entity
+    raise RecordError(
+        f"{names[index[-1]]} of {name} is {rows[tuple(index)]} at tick {index[0]}; files contain finite numbers only"
+    )
 
 
-def plain(value: Any, place: str, *, exact: bool = False) -> Any:
-    """A copy of the value made of what JSON can hold: None, bool, int, float, str, list, dict with str keys.
+def to_json_value(value: Any, location: str, *, exact: bool = False) -> Any:
+    """Convert a value to a new one of JSON's types: None, bool, int, float, str, list, dict with str keys.
 
     Args:
-        value: may hold NumPy scalars and arrays, tuples and other mappings.
-        place: where it is from, for the error, e.g. "label at tick 3".
-        exact: keep floats as they are instead of rounding them to `geometry.PRECISION`.
+        value: may contain NumPy scalars and arrays, tuples and other mappings.
+        location: of the value, for error messages, e.g. "label at tick 3".
+        exact: whether floats are kept instead of rounded to `geometry.PRECISION`.
 
     Raises:
-        RecordError: JSON cannot hold it; names the type.
+        RecordError: JSON cannot represent the value; names location and type.
     """
     if value is None or isinstance(value, bool):
         return value
     if isinstance(value, str):
-        return _text(value, place)
+        return _encodable(value, location)
     if isinstance(value, np.generic | np.ndarray):
-        return plain(value.tolist(), place, exact=exact)
+        return to_json_value(value.tolist(), location, exact=exact)
     if isinstance(value, float):
         if not math.isfinite(value):
-            raise RecordError(f"{place} holds {value}; a file holds finite numbers")
+            raise RecordError(f"{location} contains {value}; files contain finite numbers only")
         try:
             return value + 0.0 if exact else quantised(value)
         except ValueError as error:
-            raise RecordError(f"{place}: {error}") from error
+            raise RecordError(f"{location}: {error}") from error
     if isinstance(value, int):
         if not -(1 << 63) <= value < 1 << 64:
-            raise RecordError(f"{place} holds {value}; a file holds integers of 64 bits")
+            raise RecordError(f"{location} contains {value}; files contain integers of 64 bits only")
         return value
     if isinstance(value, list | tuple):
-        return [plain(item, place, exact=exact) for item in value]
+        return [to_json_value(item, location, exact=exact) for item in value]
     if isinstance(value, Mapping):
-        return {_key(key, place): plain(item, place, exact=exact) for key, item in value.items()}
+        return {_key(key, location): to_json_value(item, location, exact=exact) for key, item in value.items()}
     raise RecordError(
-        f"{place} holds a {type(value).__name__}, which JSON cannot hold; give numbers, text, lists, dicts"
+        f"{location} contains a {type(value).__name__}, which JSON cannot represent; use numbers, text, lists and dicts"
     )
 
 
-def _key(key: Any, place: str) -> str:
+def _key(key: Any, location: str) -> str:
     if not isinstance(key, str):
-        raise RecordError(f"{place} has a key of type {type(key).__name__}; JSON's keys are text")
-    return _text(key, place)
+        raise RecordError(f"{location} has a key of type {type(key).__name__}; JSON needs text keys")
+    return _encodable(key, location)
 
 
-def _text(text: str, place: str) -> str:
+def _encodable(text: str, location: str) -> str:
+    """Return the text if UTF-8 can encode it; a lone surrogate cannot be encoded."""
     try:
         text.encode()
     except UnicodeEncodeError as error:
-        raise RecordError(f"{place} holds text that is no Unicode: {text!r}") from error
+        raise RecordError(f"{location} contains text that is not valid Unicode: {text!r}") from error
     return text
 
 
-def written(document: dict[str, Any]) -> bytes:
-    """JSON with each top-level key and each frame on a line of its own."""
+def serialise(document: dict[str, Any]) -> bytes:
+    """Serialise a document as JSON, with each top-level key and each frame on a line of its own.
+
+    Raises:
+        RecordError: the document contains a value that JSON cannot represent.
+    """
     try:
-        lines = [b'"%s":%s' % (key.encode(), _line(key, value)) for key, value in document.items()]
+        lines = [b'"%s":%s' % (key.encode(), _serialise_value(key, value)) for key, value in document.items()]
     except orjson.JSONEncodeError as error:
-        raise RecordError(f"the episode holds what JSON cannot: {error}") from error
+        raise RecordError(f"the episode contains a value that JSON cannot represent: {error}") from error
     return b"{\n" + b",\n".join(lines) + b"\n}\n"
 
 
-def _line(key: str, value: Any) -> bytes:
+def _serialise_value(key: str, value: Any) -> bytes:
     if key != "frames":
         return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY)
     return b"[\n" + b",\n".join([orjson.dumps(frame, option=orjson.OPT_SERIALIZE_NUMPY) for frame in value]) + b"\n]"
 
 
-def head_of(document: bytes) -> dict[str, Any]:
-    """What stands before the frames in a document that `written` made, without reading them."""
-    head: dict[str, Any] = orjson.loads(document[: document.index(b',\n"frames":[\n')] + b"}")
-    return head
+def parse_header(document: bytes) -> dict[str, Any]:
+    """Parse the keys before `frames` in the bytes that `serialise` returns, without parsing the frames."""
+    header: dict[str, Any] = orjson.loads(document[: document.index(b',\n"frames":[\n')] + b"}")
+    return header

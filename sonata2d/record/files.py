@@ -1,4 +1,4 @@
-"""Files that are whole or not there, packed or plain, with names that every system takes."""
+"""Reading and writing files: atomically, optionally compressed, and with names that are valid on every system."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ import zstandard
 from ..errors import RecordError
 
 SUFFIXES = (".json", ".json.gz", ".json.zst")
-LARGEST = 2**30  # bytes of one unpacked file: more than an hour with a thousand people
-TEMPORARY = ".sonata2d-"  # how the names of files begin that are not whole yet
-_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)  # devices, on Windows
+MAX_BYTES = 2**30  # of one uncompressed file: more than an hour with a thousand pedestrians
+TEMPORARY_PREFIX = ".sonata2d-"  # of the names of incomplete files
+_RESERVED_NAME = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)  # device names on Windows
 
 
-def suffix_of(path: Path) -> str:
-    """Which of `SUFFIXES` a path ends with.
+def file_suffix(path: Path) -> str:
+    """Return the element of `SUFFIXES` that a file name ends with.
 
     Raises:
-        RecordError: with none of them.
+        RecordError: the name has none of these suffixes.
     """
     for suffix in SUFFIXES:
         if path.name.endswith(suffix) and path.name != suffix:
@@ -36,13 +36,17 @@ def suffix_of(path: Path) -> str:
     raise RecordError(f"{path}: an episode file ends in {', '.join(SUFFIXES)}")
 
 
-def stem_of(path: Path) -> str:
-    """The file's name without its suffix."""
-    return path.name.removesuffix(suffix_of(path))
+def file_stem(path: Path) -> str:
+    """Return the file name without its suffix.
+
+    Raises:
+        RecordError: the name has none of `SUFFIXES`.
+    """
+    return path.name.removesuffix(file_suffix(path))
 
 
 def safe_name(contributor: str, when: datetime, id: str, suffix: str = ".json") -> str:
-    """A file's name for a person's run, fit for every system: `{contributor}__{UTC time}__{id}.json`.
+    """Create a name for the file of a contributor's run: `{contributor}__{UTC time}__{id}{suffix}`, valid everywhere.
 
     >>> safe_name("Zoë / lab", datetime(2025, 1, 2, 3, 4, 5, tzinfo=UTC), "run:1")
     'Zoë_lab-ce958c__20250102T030405Z__run_1.json'
@@ -51,7 +55,7 @@ def safe_name(contributor: str, when: datetime, id: str, suffix: str = ".json") 
 
 
 def safe_stem(name: str) -> str:
-    """A person's name as part of a file's name; no two people share one, not even where case does not count.
+    """Convert a name to a unique part of a file name; distinct names stay distinct, even where case is ignored.
 
     >>> safe_stem("zoe"), safe_stem("Zoe")
     ('zoe', 'Zoe-458556')
@@ -63,26 +67,26 @@ def safe_stem(name: str) -> str:
 
 
 def safe_text(text: str) -> str:
-    """Letters, digits, dashes, dots; at most 80 bytes; no device's name."""
+    """Convert text to letters, digits, dashes, dots and underscores; at most 80 bytes, and never a device name."""
     clean = re.sub(r"[^\w.-]+", "_", text)
     clean = re.sub(r"_+", "_", clean).strip("._-")
     clean = clean.encode()[:80].decode(errors="ignore").rstrip("._-") or "unnamed"
-    return f"_{clean}" if _RESERVED.match(clean) else clean
+    return f"_{clean}" if _RESERVED_NAME.match(clean) else clean
 
 
 def safe_texts(texts: Sequence[str]) -> list[str]:
-    """Each as `safe_text`, but no two alike, however long they are and not even where case does not count.
+    """Convert each text as `safe_text` does; results that would be equal, ignoring case, get a hash appended.
 
     >>> safe_texts(["runs/a.npz", "b/c", "b_c"])
     ['runs_a.npz', 'b_c-b9e2be', 'b_c']
     """
-    alike = Counter(safe_text(text).casefold() for text in texts)
-    return [safe_text(text) if alike[safe_text(text).casefold()] == 1 else safe_stem(text) for text in texts]
+    counts = Counter(safe_text(text).casefold() for text in texts)
+    return [safe_text(text) if counts[safe_text(text).casefold()] == 1 else safe_stem(text) for text in texts]
 
 
-def packed(document: bytes, path: Path) -> bytes:
-    """The bytes to write to a file of this name; the same document gives the same bytes."""
-    suffix = suffix_of(path)
+def compress(document: bytes, path: Path) -> bytes:
+    """Compress a document as the suffix of `path` requires; equal documents give equal bytes."""
+    suffix = file_suffix(path)
     if suffix == ".json.gz":
         return gzip.compress(document, compresslevel=6, mtime=0)
     if suffix == ".json.zst":
@@ -91,16 +95,18 @@ def packed(document: bytes, path: Path) -> bytes:
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file so that at every moment the old one or the new one is there, whole, even if the power fails.
+    """Write a file so that at any moment either the old or the new content exists, even after a power failure.
+
+    Missing folders are created.
 
     Raises:
-        RecordError: it cannot be written; nothing of it is left behind.
+        RecordError: the file cannot be written; no partial file remains.
     """
-    temporary = path.parent / f"{TEMPORARY}{uuid4().hex}.tmp"
+    temporary = path.parent / f"{TEMPORARY_PREFIX}{uuid4().hex}.tmp"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            _write_through(temporary, data)
+            _write_and_sync(temporary, data)
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)
@@ -109,7 +115,7 @@ def write_atomically(path: Path, data: bytes) -> None:
         raise RecordError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
-def _write_through(path: Path, data: bytes) -> None:
+def _write_and_sync(path: Path, data: bytes) -> None:
     with path.open("xb") as file:
         file.write(data)
         file.flush()
@@ -117,7 +123,7 @@ def _write_through(path: Path, data: bytes) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Make a rename last; Windows neither needs nor allows it."""
+    """Flush the entries of a folder to disk, which makes a rename durable; Windows neither needs nor supports it."""
     if os.name != "posix":
         return
     handle = os.open(folder, os.O_RDONLY)
@@ -127,41 +133,41 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def read_bytes(path: Path, *, largest: int = LARGEST) -> bytes:
-    """The unpacked content of a file; how it is packed is told by its first bytes, not by its name.
+def read_bytes(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:
+    """Read and decompress a file. The compression is detected from the first bytes, not from the name.
 
     Args:
         path: of the file.
-        largest: bytes of the unpacked content; no more is ever unpacked.
+        max_bytes: maximum size of the decompressed content; decompression stops there.
 
     Raises:
-        RecordError: it cannot be read or unpacked, or is larger than that.
+        RecordError: the file cannot be read or decompressed, or is larger than `max_bytes`.
     """
     try:
-        data = _unpacked(path, largest)
+        data = _read_decompressed(path, max_bytes)
     except (OSError, EOFError, zlib.error, zstandard.ZstdError) as error:
         raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    if len(data) > largest:
-        raise RecordError(f"{path} unpacks to more than {largest} bytes; no episode is that long")
+    if len(data) > max_bytes:
+        raise RecordError(f"{path} has more than {max_bytes} bytes after decompression, the limit for an episode")
     return data
 
 
-def _unpacked(path: Path, largest: int) -> bytes:
-    """At most one byte more than `largest`."""
+def _read_decompressed(path: Path, max_bytes: int) -> bytes:
+    """Return the decompressed content, or its first `max_bytes` + 1 bytes if it is larger."""
     with path.open("rb") as file:
-        packed_data = file.read(largest + 1)
-    if packed_data.startswith(b"\x1f\x8b"):
-        with gzip.GzipFile(fileobj=io.BytesIO(packed_data)) as stream:
-            return stream.read(largest + 1)
-    if packed_data.startswith(b"\x28\xb5\x2f\xfd"):
-        return _unpacked_zstd(packed_data, largest)
-    return packed_data
+        data = file.read(max_bytes + 1)
+    if data.startswith(b"\x1f\x8b"):
+        with gzip.GzipFile(fileobj=io.BytesIO(data)) as stream:
+            return stream.read(max_bytes + 1)
+    if data.startswith(b"\x28\xb5\x2f\xfd"):
+        return _decompress_zstd(data, max_bytes)
+    return data
 
 
-def _unpacked_zstd(data: bytes, largest: int) -> bytes:
-    """The same for Zstandard, whose stream reader takes a file that was cut short for a whole one."""
+def _decompress_zstd(data: bytes, max_bytes: int) -> bytes:
     decompressor = zstandard.ZstdDecompressor(max_window_size=2**27)
-    size_is_told = 0 <= zstandard.frame_content_size(data) <= largest
+    # the stream reader does not detect truncation, so that it is used only where the size is unknown or too large
+    is_size_known = 0 <= zstandard.frame_content_size(data) <= max_bytes
     with decompressor.stream_reader(data) as reader:
-        unpacked: bytes = decompressor.decompress(data) if size_is_told else reader.read(largest + 1)
-    return unpacked
+        content: bytes = decompressor.decompress(data) if is_size_known else reader.read(max_bytes + 1)
+    return content

@@ -1,4 +1,4 @@
-"""The constant part of an episode file: scene, columns of the frame rows and software versions, to JSON and back."""
+"""Constant part of an episode file: the scene to and from JSON, columns of frames, software versions."""
 
 from __future__ import annotations
 
@@ -13,9 +13,13 @@ from ..core.entities import Furniture, Goal, Group, Human, Interaction, Limits, 
 from ..core.geometry import Disc, Pose, Rectangle, Shape
 from ..core.scene import Rules, Scene, Social
 from ..version import __version__
-from .canonical import plain
+from .canonical import to_json_value
 
-ROBOT = (
+JsonDict = dict[str, Any]
+T = TypeVar("T")
+
+# name, unit and frame of reference of each column of the rows in frames
+ROBOT_COLUMNS = (
     ("x", "m", "world"),
     ("y", "m", "world"),
     ("theta", "rad", "world"),
@@ -23,52 +27,57 @@ ROBOT = (
     ("vy", "m/s", "world"),
     ("omega", "rad/s", "world"),
 )
-HUMANS = (*ROBOT, ("head", "rad", "world"))
-COMMAND = (("vx", "m/s", "body"), ("vy", "m/s", "body"), ("omega", "rad/s", "body"))
+HUMAN_COLUMNS = (*ROBOT_COLUMNS, ("head", "rad", "world"))
+COMMAND_COLUMNS = (("vx", "m/s", "body"), ("vy", "m/s", "body"), ("omega", "rad/s", "body"))
 
-ROBOT_NAMES, HUMAN_NAMES, COMMAND_NAMES = (tuple(name for name, _, _ in table) for table in (ROBOT, HUMANS, COMMAND))
-ROBOT_ANGLES, HUMAN_ANGLES = [2], [2, 6]  # columns
-ABSENT = -1  # activity of a person who is not present
+ROBOT_NAMES, HUMAN_NAMES, COMMAND_NAMES = (
+    tuple(name for name, _, _ in table) for table in (ROBOT_COLUMNS, HUMAN_COLUMNS, COMMAND_COLUMNS)
+)
+ROW_X, ROW_Y, ROW_THETA, ROW_VX, ROW_VY, ROW_OMEGA, ROW_HEAD = range(7)  # indices of columns; robots have no head
+ROBOT_ANGLES, HUMAN_ANGLES = [ROW_THETA], [ROW_THETA, ROW_HEAD]  # columns with angles
+ABSENT = -1  # activity of a pedestrian that is not present
 
 
 def columns() -> dict[str, list[dict[str, str]]]:
-    """The tables as the file holds them, under `columns`."""
-    tables = {"robot": ROBOT, "humans": HUMANS, "command": COMMAND}
+    """Return the value of the key `columns`: name, unit and frame of each column."""
+    tables = {"robot": ROBOT_COLUMNS, "humans": HUMAN_COLUMNS, "command": COMMAND_COLUMNS}
     return {
         key: [{"name": name, "unit": unit, "frame": frame} for name, unit, frame in table]
         for key, table in tables.items()
     }
 
 
-T = TypeVar("T")
-Tree = dict[str, Any]
-
-
-def layout_of(scene: Scene) -> Tree:
-    """The scene's keys in the file's order, `settings` to `dropped`, with every digit that the world uses.
+def scene_to_json(scene: Scene) -> JsonDict:
+    """Convert a scene to the keys `settings` to `dropped` of a file, in the file's order, without rounding.
 
     Raises:
-        RecordError: a number is not finite, or the settings are nothing JSON can hold.
+        RecordError: a number is not finite, or JSON cannot represent the settings.
     """
-    layout = {
+    values = {
         "settings": scene.settings,
         "rules": asdict(scene.rules),
         "room": {"polygon": scene.polygon},
         "walls": [(*wall.start, *wall.end) for wall in scene.walls],
-        "objects": [_flat(thing) | {"shape": _shape(thing.shape), "on": thing.on} for thing in scene.furniture],
-        "humans": [_flat(human) for human in scene.humans],
+        "objects": [
+            _with_flat_pose(piece) | {"shape": _shape_to_json(piece.shape), "on": piece.on} for piece in scene.furniture
+        ],
+        "humans": [_with_flat_pose(human) for human in scene.humans],
         "groups": [asdict(group) for group in scene.groups],
         "interactions": interaction_rows(scene.interactions),
-        "robot": _flat(scene.robot),
+        "robot": _with_flat_pose(scene.robot),
         "goal": asdict(scene.goal),
         "social": asdict(scene.social) if scene.social.is_lively else None,
         "dropped": scene.dropped,
     }
-    return {key: plain(value, f"{key} of the scene", exact=True) for key, value in layout.items()}
+    return {key: to_json_value(value, f"{key} of the scene", exact=True) for key, value in values.items()}
 
 
-def scene_of(document: Tree) -> Scene:
-    """The scene of a file, equal to the one that was recorded. Keys it does not know are passed over."""
+def scene_from_json(document: JsonDict) -> Scene:
+    """Restore the scene of a document, equal to the recorded scene; unknown keys are ignored.
+
+    Raises:
+        KeyError, TypeError, ValueError: the document is invalid.
+    """
     robot, rules = document["robot"], document["rules"]
     return Scene(
         name=document["name"],
@@ -76,14 +85,14 @@ def scene_of(document: Tree) -> Scene:
         polygon=tuple((x, y) for x, y in document["room"]["polygon"]),
         walls=tuple(Wall((x1, y1), (x2, y2)) for x1, y1, x2, y2 in document["walls"]),
         furniture=tuple(
-            Furniture(o["id"], o["type"], _pose(o), _shape_of(o["shape"]), o["on"]) for o in document["objects"]
+            Furniture(o["id"], o["type"], _pose(o), _shape_from_json(o["shape"]), o["on"]) for o in document["objects"]
         ),
         humans=tuple(_human(h) for h in document["humans"]),
-        robot=_made(Robot, robot, pose=_pose(robot), limits=_made(Limits, robot["limits"])),
-        goal=_made(Goal, document["goal"]),
+        robot=_restore(Robot, robot, pose=_pose(robot), limits=_restore(Limits, robot["limits"])),
+        goal=_restore(Goal, document["goal"]),
         groups=tuple(_group(g) for g in document["groups"]),
-        interactions=interactions_of(document["interactions"]),
-        rules=_made(Rules, rules, ends_on=tuple(rules["ends_on"])),
+        interactions=interactions_from_rows(document["interactions"]),
+        rules=_restore(Rules, rules, ends_on=tuple(rules["ends_on"])),
         social=_social(document.get("social")),
         seed=document["seed"],
         episode=document["episode"],
@@ -93,71 +102,81 @@ def scene_of(document: Tree) -> Scene:
 
 
 def interaction_rows(interactions: Iterable[Interaction]) -> list[list[Any]]:
-    """[[src, relation, dst], …]"""
+    """Convert interactions to rows [src, relation, dst]."""
     return [[i.src, i.relation, i.dst] for i in interactions]
 
 
-def interactions_of(rows: list[list[Any]]) -> tuple[Interaction, ...]:
-    """The inverse of `interaction_rows`."""
+def interactions_from_rows(rows: list[list[Any]]) -> tuple[Interaction, ...]:
+    """Convert rows [src, relation, dst] to interactions."""
     return tuple(Interaction(src, relation, dst) for src, relation, dst in rows)
 
 
-def _flat(entity: Furniture | Human | Robot) -> Tree:
-    """Its fields, with x, y and theta in place of the pose."""
-    flat: Tree = {}
+def _with_flat_pose(entity: Furniture | Human | Robot) -> JsonDict:
+    """Return the fields of an entity, with x, y and theta instead of the pose."""
+    fields_: JsonDict = {}
     for key, value in asdict(entity).items():
-        flat |= value if key == "pose" else {key: value}
-    return flat
+        fields_ |= value if key == "pose" else {key: value}
+    return fields_
 
 
-def _shape(shape: Shape) -> Tree:
+def _shape_to_json(shape: Shape) -> JsonDict:
     return {"type": "disc" if isinstance(shape, Disc) else "rectangle"} | asdict(shape)
 
 
-def _shape_of(told: Tree) -> Shape:
-    if told["type"] == "disc":
-        return _made(Disc, told)
-    if told["type"] == "rectangle":
-        return _made(Rectangle, told)
-    raise ValueError(f"shape type must be disc or rectangle, got {told['type']!r}")
+def _shape_from_json(values: JsonDict) -> Shape:
+    if values["type"] == "disc":
+        return _restore(Disc, values)
+    if values["type"] == "rectangle":
+        return _restore(Rectangle, values)
+    raise ValueError(f"shape type must be disc or rectangle, got {values['type']!r}")
 
 
-def _pose(told: Tree) -> Pose:
-    return _made(Pose, told)
+def _pose(values: JsonDict) -> Pose:
+    return _restore(Pose, values)
 
 
-def _human(told: Tree) -> Human:
-    given: Tree = {"pose": _pose(told)}
-    given |= {key: tuple((x, y) for x, y in told.get(key, ())) for key in ("goals", "track")}
-    given["velocity"] = tuple(told.get("velocity", (0.0, 0.0)))
-    newer = ("enters", "leaves", "exits", "reaction", "robot_clearance")  # older files have none of them
-    return _made(Human, told, [key for key in newer if key not in told], **given)
+def _human(values: JsonDict) -> Human:
+    converted: JsonDict = {"pose": _pose(values)}
+    converted |= {key: tuple((x, y) for x, y in values.get(key, ())) for key in ("goals", "track")}
+    converted["velocity"] = tuple(values.get("velocity", (0.0, 0.0)))
+    newer = ("enters", "leaves", "exits", "reaction", "robot_clearance")  # files of earlier versions lack these keys
+    return _restore(Human, values, [key for key in newer if key not in values], **converted)
 
 
-def _social(told: Tree | None) -> Social:
-    if told is None:
+def _social(values: JsonDict | None) -> Social:
+    if values is None:
         return Social()
-    return _made(Social, told, visit_time=tuple(told["visit_time"]), talk_time=tuple(told["talk_time"]))
+    return _restore(Social, values, visit_time=tuple(values["visit_time"]), talk_time=tuple(values["talk_time"]))
 
 
-def _group(told: Tree) -> Group:
-    return _made(Group, told, members=tuple(told["members"]), formation=told.get("formation"))  # older files have none
+def _group(values: JsonDict) -> Group:
+    # files of earlier versions lack the formation
+    return _restore(Group, values, members=tuple(values["members"]), formation=values.get("formation"))
 
 
-def _made(kind: type[T], told: Tree, lacking: Iterable[str] = (), **given: Any) -> T:
-    """A dataclass of this kind from the keys it knows; `given` ones are ready already, `lacking` ones as usual."""
-    names = {field.name for field in fields(kind)} - {*given, *lacking}  # type: ignore[arg-type]
-    known = {name: told[name] for name in names}
-    return kind(**known, **given)
+def _restore(kind: type[T], values: JsonDict, missing: Iterable[str] = (), **converted: Any) -> T:
+    """Create a dataclass from the JSON values of its fields.
+
+    Args:
+        kind: the dataclass.
+        values: JSON values; keys that are not fields are ignored.
+        missing: fields that keep their default.
+        converted: fields that are converted already.
+
+    Raises:
+        KeyError: a field is missing.
+    """
+    names = {field.name for field in fields(kind)} - {*converted, *missing}  # type: ignore[arg-type]
+    return kind(**{name: values[name] for name in names}, **converted)
 
 
-def software() -> dict[str, str]:
-    """Versions of sonata2d, Python, NumPy and pymunk, and the platform: what bytes may depend on, and no more."""
-    return dict(_software())
+def software_versions() -> dict[str, str]:
+    """Return the versions of sonata2d, Python, NumPy and pymunk, and the platform: all that bytes may depend on."""
+    return dict(_software_versions())
 
 
 @cache
-def _software() -> dict[str, str]:
+def _software_versions() -> dict[str, str]:
     return {
         "sonata2d": __version__,
         "python": platform.python_version(),
@@ -168,7 +187,8 @@ def _software() -> dict[str, str]:
 
 
 def _version_of(package: str) -> str:
-    from importlib.metadata import PackageNotFoundError, version  # a tenth of the time that `import sonata2d` takes
+    # imported here because this import takes a tenth of the time of `import sonata2d`
+    from importlib.metadata import PackageNotFoundError, version
 
     try:
         return version(package)

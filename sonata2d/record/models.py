@@ -1,4 +1,4 @@
-"""The episode file as pydantic models; the JSON Schema, docs/format.md and `check` derive from them."""
+"""Schema of the episode file as pydantic models; the JSON Schema, docs/format.md and `check` are derived from them."""
 
 from __future__ import annotations
 
@@ -10,19 +10,21 @@ from ..core.entities import Behaviour, EndsOn, Formation, Kinematics, Reaction
 from ..core.snapshot import Status
 from ..version import FORMAT, FORMAT_VERSION
 
+# The names of the classes are part of the published JSON Schema, except those of base classes.
+
 Count = Annotated[int, Field(ge=0)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
 
 
 class Part(BaseModel):
-    """Strict, frozen, finite."""
+    """Base class of all models: immutable, with strict types and finite numbers."""
 
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
 
 class Placed(Part):
-    """Has a pose in the world frame."""
+    """Base class of models with a pose in the world frame."""
 
     x: float = Field(description="m, to the right")
     y: float = Field(description="m, up")
@@ -30,100 +32,108 @@ class Placed(Part):
 
 
 class Rules(Part):
-    """How the episode was run."""
+    """Rules of the episode."""
 
-    dt: Positive = Field(description="s, the control tick: one frame")
-    substeps: int = Field(ge=1, description="physics steps within a tick")
+    dt: Positive = Field(description="s, control period: the time between frames")
+    substeps: int = Field(ge=1, description="number of physics steps in a tick")
     iterations: int = Field(ge=1, description="of the contact solver")
     time_limit: Positive = Field(description="s")
-    ends_on: list[EndsOn] = Field(description="what ends the episode, besides the time limit")
-    guard: bool = Field(description="whether the robot's bumper limits its velocity by the gap")
-    contact_distance: float = Field(ge=0, description="m; outlines nearer than this touch")
-    side: Literal[-1, 1] = Field(description="+1: people who meet head-on evade to their right; -1: to their left")
+    ends_on: list[EndsOn] = Field(description="conditions that end the episode, in addition to the time limit")
+    guard: bool = Field(description="whether the safety guard limits the robot's velocity by the gap to obstacles")
+    contact_distance: float = Field(ge=0, description="m; outlines with a smaller gap are in contact")
+    side: Literal[-1, 1] = Field(
+        description="+1: pedestrians that meet head-on evade to their right; -1: to their left"
+    )
 
 
 class Room(Part):
     """The room."""
 
     polygon: list[tuple[float, float]] = Field(
-        min_length=3, description="m, world frame, counter-clockwise; people and robot stay within"
+        min_length=3, description="m, world frame, counter-clockwise; pedestrians and robot stay inside"
     )
 
 
 class DiscShape(Part):
-    """A round outline."""
+    """A circular outline."""
 
     type: Literal["disc"]
     radius: Positive = Field(description="m")
 
 
 class RectangleShape(Part):
-    """An oblong outline about the pose."""
+    """A rectangular outline, centred at the pose."""
 
     type: Literal["rectangle"]
-    length: Positive = Field(description="m, along the object's x")
-    width: Positive = Field(description="m, along its y")
+    length: Positive = Field(description="m, along the object's x axis")
+    width: Positive = Field(description="m, along the object's y axis")
 
 
 class Object(Placed):
-    """A thing that stands still."""
+    """A static object, such as a piece of furniture."""
 
     id: int
     type: str = Field(description="table, laptop, plant, chair, shelf, tv, …")
     shape: Annotated[DiscShape | RectangleShape, Field(discriminator="type")] = Field(description="the solid outline")
-    on: int | None = Field(description="id of what carries it; such a thing has no body of its own")
+    on: int | None = Field(description="id of the object that it lies on; then it has no solid outline of its own")
 
 
 class Human(Placed):
-    """A person: where they start, and how they are."""
+    """A pedestrian: its start and its properties."""
 
     id: int
-    radius: Positive = Field(description="m, the solid outline")
+    radius: Positive = Field(description="m, of the solid outline")
     desired_speed: float = Field(ge=0, description="m/s")
-    behaviour: Behaviour = Field(description="what they do")
-    model: str = Field(description="name of the walking model")
-    reacts_to_robot: float = Field(description="0: ignores the robot .. 1: minds it")
-    reaction: Reaction = Field(default="avoids", description="how they behave towards the robot")
+    behaviour: Behaviour = Field(description="kind of motion")
+    model: str = Field(description="name of the pedestrian model")
+    reacts_to_robot: float = Field(description="strength of the reaction to the robot, from 0 (ignores it) to 1")
+    reaction: Reaction = Field(default="avoids", description="kind of reaction to the robot")
     robot_clearance: float = Field(
-        default=0.83, ge=0, description="m, between outlines, at which they want to pass the robot"
+        default=0.83, ge=0, description="m, between outlines, at which the pedestrian wants to pass the robot"
     )
-    group: int | None = Field(description="id of their group")
-    goals: list[tuple[float, float]] = Field(default=[], description="m, world frame: where one who is walking goes")
+    group: int | None = Field(description="id of its group")
+    goals: list[tuple[float, float]] = Field(
+        default=[], description="m, world frame: goals of a walking pedestrian, in order"
+    )
     velocity: tuple[float, float] = Field(default=(0.0, 0.0), description="m/s, world frame, at the start")
-    enters: Count = Field(default=0, description="tick at which they come in; who is not recorded waits for room")
-    leaves: Count | None = Field(default=None, description="tick from which they are gone; null: they stay")
-    track: list[tuple[float, float]] = Field(
-        default=[], description="m, world frame: where one who is recorded is at each tick from `enters` on"
+    enters: Count = Field(
+        default=0, description="tick at which it enters; unless it is recorded, it waits for free space"
     )
-    exits: bool = Field(default=False, description="whether one who is walking leaves at the last of `goals`")
+    leaves: Count | None = Field(default=None, description="tick from which it is absent; null: it stays")
+    track: list[tuple[float, float]] = Field(
+        default=[], description="m, world frame: position of a recorded pedestrian at each tick from `enters` on"
+    )
+    exits: bool = Field(default=False, description="whether a walking pedestrian leaves the scene at its last goal")
 
 
 class Social(Part):
-    """What people take up while the episode runs: chances, 0..1, and times."""
+    """Social behaviour during the episode: probabilities and durations."""
 
-    visits: Probability = Field(description="that a wanderer, on arrival, goes to a plant, laptop or other object")
+    visits: Probability = Field(
+        description="that a wandering pedestrian, on reaching its goal, goes to a plant, laptop or other object"
+    )
     joins: Probability = Field(
-        description="that a wanderer, on arrival, joins somebody who stands, or a group that talks"
+        description="that a wandering pedestrian, on reaching its goal, joins a standing pedestrian or a talking group"
     )
-    meets: Probability = Field(description="that two wanderers who come near each other stop and talk")
+    meets: Probability = Field(description="that two wandering pedestrians that approach each other stop and talk")
     leaves: Probability = Field(
-        description="that who attends to a person or a thing at the start goes away after a time"
+        description="that a pedestrian that attends to a pedestrian or an object at the start leaves after a time"
     )
-    visit_time: tuple[Positive, Positive] = Field(description="s, from and to")
-    talk_time: tuple[Positive, Positive] = Field(description="s, from and to")
+    visit_time: tuple[Positive, Positive] = Field(description="s, minimum and maximum")
+    talk_time: tuple[Positive, Positive] = Field(description="s, minimum and maximum")
 
 
 class Group(Part):
-    """People who belong together."""
+    """Pedestrians that talk or walk together."""
 
     id: int
     kind: Literal["talking", "walking"]
     members: list[int] = Field(description="ids of humans; the first one leads")
-    formation: Formation | None = Field(default=None, description="how they stand to each other at the start")
+    formation: Formation | None = Field(default=None, description="arrangement of the members at the start")
 
 
 class Limits(Part):
-    """What the robot's drive can do."""
+    """Limits of the robot's drive."""
 
     ahead: Positive = Field(description="m/s")
     back: Positive = Field(description="m/s")
@@ -136,20 +146,21 @@ class Limits(Part):
 class Robot(Placed):
     """The robot's start, outline and drive."""
 
-    radius: Positive = Field(description="m, the solid outline")
+    radius: Positive = Field(description="m, of the solid outline")
     kinematics: Kinematics = Field(description="a unicycle has no sideways velocity")
     limits: Limits
 
 
 class Goal(Placed):
-    """Where the robot shall go."""
+    """The robot's goal."""
 
-    distance: Positive = Field(description="m, from centre to centre; nearer counts as reached")
-    angle: Positive = Field(description="rad, between the robot's theta and the goal's; 3.1416: any will do")
+    distance: Positive = Field(description="m, between centres, below which the goal counts as reached")
+    angle: Positive = Field(description="rad, maximum heading error for reaching the goal; 3.1416: any heading")
 
 
 Interaction = Annotated[
-    tuple[int, str, int], Field(description="src (a human's id), relation, dst (id of whom or what they attend to)")
+    tuple[int, str, int],
+    Field(description="src (id of a human), relation, dst (id of the human or object attended to)"),
 ]
 TwistRow = Annotated[tuple[float, float, float], Field(description="vx, vy (m/s), omega (rad/s); body frame")]
 RobotRow = Annotated[
@@ -163,43 +174,46 @@ HumanRow = Annotated[
 
 
 class Controller(Part):
-    """Who drove."""
+    """The robot's controller."""
 
-    path: str = Field(description="where it is imported from, package.module:Class")
+    path: str = Field(description="import path, package.module:Class, or registered name")
     version: str | None
-    settings: dict[str, Any] | None = Field(description="how it was set, every digit")
+    settings: dict[str, Any] | None = Field(description="its settings, not rounded")
 
 
 class Branch(Part):
-    """The episode that this one shares its beginning with."""
+    """The episode with which this one shares its first frames."""
 
     id: str
     tick: Count = Field(description="the first tick that may differ")
 
 
 class Mirror(Part):
-    """The episode that this one is the mirror image of: y and theta changed sign. Seed and settings made that one."""
+    """The episode of which this one is the mirror image (y and theta change sign).
+
+    Seed and settings are those of the original episode.
+    """
 
     id: str
-    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of its document, unpacked")
-    labels: bool = Field(description="whether labels were changed too; else they are the original's")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of its uncompressed document")
+    labels: bool = Field(description="whether labels were mirrored too; else they are those of the original")
     thetas: list[tuple[int, float]] = Field(
-        description="index in `objects` and the original's theta, where turning it back does not give every digit"
+        description="index in `objects`, and theta in the original, where mirroring twice does not restore all digits"
     )
 
 
 class Imported(Part):
-    """The file of another format that this episode was read from. What it did not tell is null, or stood in for."""
+    """The file of another format that this episode was imported from. Missing values are null or substituted."""
 
     format: str
     file: str
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of that file")
-    lacks: list[str] = Field(description="keys of this document that it did not tell; nothing there was measured")
-    derived: list[str] = Field(description="keys that were computed from what it told")
+    lacks: list[str] = Field(description="keys of this document that the file lacks; their values were not measured")
+    derived: list[str] = Field(description="keys that were computed from the content of the file")
 
 
 class Column(Part):
-    """A number of a row."""
+    """A column of the rows in frames."""
 
     name: str
     unit: str
@@ -207,7 +221,7 @@ class Column(Part):
 
 
 class Columns(Part):
-    """What the rows of the frames hold."""
+    """Columns of the rows in frames."""
 
     robot: list[Column]
     humans: list[Column]
@@ -224,24 +238,26 @@ class Outcome(Part):
 
 
 class Contact(Part):
-    """The robot nearer to another outline than the contact distance, at some moment of the tick before."""
+    """The gap between the robot and another outline fell below the contact distance during the previous tick."""
 
     kind: Literal["human", "object", "wall"]
     id: int = Field(description="of the human or object; of a wall its index in `walls`")
-    robot_at_fault: bool = Field(description="its own velocity closed the gap")
-    other_at_fault: bool = Field(description="the other's velocity closed the gap; both may be, or neither")
+    robot_at_fault: bool = Field(description="whether the robot's own velocity closed the gap")
+    other_at_fault: bool = Field(
+        description="whether the other's velocity closed the gap; both can be true, or neither"
+    )
 
 
 class Event(Part):
-    """What a person did to a device since the frame before."""
+    """A change of one control of an input device since the previous frame."""
 
     device: str
     control: str
     value: float = Field(description="its new value, -1..1")
 
 
-class Look(Part):
-    """What is seen at a tick."""
+class State(Part):
+    """State of the world at a tick; the base class of frames and of the final state."""
 
     tick: Count = Field(description="counted from 0")
     time: float = Field(ge=0, description="s, tick times dt")
@@ -252,39 +268,41 @@ class Look(Part):
     activity: list[Annotated[int, Field(ge=-1)]] = Field(
         description="of each human, an index into the top-level `activities`; -1: not present"
     )
-    interactions: list[Interaction] = Field(description="as they stand now: [src, relation, dst]")
-    contacts: list[Contact] = Field(description="the robot's, in the tick before")
+    interactions: list[Interaction] = Field(description="current ones: [src, relation, dst]")
+    contacts: list[Contact] = Field(description="of the robot, during the previous tick")
 
 
-class LastLook(Look):
-    """What is seen at the end."""
+class LastLook(State):
+    """State of the world at the end of the episode."""
 
-    events: list[Event] | None = Field(default=None, description="of devices, since the last frame; only if any")
+    events: list[Event] | None = Field(
+        default=None, description="of input devices, since the last frame; absent if there are none"
+    )
 
 
 class LabelSpec(Part):
-    """What a person was asked for."""
+    """The label that the driver was asked for."""
 
     kind: Literal["yes_no", "classes", "slider", "text"]
-    when: Literal["frame", "run"] = Field(description="for each frame while driving, or once for the whole run")
+    when: Literal["frame", "run"] = Field(description="at each frame while driving, or once for the whole run")
     name: str = Field(description="key of the label in frames")
     question: str
     classes: list[str] = Field(description="names of the classes 1, 2, …")
-    ends: tuple[str, str] = Field(description="what 0 and 1 of the slider mean")
+    ends: tuple[str, str] = Field(description="meaning of 0 and of 1 on the slider")
 
 
-class Frame(Look):
-    """What is seen at a tick, and what was done about it."""
+class Frame(State):
+    """State of the world at a tick, and the answer of the controller."""
 
-    command: TwistRow = Field(description="what the controller asked for: vx, vy, omega")
-    executed: TwistRow = Field(description="what the drive carried out in the tick that begins here: vx, vy, omega")
-    guarded: bool = Field(description="whether the guard stepped in during the tick that begins here")
-    events: list[Event] = Field(description="of devices, since the frame before")
-    label: Any = Field(default=None, description="anything; without this key the command itself is the label")
+    command: TwistRow = Field(description="the controller's command: vx, vy, omega")
+    executed: TwistRow = Field(description="what the drive executed in the tick that begins here: vx, vy, omega")
+    guarded: bool = Field(description="whether the safety guard intervened during the tick that begins here")
+    events: list[Event] = Field(description="of input devices, since the previous frame")
+    label: Any = Field(default=None, description="any JSON value; without this key the command itself is the label")
 
 
 class Software(Part):
-    """What made the file; `check --replay` does not compare it."""
+    """Versions of the software that wrote the file; `check --replay` does not compare them."""
 
     sonata2d: str
     python: str
@@ -300,39 +318,39 @@ class Episode(Part):
     version: Literal[FORMAT_VERSION]  # type: ignore[valid-type]
     id: str = Field(description="of the episode")
     name: str = Field(description="of the scenario")
-    family: str = Field(description="scenario and kind of room; splits of a data set go by it")
+    family: str = Field(description="scenario and kind of room; data sets are split by it")
     seed: int = Field(description="of the data set")
-    episode: int = Field(description="its number in the data set")
-    physics: int = Field(description="version of the physics; another gives other frames")
+    episode: int = Field(description="number of the episode in the data set")
+    physics: int = Field(description="version of the physics; other versions give other frames")
     precision: Positive = Field(description="numbers in frames are multiples of this")
-    settings: dict[str, Any] | None = Field(description="resolved settings of the scenario; null: made by hand")
+    settings: dict[str, Any] | None = Field(
+        description="all settings of the scenario, with defaults; null: the scene was not generated"
+    )
     rules: Rules
     room: Room
     walls: list[tuple[float, float, float, float]] = Field(description="x1, y1, x2, y2, m, world frame")
     objects: list[Object]
-    humans: list[Human] = Field(description="in the order of the rows in the frames")
+    humans: list[Human] = Field(description="in the order of the rows in frames")
     groups: list[Group]
     interactions: list[Interaction] = Field(description="at the start: [src, relation, dst]")
     robot: Robot
     goal: Goal
-    social: Social | None = Field(
-        default=None, description="what people take up while it runs; null or absent: nothing"
-    )
-    dropped: list[str] = Field(description="what could not be placed although asked for")
+    social: Social | None = Field(default=None, description="social behaviour during the episode; null or absent: none")
+    dropped: list[str] = Field(description="requested items that could not be placed")
     controller: Controller
-    labels: dict[str, str] | None = Field(
-        description="what the keys of the labels mean; null: the command is the label"
+    labels: dict[str, str] | None = Field(description="meaning of the labels' keys; null: the command is the label")
+    label_spec: LabelSpec | None = Field(
+        default=None, description="the label that the driver was asked for; absent if there was none"
     )
-    label_spec: LabelSpec | None = Field(default=None, description="what a person was asked for; only if anything")
-    label: Any = Field(default=None, description="of the whole run; only where a person is asked for one")
-    contributor: str | None = Field(description="who drove or recorded")
-    context: str | None = Field(description="text for whoever judges the episode")
+    label: Any = Field(default=None, description="of the whole run; only if the driver was asked for one")
+    contributor: str | None = Field(description="name of the person who drove or recorded")
+    context: str | None = Field(description="text for the raters of the episode")
     branched_from: Branch | None
-    mirrored_from: Mirror | None = Field(default=None, description="only if it is a mirror image")
-    imported: Imported | None = Field(default=None, description="only if it was read from another format")
+    mirrored_from: Mirror | None = Field(default=None, description="only in mirror images")
+    imported: Imported | None = Field(default=None, description="only in episodes imported from another format")
     columns: Columns
     activities: list[str] = Field(description="names of the numbers in `activity`")
     outcome: Outcome
-    frames: list[Frame] = Field(description="one for each tick that was run")
-    final: LastLook = Field(description="the look after the last frame, to which no command belongs")
+    frames: list[Frame] = Field(description="one for each executed tick")
+    final: LastLook = Field(description="state after the last frame, to which no command belongs")
     software: Software

@@ -1,4 +1,4 @@
-"""Reading an episode file: whole, of a known version, or refused in one line that names it."""
+"""Reading episode files. Incomplete files and newer versions are refused with one line that names the file."""
 
 from __future__ import annotations
 
@@ -10,113 +10,131 @@ import numpy as np
 import orjson
 
 from ..core.humans import frozen
-from ..core.portable_math import Array
+from ..core.portable_math import Array, BoolArray
 from ..core.snapshot import Outcome
 from ..errors import NewerFormatError, RecordError
 from ..version import FORMAT, FORMAT_VERSION
 from .files import read_bytes
-from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, Tree
-from .record import EpisodeRecord, Looks, reading
+from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
+from .record import EpisodeRecord, States, wrap_read_errors
 
-MIGRATIONS: dict[int, Callable[[Tree], Tree]] = {}  # version: what makes a document of it one of the next version
+MIGRATIONS: dict[int, Callable[[JsonDict], JsonDict]] = {}  # from a version: converts a document to the next version
 
 
 def read_episode(path: str | Path) -> EpisodeRecord:
-    """Read an episode file, plain or packed, of this format version or an older one.
-
-    Raises:
-        RecordError: it cannot be read, is no whole episode, or was written by a newer format version.
-    """
-    path = Path(path)
-    return record_of(_document(path), path)
-
-
-def record_of(document: Tree, path: Path) -> EpisodeRecord:
-    """The episode that a document of this format version tells.
+    """Read an episode file of this format version or an earlier one, compressed or not.
 
     Args:
-        document: all that a file says, as JSON gives it.
-        path: of the file, for errors.
+        path: of the file.
 
     Raises:
-        RecordError: it is no whole episode.
+        NewerFormatError: a newer version of sonata2d wrote the file.
+        RecordError: the file cannot be read, or is not a complete episode.
     """
-    with reading(path):
-        record = _record(path, document)
+    path = Path(path)
+    return record_from_document(_read_document(path), path)
+
+
+def record_from_document(document: JsonDict, path: Path) -> EpisodeRecord:
+    """Create a record from a document of this format version.
+
+    Args:
+        document: the parsed JSON of a file.
+        path: of the file, for error messages.
+
+    Raises:
+        RecordError: the document is not a complete episode.
+    """
+    with wrap_read_errors(path):
+        record = _create_record(path, document)
         record.scene()
     return record
 
 
-def _document(path: Path) -> Tree:
-    """The file as JSON gives it, brought to this format version."""
+def _read_document(path: Path) -> JsonDict:
+    """Parse a file, and convert its document to this format version."""
     try:
-        document: Tree = orjson.loads(read_bytes(path))
+        document: JsonDict = orjson.loads(read_bytes(path))
     except orjson.JSONDecodeError as error:
-        raise RecordError(f"{path} is not whole JSON, it was cut short or damaged: {error}") from error
+        raise RecordError(f"{path} is not valid JSON, it is truncated or damaged: {error}") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        told = repr(document.get("format")) if isinstance(document, dict) else f"a JSON {type(document).__name__}"
-        raise RecordError(f"{path} is no {FORMAT} file: its format is {told}")
+        found = repr(document.get("format")) if isinstance(document, dict) else f"a JSON {type(document).__name__}"
+        raise RecordError(f"{path} is not a {FORMAT} file: its format is {found}")
     version = document.get("version")
     if not isinstance(version, int) or isinstance(version, bool):
-        raise RecordError(f"{path} does not say its format version: got {version!r}")
+        raise RecordError(f"{path} has no valid format version: got {version!r}")
     if version > FORMAT_VERSION:
         raise NewerFormatError(
             f"{path} was written by format version {version}, this sonata2d reads up to {FORMAT_VERSION};"
             " upgrade sonata2d"
         )
-    with reading(path):
+    with wrap_read_errors(path):
         while version < FORMAT_VERSION:
             if version not in MIGRATIONS:
-                raise RecordError(f"{path} has format version {version}, which never was")
+                raise RecordError(f"{path} has format version {version}, which does not exist")
             document, version = MIGRATIONS[version](document), version + 1
     return document
 
 
-def _record(path: Path, document: Tree) -> EpisodeRecord:
+def _create_record(path: Path, document: JsonDict) -> EpisodeRecord:
     frames, outcome = document["frames"], document["outcome"]
     return EpisodeRecord(
         path=path,
         document=document,
-        looks=_looks([*frames, document["final"]], len(document["humans"])),
-        command=_rows([f["command"] for f in frames], "command", (3,), COMMAND_NAMES),
-        executed=_rows([f["executed"] for f in frames], "executed", (3,), COMMAND_NAMES),
+        states=_stack_states([*frames, document["final"]], len(document["humans"])),
+        command=_stack([f["command"] for f in frames], "command", (3,), COMMAND_NAMES),
+        executed=_stack([f["executed"] for f in frames], "executed", (3,), COMMAND_NAMES),
         guarded=frozen(np.array([f["guarded"] for f in frames], dtype=bool)),
         outcome=Outcome(outcome["status"], outcome["reason"], outcome["tick"], outcome["time"]),
     )
 
 
-def _looks(told: list[Tree], people: int) -> Looks:
-    activity: Any = _rows([look["activity"] for look in told], "activity", (people,)).astype(np.int64)
-    present: Any = activity != ABSENT
-    humans = [look["humans"] for look in told]
+def _stack_states(states: list[JsonDict], human_count: int) -> States:
+    activity = _stack([state["activity"] for state in states], "activity", (human_count,)).astype(np.int64)
+    present = activity != ABSENT
+    humans = [state["humans"] for state in states]
     if not present.all():
-        gap = [np.nan] * len(HUMAN_NAMES)
-        humans = [[gap if row is None else row for row in rows] for rows in humans]
-    return Looks(
-        tick=frozen(np.array([look["tick"] for look in told], dtype=np.int64)),
-        time=_rows([look["time"] for look in told], "time", ()),
-        robot=_rows([look["robot"] for look in told], "robot", (6,), ROBOT_NAMES),
-        humans=_rows(humans, "humans", (people, 7), HUMAN_NAMES, present),
+        absent_row = [np.nan] * len(HUMAN_NAMES)
+        humans = [[absent_row if row is None else row for row in rows] for rows in humans]
+    return States(
+        tick=frozen(np.array([state["tick"] for state in states], dtype=np.int64)),
+        time=_stack([state["time"] for state in states], "time", ()),
+        robot=_stack([state["robot"] for state in states], "robot", (6,), ROBOT_NAMES),
+        humans=_stack(humans, "humans", (human_count, 7), HUMAN_NAMES, present),
         present=frozen(present),
         activity=frozen(activity),
     )
 
 
-def _rows(
-    values: list[Any], key: str, shape: tuple[int, ...], names: tuple[str, ...] = (), present: Any = None
+def _stack(
+    values: list[Any],
+    key: str,
+    shape: tuple[int, ...],
+    names: tuple[str, ...] = (),
+    present: BoolArray | None = None,
 ) -> Array:
-    """One array of what each look holds under a key.
+    """Stack the values of one key of all states into an array.
+
+    Args:
+        values: one for each state.
+        key: for error messages.
+        shape: of one value.
+        names: of the columns, for error messages.
+        present: (T, N); the values must be finite where it is True, and NaN elsewhere. None: finite everywhere.
+
+    Returns:
+        (T, *shape), read-only.
 
     Raises:
-        ValueError: it is no array of finite numbers of this shape, or where somebody is not present, not all NaN.
+        ValueError: the values are not numbers of this shape, or not finite or NaN where they must be.
     """
     array = np.array(values if values else np.zeros((0, *shape)))
-    if array.size == 0 and 0 in (len(values), *shape):
+    if array.size == 0 and 0 in (len(values), *shape):  # NumPy cannot infer the shape from empty lists
         array = np.zeros((len(values), *shape))
     if array.dtype.kind not in "if" or array.shape != (len(values), *shape):
         columns = f" ({', '.join(names)})" if names else ""
         raise ValueError(f"{key} must be rows of shape {shape} of numbers{columns} in every frame")
-    there = np.ones(array.shape[:1], dtype=bool) if present is None else present
-    if not np.isfinite(array[there]).all() or np.isfinite(array[~there]).any():
-        raise ValueError(f"{key} must be numbers for whoever is present, and null for whoever is not")
+    is_present = np.ones(array.shape[:1], dtype=bool) if present is None else present
+    if not np.isfinite(array[is_present]).all() or np.isfinite(array[~is_present]).any():
+        raise ValueError(f"{key} must be numbers for people that are present, and null for others")
     return frozen(array.astype(np.float64))

@@ -1,4 +1,4 @@
-"""An episode as it is read: arrays of the whole, its scene, and snapshots and frames as they were."""
+"""A recorded episode in memory: its document, arrays over all ticks, and the scene, snapshots and frames."""
 
 from __future__ import annotations
 
@@ -13,55 +13,71 @@ import numpy as np
 
 from ..core.devices import DeviceEvent
 from ..core.geometry import Twist
-from ..core.humans import BODY_X, GAZE_X, OMEGA, VX, Humans, frozen, human_ids
+from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Humans, X, Y, frozen, human_ids
 from ..core.labels import LabelSpec
-from ..core.portable_math import Array, unit_vector, unit_vectors
+from ..core.portable_math import Array, BoolArray, IntArray, unit_vector, unit_vectors
 from ..core.scene import Scene
-from ..core.snapshot import Author, Contact, Frame, Outcome, RobotState, Snapshot
+from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from ..errors import RecordError
-from .layout import Tree, interactions_of, scene_of
+from .layout import (
+    ROW_HEAD,
+    ROW_OMEGA,
+    ROW_THETA,
+    ROW_VX,
+    ROW_VY,
+    ROW_X,
+    ROW_Y,
+    JsonDict,
+    interactions_from_rows,
+    scene_from_json,
+)
 
 
 @dataclass(frozen=True, eq=False)
-class Looks:
-    """What was seen at each tick, the final look included: T + 1 rows for T frames, N people; SI, world frame.
+class States:
+    """States of the world at all ticks, the final state included: T + 1 rows for T frames; N people; read-only arrays.
 
     Attributes:
-        tick, time: (T + 1,), the time in s.
-        robot: (T + 1, 6), columns x, y, theta, vx, vy, omega.
-        humans: (T + 1, N, 7), the same and head; NaN where not present.
+        tick: (T + 1,) of int.
+        time: (T + 1,), s.
+        robot: (T + 1, 6), columns x, y, theta, vx, vy, omega; SI units, world frame.
+        humans: (T + 1, N, 7), columns x, y, theta, vx, vy, omega, head; SI units, world frame; NaN where not present.
         present: (T + 1, N) of bool.
         activity: (T + 1, N) of int, into `humans.ACTIVITIES`; -1 where not present.
     """
 
-    tick: Any
+    tick: IntArray
     time: Array
     robot: Array
     humans: Array
-    present: Any
-    activity: Any
+    present: BoolArray
+    activity: IntArray
 
 
 @dataclass(frozen=True, eq=False)
 class EpisodeRecord:
-    """One recorded episode: T frames, N people.
+    """A recorded episode of T frames and N people. Its arrays are read-only.
 
     Attributes:
         path: of the file.
-        document: all that the file says, as JSON gives it, with the keys that this version does not know.
-        looks: what was seen, the final look included.
-        command, executed: (T, 3), columns vx, vy, omega, body frame: what was asked for at the frame, and what the
-            drive carried out in the tick that begins there.
-        guarded: (T,) of bool, whether the guard stepped in during that tick.
-        outcome: how it ended.
+        document: the whole file as parsed JSON, with keys that this version does not know.
+        states: states of the world at all ticks, the final state included.
+        command: (T, 3), columns vx (m/s), vy (m/s), omega (rad/s), body frame: the controller's command at each frame.
+        executed: (T, 3), the same columns: what the drive executed in the tick that begins at the frame.
+        guarded: (T,) of bool, whether the safety guard intervened during that tick.
+        outcome: how the episode ended.
+
+    Example:
+        >>> record = read_episode("polite.json")  # doctest: +SKIP
+        >>> record.robot[:, 0].max()  # largest x, m  # doctest: +SKIP
     """
 
     path: Path
-    document: Tree
-    looks: Looks
+    document: JsonDict
+    states: States
     command: Array
     executed: Array
-    guarded: Any
+    guarded: BoolArray
     outcome: Outcome
 
     def __len__(self) -> int:
@@ -70,158 +86,175 @@ class EpisodeRecord:
 
     @property
     def id(self) -> str:
+        """Id of the episode."""
         return str(self.document["id"])
 
     @property
     def name(self) -> str:
-        """Of the scenario."""
+        """Name of the scenario."""
         return str(self.document["name"])
 
     @property
     def family(self) -> str:
+        """Scenario and kind of room, by which data sets are split."""
         return str(self.document["family"])
 
     @property
     def seed(self) -> int:
+        """Seed of the data set."""
         return int(self.document["seed"])
 
     @property
     def episode(self) -> int:
+        """Number of the episode in the data set."""
         return int(self.document["episode"])
 
     @property
     def contributor(self) -> str | None:
-        return self._text("contributor")
+        """Name of the person who drove or recorded."""
+        return self._optional_text("contributor")
 
     @property
     def context(self) -> str | None:
-        return self._text("context")
+        """Text for the raters of the episode."""
+        return self._optional_text("context")
 
     @cached_property
     def label_spec(self) -> LabelSpec:
-        """What a person was asked for."""
-        told = self.document.get("label_spec")
-        return LabelSpec.restored(told) if told else LabelSpec()
+        """The label that the driver was asked for; `LabelSpec()` if there was none."""
+        settings = self.document.get("label_spec")
+        return LabelSpec.from_settings(settings) if settings else LabelSpec()
 
     @property
     def label(self) -> Any:
-        """Of the whole run; None if nobody was asked for one."""
+        """Label of the whole run; None if the driver was not asked for one."""
         return self.document.get("label")
 
-    def _text(self, key: str) -> str | None:
+    def _optional_text(self, key: str) -> str | None:
         value = self.document[key]
         return None if value is None else str(value)
 
     @cached_property
-    def author(self) -> Author:
-        """Who drove."""
-        told = self.document["controller"]
-        return Author(told["path"], told["version"], told["settings"], self.document["labels"])
+    def controller_info(self) -> ControllerInfo:
+        """The robot's controller, and the meaning of its labels."""
+        controller = self.document["controller"]
+        return ControllerInfo(
+            controller["path"], controller["version"], controller["settings"], self.document["labels"]
+        )
 
     @property
-    def tick(self) -> Any:
+    def tick(self) -> IntArray:
         """(T,) of int."""
-        return self.looks.tick[:-1]
+        return self.states.tick[:-1]
 
     @property
     def time(self) -> Array:
         """(T,), s."""
-        return self.looks.time[:-1]
+        return self.states.time[:-1]
 
     @property
     def robot(self) -> Array:
-        """(T, 6), columns x, y, theta, vx, vy, omega; SI, world frame."""
-        return self.looks.robot[:-1]
+        """(T, 6), columns x, y, theta, vx, vy, omega; SI units, world frame."""
+        return self.states.robot[:-1]
 
     @property
     def humans(self) -> Array:
-        """(T, N, 7), columns x, y, theta, vx, vy, omega, head; SI, world frame; NaN where not present."""
-        return self.looks.humans[:-1]
+        """(T, N, 7), columns x, y, theta, vx, vy, omega, head; SI units, world frame; NaN where not present."""
+        return self.states.humans[:-1]
 
     @property
-    def present(self) -> Any:
+    def present(self) -> BoolArray:
         """(T, N) of bool."""
-        return self.looks.present[:-1]
+        return self.states.present[:-1]
 
     @property
-    def activity(self) -> Any:
+    def activity(self) -> IntArray:
         """(T, N) of int, into `humans.ACTIVITIES`; -1 where not present."""
-        return self.looks.activity[:-1]
+        return self.states.activity[:-1]
 
     @property
     def labels(self) -> list[Any]:
-        """The label of each frame; the command, [vx, vy, omega], where there is none."""
+        """The label of each frame; its command, [vx, vy, omega], where it has no label."""
         return [frame["label"] if "label" in frame else frame["command"] for frame in self.document["frames"]]
 
     def scene(self) -> Scene:
-        """The scene it started from, equal to the one that was recorded."""
+        """Return the scene, equal to the one that was recorded."""
         return self._scene
 
     @cached_property
     def _scene(self) -> Scene:
-        return scene_of(self.document)
+        return scene_from_json(self.document)
 
     def snapshot(self, index: int) -> Snapshot:
-        """The look at a frame, at the file's precision; index T, or -1, is the final look."""
-        looks = range(len(self) + 1)
-        t = looks[index]
-        told = self.document["frames"][t] if t < len(self) else self.document["final"]
-        with reading(self.path):
+        """Restore a snapshot, at the precision of files.
+
+        Args:
+            index: of a frame; T, or -1: the final state.
+
+        Raises:
+            IndexError: there is no such frame.
+            RecordError: the frame is damaged.
+        """
+        t = range(len(self) + 1)[index]
+        state = self.document["frames"][t] if t < len(self) else self.document["final"]
+        with wrap_read_errors(self.path):
             return Snapshot(
-                tick=int(self.looks.tick[t]),
-                time=float(self.looks.time[t]),
+                tick=int(self.states.tick[t]),
+                time=float(self.states.time[t]),
                 scene=self._scene,
                 robot=self._robot_state(t),
-                humans=self._humans(t),
-                interactions=interactions_of(told["interactions"]),
-                contacts=tuple(_contact(row) for row in told["contacts"]),
-                events=tuple(_event(row) for row in told.get("events", ())),
+                humans=self._present_humans(t),
+                interactions=interactions_from_rows(state["interactions"]),
+                contacts=tuple(_contact(row) for row in state["contacts"]),
+                events=tuple(_event(row) for row in state.get("events", ())),
             )
 
     def snapshots(self) -> Iterator[Snapshot]:
-        """All looks, the final one last: T + 1."""
+        """Iterate over the T + 1 snapshots, the final state last."""
         return (self.snapshot(t) for t in range(len(self) + 1))
 
     def frames(self) -> Iterator[Frame]:
-        """All frames as they were noted; the label is None where there was none."""
-        for t, told in enumerate(self.document["frames"]):
-            yield Frame(self.snapshot(t), Twist(*self.command[t].tolist()), told.get("label"))
+        """Iterate over the T frames; the label is None where a frame has none."""
+        for t, frame in enumerate(self.document["frames"]):
+            yield Frame(self.snapshot(t), Twist(*self.command[t].tolist()), frame.get("label"))
 
     def _robot_state(self, t: int) -> RobotState:
-        x, y, theta, vx, vy, omega = self.looks.robot[t].tolist()
-        done = Twist(*self.executed[t - 1].tolist()) if t > 0 else Twist()
+        x, y, theta, vx, vy, omega = self.states.robot[t].tolist()
+        # a snapshot holds what was executed before it, a frame what was executed after it
+        executed = Twist(*self.executed[t - 1].tolist()) if t > 0 else Twist()
         guarded = bool(self.guarded[t - 1]) if t > 0 else False
-        return RobotState((x, y), unit_vector(theta), (vx, vy), omega, done, guarded, self._scene.robot)
+        return RobotState((x, y), unit_vector(theta), (vx, vy), omega, executed, guarded, self._scene.robot)
 
-    def _humans(self, t: int) -> Humans:
-        """The people who are there at a look."""
-        rows, there = self.looks.humans[t], self.looks.present[t]
+    def _present_humans(self, t: int) -> Humans:
+        rows, present = self.states.humans[t], self.states.present[t]
         state = np.full((len(rows), 9), np.nan)
-        state[:, 0:2], state[:, VX : VX + 2], state[:, OMEGA] = rows[:, 0:2], rows[:, 3:5], rows[:, 5]
-        state[there, BODY_X : BODY_X + 2] = unit_vectors(rows[there, 2])
-        state[there, GAZE_X : GAZE_X + 2] = unit_vectors(rows[there, 6])
-        return Humans(frozen(state), *self._people, self.looks.activity[t]).only(np.flatnonzero(there))
+        state[:, X : Y + 1], state[:, VX : VY + 1] = rows[:, ROW_X : ROW_Y + 1], rows[:, ROW_VX : ROW_VY + 1]
+        state[:, OMEGA] = rows[:, ROW_OMEGA]
+        state[present, BODY_X : BODY_Y + 1] = unit_vectors(rows[present, ROW_THETA])
+        state[present, GAZE_X : GAZE_Y + 1] = unit_vectors(rows[present, ROW_HEAD])
+        ids, radii = self._ids_and_radii
+        return Humans(frozen(state), ids, radii, self.states.activity[t]).select(np.flatnonzero(present))
 
     @cached_property
-    def _people(self) -> tuple[Any, Array]:
+    def _ids_and_radii(self) -> tuple[IntArray, Array]:
         """(N,) ids and (N,) radii, m."""
         return human_ids(self._scene), frozen(np.array([human.radius for human in self._scene.humans], dtype=float))
 
 
 @contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Whatever a damaged document makes go wrong is one RecordError that names the file."""
+def wrap_read_errors(path: Path) -> Iterator[None]:
+    """Convert every error that a damaged document causes into a RecordError that names the file."""
     try:
         yield
     except KeyError as error:
-        raise RecordError(f"{path} is no whole episode: {error} is missing") from error
+        raise RecordError(f"{path} is not a complete episode: {error} is missing") from error
     except (TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
-        raise RecordError(f"{path} is no whole episode: {error}") from error
+        raise RecordError(f"{path} is not a complete episode: {error}") from error
 
 
-def _contact(row: Tree) -> Contact:
+def _contact(row: JsonDict) -> Contact:
     return Contact(row["kind"], row["id"], row["robot_at_fault"], row["other_at_fault"])
 
 
-def _event(row: Tree) -> DeviceEvent:
+def _event(row: JsonDict) -> DeviceEvent:
     return DeviceEvent(row["device"], row["control"], row["value"])

@@ -1,5 +1,4 @@
 from .floor_plans import RoomKind as RoomKind
 from .generator import generate as generate
 from .scenario.config import ScenarioConfig as ScenarioConfig
-from .scenario.load import load_scenario as load_scenario
-from .scenario.load import scenario_names as scenario_names
+from .scenario.load import load_scenario as load_scenario, scenario_names as scenario_names

@@ -1,4 +1,4 @@
-"""From settings and a seed to a Scene: a value, the same for ever."""
+"""Generation of a `Scene` from scenario settings and a seed: the same seed gives the same scene on every machine."""
 
 from __future__ import annotations
 
@@ -10,119 +10,146 @@ from ..core.geometry import Barriers, Pose
 from ..core.rng import RandomStream
 from ..core.scene import Rules, Scene, standing_throughout
 from ..errors import SceneError
-from .floor_plans import FloorPlan, draw_plan
-from .placed import flipped, given_people, joined, put, refuse_outside, settled
-from .placement import Layout, extent
-from .robot_task import draw_journey, reserved
-from .sampling import Cluster, Entity, NumberedEntities, draw_cast, fixed_furniture, numbered, shape_of
+from .floor_plans import FloorPlan, draw_floor_plan
+from .placed import (
+    add_placed_entities,
+    apply_jitter,
+    check_placed_positions,
+    create_placed_entities,
+    mirror_config,
+    place_given,
+)
+from .placement import Layout, cluster_radius
+from .robot_task import draw_robot_task, reserved_outlines
+from .sampling import (
+    Entity,
+    EntityCluster,
+    NumberedEntities,
+    assign_reactions,
+    fixed_furniture,
+    number_entities,
+    sample_entities,
+    shape_of,
+)
 from .scenario.config import ScenarioConfig
-from .scenario.social import with_manners
 
 
 def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
-    """Lay out a scene.
+    """Generate a scene.
 
-    Room, people, things, relations and their distances are drawn once. Only places are drawn again where they do not
-    fit, so that a small room does not favour small numbers and short distances.
+    The room, the entities, their relations and the distances within relations are drawn once. Only poses are drawn
+    again where something does not fit, so that small rooms are not biased towards few entities and short distances.
 
     Args:
-        config: what the scene may look like.
+        config: settings of the scenario.
         seed: of the data set, 0 or more.
-        episode: number of the episode within the data set.
+        episode: number of the episode in the data set.
+
+    Returns:
+        The scene, with its settings, seed and episode number; all numbers are rounded to the precision of files.
 
     Raises:
-        SceneError: something found no place in any of `config.max_layouts` layouts.
+        SceneError: no layout of `config.max_layouts` has space for everything, or a given position is not possible.
 
     >>> generate(ScenarioConfig(), seed=7) == generate(ScenarioConfig(), seed=7)
     True
     """
     rng = RandomStream(seed, episode, "scene")
-    plan, given = draw_plan(config.room, rng), config
+    plan, given = draw_floor_plan(config.room, rng), config
     if config.flip and rng.uniform() < config.flip:
-        plan, given = plan.flipped(), flipped(config)
-    fixed = _checked(fixed_furniture(given), plan)
-    cast = draw_cast(given, rng)
+        plan, given = plan.mirrored(), mirror_config(config)
+    fixed = fixed_furniture(given)
+    _check_furniture(fixed, plan)
+    clusters = sample_entities(given, rng)
     for _ in range(config.max_layouts - 1):
         with suppress(SceneError):
-            return _completed(_lay_out(given, plan, fixed, cast, rng), config, seed, episode)
-    return _completed(_lay_out(given, plan, fixed, cast, rng), config, seed, episode)
+            return _complete(_try_layout(given, plan, fixed, clusters, rng), config, seed, episode)
+    return _complete(_try_layout(given, plan, fixed, clusters, rng), config, seed, episode)  # the last error is raised
 
 
-def _completed(scene: Scene, config: ScenarioConfig, seed: int, episode: int) -> Scene:
-    """The scene with what it was drawn from, and people's manners towards the robot."""
-    chosen = [person.reaction for person in config.people]  # who is given comes first
-    humans = with_manners(scene.humans, chosen, config.person.reactions, config.person.robot_clearance, seed, episode)
+def _complete(scene: Scene, config: ScenarioConfig, seed: int, episode: int) -> Scene:
+    """Add the settings, the seed, the episode number and the reactions to the robot."""
+    given = [person.reaction for person in config.people]  # `people` are the first humans of a scene
+    humans = assign_reactions(
+        scene.humans, given, config.person.reactions, config.person.robot_clearance, seed, episode
+    )
     return replace(scene, humans=humans, seed=seed, episode=episode, settings=config.settings())
 
 
-def _checked(fixed: tuple[Furniture, ...], plan: FloorPlan) -> tuple[Furniture, ...]:
+def _check_furniture(fixed: tuple[Furniture, ...], plan: FloorPlan) -> None:
     for piece in fixed:
         if not plan.contains(piece.shape, piece.pose):
-            raise SceneError(f"the {piece.type} at ({piece.pose.x:g}, {piece.pose.y:g}) does not fit between the walls")
-    return fixed
+            x, y = piece.pose.position
+            raise SceneError(f"the {piece.type} at ({x:g}, {y:g}) does not fit between the walls; move it")
 
 
-def _lay_out(
+def _try_layout(
     config: ScenarioConfig,
     plan: FloorPlan,
     fixed: tuple[Furniture, ...],
-    cast: list[Cluster],
+    clusters: list[EntityCluster],
     rng: RandomStream,
 ) -> Scene:
-    """One try to find a place for all: people who are given one, clusters, the most demanding first, robot and goal."""
-    config = settled(config, rng)
-    given = given_people(config.people, config.person, config.rules.dt, rng)
-    refuse_outside(given, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
-    layout = Layout(plan, config, reserved(config) + [(piece.shape, piece.pose) for piece in fixed if piece.on is None])
-    put(config, given, layout)
-    found: dict[int, tuple[Entity, ...]] = {}
-    for k in sorted(range(len(cast)), key=lambda k: (cast[k].fixed is None, -extent(cast[k]))):
-        members = layout.place(cast[k], fixed, rng)
+    """Draw poses once for everything: given pedestrians, then clusters, then the robot and its goal.
+
+    Clusters at fixed furniture come first, then the others by size, since large ones are the hardest to place.
+
+    Raises:
+        SceneError: something has no space.
+    """
+    config = apply_jitter(config, rng)
+    given = create_placed_entities(config.people, config.person, config.rules.dt, rng)
+    check_placed_positions(given, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
+    furniture_outlines = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
+    layout = Layout(plan, config, reserved_outlines(config) + furniture_outlines)
+    place_given(config, given, layout)
+    placed: dict[int, tuple[Entity, ...]] = {}
+    for k in sorted(range(len(clusters)), key=lambda k: (clusters[k].fixed is None, -cluster_radius(clusters[k]))):
+        members = layout.place(clusters[k], fixed, rng)
         if members is not None:
-            found[k] = members
+            placed[k] = members
         elif not config.drop:
-            raise SceneError(_no_spot(cast, k, plan, config.max_attempts))
-    numbered_entities = numbered([(cast[k], found[k]) for k in sorted(found)], fixed)
-    robot, goal = draw_journey(
-        config, layout, _obstacles(plan, numbered_entities).joined(standing_throughout(given.humans)), rng
-    )
+            raise SceneError(_no_space_message(clusters, k, plan, config.max_attempts))
+    entities = number_entities([(clusters[k], placed[k]) for k in sorted(placed)], fixed)
+    obstacles = _obstacles(plan, entities).joined(standing_throughout(given.humans))
+    robot, goal = draw_robot_task(config, layout, obstacles, rng)
     scene = Scene(
         name=config.name,
         family=f"{config.name}/{plan.kind}",
         polygon=plan.polygon,
         walls=plan.walls,
-        furniture=numbered_entities.furniture,
-        humans=numbered_entities.humans,
+        furniture=entities.furniture,
+        humans=entities.humans,
         robot=robot,
         goal=goal,
-        groups=numbered_entities.groups,
-        interactions=numbered_entities.interactions,
+        groups=entities.groups,
+        interactions=entities.interactions,
         rules=Rules(**config.rules.model_dump()),
         social=config.social.social(),
-        dropped=tuple(_label(cast, k) for k in range(len(cast)) if k not in found),
+        dropped=tuple(_label(clusters, k) for k in range(len(clusters)) if k not in placed),
     )
-    return joined(scene, given)
+    return add_placed_entities(scene, given)
 
 
-def _obstacles(plan: FloorPlan, numbered_entities: NumberedEntities) -> Barriers:
-    """Walls, furniture and people who stand: what the robot must go round."""
-    solid: list[Entity] = [piece for piece in numbered_entities.furniture if piece.on is None]
-    solid += [human for human in numbered_entities.humans if human.behaviour == "standing"]
+def _obstacles(plan: FloorPlan, entities: NumberedEntities) -> Barriers:
+    """Return walls, furniture on the floor and standing pedestrians: what the robot must avoid."""
+    solid: list[Entity] = [piece for piece in entities.furniture if piece.on is None]
+    solid += [human for human in entities.humans if human.behaviour == "standing"]
     edges = (edge for entity in solid for edge in shape_of(entity).edges(entity.pose))
     return plan.barriers.joined(Barriers.of(edges))
 
 
-def _label(cast: list[Cluster], k: int) -> str:
-    """Which one of its kind: `human 5 of 6`."""
-    alike = [i for i, cluster in enumerate(cast) if cluster.name == cast[k].name]
-    if cast[k].name == "human":  # those in pairs are humans too
-        alike = [i for i, cluster in enumerate(cast) for member in cluster.members if isinstance(member, Human)]
-    return f"{cast[k].name} {alike.index(k) + 1} of {len(alike)}"
+def _label(clusters: list[EntityCluster], k: int) -> str:
+    """Return the name and number of a cluster, such as `human 5 of 6`, for messages and `Scene.dropped`."""
+    similar = [i for i, cluster in enumerate(clusters) if cluster.name == clusters[k].name]
+    if clusters[k].name == "human":  # the members of pairs and groups count as humans too
+        similar = [i for i, cluster in enumerate(clusters) for member in cluster.members if isinstance(member, Human)]
+    return f"{clusters[k].name} {similar.index(k) + 1} of {len(similar)}"
 
 
-def _no_spot(cast: list[Cluster], k: int, plan: FloorPlan, attempts: int) -> str:
-    fewer = "fewer humans" if isinstance(cast[k].members[0], Human) else "less furniture"
-    spot = f"no free spot for {_label(cast, k)} in a {plan.size} room after {attempts} attempts"
-    if cast[k].fixed is not None:
-        return f"{spot}; turn the thing (theta) so that its front (-y) is free, or set attracts: false"
-    return f"{spot}; widen the room, ask for {fewer}, or set drop: true"
+def _no_space_message(clusters: list[EntityCluster], k: int, plan: FloorPlan, attempts: int) -> str:
+    fewer = "fewer humans" if isinstance(clusters[k].members[0], Human) else "less furniture"
+    problem = f"no free spot for {_label(clusters, k)} in a {plan.size_text} room after {attempts} attempts"
+    if clusters[k].fixed is not None:
+        return f"{problem}; turn the furniture (theta) so that its front (-y) is free, or set attracts: false"
+    return f"{problem}; widen the room, ask for {fewer}, or set drop: true"

@@ -1,174 +1,197 @@
-"""What a scenario gives a place: moved a little for each layout, mirrored, and people made of it."""
+"""Positions given by a scenario: their random offsets and mirroring, and the pedestrians of the section `people`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
 from ..core.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction
 from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
-from ..core.portable_math import PI, angle_of
+from ..core.portable_math import PI, Array, angle_of
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..errors import SceneError
-from .placement import Layout, Spot, keeps_clear
-from .robot_task import reserved
+from .placement import Layout, PlacedShape, has_clearance
+from .robot_task import reserved_outlines
+from .scenario.base import Jitter
 from .scenario.config import ScenarioConfig
 from .scenario.people import PersonSpec, Track
-from .scenario.ranges import Jitter
 from .scenario.sections import PersonConfig
-from .track import sampled
 
-_SLOW = 0.1  # m/s, below which a velocity tells nothing of where somebody faces
-_TOLERANCE = 1e-6  # ticks
-_OVERLAP, _TOUCH = 0.09, 1e-6  # m, of outlines at a start that is given: the physics soon parts them
+_SLOW = 0.1  # m/s, below which a velocity does not determine where a pedestrian faces
+_TOLERANCE = 1e-6  # ticks, rounding error of a time divided by the tick
+_MAX_OVERLAP, _POINT_RADIUS = 0.09, 1e-6  # m, overlap of given outlines at the start, which the physics resolves
+
+# Random offsets and mirroring of given positions
 
 
-def settled(config: ScenarioConfig, rng: RandomStream) -> ScenarioConfig:
-    """The same scenario with start, goal and people where one layout has them; where all is firm, nothing is drawn."""
-    moved = {"people": tuple(_settled_person(person, rng) for person in config.people)}
+def apply_jitter(config: ScenarioConfig, rng: RandomStream) -> ScenarioConfig:
+    """Add random offsets to the given start, goal and people; nothing is drawn where all jitters are 0."""
+    people = tuple(_jitter_person(person, rng) for person in config.people)
     robot, goal = config.robot, config.goal
     if robot.pose is not None and any(robot.jitter):
-        dx, dy, turn = _drawn(robot.jitter, rng)
+        dx, dy, turn = _draw_offset(robot.jitter, rng)
         x, y, theta = robot.pose
         robot = robot.model_copy(update={"pose": (x + dx, y + dy, theta + turn)})
     if goal.position is not None and any(goal.jitter):
-        dx, dy, _ = _drawn((*goal.jitter, 0.0), rng)
+        dx, dy, _ = _draw_offset((*goal.jitter, 0.0), rng)
         goal = goal.model_copy(update={"position": (goal.position[0] + dx, goal.position[1] + dy)})
-    return config.model_copy(update=moved | {"robot": robot, "goal": goal})
+    return config.model_copy(update={"people": people, "robot": robot, "goal": goal})
 
 
-def flipped(config: ScenarioConfig) -> ScenarioConfig:
-    """The mirror image of all that is given, y with the other sign."""
+def _jitter_person(person: PersonSpec, rng: RandomStream) -> PersonSpec:
+    if not any(person.jitter):
+        return person
+    dx, dy, turn = _draw_offset(person.jitter, rng)
+    goals = tuple((x + dx, y + dy) for x, y in person.goals)
+    x, y = person.start
+    theta = None if person.theta is None else person.theta + turn
+    return person.model_copy(update={"x": x + dx, "y": y + dy, "theta": theta, "goals": goals})
+
+
+def _draw_offset(jitter: Jitter, rng: RandomStream) -> tuple[float, float, float]:
+    x, y, theta = (rng.uniform(-maximum, maximum) for maximum in jitter)
+    return x, y, theta
+
+
+def mirror_config(config: ScenarioConfig) -> ScenarioConfig:
+    """Mirror all given positions: y changes sign."""
     robot, goal, groups = config.robot, config.goal, config.groups
     if robot.pose is not None:
         x, y, theta = robot.pose
         robot = robot.model_copy(update={"pose": (x, -y, -theta)})
-    theta_of_goal = None if goal.theta is None else -goal.theta
-    position = None if goal.position is None else _across(goal.position)
-    pieces = (p.model_copy(update={"y": -p.y, "theta": PI - p.theta}) for p in config.furniture)  # fronts change sides
+    goal_theta = None if goal.theta is None else -goal.theta
+    goal_position = None if goal.position is None else _mirror_point(goal.position)
+    # the front of furniture is its -y side, so that its mirror image is turned by pi - theta, not by -theta
+    furniture = (p.model_copy(update={"y": -p.y, "theta": PI - p.theta}) for p in config.furniture)
     return config.model_copy(
         update={
             "robot": robot,
-            "goal": goal.model_copy(update={"position": position, "theta": theta_of_goal}),
-            "furniture": tuple(pieces),
-            "people": tuple(_flipped_person(person) for person in config.people),
-            "groups": groups.model_copy(update={"places": tuple(_across(place) for place in groups.places)}),
+            "goal": goal.model_copy(update={"position": goal_position, "theta": goal_theta}),
+            "furniture": tuple(furniture),
+            "people": tuple(_mirror_person(person) for person in config.people),
+            "groups": groups.model_copy(update={"places": tuple(_mirror_point(place) for place in groups.places)}),
         }
     )
 
 
+def _mirror_person(person: PersonSpec) -> PersonSpec:
+    return person.model_copy(
+        update={
+            "y": None if person.y is None else -person.y,
+            "theta": None if person.theta is None else -person.theta,
+            "velocity": None if person.velocity is None else _mirror_point(person.velocity),
+            "goals": tuple(_mirror_point(goal) for goal in person.goals),
+            "track": person.track and tuple((t, x, -y) for t, x, y in person.track),
+        }
+    )
+
+
+def _mirror_point(point: Point) -> Point:
+    return point[0], -point[1]
+
+
+# Creation of pedestrians
+
+
 @dataclass(frozen=True, slots=True)
-class Given:
-    """The people who are given, their groups, and who walks with whom."""
+class PlacedEntities:
+    """The pedestrians of `people`, their groups and their interactions."""
 
     humans: tuple[Human, ...] = ()
     groups: tuple[Group, ...] = ()
     interactions: tuple[Interaction, ...] = ()
 
 
-def given_people(people: tuple[PersonSpec, ...], usual: PersonConfig, dt: float, rng: RandomStream) -> Given:
-    """The people of `people`; what is not said of them is drawn.
+def create_placed_entities(
+    people: tuple[PersonSpec, ...], defaults: PersonConfig, dt: float, rng: RandomStream
+) -> PlacedEntities:
+    """Create the pedestrians of `people`; properties that are not given are drawn.
 
     Args:
         people: as the scenario lists them.
-        usual: what people are like.
+        defaults: distributions of the properties that are not given.
         dt: s, the tick.
-        chance: of the scene.
+        rng: random stream of the scene.
 
     Raises:
-        SceneError: a track falls between two ticks.
+        SceneError: no tick lies within the time span of a track.
     """
     taken = {person.id for person in people}
     free = (number for number in range(1, 2 * len(people) + 1) if number not in taken)
-    humans = [_human(person, person.id or next(free), usual, dt, rng) for person in people]
+    humans = [_create_human(person, person.id or next(free), defaults, dt, rng) for person in people]
     members: dict[int, list[int]] = {}
     for human in humans:
         if human.group is not None:
             members.setdefault(human.group, []).append(human.id)
     groups = {number: ids for number, ids in members.items() if len(ids) > 1}
-    humans = [_in_company(human, person, humans) for human, person in zip(humans, people, strict=True)]
-    stands = {human.group for human in humans if human.behaviour == "standing"}
+    humans = [_adapt_to_group(human, person, humans) for human, person in zip(humans, people, strict=True)]
+    talking = {human.group for human in humans if human.behaviour == "standing"}
     pairs = ((number, pair) for number, ids in groups.items() for pair in combinations(ids, 2))
-    return Given(
+    return PlacedEntities(
         tuple(human if human.group in groups else replace(human, group=None) for human in humans),
-        tuple(_group(number, ids, number in stands) for number, ids in sorted(groups.items())),
-        tuple(Interaction(a, TALKING if n in stands else WALKING_TOGETHER, b) for n, (a, b) in pairs),
+        tuple(_create_group(number, ids, number in talking) for number, ids in sorted(groups.items())),
+        tuple(Interaction(a, TALKING if n in talking else WALKING_TOGETHER, b) for n, (a, b) in pairs),
     )
 
 
-def _group(number: int, ids: list[int], stands: bool) -> Group:
-    if not stands:
+def _create_group(number: int, ids: list[int], is_talking: bool) -> Group:
+    if not is_talking:
         return Group(number, "walking", tuple(ids))
     return Group(number, "talking", tuple(ids), "circle" if len(ids) > 2 else None)
 
 
-def _in_company(human: Human, given: PersonSpec, humans: list[Human]) -> Human:
-    """Who walks in a group goes at its slowest's pace, and who talks in one faces its middle, unless told otherwise."""
+def _adapt_to_group(human: Human, spec: PersonSpec, humans: list[Human]) -> Human:
+    """Adapt properties that are not given: walking members get the lowest speed, talking members face the centre."""
     members = [other for other in humans if human.group is not None and other.group == human.group]
     if len(members) < 2:
         return human
     if human.behaviour != "standing":
-        slowest = min(other.desired_speed for other in members)
-        return human if given.desired_speed else replace(human, desired_speed=slowest)
-    if given.theta is not None:
+        lowest = min(other.desired_speed for other in members)
+        return human if spec.desired_speed else replace(human, desired_speed=lowest)
+    if spec.theta is not None:
         return human
     x, y = (np.add.reduce(np.array([m.pose.position for m in members]), axis=0) / len(members)).tolist()
     theta = angle_of(y - human.pose.y, x - human.pose.x)
     return replace(human, pose=Pose(human.pose.x, human.pose.y, canonical_angle(theta)))
 
 
-def _human(given: PersonSpec, id: int, usual: PersonConfig, dt: float, rng: RandomStream) -> Human:
-    drawn_speed = usual.desired_speed.draw(rng)
-    drawn_radius, ignores = usual.radius.draw(rng), rng.uniform() < usual.ignores_robot
-    reacts = given.reacts_to_robot
+def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, rng: RandomStream) -> Human:
+    # drawn even where the property is given: the order of draws is part of what a seed means
+    drawn_speed = defaults.desired_speed.draw(rng)
+    drawn_radius, ignores = defaults.radius.draw(rng), rng.uniform() < defaults.ignores_robot
+    reacts = spec.reacts_to_robot
     if reacts is None:
-        heeds = given.does != "recorded" and not ignores  # nothing holds up who is recorded
-        reacts = float(given.reaction != "ignores" if given.reaction else heeds)
-    enters = int(given.enters / dt + 1.0 - _TOLERANCE)
+        # a recorded pedestrian follows its track whatever the robot does
+        reacts_by_default = spec.resolved_behaviour != "recorded" and not ignores
+        reacts = float(spec.reaction != "ignores" if spec.reaction else reacts_by_default)
+    enters = int(spec.enters / dt + 1.0 - _TOLERANCE)  # first tick at or after the time
     human = Human(
         id=id,
-        pose=Pose(*given.start).rounded(),
-        radius=quantised(given.radius.draw(rng) if given.radius else drawn_radius),
-        desired_speed=quantised(given.desired_speed.draw(rng) if given.desired_speed else drawn_speed),
-        behaviour=given.does,
-        model=usual.model,
+        pose=Pose(*spec.start).rounded(),
+        radius=quantised(spec.radius.draw(rng) if spec.radius else drawn_radius),
+        desired_speed=quantised(spec.desired_speed.draw(rng) if spec.desired_speed else drawn_speed),
+        behaviour=spec.resolved_behaviour,
+        model=defaults.model,
         reacts_to_robot=quantised(reacts),
-        group=given.group,
-        goals=tuple((quantised(x), quantised(y)) for x, y in given.goals),
+        group=spec.group,
+        goals=tuple((quantised(x), quantised(y)) for x, y in spec.goals),
         enters=enters,
-        leaves=None if given.leaves is None else max(int(given.leaves / dt + 1.0 - _TOLERANCE), enters + 1),
-        exits=given.exits,
+        leaves=None if spec.leaves is None else max(int(spec.leaves / dt + 1.0 - _TOLERANCE), enters + 1),
+        exits=spec.exits,
     )
-    if given.track is not None:
-        human = _on_track(human, given.track, dt)
-    vx, vy = given.velocity or human.velocity
+    if spec.track is not None:
+        human = _with_track(human, spec.track, dt)
+    vx, vy = spec.velocity or human.velocity
     human = replace(human, velocity=(quantised(vx), quantised(vy)))
-    theta = _facing(human) if given.theta is None else given.theta
+    theta = _default_heading(human) if spec.theta is None else spec.theta
     return replace(human, pose=Pose(human.pose.x, human.pose.y, canonical_angle(theta)))
 
 
-def _on_track(human: Human, track: Track, dt: float) -> Human:
-    """The person at each tick of their track.
-
-    Raises:
-        SceneError: there is no tick within it.
-    """
-    first, places = sampled(track, dt)
-    if not places:
-        span = f"{track[0][0]:g} to {track[-1][0]:g} s"
-        raise SceneError(f"the track of person {human.id}, {span}, falls between two ticks; leave it out")
-    (x, y), (u, v) = places[0], places[min(1, len(places) - 1)]
-    velocity = (u - x) / dt, (v - y) / dt
-    leaves = first + len(places)
-    return replace(human, pose=Pose(x, y), velocity=velocity, enters=first, leaves=leaves, track=tuple(places))
-
-
-def _facing(human: Human) -> float:
-    """rad, where somebody goes first: by their velocity, or to their goal."""
+def _default_heading(human: Human) -> float:
+    """Return the direction of the velocity, else of the first goal, else 0; rad."""
     vx, vy = human.velocity
     if vx * vx + vy * vy > _SLOW * _SLOW:
         return angle_of(vy, vx)
@@ -176,115 +199,163 @@ def _facing(human: Human) -> float:
     return angle_of(y - human.pose.y, x - human.pose.x) if (x, y) != human.pose.position else 0.0
 
 
-def refuse_outside(given: Given, outline: Any, robot: Pose | None, radius: float) -> None:
-    """All that is given must lie in the room, and a given robot on nobody.
+# Tracks
+
+
+def _with_track(human: Human, track: Track, dt: float) -> Human:
+    """Give a pedestrian its position at each tick, and the start, velocity and times that follow from the track.
+
+    Raises:
+        SceneError: no tick lies within the time span of the track.
+    """
+    first, positions = resample_track(track, dt)
+    if not positions:
+        span = f"{track[0][0]:g} to {track[-1][0]:g} s"
+        raise SceneError(f"the track of person {human.id}, {span}, lies between two ticks; remove this person")
+    (x, y), (u, v) = positions[0], positions[min(1, len(positions) - 1)]
+    velocity = (u - x) / dt, (v - y) / dt
+    leaves = first + len(positions)
+    return replace(human, pose=Pose(x, y), velocity=velocity, enters=first, leaves=leaves, track=tuple(positions))
+
+
+def resample_track(track: Track, dt: float) -> tuple[int, list[Point]]:
+    """Interpolate a track at the ticks from its first to its last point.
 
     Args:
-        given: the people.
+        track: two or more points, each t (s), x, y (m); t rises.
+        dt: s, the tick.
+
+    Returns:
+        The first tick, and the position at each tick from there on, m, rounded to the precision of files; no position
+        if no tick lies within the track's time span.
+
+    Source: cubic Hermite interpolation with the slopes of Catmull & Rom (Computer Aided Geometric Design, Academic
+    Press 1974, 317) for uneven steps: the path passes through every point, and its velocity is continuous.
+    """
+    first, last = int(track[0][0] / dt + 1.0 - _TOLERANCE), int(track[-1][0] / dt + _TOLERANCE)
+    slopes = [_slope(track, k) for k in range(len(track))]
+    positions, k = [], 0
+    for tick in range(first, last + 1):
+        t = min(max(tick * dt, track[0][0]), track[-1][0])
+        while k < len(track) - 2 and track[k + 1][0] <= t:
+            k += 1
+        positions.append(_interpolate(track, slopes, k, t))
+    return first, positions
+
+
+def _slope(track: Track, k: int) -> Point:
+    """Return the velocity at a track point, m/s.
+
+    It is that of the parabola through the point and its two neighbours; at both ends, that of the straight line to the
+    only neighbour.
+    """
+    if k == 0 or k == len(track) - 1:
+        (t0, x0, y0), (t1, x1, y1) = track[max(k - 1, 0)], track[min(k + 1, len(track) - 1)]
+        return (x1 - x0) / (t1 - t0), (y1 - y0) / (t1 - t0)
+    (t0, x0, y0), (t1, x1, y1), (t2, x2, y2) = track[k - 1 : k + 2]
+    before, after = t1 - t0, t2 - t1
+    slope_in, slope_out = ((x1 - x0) / before, (y1 - y0) / before), ((x2 - x1) / after, (y2 - y1) / after)
+    fraction = before / (before + after)
+    return (
+        slope_in[0] + (slope_out[0] - slope_in[0]) * fraction,
+        slope_in[1] + (slope_out[1] - slope_in[1]) * fraction,
+    )
+
+
+def _interpolate(track: Track, slopes: list[Point], k: int, t: float) -> Point:
+    """Return the position at time t, s, between the track points k and k + 1."""
+    (t0, x0, y0), (t1, x1, y1) = track[k], track[k + 1]
+    step = t1 - t0
+    s = (t - t0) / step
+    # cubic Hermite basis: a weighs the difference of the points, b and c the two slopes
+    a, b = s * s * (3.0 - 2.0 * s), s * (1.0 - s) * (1.0 - s) * step
+    c = s * s * (s - 1.0) * step
+    (u0, v0), (u1, v1) = slopes[k], slopes[k + 1]
+    return quantised(x0 + (x1 - x0) * a + u0 * b + u1 * c), quantised(y0 + (y1 - y0) * a + v0 * b + v1 * c)
+
+
+# Placement
+
+
+def check_placed_positions(placed: PlacedEntities, outline: Array, robot: Pose | None, radius: float) -> None:
+    """Check that given positions lie in the room, and that a given robot does not start on a pedestrian.
+
+    Args:
+        placed: the pedestrians.
         outline: (K, 2), m, of the room.
-        robot: its start, if that is given.
+        robot: its start, if given.
         radius: of the robot, m.
 
     Raises:
-        SceneError: somebody would be outside, or under the robot.
+        SceneError: a start, track or goal is outside the room, or the robot overlaps a pedestrian at tick 0.
     """
-    for human in given.humans:
-        for what, places in (("start", [human.pose.position]), ("track", human.track), ("goal", human.goals)):
-            inside = inside_polygon(np.array(places, dtype=float).reshape(-1, 2), outline)
-            for x, y in (place for place, is_in in zip(places, inside.tolist(), strict=True) if not is_in):
+    for human in placed.humans:
+        for what, points in (("start", [human.pose.position]), ("track", human.track), ("goal", human.goals)):
+            inside = inside_polygon(np.array(points, dtype=float).reshape(-1, 2), outline)
+            for x, y in (point for point, is_inside in zip(points, inside.tolist(), strict=True) if not is_inside):
                 raise SceneError(
                     f"the {what} of person {human.id} is outside the room at ({x:g}, {y:g}); widen the room"
                 )
         if robot is not None and human.enters == 0:
-            dx, dy, near = robot.x - human.pose.x, robot.y - human.pose.y, radius + human.radius
-            if dx * dx + dy * dy < near * near:
+            dx, dy, contact = robot.x - human.pose.x, robot.y - human.pose.y, radius + human.radius
+            if dx * dx + dy * dy < contact * contact:
                 raise SceneError(f"the robot would start on person {human.id}; give it another pose")
 
 
-def joined(scene: Scene, given: Given) -> Scene:
-    """The scene with the people who are given, first; drawn people and things take the ids that they leave free."""
-    if not given.humans:
-        return scene
-    taken, groups = {human.id for human in given.humans}, {group.id for group in given.groups}
-    drawn = [*(human.id for human in scene.humans), *(thing.id for thing in scene.furniture)]
-    new = dict(zip(drawn, _free(taken, len(drawn)), strict=True))
-    band = dict(zip((g.id for g in scene.groups), _free(groups, len(scene.groups)), strict=True))
-    people = (replace(h, id=new[h.id], group=None if h.group is None else band[h.group]) for h in scene.humans)
-    things = (replace(f, id=new[f.id], on=None if f.on is None else new[f.on]) for f in scene.furniture)
-    bands = (replace(g, id=band[g.id], members=tuple(new[id] for id in g.members)) for g in scene.groups)
-    ties = (replace(tie, src=new[tie.src], dst=new[tie.dst]) for tie in scene.interactions)
-    return replace(
-        scene,
-        humans=(*given.humans, *people),
-        furniture=tuple(things),
-        groups=(*given.groups, *bands),
-        interactions=(*given.interactions, *ties),
-    )
-
-
-def _free(taken: set[int], count: int) -> list[int]:
-    """The lowest ids from 1 that are not taken."""
-    return [number for number in range(1, len(taken) + count + 1) if number not in taken][:count]
-
-
-def put(config: ScenarioConfig, given: Given, layout: Layout) -> None:
-    """Take the places of the people who are given and there at the start.
+def place_given(config: ScenarioConfig, placed: PlacedEntities, layout: Layout) -> None:
+    """Occupy the space of the given pedestrians that are present at tick 0.
 
     Raises:
-        SceneError: one who is not recorded would stand in a wall, in a thing or in somebody else.
+        SceneError: a pedestrian that is not recorded would overlap a wall, furniture or another pedestrian.
     """
-    solid = layout.taken[len(reserved(config)) :]
-    for person, human in zip(config.people, given.humans, strict=True):
+    solid = layout.occupied[len(reserved_outlines(config)) :]  # the robot's start and goal do not count here
+    for person, human in zip(config.people, placed.humans, strict=True):
         if human.behaviour != "recorded" and not _fits(person, human, layout, solid):
             x, y = human.pose.position
             raise SceneError(
-                f"person {human.id} at ({x:g}, {y:g}) does not fit there; move it, lessen its jitter, or widen the room"
+                f"person {human.id} does not fit at ({x:g}, {y:g}); move it, reduce its jitter, or widen the room"
             )
         if human.enters == 0:
-            spot = Disc(human.radius), human.pose
-            layout.taken.append(spot)
-            solid.append(spot)
+            outline = Disc(human.radius), human.pose
+            layout.occupied.append(outline)
+            solid.append(outline)
 
 
-def _fits(person: PersonSpec, human: Human, layout: Layout, solid: list[Spot]) -> bool:
-    """Whether there is room at the start: with all clearances for one who is moved, with an overlap for others.
+def _fits(person: PersonSpec, human: Human, layout: Layout, solid: list[PlacedShape]) -> bool:
+    """Return whether there is space at the start.
 
-    Recorded crowds squeeze together: among people it is enough that nobody's middle is within somebody else.
+    A pedestrian with jitter needs all clearances: another offset is drawn where it has none. Without jitter, outlines
+    may overlap, as in recorded crowds: only the centre must be outside all other outlines.
     """
     if any(person.jitter):
         gap = layout.config.clearance
         return layout.is_free(Disc(human.radius), human.pose, gap, gap)
-    body, middle = Disc(human.radius - _OVERLAP), Disc(_TOUCH)
-    in_room = layout.plan.holds(body, human.pose, _TOUCH)
-    return in_room and (human.enters > 0 or keeps_clear(middle, human.pose, _TOUCH, solid))
+    body, centre = Disc(human.radius - _MAX_OVERLAP), Disc(_POINT_RADIUS)
+    is_in_room = layout.plan.contains_with_gap(body, human.pose, _POINT_RADIUS)
+    return is_in_room and (human.enters > 0 or has_clearance(centre, human.pose, _POINT_RADIUS, solid))
 
 
-def _settled_person(person: PersonSpec, rng: RandomStream) -> PersonSpec:
-    if not any(person.jitter):
-        return person
-    dx, dy, turn = _drawn(person.jitter, rng)
-    goals = tuple((x + dx, y + dy) for x, y in person.goals)
-    x, y = person.start
-    theta = None if person.theta is None else person.theta + turn
-    return person.model_copy(update={"x": x + dx, "y": y + dy, "theta": theta, "goals": goals})
-
-
-def _flipped_person(person: PersonSpec) -> PersonSpec:
-    return person.model_copy(
-        update={
-            "y": None if person.y is None else -person.y,
-            "theta": None if person.theta is None else -person.theta,
-            "velocity": None if person.velocity is None else _across(person.velocity),
-            "goals": tuple(_across(goal) for goal in person.goals),
-            "track": person.track and tuple((t, x, -y) for t, x, y in person.track),
-        }
+def add_placed_entities(scene: Scene, placed: PlacedEntities) -> Scene:
+    """Add the given pedestrians to a scene, as the first ones; drawn entities get the ids that these leave free."""
+    if not placed.humans:
+        return scene
+    taken, taken_groups = {human.id for human in placed.humans}, {group.id for group in placed.groups}
+    drawn = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
+    new_id = dict(zip(drawn, _free_ids(taken, len(drawn)), strict=True))
+    new_group = dict(zip((g.id for g in scene.groups), _free_ids(taken_groups, len(scene.groups)), strict=True))
+    humans = (replace(h, id=new_id[h.id], group=None if h.group is None else new_group[h.group]) for h in scene.humans)
+    furniture = (replace(f, id=new_id[f.id], on=None if f.on is None else new_id[f.on]) for f in scene.furniture)
+    groups = (replace(g, id=new_group[g.id], members=tuple(new_id[id] for id in g.members)) for g in scene.groups)
+    interactions = (replace(i, src=new_id[i.src], dst=new_id[i.dst]) for i in scene.interactions)
+    return replace(
+        scene,
+        humans=(*placed.humans, *humans),
+        furniture=tuple(furniture),
+        groups=(*placed.groups, *groups),
+        interactions=(*placed.interactions, *interactions),
     )
 
 
-def _across(point: Point) -> Point:
-    return point[0], -point[1]
-
-
-def _drawn(jitter: Jitter, rng: RandomStream) -> tuple[float, float, float]:
-    x, y, theta = (rng.uniform(-most, most) for most in jitter)
-    return x, y, theta
+def _free_ids(taken: set[int], count: int) -> list[int]:
+    """Return the lowest `count` ids from 1 that are not taken."""
+    return [number for number in range(1, len(taken) + count + 1) if number not in taken][:count]

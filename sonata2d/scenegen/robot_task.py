@@ -1,4 +1,4 @@
-"""Where the robot starts and where it shall go: never on each other, and never without a way between."""
+"""Start and goal of the robot: given or drawn, at a distance from each other, and connected by a free path."""
 
 from __future__ import annotations
 
@@ -10,105 +10,112 @@ from ..core.navigation import FreeSpace
 from ..core.portable_math import PI
 from ..core.rng import RandomStream
 from ..errors import SceneError
-from .placement import Layout, Spot
+from .placement import Layout, PlacedShape
 from .scenario.config import ScenarioConfig
-from .scenario.people import ways_of
+from .scenario.people import path_segments
 
-PATH_MARGIN = 0.05  # m, that the robot can keep off everything that stands on its way
+PATH_MARGIN = 0.05  # m, minimum gap between the robot and obstacles along a path
 
 
-def reserved(config: ScenarioConfig) -> list[Spot]:
-    """Outlines that keep a given start and a given goal free."""
+def reserved_outlines(config: ScenarioConfig) -> list[PlacedShape]:
+    """Return the outlines that a given start and a given goal occupy."""
     disc = Disc(config.robot.radius + PATH_MARGIN)
     given = (config.robot.pose, config.goal.position)
     return [(disc, Pose(*place).rounded()) for place in given if place is not None]
 
 
-def draw_journey(config: ScenarioConfig, layout: Layout, barriers: Barriers, rng: RandomStream) -> tuple[Robot, Goal]:
-    """The robot at its start, and its goal; what is not given is drawn.
+def draw_robot_task(
+    config: ScenarioConfig, layout: Layout, barriers: Barriers, rng: RandomStream
+) -> tuple[Robot, Goal]:
+    """Create the robot at its start, and its goal; start and goal are drawn unless given.
 
     Args:
-        layout: the room with everything else in its place.
-        barriers: all that the robot must go round.
+        config: sections `robot`, `goal` and `people`.
+        layout: the room with all other entities.
+        barriers: outlines of everything that the robot must avoid: walls, furniture and standing pedestrians.
+        rng: random stream of the scene.
 
     Raises:
-        SceneError: a given start or goal is not free, there is no way between two that are given, or no pair of start
-            and goal with a way between them was found in `max_attempts`.
+        SceneError: a given start or goal is not free; no path connects a given start and goal; or `max_attempts` pairs
+            of start and goal failed.
     """
     space = FreeSpace(layout.plan.outline, barriers, config.robot.radius + PATH_MARGIN)
-    _refuse_given(config, space)
-    ways = ways_of(config.people)
+    _check_given(config, space)
+    paths = path_segments(config.people)
     for _ in range(config.max_attempts):
-        start = _draw_start(config, layout, ways, rng)
-        goal = _draw_goal(config, layout, ways, rng)
-        if start and goal and _is_journey(config, space, start, goal):
-            return _robot(config, start), _goal(config, goal, rng)
-    fewer = "or ask for fewer people and things"
+        start = _draw_start(config, layout, paths, rng)
+        goal = _draw_goal(config, layout, paths, rng)
+        if start and goal and _is_feasible(config, space, start, goal):
+            return _create_robot(config, start), _create_goal(config, goal, rng)
+    remedy = "or ask for fewer humans and less furniture"
     if config.robot.on_ways is not None:
-        fewer = "ask for fewer people and things, or set robot.on_ways to null"
+        remedy = "ask for fewer humans and less furniture, or set robot.on_ways to null"
     raise SceneError(
-        f"no free start and goal for the robot in a {layout.plan.size} room after {config.max_attempts} attempts; "
-        f"widen the room, {fewer}"
+        f"no free start and goal for the robot in a {layout.plan.size_text} room after {config.max_attempts} attempts; "
+        f"widen the room, {remedy}"
     )
 
 
-def _refuse_given(config: ScenarioConfig, space: FreeSpace) -> None:
-    """A given start and a given goal must be free, and joined by a way."""
+def _check_given(config: ScenarioConfig, space: FreeSpace) -> None:
+    """Check that a given start and a given goal are free, and connected by a path."""
     given = (("start", config.robot.pose), ("goal", config.goal.position))
-    places = {what: Pose(*place).rounded().position for what, place in given if place is not None}
-    for what, (x, y) in places.items():
+    positions = {name: Pose(*place).rounded().position for name, place in given if place is not None}
+    for name, (x, y) in positions.items():
         point = np.array([(x, y)], dtype=float)
         if not space.is_free(point)[0]:
             inside = inside_polygon(point, space.outline)[0]
-            where = "in a wall or thing, or too near one or somebody who stands" if inside else "outside the room"
-            raise SceneError(f"the robot's {what} ({x:g}, {y:g}) is {where}; move it")
-    if len(places) == 2 and space.path(places["start"], places["goal"]) is None:
-        (x, y), (u, v) = places["start"], places["goal"]
-        raise SceneError(f"the robot has no way from its start ({x:g}, {y:g}) to its goal ({u:g}, {v:g}); move either")
+            reason = "inside or too close to a wall, furniture or a standing person" if inside else "outside the room"
+            raise SceneError(f"the robot's {name} ({x:g}, {y:g}) is {reason}; move it")
+    if len(positions) == 2 and space.path(positions["start"], positions["goal"]) is None:
+        (x, y), (u, v) = positions["start"], positions["goal"]
+        raise SceneError(
+            f"there is no path for the robot from its start ({x:g}, {y:g}) to its goal ({u:g}, {v:g}); move one of them"
+        )
 
 
-def _is_on_way(config: ScenarioConfig, ways: Barriers, place: Pose) -> bool:
-    """Whether a drawn place is near enough to where people go."""
-    near = config.robot.on_ways
-    return near is None or bool((ways.gaps(np.array([place.position], dtype=float)) <= near).any())
+def _is_on_path(config: ScenarioConfig, paths: Barriers, pose: Pose) -> bool:
+    """Return whether a drawn position is within `robot.on_ways` of a pedestrian's path."""
+    max_distance = config.robot.on_ways
+    return max_distance is None or bool((paths.gaps(np.array([pose.position], dtype=float)) <= max_distance).any())
 
 
-def _draw_start(config: ScenarioConfig, layout: Layout, ways: Barriers, rng: RandomStream) -> Pose | None:
-    """The given start, or a place if it is free."""
+def _draw_start(config: ScenarioConfig, layout: Layout, paths: Barriers, rng: RandomStream) -> Pose | None:
+    """Return the given start, or draw a pose; None if the drawn pose is not suitable."""
     if config.robot.pose is not None:
         return Pose(*config.robot.pose).rounded()
-    pose = Pose(*layout.plan.sample(rng), rng.uniform(-PI, PI)).rounded()
+    pose = Pose(*layout.plan.sample_point(rng), rng.uniform(-PI, PI)).rounded()
     gap = max(config.robot.clearance, PATH_MARGIN)
     is_free = layout.is_free(Disc(config.robot.radius), pose, gap, gap)
-    return pose if is_free and _is_on_way(config, ways, pose) else None
+    return pose if is_free and _is_on_path(config, paths, pose) else None
 
 
-def _draw_goal(config: ScenarioConfig, layout: Layout, ways: Barriers, rng: RandomStream) -> Pose | None:
-    """The given goal, or a place if it is free."""
+def _draw_goal(config: ScenarioConfig, layout: Layout, paths: Barriers, rng: RandomStream) -> Pose | None:
+    """Return the given goal, or draw a position; None if the drawn position is not suitable."""
     if config.goal.position is not None:
         return Pose(*config.goal.position).rounded()
-    pose = Pose(*layout.plan.sample(rng)).rounded()
+    pose = Pose(*layout.plan.sample_point(rng)).rounded()
     is_free = layout.is_free(Disc(config.robot.radius), pose, PATH_MARGIN, PATH_MARGIN)
-    return pose if is_free and _is_on_way(config, ways, pose) else None
+    return pose if is_free and _is_on_path(config, paths, pose) else None
 
 
-def _is_journey(config: ScenarioConfig, space: FreeSpace, start: Pose, goal: Pose) -> bool:
-    """Whether start and goal are far enough from each other (unless both are given), free, and joined by a way."""
+def _is_feasible(config: ScenarioConfig, space: FreeSpace, start: Pose, goal: Pose) -> bool:
+    """Return whether start and goal are far enough from each other, free, and connected by a path."""
     dx, dy = goal.x - start.x, goal.y - start.y
+    # `min_distance` is a rule for drawn positions: two given ones must only not coincide
     both_given = config.robot.pose is not None and config.goal.position is not None
-    apart = config.goal.distance if both_given else max(config.goal.min_distance, config.goal.distance)
-    if dx * dx + dy * dy <= apart * apart:
+    min_distance = config.goal.distance if both_given else max(config.goal.min_distance, config.goal.distance)
+    if dx * dx + dy * dy <= min_distance * min_distance:
         return False
     free = space.is_free(np.array([start.position, goal.position], dtype=float))
     return bool(free.all()) and space.path(start.position, goal.position) is not None
 
 
-def _robot(config: ScenarioConfig, start: Pose) -> Robot:
+def _create_robot(config: ScenarioConfig, start: Pose) -> Robot:
     limits = Limits(**{name: quantised(value) for name, value in config.robot.limits.model_dump().items()})
     return Robot(start, quantised(config.robot.radius), config.robot.kinematics, limits)
 
 
-def _goal(config: ScenarioConfig, place: Pose, rng: RandomStream) -> Goal:
+def _create_goal(config: ScenarioConfig, position: Pose, rng: RandomStream) -> Goal:
     theta = rng.uniform(-PI, PI) if config.goal.theta is None else config.goal.theta
-    pose = Pose(place.x, place.y, theta).rounded()
+    pose = Pose(position.x, position.y, theta).rounded()
     return Goal(pose.x, pose.y, pose.theta, quantised(config.goal.distance), quantised(config.goal.angle))

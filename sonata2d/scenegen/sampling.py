@@ -1,4 +1,4 @@
-"""Sampling of a scene's humans, groups, furniture and interactions, before anything is placed."""
+"""Sampling of a scene's pedestrians, groups, furniture and interactions, before anything is placed."""
 
 from __future__ import annotations
 
@@ -19,109 +19,139 @@ from ..core.entities import (
     Group,
     Human,
     Interaction,
+    Reaction,
 )
 from ..core.geometry import Disc, Point, Pose, Shape, quantised, shape_gap
 from ..core.portable_math import PI, unit_vector
 from ..core.rng import RandomStream
+from .scenario.base import Range
 from .scenario.config import ScenarioConfig
-from .scenario.ranges import Range
-from .scenario.sections import outline_of
+from .scenario.sections import ClearanceConfig, shape_of_size
 
-_BESIDE = 0.6  # m, from the middle of the o-space to the line on which two stand side by side
-_WIDEST = 1.2  # m, of the o-space of an open formation
-_FARTHEST = 1.75  # m, from its middle: nobody is beyond social distance (Hall) from anybody else
+# Formations of groups
+
+_SIDE_BY_SIDE_OFFSET = 0.6  # m, from the o-space centre to the line on which two members stand side by side
+_MAX_OPEN_RADIUS = 1.2  # m, of the o-space of a semicircle
+_MAX_RADIUS = 1.75  # m, of a formation: all members are within social distance (Hall) of each other
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
-    """Where members stand: `space` is the radius of the o-space round the origin, m; 0 of those who walk."""
+class GroupLayout:
+    """Poses of the members of a group in the group's own frame.
+
+    Attributes:
+        formation: name of the formation.
+        poses: one for each member.
+        o_space: radius of the o-space around the origin, m; 0 for walking groups.
+    """
 
     formation: Formation
     poses: tuple[Pose, ...]
-    space: float = 0.0
+    o_space: float = 0.0
 
 
-def walking(formation: Formation, size: int, spacing: float, angle: float) -> Figure:
-    """People who walk along x, from the left one to the right one.
+def walking_formation(formation: Formation, size: int, spacing: float, angle: float) -> GroupLayout:
+    """Arrange a group that walks along x, from its left to its right member.
 
     Args:
-        formation: `abreast` or `v`; of two in a V one is behind.
+        formation: `abreast` or `v`; in a V of two, the second member walks behind the first.
+        size: number of members.
         spacing: m, between neighbours.
-        angle: rad, between the way and the line to a neighbour in a V.
+        angle: rad, between the walking direction and the line to a neighbour in a V.
     """
     c, s = unit_vector(angle if formation == "v" else PI / 2)
     x = y = 0.0
-    places = [(x, y)]
+    points = [(x, y)]
     for k in range(1, size):
-        if 2 * k == size and size > 2:  # the two in the middle are level
+        if 2 * k == size and size > 2:  # the two middle members of an even number walk side by side
             y -= spacing
         else:
             x, y = x + (-spacing * c if 2 * k <= size else spacing * c), y - spacing * s
-        places.append((x, y))
-    middle = y / 2
-    return Figure(formation, tuple(Pose(x, y - middle) for x, y in places))
+        points.append((x, y))
+    centre = y / 2
+    return GroupLayout(formation, tuple(Pose(x, y - centre) for x, y in points))
 
 
-def talking(formation: Formation, size: int, spacing: float) -> Figure:
-    """People who face the middle of the space they share, at the origin; neighbours are `spacing` m apart."""
+def talking_formation(formation: Formation, size: int, spacing: float) -> GroupLayout:
+    """Arrange a group that talks: its members face the centre of their o-space, which is the origin.
+
+    Args:
+        formation: any formation of a talking group; with two members `face_to_face`, `l` or `side_by_side`.
+        size: number of members.
+        spacing: m, between neighbours; less where the formation would be too large.
+    """
     if formation == "side_by_side":
         half = spacing / 2
-        return Figure(formation, (Pose(-_BESIDE, -half), Pose(-_BESIDE, half)), _BESIDE - 0.1)
-    whole = formation in ("circle", "face_to_face")
-    step = PI / 2 if formation == "l" else 2 * PI / size if whole else PI / (size - 1)
-    radius = min(spacing / (2 * unit_vector(step / 2)[1]), _FARTHEST)  # the spacing is a chord of the circle
-    poses = tuple(_inward(radius, PI + step * (k - (size - 1) / 2)) for k in range(size))
-    return Figure(formation, poses, min(radius, _WIDEST) if formation == "semicircle" else radius)
+        pair = Pose(-_SIDE_BY_SIDE_OFFSET, -half), Pose(-_SIDE_BY_SIDE_OFFSET, half)
+        return GroupLayout(formation, pair, _SIDE_BY_SIDE_OFFSET - 0.1)
+    is_closed = formation in ("circle", "face_to_face")
+    step = PI / 2 if formation == "l" else 2 * PI / size if is_closed else PI / (size - 1)
+    radius = min(spacing / (2 * unit_vector(step / 2)[1]), _MAX_RADIUS)  # the spacing is a chord of the circle
+    poses = tuple(_pose_on_circle(radius, PI + step * (k - (size - 1) / 2)) for k in range(size))
+    return GroupLayout(formation, poses, min(radius, _MAX_OPEN_RADIUS) if formation == "semicircle" else radius)
 
 
-def _inward(radius: float, angle: float) -> Pose:
-    """Someone on a circle round the origin, who faces it."""
+def _pose_on_circle(radius: float, angle: float) -> Pose:
+    """Return the pose on a circle around the origin that faces the origin."""
     c, s = unit_vector(angle)
     return Pose(radius * c, radius * s, angle + PI)
 
+
+# Sampling of clusters
 
 Entity = Human | Furniture
 
 _ORIGIN = Pose(0.0, 0.0)
 _ANY_YAW = Range(-PI, PI)
-_CYCLE = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER)  # the order in which the original tries them
-_COUNTED = {"table": "tables", "plant": "plants", "chair": "chairs", "shelf": "shelves", "tv": "tvs"}
-_USES = {"laptop": AT_LAPTOP, "plant": AT_PLANT, "table": "", "chair": ""}  # of a fixed piece; of others: AT_OBJECT
+_RELATION_ORDER = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER)  # the original SONATA tries them in this order
+_COUNT_SETTINGS = {"table": "tables", "plant": "plants", "chair": "chairs", "shelf": "shelves", "tv": "tvs"}
+_RELATION_OF_TYPE = {"laptop": AT_LAPTOP, "plant": AT_PLANT, "table": "", "chair": ""}  # other types: AT_OBJECT
 
 
 @dataclass(frozen=True, slots=True)
-class _Kind:
-    """What a relation needs: its name in messages, its own setting, its people, and the things that will do."""
+class _Relation:
+    """Properties of a relation.
+
+    Attributes:
+        name: for messages; recorded in `Scene.dropped`.
+        setting: key of `ScenarioConfig` with the number of such relations.
+        behaviour: of the pedestrians.
+        humans: number of pedestrians.
+        object_types: types of furniture that the pedestrian may attend to; empty for relations between pedestrians.
+        distance: key of `ScenarioConfig` with the distance to the object.
+    """
 
     name: str
     setting: str
     behaviour: Behaviour
-    people: int
-    things: tuple[str, ...] = ()
+    humans: int
+    object_types: tuple[str, ...] = ()
     distance: str = ""
 
 
-_KINDS = {
-    TALKING: _Kind("talking pair", "talking_pairs", "standing", 2),
-    WALKING_TOGETHER: _Kind("walking pair", "walking_pairs", "wandering", 2),
-    AT_LAPTOP: _Kind("person at a laptop", "at_laptop", "standing", 1, ("table",), "laptop_distance"),
-    AT_PLANT: _Kind("person at a plant", "at_plant", "standing", 1, ("plant",), "plant_distance"),
-    AT_OBJECT: _Kind("person at an object", "at_object", "standing", 1, ("shelf", "tv"), "object_distance"),
+_RELATIONS = {
+    TALKING: _Relation("talking pair", "talking_pairs", "standing", 2),
+    WALKING_TOGETHER: _Relation("walking pair", "walking_pairs", "wandering", 2),
+    AT_LAPTOP: _Relation("person at a laptop", "at_laptop", "standing", 1, ("table",), "laptop_distance"),
+    AT_PLANT: _Relation("person at a plant", "at_plant", "standing", 1, ("plant",), "plant_distance"),
+    AT_OBJECT: _Relation("person at an object", "at_object", "standing", 1, ("shelf", "tv"), "object_distance"),
 }
 
 
 @dataclass(frozen=True, slots=True)
-class Cluster:
-    """Things that are placed as one, since their places depend on each other.
+class EntityCluster:
+    """Entities that are placed together because their poses depend on each other, such as a talking pair.
 
     Attributes:
-        name: for messages.
-        members: poses are in the cluster's frame; `Furniture.on` is an index into the members.
-        yaw: how the whole may be turned.
-        relation: of the first member with the last, or with the fixed piece; in a group of each with each.
-        fixed: index of the fixed piece that the only member attends to, from a `distance` drawn with each attempt.
-        formation: of a group; `space`: radius of what its members share, round the cluster's origin, m.
-        place: of the origin, m, if it is given.
+        name: for messages; recorded in `Scene.dropped`.
+        members: their poses are in the cluster's frame; `Furniture.on` is an index into the members.
+        yaw: range of the cluster's rotation, rad.
+        relation: between the first member and the last, or the fixed piece; in a group, between all members.
+        fixed: index of the piece of fixed furniture that the only member attends to.
+        distance: m, from the fixed piece; drawn at each attempt to place the cluster.
+        formation: of a group.
+        o_space: radius of the o-space of a talking group around the cluster's origin, m.
+        position: of the cluster's origin, m, world frame; None: drawn.
     """
 
     name: str
@@ -131,184 +161,202 @@ class Cluster:
     fixed: int | None = None
     distance: Range | None = None
     formation: Formation | None = None
-    space: float = 0.0
-    place: Point | None = None
+    o_space: float = 0.0
+    position: Point | None = None
 
 
 def shape_of(entity: Entity) -> Shape:
-    """The outline of a person or a thing."""
+    """Return the outline of a pedestrian or a piece of furniture."""
     return Disc(entity.radius) if isinstance(entity, Human) else entity.shape
 
 
 def fixed_furniture(config: ScenarioConfig) -> tuple[Furniture, ...]:
-    """The pieces at fixed places, numbered from 0; a laptop over a table lies on it."""
+    """Create the furniture at fixed positions, numbered from 0; a laptop that overlaps a table lies on it."""
     pieces = [
-        Furniture(k, p.type, Pose(p.x, p.y, p.theta).rounded(), outline_of(p.size or config.sizes[p.type]))
+        Furniture(k, p.type, Pose(p.x, p.y, p.theta).rounded(), shape_of_size(p.size or config.sizes[p.type]))
         for k, p in enumerate(config.furniture)
     ]
-    return tuple(Furniture(p.id, p.type, p.pose, p.shape, _carrier(p, pieces)) for p in pieces)
+    return tuple(Furniture(p.id, p.type, p.pose, p.shape, _supporting_table(p, pieces)) for p in pieces)
 
 
-def _carrier(piece: Furniture, pieces: list[Furniture]) -> int | None:
-    """The table that a laptop lies on."""
+def _supporting_table(piece: Furniture, pieces: list[Furniture]) -> int | None:
+    """Return the id of the table that a laptop lies on; None for other furniture."""
     tables = (other for other in pieces if other.type == "table" and piece.type == "laptop")
-    return next((table.id for table in tables if _is_over(piece, table)), None)
+    return next((table.id for table in tables if _overlap(piece, table)), None)
 
 
-def _is_over(piece: Furniture, table: Furniture) -> bool:
+def _overlap(piece: Furniture, table: Furniture) -> bool:
     dx, dy = piece.pose.x - table.pose.x, piece.pose.y - table.pose.y
-    is_near = dx * dx + dy * dy < table.shape.reach * table.shape.reach
+    is_near = dx * dx + dy * dy < table.shape.circumradius * table.shape.circumradius
     return is_near and shape_gap(piece.shape, piece.pose, table.shape, table.pose) == 0.0
 
 
-def draw_cast(config: ScenarioConfig, rng: RandomStream) -> list[Cluster]:
-    """People and things in their clusters: those in relations first, then the others."""
-    casting = _Casting(config, rng)
-    counts = {relation: getattr(config, kind.setting).draw(rng) for relation, kind in _KINDS.items()}
-    for relation, count in counts.items():
+def sample_entities(config: ScenarioConfig, rng: RandomStream) -> list[EntityCluster]:
+    """Sample pedestrians and drawn furniture, as clusters: those in relations first, then single entities."""
+    sampler = _Sampler(config, rng)
+    # the counts are drawn before any cluster is: the order of draws is part of what a seed means
+    counts = {name: getattr(config, relation.setting).draw(rng) for name, relation in _RELATIONS.items()}
+    for name, count in counts.items():
         for _ in range(count):
-            casting.add(relation)
-    casting.add_groups()
+            sampler.add_relation(name)
+    sampler.add_groups()
     for _ in range(config.relations.draw(rng)):
-        first = rng.integer(0, len(_CYCLE) - 1)
-        casting.add_first_possible(_CYCLE[first:] + _CYCLE[:first])
-    casting.add_the_others()
-    return casting.clusters
+        first = rng.integer(0, len(_RELATION_ORDER) - 1)
+        sampler.add_first_possible(_RELATION_ORDER[first:] + _RELATION_ORDER[:first])
+    sampler.add_single_entities()
+    return sampler.clusters
 
 
-class _Casting:
-    """The clusters so far, and who and what is still free for a relation."""
+class _Sampler:
+    """Samples clusters, and keeps count of the pedestrians and furniture that are not in a relation yet.
+
+    Attributes:
+        clusters: sampled so far.
+        free: number of free entities: standing and wandering pedestrians by behaviour, drawn furniture by type.
+        free_fixed: indices of free fixed furniture, by the relation that uses it.
+    """
 
     def __init__(self, config: ScenarioConfig, rng: RandomStream) -> None:
         self.config, self.rng = config, rng
-        self.clusters: list[Cluster] = []
-        standing, wandering = _draw_people(config, rng)
-        things = {type_: getattr(config, setting).draw(rng) for type_, setting in _COUNTED.items()}
-        self.free = Counter({"standing": standing, "wandering": wandering, **things})
-        self.spots: dict[str, list[int]] = {relation: [] for relation in ("", *_KINDS)}
+        self.clusters: list[EntityCluster] = []
+        standing, wandering = _draw_human_counts(config, rng)
+        furniture = {type_: getattr(config, setting).draw(rng) for type_, setting in _COUNT_SETTINGS.items()}
+        self.free = Counter({"standing": standing, "wandering": wandering, **furniture})
+        self.free_fixed: dict[str, list[int]] = {relation: [] for relation in ("", *_RELATIONS)}
         for k in rng.shuffled(range(len(config.furniture))):
             if config.furniture[k].attracts:
-                self.spots[_USES.get(config.furniture[k].type, AT_OBJECT)].append(k)
+                self.free_fixed[_RELATION_OF_TYPE.get(config.furniture[k].type, AT_OBJECT)].append(k)
 
-    def add(self, relation: str) -> None:
-        """A relation of people who come along with it."""
+    def add_relation(self, relation: str) -> None:
+        """Add a relation with new pedestrians."""
         if relation == TALKING:
-            facing = PI + self.config.talking_angle.draw(self.rng)
-            self._add_pair(relation, Pose(self.config.talking_distance.draw(self.rng), 0.0, facing))
+            theta = PI + self.config.talking_angle.draw(self.rng)
+            self._add_pair(relation, Pose(self.config.talking_distance.draw(self.rng), 0.0, theta))
         elif relation == WALKING_TOGETHER:
             self._add_pair(relation, Pose(0.0, self.config.pair_spacing.draw(self.rng)))
-        elif self.spots[relation]:
-            self._add_at_fixed(relation, self.spots[relation].pop())
+        elif self.free_fixed[relation]:
+            self._add_at_fixed_furniture(relation, self.free_fixed[relation].pop())
         else:
-            self._add_at_thing(relation)
+            self._add_at_drawn_furniture(relation)
 
     def add_groups(self) -> None:
-        """Groups of two and more, who come along with them. Where none may be, chance is left as it is."""
+        """Add the walking and talking groups with new pedestrians.
+
+        Nothing is drawn where the maximum number of groups is 0, so that scenarios without groups keep their scenes.
+        """
         config, groups, rng = self.config, self.config.groups, self.rng
         for _ in range(config.walking_groups.draw(rng) if config.walking_groups.max else 0):
             name = rng.choice(list(groups.walking_formations), list(groups.walking_formations.values()))
             size, spacing = groups.walking_size.draw(rng), groups.walking_spacing.draw(rng)
-            figure = walking(name, size, spacing, groups.v_angle.draw(rng))
-            self._add_group("walking group", WALKING_TOGETHER, figure, None)
+            layout = walking_formation(name, size, spacing, groups.v_angle.draw(rng))
+            self._add_group("walking group", WALKING_TOGETHER, layout, None)
         for k in range(config.talking_groups.draw(rng) if config.talking_groups.max else 0):
             size, spacing = groups.talking_size.draw(rng), groups.talking_spacing.draw(rng)
-            weights = groups.weights(size)
-            figure = talking(rng.choice(list(weights), list(weights.values())), size, spacing)
-            self._add_group("talking group", TALKING, figure, groups.places[k] if k < len(groups.places) else None)
+            weights = groups.formation_weights(size)
+            layout = talking_formation(rng.choice(list(weights), list(weights.values())), size, spacing)
+            self._add_group("talking group", TALKING, layout, groups.places[k] if k < len(groups.places) else None)
 
     def add_first_possible(self, relations: tuple[str, ...]) -> None:
-        """The first relation that there are free people and things for, of these people."""
-        for relation in relations:
-            kind = _KINDS[relation]
-            if self.free[kind.behaviour] >= kind.people and self._is_thing_free(relation):
-                self.free[kind.behaviour] -= kind.people
-                self.add(relation)
+        """Put free pedestrians into the first relation for which enough pedestrians and an object are free."""
+        for name in relations:
+            relation = _RELATIONS[name]
+            if self.free[relation.behaviour] >= relation.humans and self._is_object_free(name):
+                self.free[relation.behaviour] -= relation.humans
+                self.add_relation(name)
                 return
 
-    def add_the_others(self) -> None:
-        """Everybody and everything that is still free, alone."""
+    def add_single_entities(self) -> None:
+        """Add each pedestrian and piece of furniture that is still free as a cluster of its own."""
         for behaviour in ("standing", "wandering"):
             for _ in range(self.free[behaviour]):
-                self.clusters.append(Cluster("human", (self._human(behaviour, _ORIGIN),), _ANY_YAW))
-        for type_ in _COUNTED:
+                self.clusters.append(EntityCluster("human", (self._draw_human(behaviour, _ORIGIN),), _ANY_YAW))
+        for type_ in _COUNT_SETTINGS:
             for _ in range(self.free[type_]):
-                self.clusters.append(Cluster(type_, self._things(type_, 0), self.config.furniture_yaw))
+                self.clusters.append(EntityCluster(type_, self._furniture(type_, 0), self.config.furniture_yaw))
 
-    def _is_thing_free(self, relation: str) -> bool:
-        things = _KINDS[relation].things
-        if not things or self.spots[relation]:
+    def _is_object_free(self, relation: str) -> bool:
+        """Return whether the relation needs no object, or one is free."""
+        types = _RELATIONS[relation].object_types
+        if not types or self.free_fixed[relation]:
             return True
-        return any(self.free[type_] for type_ in things) and (relation != AT_LAPTOP or self.config.laptops_on_tables)
+        return any(self.free[type_] for type_ in types) and (relation != AT_LAPTOP or self.config.laptops_on_tables)
 
-    def _add_pair(self, relation: str, other: Pose) -> None:
-        kind = _KINDS[relation]
-        members = (self._human(kind.behaviour, _ORIGIN), self._human(kind.behaviour, other))
-        self.clusters.append(Cluster(kind.name, members, _ANY_YAW, relation))
+    def _add_pair(self, name: str, second_pose: Pose) -> None:
+        relation = _RELATIONS[name]
+        members = (self._draw_human(relation.behaviour, _ORIGIN), self._draw_human(relation.behaviour, second_pose))
+        self.clusters.append(EntityCluster(relation.name, members, _ANY_YAW, name))
 
-    def _add_group(self, name: str, relation: str, figure: Figure, place: Point | None) -> None:
-        members = tuple(self._human(_KINDS[relation].behaviour, pose) for pose in figure.poses)
+    def _add_group(self, name: str, relation: str, layout: GroupLayout, position: Point | None) -> None:
+        members = tuple(self._draw_human(_RELATIONS[relation].behaviour, pose) for pose in layout.poses)
+        formation, o_space = layout.formation, layout.o_space
         self.clusters.append(
-            Cluster(name, members, _ANY_YAW, relation, formation=figure.formation, space=figure.space, place=place)
+            EntityCluster(name, members, _ANY_YAW, relation, formation=formation, o_space=o_space, position=position)
         )
 
-    def _add_at_fixed(self, relation: str, fixed: int) -> None:
-        kind = _KINDS[relation]
-        members = (self._human(kind.behaviour, _ORIGIN),)
-        distance = getattr(self.config, kind.distance)
-        self.clusters.append(Cluster(kind.name, members, _ANY_YAW, relation, fixed, distance))
+    def _add_at_fixed_furniture(self, name: str, fixed: int) -> None:
+        relation = _RELATIONS[name]
+        members = (self._draw_human(relation.behaviour, _ORIGIN),)
+        distance = getattr(self.config, relation.distance)
+        self.clusters.append(EntityCluster(relation.name, members, _ANY_YAW, name, fixed, distance))
 
-    def _add_at_thing(self, relation: str) -> None:
-        kind = _KINDS[relation]
-        type_ = next((type_ for type_ in kind.things if self.free[type_]), kind.things[0])
+    def _add_at_drawn_furniture(self, name: str) -> None:
+        """Use a free piece of furniture of a suitable type, or add one where none is free."""
+        relation = _RELATIONS[name]
+        type_ = next((type_ for type_ in relation.object_types if self.free[type_]), relation.object_types[0])
         self.free[type_] -= min(self.free[type_], 1)
-        distance = getattr(self.config, kind.distance).draw(self.rng)
-        human = self._human(kind.behaviour, Pose(0.0, -distance, PI / 2))
-        things = self._things(type_, 1, with_laptop=relation == AT_LAPTOP)
-        self.clusters.append(Cluster(kind.name, (human, *things), self.config.furniture_yaw, relation))
+        distance = getattr(self.config, relation.distance).draw(self.rng)
+        human = self._draw_human(relation.behaviour, Pose(0.0, -distance, PI / 2))
+        furniture = self._furniture(type_, 1, with_laptop=name == AT_LAPTOP)
+        self.clusters.append(EntityCluster(relation.name, (human, *furniture), self.config.furniture_yaw, name))
 
-    def _things(self, type_: str, index: int, with_laptop: bool = False) -> tuple[Furniture, ...]:
-        """A piece of furniture, the member of that index, and the laptop on it."""
-        piece = Furniture(0, type_, _ORIGIN, outline_of(self.config.sizes[type_]))
+    def _furniture(self, type_: str, index: int, with_laptop: bool = False) -> tuple[Furniture, ...]:
+        """Create a piece of furniture, which is the member `index` of its cluster, and the laptop on a table."""
+        piece = Furniture(0, type_, _ORIGIN, shape_of_size(self.config.sizes[type_]))
         if type_ != "table" or not (with_laptop or self.config.laptops_on_tables):
             return (piece,)
-        return piece, Furniture(0, "laptop", _ORIGIN, outline_of(self.config.sizes["laptop"]), on=index)
+        return piece, Furniture(0, "laptop", _ORIGIN, shape_of_size(self.config.sizes["laptop"]), on=index)
 
-    def _human(self, behaviour: Behaviour, pose: Pose) -> Human:
-        """Somebody like everybody; their id comes with the numbering."""
-        usual, rng = self.config.person, self.rng
-        speed = usual.desired_speed
+    def _draw_human(self, behaviour: Behaviour, pose: Pose) -> Human:
+        """Draw a pedestrian by the section `person`; `number_entities` sets its id."""
+        person, rng = self.config.person, self.rng
+        speed = person.desired_speed
         return Human(
             id=0,
             pose=pose,
-            radius=quantised(usual.radius.draw(rng)),
+            radius=quantised(person.radius.draw(rng)),
             desired_speed=quantised(speed.draw(rng)),
             behaviour=behaviour,
-            model=usual.model,
-            reacts_to_robot=0.0 if rng.uniform() < usual.ignores_robot else 1.0,
+            model=person.model,
+            reacts_to_robot=0.0 if rng.uniform() < person.ignores_robot else 1.0,
         )
 
 
-def _draw_people(config: ScenarioConfig, rng: RandomStream) -> tuple[int, int]:
-    """How many stand alone, and how many wander; a fraction of a person by chance."""
+def _draw_human_counts(config: ScenarioConfig, rng: RandomStream) -> tuple[int, int]:
+    """Draw the number of standing and of wandering pedestrians.
+
+    A fractional number of wandering pedestrians is rounded up or down at random, with its value as expectation.
+    """
     if config.humans is None:
         assert config.standing is not None
         assert config.wandering is not None
         return config.standing.draw(rng), config.wandering.draw(rng)
-    everybody = config.humans.draw(rng)
-    wandering = int(everybody * config.wandering_share + rng.uniform())
-    return everybody - wandering, wandering
+    total = config.humans.draw(rng)
+    wandering = int(total * config.wandering_share + rng.uniform())
+    return total - wandering, wandering
 
 
-Key = tuple[int, int]  # a cluster's index and a member's in it; -1 and an index: a fixed piece
+# Numbering of placed entities
+
+Key = tuple[int, int]  # index of a cluster and of a member in it; for fixed furniture -1 and its index
 
 _FIXED = -1
-_TYPES = ("table", "laptop", "plant")
-_GROUPS: dict[str | None, Literal["talking", "walking"]] = {TALKING: "talking", WALKING_TOGETHER: "walking"}
+_TYPE_ORDER = ("table", "laptop", "plant")
+_GROUP_KINDS: dict[str | None, Literal["talking", "walking"]] = {TALKING: "talking", WALKING_TOGETHER: "walking"}
 
 
 @dataclass(frozen=True, slots=True)
 class NumberedEntities:
-    """Everybody and everything in a room, with their ids, and who belongs with whom."""
+    """Pedestrians and furniture with their ids, and the groups and interactions between these ids."""
 
     humans: tuple[Human, ...]
     furniture: tuple[Furniture, ...]
@@ -316,48 +364,99 @@ class NumberedEntities:
     interactions: tuple[Interaction, ...]
 
 
-def numbered(placed: list[tuple[Cluster, tuple[Entity, ...]]], fixed: tuple[Furniture, ...]) -> NumberedEntities:
-    """Give ids to fixed pieces and to the members of placed clusters."""
+def number_entities(
+    placed: list[tuple[EntityCluster, tuple[Entity, ...]]], fixed: tuple[Furniture, ...]
+) -> NumberedEntities:
+    """Give ids from 1 to standing pedestrians, wandering pedestrians, tables, laptops, plants, other furniture.
+
+    Args:
+        placed: clusters, each with its members in the world frame.
+        fixed: fixed furniture.
+    """
     entries: dict[Key, Entity] = {(_FIXED, k): piece for k, piece in enumerate(fixed)}
     entries |= {(k, m): member for k, (_, members) in enumerate(placed) for m, member in enumerate(members)}
     humans = {key: entity for key, entity in entries.items() if isinstance(entity, Human)}
-    things = {key: entity for key, entity in entries.items() if isinstance(entity, Furniture)}
-    people = sorted(humans, key=lambda key: humans[key].behaviour != "standing")
-    pieces = sorted(things, key=lambda key: _rank(things[key].type))
-    ids = {key: k for k, key in enumerate(people + pieces, start=1)}
+    furniture = {key: entity for key, entity in entries.items() if isinstance(entity, Furniture)}
+    human_keys = sorted(humans, key=lambda key: humans[key].behaviour != "standing")
+    furniture_keys = sorted(furniture, key=lambda key: _type_rank(furniture[key].type))
+    ids = {key: k for k, key in enumerate(human_keys + furniture_keys, start=1)}
 
-    relations = [(k, cluster) for k, (cluster, _) in enumerate(placed) if cluster.relation]
-    groups = [(k, cluster) for k, cluster in relations if cluster.relation in _GROUPS]
-    group = {k: number for number, (k, _) in enumerate(groups, start=1)}
+    related = [(k, cluster) for k, (cluster, _) in enumerate(placed) if cluster.relation]
+    groups = [(k, cluster) for k, cluster in related if cluster.relation in _GROUP_KINDS]
+    group_ids = {k: number for number, (k, _) in enumerate(groups, start=1)}
     return NumberedEntities(
-        tuple(replace(humans[key], id=ids[key], group=group.get(key[0])) for key in people),
-        tuple(replace(things[key], id=ids[key], on=_carrier_id(key, things[key], ids)) for key in pieces),
+        tuple(replace(humans[key], id=ids[key], group=group_ids.get(key[0])) for key in human_keys),
+        tuple(replace(furniture[key], id=ids[key], on=_support_id(key, furniture[key], ids)) for key in furniture_keys),
         tuple(
-            Group(group[k], _GROUPS[one.relation], tuple(ids[key] for key in _members(k, one)), one.formation)
-            for k, one in groups
+            Group(
+                group_ids[k],
+                _GROUP_KINDS[cluster.relation],
+                tuple(ids[key] for key in _member_keys(k, cluster)),
+                cluster.formation,
+            )
+            for k, cluster in groups
         ),
         tuple(
             Interaction(ids[a], cluster.relation or "", ids[b])
-            for k, cluster in relations
-            for a, b in _ties(k, cluster)
+            for k, cluster in related
+            for a, b in _interacting_keys(k, cluster)
         ),
     )
 
 
-def _rank(type_: str) -> int:
-    return _TYPES.index(type_) if type_ in _TYPES else len(_TYPES)
+def _type_rank(type_: str) -> int:
+    return _TYPE_ORDER.index(type_) if type_ in _TYPE_ORDER else len(_TYPE_ORDER)
 
 
-def _carrier_id(key: Key, piece: Furniture, ids: dict[Key, int]) -> int | None:
+def _support_id(key: Key, piece: Furniture, ids: dict[Key, int]) -> int | None:
+    """Return the id of the piece of furniture that a piece lies on; None if it stands on the floor."""
     return None if piece.on is None else ids[key[0], piece.on]
 
 
-def _members(k: int, cluster: Cluster) -> list[Key]:
+def _member_keys(k: int, cluster: EntityCluster) -> list[Key]:
     return [(k, m) for m in range(len(cluster.members))]
 
 
-def _ties(k: int, cluster: Cluster) -> list[tuple[Key, Key]]:
-    """Who attends to whom or what: in a group each to each, else the first member to the last or to the fixed piece."""
-    if cluster.relation in _GROUPS:
-        return list(combinations(_members(k, cluster), 2))
+def _interacting_keys(k: int, cluster: EntityCluster) -> list[tuple[Key, Key]]:
+    """Return the pairs of a relation: all pairs of a group; else the first member with the last or the fixed piece."""
+    if cluster.relation in _GROUP_KINDS:
+        return list(combinations(_member_keys(k, cluster), 2))
     return [((k, 0), (k, len(cluster.members) - 1) if cluster.fixed is None else (_FIXED, cluster.fixed))]
+
+
+# Reactions to the robot
+
+
+def assign_reactions(
+    humans: tuple[Human, ...],
+    given: list[Reaction | None],
+    weights: dict[Reaction, float],
+    clearance: ClearanceConfig,
+    seed: int,
+    episode: int,
+) -> tuple[Human, ...]:
+    """Give each pedestrian a reaction to the robot and a clearance; a pedestrian that ignores the robot keeps that.
+
+    Each pedestrian has its own random stream, so that these settings change nothing else in a scene.
+
+    Args:
+        humans: all pedestrians, in the scene's order.
+        given: reactions of the first of them; None: drawn, as those of the others.
+        weights: of the drawn reactions.
+        clearance: distribution of the clearance.
+        seed: of the data set.
+        episode: number of the episode in the data set.
+    """
+    reactions = [*given, *[None] * (len(humans) - len(given))]
+    return tuple(
+        _with_reaction(human, reaction, weights, clearance, RandomStream(seed, episode, "manners", human.id))
+        for human, reaction in zip(humans, reactions, strict=True)
+    )
+
+
+def _with_reaction(
+    human: Human, given: Reaction | None, weights: dict[Reaction, float], clearance: ClearanceConfig, rng: RandomStream
+) -> Human:
+    robot_clearance = quantised(clearance.draw(rng))
+    reaction = rng.choice(list(weights), list(weights.values())) if given is None else given
+    return replace(human, reaction=reaction, robot_clearance=robot_clearance)

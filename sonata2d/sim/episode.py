@@ -15,53 +15,65 @@ from ..core.devices import DeviceEvent, ImageRequest
 from ..core.entities import Robot
 from ..core.geometry import Twist
 from ..core.scene import Scene
-from ..core.snapshot import Author, Contact, Frame, Observer, Outcome, Snapshot, Status
+from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, Snapshot, Status
 from ..core.vectors import wrap_angle
 from ..errors import ControllerError, Sonata2dError
 from .world import World
 
+ANY_HEADING = 3.14  # rad; a goal whose angle tolerance is at least this accepts every heading
 
-def executable(asked: Twist, now: Twist, robot: Robot, dt: float) -> Twist:
-    """The nearest twist to the one asked for that the drive can reach within a tick.
+
+def reachable_twist(command: Twist, executed: Twist, robot: Robot, dt: float) -> Twist:
+    """The twist nearest to a command that the robot's drive can reach within a tick.
 
     Args:
-        asked: what the controller wants, body frame.
-        now: what the drive does at present, body frame; being pushed about does not count.
-        robot: its drive and limits. A unicycle has no sideways velocity.
+        command: of the controller, body frame.
+        executed: twist of the drive in the last tick, body frame; without displacements by contacts.
+        robot: drive and limits. A unicycle has no sideways velocity.
         dt: s.
     """
-    limits = robot.limits
-    vx = _clamped(asked.vx, -limits.back, limits.ahead)
-    vy = _clamped(asked.vy, -limits.sideways, limits.sideways) if robot.kinematics == "holonomic" else 0.0
-    omega = _clamped(asked.omega, -limits.turn, limits.turn)
-    from_x, from_y = now.vx, now.vy if robot.kinematics == "holonomic" else 0.0
-    dx, dy, most = vx - from_x, vy - from_y, limits.acceleration * dt
+    limits, is_holonomic = robot.limits, robot.kinematics == "holonomic"
+    vx = _clamped(command.vx, -limits.back, limits.ahead)
+    vy = _clamped(command.vy, -limits.sideways, limits.sideways) if is_holonomic else 0.0
+    omega = _clamped(command.omega, -limits.turn, limits.turn)
+    from_x, from_y = executed.vx, executed.vy if is_holonomic else 0.0
+    dx, dy, maximum = vx - from_x, vy - from_y, limits.acceleration * dt
     change = math.sqrt(dx * dx + dy * dy)
-    if change > most:
-        vx, vy = from_x + dx * (most / change), from_y + dy * (most / change)
+    if change > maximum:
+        vx, vy = from_x + dx * (maximum / change), from_y + dy * (maximum / change)
     turn = limits.turn_acceleration * dt
-    return Twist(vx, vy, now.omega + _clamped(omega - now.omega, -turn, turn))
+    return Twist(vx, vy, executed.omega + _clamped(omega - executed.omega, -turn, turn))
 
 
 def _clamped(value: float, low: float, high: float) -> float:
     return min(max(value, low), high)
 
 
-Renderer = Callable[[Snapshot, ImageRequest], Any]  # gives (H, W, 3) of uint8
+Renderer = Callable[[Snapshot, ImageRequest], Any]  # returns (H, W, 3) of uint8
 
 
 def renderer_for(controller: Controller) -> Renderer | None:
-    """The renderer of the camera images that a controller requests; None, and no pygame, if it requests none."""
+    """The renderer of the camera images that a controller requests.
+
+    Returns:
+        `sonata2d.view.image_of`; None, without importing pygame, if the controller requests no images.
+    """
     if controller.image is None:
         return None
-    from ..view.eye import image_of
+    from ..view.painter import image_of
 
     return image_of
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
-    """What came from outside at one tick: with the scene, all it takes to have the tick again."""
+class TickInput:
+    """External input of one tick. The inputs of all ticks, together with the scene, determine an episode.
+
+    Attributes:
+        command: of the robot, body frame.
+        label: of the controller.
+        events: of input devices.
+    """
 
     command: Twist
     label: Any = None
@@ -69,22 +81,26 @@ class Moment:
 
 
 class Episode:
-    """Runs a scene tick by tick: look, think, note, move.
+    """Runs a scene tick by tick: observe, decide, record, move.
 
     Args:
-        scene: where it starts.
+        scene: initial layout.
         controller: drives the robot.
-        observers: are told of every frame: recorders, windows.
-        past: moments that were decided before; they are replayed before the controller is asked.
-        author: what files say of the controller, if not what it says of itself.
-        renderer: draws what a controller with an `image` request sees, e.g. `sonata2d.view.image_of`.
+        observers: receive every frame, e.g. recorders and windows.
+        past: inputs of the first ticks, which are replayed before the controller is asked.
+        controller_info: description of the controller in files; by default `controller_info_of(controller)`.
+        renderer: draws the images that the controller requests, e.g. `sonata2d.view.image_of`.
 
     Raises:
-        ControllerError: the controller asks for an image, and there is no renderer.
+        ControllerError: the controller requests an image, and no renderer is given.
 
     Attributes:
-        past: every moment so far.
-        outcome: None while it runs.
+        past: inputs of all ticks so far.
+        outcome: None while the episode runs.
+
+    >>> from sonata2d import ScenarioConfig, StraightToGoal, generate
+    >>> Episode(generate(ScenarioConfig(humans=0), seed=1), StraightToGoal()).run().status
+    'goal'
     """
 
     def __init__(
@@ -93,30 +109,30 @@ class Episode:
         controller: Controller,
         *,
         observers: Iterable[Observer] = (),
-        past: Sequence[Moment] = (),
-        author: Author | None = None,
+        past: Sequence[TickInput] = (),
+        controller_info: ControllerInfo | None = None,
         renderer: Renderer | None = None,
     ) -> None:
         if controller.image is not None and renderer is None:
             raise ControllerError(
-                f"{type(controller).__name__} asks for a camera image; give Episode(renderer=sonata2d.view.image_of)"
+                f"{type(controller).__name__} requests a camera image; give Episode(renderer=sonata2d.view.image_of)"
             )
         self.scene, self.controller, self.observers = scene, controller, tuple(observers)
-        self.past: list[Moment] = []
+        self.past: list[TickInput] = []
         self.outcome: Outcome | None = None
-        self._script, self._author = tuple(past), author or author_of(controller)
+        self._script, self._controller_info = tuple(past), controller_info or controller_info_of(controller)
         self._renderer = renderer
         self._world, self._crowd = World(scene), Crowd(scene)
         controller.reset(scene)
         for observer in self.observers:
-            observer.open(scene, self._author)
+            observer.open(scene, self._controller_info)
 
     def run(self) -> Outcome:
         """Run to the end.
 
         Raises:
-            ControllerError: the controller answered what is no finite twist. What it raises itself passes through,
-                with the tick added as a note.
+            ControllerError: the controller's answer is not a finite twist. Exceptions of the controller itself pass
+                through, with the tick added as a note.
         """
         while self.step() is not None:
             pass
@@ -124,10 +140,13 @@ class Episode:
         return self.outcome
 
     def step(self, events: Sequence[DeviceEvent] = ()) -> Frame | None:
-        """One tick; None once the episode is over and its `outcome` known.
+        """Run one tick.
 
         Args:
-            events: what a person did to a device since the last tick.
+            events: of input devices since the last tick; ignored in a tick that is replayed.
+
+        Returns:
+            The frame of the tick; None if the episode is over, and its `outcome` set.
 
         Raises:
             ControllerError: as `run`.
@@ -135,19 +154,19 @@ class Episode:
         if self.outcome is not None:
             return None
         tick = self._world.tick
-        scripted = self._script[tick] if tick < len(self._script) else None
-        snapshot = self._world.snapshot(scripted.events if scripted else tuple(events))
-        outcome = ending(snapshot)
+        replayed = self._script[tick] if tick < len(self._script) else None
+        snapshot = self._world.snapshot(replayed.events if replayed else tuple(events))
+        outcome = outcome_at(snapshot)
         if outcome is None:
-            answer = scripted or self._ask(snapshot)
-            if isinstance(answer, Moment):
-                return self._note_and_move(snapshot, answer)
+            answer = replayed or self._decide(snapshot)
+            if isinstance(answer, TickInput):
+                return self._record_and_move(snapshot, answer)
             outcome = answer
         self._close(snapshot, outcome)
         return None
 
-    def look(self) -> Snapshot:
-        """The world as it is now, without device events."""
+    def snapshot(self) -> Snapshot:
+        """The current state of the world, without device events."""
         return self._world.snapshot()
 
     def branch(
@@ -158,40 +177,52 @@ class Episode:
         observers: Iterable[Observer] = (),
         renderer: Renderer | None = None,
     ) -> Episode:
-        """The same episode up to `tick`, to the bit, then driven by another controller.
+        """A new episode that equals this one to the bit up to a tick, and is then driven by another controller.
 
         Args:
-            tick: how many ticks stay as they were, 0..len(past).
-            controller: drives from there on.
-            observers: see the branch from its tick 0 on.
-            renderer: as for an episode; this one's unless given.
+            tick: number of ticks to replay, 0 to len(past).
+            controller: drives from that tick on.
+            observers: of the new episode, from its tick 0 on.
+            renderer: as for `Episode`; by default that of this episode.
 
         Raises:
-            ValueError: the episode did not get that far.
+            ValueError: the episode has not reached the tick.
         """
         if not 0 <= tick <= len(self.past):
             raise ValueError(f"tick must be 0..{len(self.past)}, the ticks run so far, got {tick}")
         return Episode(
             self.scene, controller, observers=observers, past=self.past[:tick], renderer=renderer or self._renderer
-        ).caught_up()
+        ).replay_past()
 
-    def caught_up(self) -> Episode:
-        """This episode, once the past that it was given is replayed."""
+    def replay_past(self) -> Episode:
+        """Run the ticks whose inputs were given as `past`.
+
+        Returns:
+            This episode.
+        """
         while len(self.past) < len(self._script) and self.step() is not None:
             pass
         return self
 
     def end(self, status: Status, reason: str, events: Sequence[DeviceEvent] = ()) -> Outcome:
-        """End the episode here, from outside: what is noted so far stays."""
+        """End the episode before the current tick; everything recorded so far is kept.
+
+        Args:
+            status, reason: of the outcome.
+            events: of input devices since the last tick.
+
+        Returns:
+            The outcome; of an episode that has already ended, its earlier one.
+        """
         snapshot = self._world.snapshot(tuple(events))
         if self.outcome is None:
             self._close(snapshot, Outcome(status, reason, snapshot.tick, snapshot.time))
         assert self.outcome is not None
         return self.outcome
 
-    def _ask(self, snapshot: Snapshot) -> Moment | Outcome:
+    def _decide(self, snapshot: Snapshot) -> TickInput | Outcome:
         """The controller's answer to a snapshot."""
-        with self._telling_tick(snapshot):
+        with self._closing_on_error(snapshot):
             if self.controller.image is not None and self._renderer is not None:
                 snapshot = replace(snapshot, image=self._renderer(snapshot, self.controller.image))
             answer = self.controller.act(snapshot)
@@ -199,24 +230,24 @@ class Episode:
                 status: Status = "stopped" if isinstance(answer, Stop) else "regenerate"
                 return Outcome(status, answer.reason, snapshot.tick, snapshot.time)
             command = checked_twist(answer, self.controller)
-            label = deepcopy(self.controller.label(snapshot, command))  # the controller may use it again
-            return Moment(command, label, snapshot.events)
+            label = deepcopy(self.controller.label(snapshot, command))  # the controller may reuse the object
+            return TickInput(command, label, snapshot.events)
 
-    def _note_and_move(self, snapshot: Snapshot, moment: Moment) -> Frame:
-        """Tell the observers of the frame, then let the world move."""
-        frame = Frame(snapshot, moment.command, moment.label)
-        with self._telling_tick(snapshot):
+    def _record_and_move(self, snapshot: Snapshot, tick_input: TickInput) -> Frame:
+        """Send the frame to the observers, then move the world."""
+        frame = Frame(snapshot, tick_input.command, tick_input.label)
+        with self._closing_on_error(snapshot):
             for observer in self.observers:
                 observer.note(frame)
-        self.past.append(moment)
+        self.past.append(tick_input)
         robot = snapshot.robot
-        twist = executable(moment.command, robot.executed, robot.body, snapshot.dt)
+        twist = reachable_twist(tick_input.command, robot.executed, robot.body, snapshot.dt)
         self._world.step(twist, self._crowd.act(snapshot))
         return frame
 
     @contextmanager
-    def _telling_tick(self, snapshot: Snapshot) -> Iterator[None]:
-        """Close the episode on an error, which goes on with the tick as a note."""
+    def _closing_on_error(self, snapshot: Snapshot) -> Iterator[None]:
+        """Close the episode if an exception is raised, and pass it on with the tick as a note."""
         try:
             yield
         except Exception as error:
@@ -224,8 +255,8 @@ class Episode:
             reason = f"{type(error).__name__}: {error}"
             try:
                 self._close(snapshot, Outcome("error", reason, snapshot.tick, snapshot.time))
-            except Sonata2dError as failure:
-                error.add_note(f"nor could what was noted be kept: {failure}")
+            except Sonata2dError as failure:  # the first error is the one to raise
+                error.add_note(f"the frames recorded so far could not be saved either: {failure}")
             raise
 
     def _close(self, snapshot: Snapshot, outcome: Outcome) -> None:
@@ -234,58 +265,66 @@ class Episode:
             observer.close(snapshot, outcome)
 
 
-def ending(snapshot: Snapshot) -> Outcome | None:
-    """Whether the episode ends at this look: goal reached, contact where that ends it, or out of time."""
+def outcome_at(snapshot: Snapshot) -> Outcome | None:
+    """The outcome if the episode ends at a snapshot: goal reached, contact if the rules say so, or time limit.
+
+    Returns:
+        None if the episode continues.
+    """
     scene, robot = snapshot.scene, snapshot.robot
     goal, rules = scene.goal, scene.rules
-    dx, dy = goal.x - robot.position[0], goal.y - robot.position[1]
-    turned = abs(wrap_angle(robot.pose.theta - goal.theta)) if goal.angle < 3.14 else 0.0
+    x, y = robot.position
+    dx, dy = goal.x - x, goal.y - y
+    turned = abs(wrap_angle(robot.pose.theta - goal.theta)) if goal.angle < ANY_HEADING else 0.0
     if "goal" in rules.ends_on and math.sqrt(dx * dx + dy * dy) <= goal.distance and turned <= goal.angle:
         return Outcome("goal", f"within {goal.distance} m of the goal", snapshot.tick, snapshot.time)
     if "contact" in rules.ends_on and snapshot.contacts:
-        return Outcome("contact", _told(snapshot.contacts[0]), snapshot.tick, snapshot.time)
+        return Outcome("contact", _contact_reason(snapshot.contacts[0]), snapshot.tick, snapshot.time)
     if snapshot.tick >= rules.last_tick:
         return Outcome("timeout", f"{rules.time_limit} s are over", snapshot.tick, snapshot.time)
     return None
 
 
-def _told(contact: Contact) -> str:
-    faults = {(True, False): "the robot", (False, True): "the other", (True, True): "both", (False, False): "nobody"}
-    return (
-        f"contact with {contact.kind} {contact.id}, at fault: {faults[contact.robot_at_fault, contact.other_at_fault]}"
-    )
+# By fault of the robot and of the other side. Recorded in files.
+_FAULTS = {(True, False): "the robot", (False, True): "the other", (True, True): "both", (False, False): "nobody"}
+
+
+def _contact_reason(contact: Contact) -> str:
+    fault = _FAULTS[contact.robot_at_fault, contact.other_at_fault]
+    return f"contact with {contact.kind} {contact.id}, at fault: {fault}"
 
 
 def checked_twist(answer: object, controller: Controller) -> Twist:
-    """The answer as a twist that a file can hold.
+    """A controller's answer as a twist that a file can hold.
 
     Raises:
-        ControllerError: it is no `Twist`, or not finite.
+        ControllerError: the answer is not a `Twist`, is not finite, or is too large for a file.
     """
     name = type(controller).__name__
     if not isinstance(answer, Twist):
         raise ControllerError(f"{name}.act must return a Twist, got {answer!r}; return Twist(vx, vy, omega)")
     values = (answer.vx, answer.vy, answer.omega)
-    if not all(isinstance(v, int | float) and math.isfinite(v) for v in map(_plain, values)):
+    if not all(isinstance(v, int | float) and math.isfinite(v) for v in map(_python_number, values)):
         raise ControllerError(f"{name}.act must return finite numbers, got {answer!r}")
     try:
         return Twist(*(float(v) for v in values)).rounded()
     except ValueError as error:
-        raise ControllerError(f"{name}.act answered {answer!r}: {error}") from None
+        raise ControllerError(f"{name}.act returned {answer!r}: {error}") from None
 
 
-def _plain(value: object) -> object:
-    """A NumPy scalar as the Python number it holds."""
+def _python_number(value: object) -> object:
+    """A NumPy scalar as a Python number; other objects unchanged."""
     return value.item() if hasattr(value, "item") else value
 
 
-def author_of(controller: Controller, path: str | None = None) -> Author:
-    """What a file says of a controller.
+def controller_info_of(controller: Controller, path: str | None = None) -> ControllerInfo:
+    """The description of a controller that files record.
 
     Args:
-        path: how it was named, e.g. on the command line; by default its module and class.
+        controller: the controller.
+        path: its name, e.g. on the command line; by default its module and class.
     """
-    return Author(
+    return ControllerInfo(
         path=path or recorded_path(type(controller)),
         version=controller.version,
         settings=dict(controller.settings()),

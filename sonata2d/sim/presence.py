@@ -1,127 +1,138 @@
-"""Who is there: people come and go in a Space to which no body is added, and from which none is taken, once it runs.
+"""Pedestrians that enter and leave, and recorded ones that follow their tracks.
 
-Whoever is absent is parked far outside, each in a place of their own, feels no force, and is in no snapshot.
+The physics space keeps the same bodies from start to end. An absent pedestrian is parked far outside the room, at a
+place of its own; it feels no force and is in no snapshot.
 
-Who is recorded has a kinematic body: it has no mass that anything could push, takes no forces, passes through walls
-and others who are recorded, and shoves aside whoever else is in the way, the robot too. Its velocity is set once a
-tick, so that it is on its track at every tick to the bit, but for rounding in the last place.
+A recorded pedestrian has a kinematic body: forces do not move it, it passes through walls and other recorded
+pedestrians, and it pushes aside all other bodies, including the robot. Its velocity is set once per tick such that it
+is on its track at every tick, up to rounding in the last digit.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pymunk
 
-from ..core.portable_math import Array
+from ..core.humans import X, Y
+from ..core.portable_math import Array, BoolArray, IntArray
 from ..core.scene import Scene
 
-ENTRY_OVERLAP = 0.04  # m, by which outlines may overlap when somebody comes in; who would overlap more waits
+ENTRY_OVERLAP = 0.04  # m, overlap of outlines that is accepted on entering; with a larger one, a pedestrian waits
 
 
 class Presence:
-    """Brings people in, takes them away, and carries along those who are recorded.
+    """Lets pedestrians enter and leave, and moves the recorded ones.
 
     Args:
-        scene: who comes and goes, and when.
-        bodies: of the people, in the scene's order, where they start.
+        scene: pedestrians with their ticks of entering and leaving.
+        bodies: of the pedestrians, in the scene's order, at their initial positions.
 
     Attributes:
-        is_full: whether everybody is there.
-        row: (n,) of int, of those who are there.
-        away: (N,) of bool.
-        absent: ids of those who are not there.
+        all_present: whether no pedestrian is absent.
+        row: (n,) of int, indices of the pedestrians that are present; read-only.
+        is_absent: (N,) of bool.
+        absent_ids: ids of the absent pedestrians.
+
+    Raises:
+        ValueError: a recorded pedestrian has no track.
     """
 
+    all_present: bool
+    row: IntArray
+    absent_ids: frozenset[int]
+
     def __init__(self, scene: Scene, bodies: list[pymunk.Body]) -> None:
-        self._people, self._bodies, self._parking = scene.humans, bodies, scene.parking.tolist()
+        self._humans, self._bodies, self._parking = scene.humans, bodies, scene.parking.tolist()
         self._dt, self._radius = scene.rules.dt, np.array([*(h.radius for h in scene.humans), scene.robot.radius])
-        self._recorded = _recorded(scene)
-        self._to_come = [k for k, human in enumerate(scene.humans) if human.enters > 0]
-        self._to_go = [k for k, human in enumerate(scene.humans) if human.leaves is not None]
-        self.away: Any = np.zeros(len(bodies), dtype=bool)
+        self._recorded = _recorded_rows(scene)
+        self._to_enter = [k for k, human in enumerate(scene.humans) if human.enters > 0]
+        self._to_leave = [k for k, human in enumerate(scene.humans) if human.leaves is not None]
+        self.is_absent: BoolArray = np.zeros(len(bodies), dtype=bool)
         for k in self._recorded:
-            self._put(k, self._people[k].enters)
-        for k in self._to_come:
+            self._place(k, self._humans[k].enters)
+        for k in self._to_enter:
             self._park(k)
-        self._count()
+        self._update_attributes()
 
-    def carry(self, tick: int) -> None:
-        """Set those who are recorded going to where they are at the next tick."""
+    def follow_tracks(self, tick: int) -> None:
+        """Set the velocities of recorded pedestrians that lead to their track positions at the next tick."""
         for k in self._recorded:
-            if not self.away[k]:
-                (x, y), (u, v) = self._bodies[k].position, self._people[k].place_at(tick + 1)
-                self._bodies[k].velocity = (u - x) / self._dt, (v - y) / self._dt
+            if not self.is_absent[k]:
+                (x, y), (next_x, next_y) = self._bodies[k].position, self._humans[k].track_position(tick + 1)
+                self._bodies[k].velocity = (next_x - x) / self._dt, (next_y - y) / self._dt
 
-    def turn(self, tick: int, leaving: tuple[int, ...], rows: Array) -> tuple[list[int], list[int]]:
-        """Let people come and go.
+    def update(self, tick: int, leaving: tuple[int, ...], rows: Array) -> tuple[list[int], list[int]]:
+        """Let pedestrians enter and leave at the start of a tick.
 
         Args:
-            tick: that begins.
-            leaving: who has reached where they leave.
-            rows: (N + 1, 4), x, y, vx, vy of all bodies, the robot last.
+            tick: the tick that starts.
+            leaving: indices of pedestrians that have reached the goal at which they leave.
+            rows: (N + 1, 4), x, y, vx, vy of all bodies with the robot last; the rows of pedestrians that enter are
+                updated.
 
         Returns:
-            Who has come, and who has gone.
+            Indices of the pedestrians that have entered, and of those that have left.
         """
-        if not (leaving or self._to_go or self._to_come):
+        if not (leaving or self._to_leave or self._to_enter):
             return [], []
-        gone = [k for k in leaving if not self.away[k]]
-        gone += [k for k in self._to_go if not self.away[k] and tick >= (self._people[k].leaves or 0)]
-        for k in gone:
+        left = [k for k in leaving if not self.is_absent[k]]
+        left += [k for k in self._to_leave if not self.is_absent[k] and tick >= (self._humans[k].leaves or 0)]
+        for k in left:
             self._park(k)
-        self._to_go = [k for k in self._to_go if k not in gone]
-        come = [k for k in self._to_come if self._comes(k, tick, rows)]
-        self._to_come = [k for k in self._to_come if k not in come]
-        if gone or come:
-            self._count()
-        return come, gone
+        self._to_leave = [k for k in self._to_leave if k not in left]
+        entered = [k for k in self._to_enter if self._try_to_enter(k, tick, rows)]
+        self._to_enter = [k for k in self._to_enter if k not in entered]
+        if left or entered:
+            self._update_attributes()
+        return entered, left
 
-    def _comes(self, k: int, tick: int, rows: Array) -> bool:
-        """Bring somebody in if it is time and there is room."""
-        human = self._people[k]
+    def _try_to_enter(self, k: int, tick: int, rows: Array) -> bool:
+        """Place a pedestrian in the room if it is due and there is room; whether it was placed."""
+        human = self._humans[k]
         is_late = human.leaves is not None and tick >= human.leaves
         if tick < human.enters or is_late or (human.behaviour != "recorded" and not self._has_room(k, rows)):
             return False
-        self._put(k, tick)
-        rows[k] = (*self._bodies[k].position, *self._bodies[k].velocity)  # whoever comes at the same tick heeds them
+        self._place(k, tick)
+        # Pedestrians that enter later in the same tick keep off this one.
+        rows[k] = (*self._bodies[k].position, *self._bodies[k].velocity)
         return True
 
     def _has_room(self, k: int, rows: Array) -> bool:
-        x, y = self._people[k].pose.position
-        dx, dy = rows[:, 0] - x, rows[:, 1] - y
-        gaps = np.sqrt(dx * dx + dy * dy) - self._radius - self._people[k].radius
-        gaps[:-1][self.away] = np.inf
+        """Whether a pedestrian can enter without overlapping a body that is present."""
+        x, y = self._humans[k].pose.position
+        dx, dy = rows[:, X] - x, rows[:, Y] - y
+        gaps = np.sqrt(dx * dx + dy * dy) - self._radius - self._humans[k].radius
+        gaps[:-1][self.is_absent] = np.inf
         return bool((gaps > -ENTRY_OVERLAP).all())
 
-    def _put(self, k: int, tick: int) -> None:
-        """Put somebody into the room: at their start, or where their track has them."""
-        human, body = self._people[k], self._bodies[k]
-        self.away[k] = False
+    def _place(self, k: int, tick: int) -> None:
+        """Place a pedestrian in the room: at its initial pose, or on its track."""
+        human, body = self._humans[k], self._bodies[k]
+        self.is_absent[k] = False
         body.position, body.velocity = human.pose.position, human.velocity
         if human.behaviour == "recorded":
-            (x, y), (u, v) = human.place_at(tick), human.place_at(tick + 1)
-            body.position, body.velocity = (x, y), ((u - x) / self._dt, (v - y) / self._dt)
+            (x, y), (next_x, next_y) = human.track_position(tick), human.track_position(tick + 1)
+            body.position, body.velocity = (x, y), ((next_x - x) / self._dt, (next_y - y) / self._dt)
 
     def _park(self, k: int) -> None:
-        self.away[k] = True
+        self.is_absent[k] = True
         self._bodies[k].position, self._bodies[k].velocity = tuple(self._parking[k]), (0.0, 0.0)
 
-    def _count(self) -> None:
-        self.is_full = not self.away.any()
-        self.row = np.flatnonzero(~self.away)
+    def _update_attributes(self) -> None:
+        self.all_present = not self.is_absent.any()
+        self.row = np.flatnonzero(~self.is_absent)
         self.row.flags.writeable = False
-        self.absent = frozenset(human.id for human, away in zip(self._people, self.away, strict=True) if away)
+        absent = zip(self._humans, self.is_absent, strict=True)
+        self.absent_ids = frozenset(human.id for human, is_absent in absent if is_absent)
 
 
-def _recorded(scene: Scene) -> list[int]:
-    """Rows of those who are recorded.
+def _recorded_rows(scene: Scene) -> list[int]:
+    """Indices of the recorded pedestrians.
 
     Raises:
-        ValueError: one of them has no track.
+        ValueError: a recorded pedestrian has no track.
     """
     for human in scene.humans:
         if human.behaviour == "recorded" and not human.track:
-            raise ValueError(f"human {human.id} is recorded, but has no track; give a place for each tick")
+            raise ValueError(f"human {human.id} is recorded, but has no track; give a position for each tick")
     return [k for k, human in enumerate(scene.humans) if human.behaviour == "recorded"]

@@ -1,4 +1,4 @@
-"""Checks for authors: of controllers, and of how realistic the pedestrians are."""
+"""Checks of controllers for their authors, and of the realism of the pedestrians."""
 
 import lazy_loader
 

@@ -1,8 +1,8 @@
-"""Pictures, films and pages of episodes; the only package in which y points down."""
+"""Pictures, films and pages of episodes, and the picture of the window; only here does the y axis point down."""
 
 import os
 
-os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # before anything here imports pygame
+os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # must be set before pygame is imported
 
 import lazy_loader
 

@@ -1,23 +1,18 @@
 from .camera import Camera as Camera
-from .draw import Layers as Layers
-from .draw import backdrop as backdrop
-from .draw import picture as picture
-from .eye import image_of as image_of
-from .files import SUFFIXES as SUFFIXES
-from .files import render as render
+from .draw import Layers as Layers, backdrop as backdrop, picture as picture
+from .files import SUFFIXES as SUFFIXES, render as render
 from .film import save_film as save_film
-from .hud import Hud as Hud
-from .hud import draw_hud as draw_hud
 from .interpolation import between as between
-from .live import Painter as Painter
+from .overlay import Hud as Hud, draw_hud as draw_hud, draw_tint as draw_tint, draw_veil as draw_veil
 from .page import save_page as save_page
-from .sheet import moments as moments
-from .sheet import scene_picture as scene_picture
-from .sheet import snapshot_of as snapshot_of
-from .still import save_picture as save_picture
-from .still import save_surface as save_surface
-from .strips import filmstrip as filmstrip
+from .painter import Painter as Painter, image_of as image_of
+from .stills import (
+    filmstrip as filmstrip,
+    moments as moments,
+    save_moment as save_moment,
+    save_picture as save_picture,
+    save_surface as save_surface,
+    scene_picture as scene_picture,
+    snapshot_of as snapshot_of,
+)
 from .trails import Trails as Trails
-from .vector import save_moment as save_moment
-from .veil import draw_tint as draw_tint
-from .veil import draw_veil as draw_veil

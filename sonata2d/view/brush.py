@@ -1,11 +1,11 @@
-"""Shapes in metres onto a canvas. A brush stands somewhere in the world and draws in the frame of that place."""
+"""Draws shapes given in metres on a canvas; a brush has a pose in the world and draws in that local frame."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ..core.geometry import Point
 from .camera import Camera
@@ -13,17 +13,24 @@ from .canvas import Canvas
 from .fonts import width_of
 from .palette import Colour
 
-_ROUND = {
+_UNIT_CIRCLE = {
     count: tuple((math.cos(k * 2 * math.pi / count), math.sin(k * 2 * math.pi / count)) for k in range(count))
     for count in (16, 24, 32)
 }
 
 
+Part = tuple[tuple[Any, ...], Callable[["Brush"], None], Point]
+"""A drawing that can be cached: a key that starts with its kind, a function that draws it, its world direction."""
+
+
 @dataclass(frozen=True, slots=True)
 class Brush:
-    """Draws on `canvas` as `camera` sees it; points are (ahead, left) of where it stands, m.
+    """Draws on `canvas` as `camera` sees it; points are (ahead, left) of the brush's pose, m.
 
-    Widths are metres, and never thinner than a pixel of the finished picture (`hairline`, in pixels of the canvas).
+    Attributes:
+        hairline: the smallest width of a line, in pixels of the canvas: one pixel of the finished picture.
+        x, y, direction: pose of the brush: m, and a unit vector.
+        cache: draws the parts given to `stamp` instead of the brush: `SpriteCache.put` without its first argument.
     """
 
     canvas: Canvas
@@ -32,73 +39,89 @@ class Brush:
     x: float = 0.0
     y: float = 0.0
     direction: Point = (1.0, 0.0)
+    cache: Callable[..., None] | None = None
 
     def at(self, position: Point, direction: Point = (1.0, 0.0)) -> Brush:
-        """The same brush standing at a world position, looking along a unit vector."""
+        """The same brush at another pose: world position, m, and unit vector."""
         return Brush(self.canvas, self.camera, self.hairline, *position, direction)
 
+    def stamp(self, position: Point, *parts: Part, whole: bool = False) -> None:
+        """Draw the parts of one object on top of each other at a world position, each in its own direction.
+
+        Args:
+            whole: whether a cache may round the position to whole pixels.
+        """
+        if self.cache is not None:
+            self.cache(self.camera, position, *parts, whole=whole)
+            return
+        with self.canvas.group(parts[0][0][0]):
+            for _, draw, direction in parts:
+                draw(self.at(position, direction))
+
     def pixels(self, points: Sequence[Point]) -> list[Point]:
-        """Where points of the brush's frame lie on the canvas."""
+        """Transform points from the brush's frame to pixels of the canvas."""
         (c, s), camera = self.direction, self.camera
         return [camera.to_pixels((self.x + a * c - b * s, self.y + a * s + b * c)) for a, b in points]
 
     def thickness(self, width: float) -> float:
-        """A width in pixels of the canvas."""
+        """Convert a line width from metres to pixels of the canvas."""
         return max(width * self.camera.scale, self.hairline)
 
     def disc(self, colour: Colour, centre: Point, radius: float) -> None:
+        """Draw a filled circle."""
         self.canvas.circle(colour, self.pixels([centre])[0], radius * self.camera.scale)
 
     def ring(self, colour: Colour, centre: Point, radius: float, width: float) -> None:
-        """A circle line whose outer edge is at `radius`."""
+        """Draw a circle line whose outer edge is at `radius`."""
         self.canvas.ring(colour, self.pixels([centre])[0], radius * self.camera.scale, self.thickness(width))
 
     def dashed_ring(self, colour: Colour, centre: Point, radius: float, width: float, dashes: int) -> None:
-        """A circle line of so many dashes, gaps as long as the dashes."""
+        """Draw a circle line of `dashes` dashes, separated by gaps of the same length."""
         for k in range(dashes):
-            turns = [(k + part / 12) * 2 * math.pi / dashes for part in range(7)]
+            angles = [(k + part / 12) * 2 * math.pi / dashes for part in range(7)]
             r = radius - width / 2
-            self.stroke(colour, [(centre[0] + r * math.cos(t), centre[1] + r * math.sin(t)) for t in turns], width)
+            self.stroke(colour, [(centre[0] + r * math.cos(t), centre[1] + r * math.sin(t)) for t in angles], width)
 
     def polygon(self, colour: Colour, points: Sequence[Point], edge: Colour | None = None, width: float = 0.0) -> None:
-        """A filled polygon, with an outline if `edge` is given."""
+        """Draw a filled polygon; if `edge` is given, with an outline."""
         self.canvas.polygon(colour, self.pixels(points), edge, self.thickness(width))
 
     def box(self, colour: Colour, low: Point, high: Point, edge: Colour | None = None, width: float = 0.0) -> None:
-        """A rectangle along the brush's axes, from its lower right corner to its upper left one."""
+        """Draw a rectangle along the brush's axes, from its rear right corner to its front left corner."""
         (a, b), (c, d) = low, high
         self.polygon(colour, [(a, b), (c, b), (c, d), (a, d)], edge, width)
 
     def ellipse(
-        self, colour: Colour, centre: Point, half: Point, edge: Colour | None = None, width: float = 0.0
+        self, colour: Colour, centre: Point, semi_axes: Point, edge: Colour | None = None, width: float = 0.0
     ) -> None:
-        """An ellipse along the brush's axes; `half` is its reach ahead and to the left."""
-        pixels = max(half) * self.camera.scale / self.hairline
-        corners = _ROUND[16 if pixels < 8.0 else 24 if pixels < 32.0 else 32]
-        self.polygon(colour, [(centre[0] + half[0] * c, centre[1] + half[1] * s) for c, s in corners], edge, width)
+        """Draw a filled ellipse along the brush's axes; `semi_axes` are its extents ahead and to the left, m."""
+        pixels = max(semi_axes) * self.camera.scale / self.hairline
+        corners = _UNIT_CIRCLE[16 if pixels < 8.0 else 24 if pixels < 32.0 else 32]
+        (x, y), (a, b) = centre, semi_axes
+        self.polygon(colour, [(x + a * c, y + b * s) for c, s in corners], edge, width)
 
     def stroke(self, colour: Colour, points: Sequence[Point], width: float) -> None:
-        """A line through points, round at ends and bends."""
+        """Draw a line through points, with round ends and bends."""
         self.canvas.stroke(colour, self.pixels(points), self.thickness(width))
 
     def dots(self, colour: Colour, start: Point, end: Point, radius: float, spacing: float) -> None:
-        """Dots from start to end, evenly spaced and about `spacing` apart."""
+        """Draw evenly spaced dots from start to end, about `spacing` metres apart."""
         (ax, ay), (bx, by) = start, end
         count = max(round(math.hypot(bx - ax, by - ay) / spacing), 1)
         for k in range(count + 1):
             self.disc(colour, (ax + (bx - ax) * k / count, ay + (by - ay) * k / count), radius)
 
     def wash(self, colour: Colour, alpha: int, points: Sequence[Point]) -> None:
-        """A polygon that lets what is below shine through; alpha 0..255."""
+        """Draw a translucent polygon; alpha is 0 (invisible) to 255."""
         self.canvas.wash(colour, alpha, self.pixels(points))
 
-    def word(self, colour: Colour, text: str, room: float, height: float) -> None:
-        """A word in the middle, upright in the picture and at most `room` wide and `height` high, m; none if tiny."""
+    def word(self, colour: Colour, text: str, max_width: float, height: float) -> None:
+        """Write upright text centred on the brush's position, unless it would be too small to read.
+
+        Args:
+            max_width, height: upper limits, m; the text is scaled down to fit.
+        """
         size = height * self.camera.scale
-        size *= min(room * self.camera.scale / max(width_of(text, round(size) or 1), 1), 1.0)
+        size *= min(max_width * self.camera.scale / max(width_of(text, round(size) or 1), 1), 1.0)
         if size >= 9 * self.hairline:
             self.canvas.text(colour, text, self.pixels([(0.0, 0.0)])[0], round(size))
-
-    def group(self, kind: str) -> AbstractContextManager[None]:
-        """What is drawn within is one of a kind, where the canvas can tell so."""
-        return self.canvas.group(kind)

@@ -1,4 +1,4 @@
-"""From metres to pixels: the one place where y turns to point down, and where the world turns round the robot."""
+"""Transforms between the world (metres, y up) and a picture (pixels, y down)."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from dataclasses import dataclass
 from ..core.geometry import Point
 from ..errors import RenderError
 
-LARGEST = 6000  # pixels a side, past which a wrong scale is likelier than a large picture
-_USUAL_SCALE, _USUAL_SIDE = 80.0, 1000.0  # px/m, and the side in px that it shall not exceed
+MIN_SIDE, MAX_SIDE = 16, 6000  # px; a larger picture is probably a mistake in the scale
+_DEFAULT_SCALE, _DEFAULT_SIDE = 80.0, 1000.0  # px/m; px, the side that the default scale does not exceed
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """Looks straight down on a part of the plane.
+    """A view straight down on a rectangle of the plane.
 
     Attributes:
-        scale: pixels a metre.
+        scale: pixels per metre.
         left, top: world coordinates of the picture's upper left corner, m.
-        size: width and height of the picture, pixels.
+        size: width and height of the picture, px.
         up: unit vector of the world that points up in the picture.
     """
 
@@ -39,88 +39,97 @@ class Camera:
         scale: float | None = None,
         margin: float = 0.3,
     ) -> Camera:
-        """See all the points, centred.
+        """Centre the view on points so that all of them are visible.
 
         Args:
-            points: m.
-            size: of the picture in pixels; without it, as large as the scale asks.
-            scale: pixels a metre; without it, as large as the size allows, or a usual one.
-            margin: free space round the points, m.
+            points: m, world frame.
+            size: of the picture, px; by default as large as the scale requires.
+            scale: pixels per metre; by default as large as the size allows, or 80 without a size (less for a picture
+                that would exceed 1000 px a side).
+            margin: free space around the points, m.
 
         Raises:
-            RenderError: no point is given, or size or scale make no picture.
+            RenderError: `points` is empty, or a side of the picture is outside 16 to 6000 px.
         """
         x0, x1, y0, y1 = _bounds(points)
         wide, high = x1 - x0 + 2 * margin, y1 - y0 + 2 * margin
         if scale is None:
-            room = size or (_USUAL_SIDE, _USUAL_SIDE)
-            scale = min(room[0] / wide, room[1] / high, math.inf if size else _USUAL_SCALE)
+            available = size or (_DEFAULT_SIDE, _DEFAULT_SIDE)
+            scale = min(available[0] / wide, available[1] / high, math.inf if size else _DEFAULT_SCALE)
         width, height = size or (math.ceil(wide * scale), math.ceil(high * scale))
-        if not 0.0 < scale < math.inf or not (16 <= width <= LARGEST and 16 <= height <= LARGEST):
+        if not 0.0 < scale < math.inf or not all(MIN_SIDE <= side <= MAX_SIDE for side in (width, height)):
             raise RenderError(
-                f"cannot draw {width} x {height} pixels at {scale:g} pixels a metre; "
-                f"a side may have 16 to {LARGEST}: choose another size or scale"
+                f"cannot draw {width} x {height} pixels at {scale:g} pixels per metre; "
+                f"a side must have {MIN_SIDE} to {MAX_SIDE} pixels: choose another size or scale"
             )
         return cls(scale, (x0 + x1 - width / scale) / 2, (y0 + y1 + height / scale) / 2, (width, height))
 
     @classmethod
     def behind(
-        cls, place: Point, direction: Point, *, size: tuple[int, int], reach: float = 5.0, down: float = 0.72
+        cls, place: Point, direction: Point, *, size: tuple[int, int], view_range: float = 5.0, down: float = 0.72
     ) -> Camera:
-        """See what lies before someone, who looks up in the picture.
+        """View the area ahead of an agent, whose direction points up in the picture.
 
         Args:
-            place, direction: where they are, m, and the unit vector along which they look.
-            size: of the picture, pixels.
-            reach: m from them to the upper edge.
-            down: share of the picture's height that lies above them.
+            place: position of the agent, m.
+            direction: unit vector, world frame.
+            size: of the picture, px.
+            view_range: distance from the agent to the upper edge, m.
+            down: fraction of the picture's height above the agent.
 
         Raises:
-            RenderError: size or reach make no picture.
+            RenderError: a side is outside 16 to 6000 px, or view_range is not a positive number.
         """
-        if not (0.0 < reach < math.inf and all(16 <= side <= LARGEST for side in size)):
+        if not (0.0 < view_range < math.inf and all(MIN_SIDE <= side <= MAX_SIDE for side in size)):
             raise RenderError(
-                f"cannot draw {size[0]} x {size[1]} pixels with a reach of {reach:g} m; a side may have 16 to {LARGEST}"
-                " and the reach is above 0: choose another size or reach"
+                f"cannot draw {size[0]} x {size[1]} pixels with a view range of {view_range:g} m; a side must have "
+                f"{MIN_SIDE} to {MAX_SIDE} pixels and the range must be positive: choose another size or view range"
             )
-        scale = down * size[1] / reach
-        (hx, hy), aside = direction, size[0] / 2 / scale
-        return cls(scale, place[0] + reach * hx - aside * hy, place[1] + reach * hy + aside * hx, size, direction)
+        scale = down * size[1] / view_range
+        (ux, uy), half_width = direction, size[0] / 2 / scale
+        left, top = place[0] + view_range * ux - half_width * uy, place[1] + view_range * uy + half_width * ux
+        return cls(scale, left, top, size, direction)
 
     def to_pixels(self, point: Point) -> Point:
-        """Where a world point appears: pixels right and down from the upper left corner."""
+        """Transform a point from the world (m) to the picture: pixels right of and below the upper left corner."""
         (ux, uy), x, y = self.up, point[0] - self.left, self.top - point[1]
         return (x * uy + y * ux) * self.scale, (y * uy - x * ux) * self.scale
 
     def to_world(self, pixel: Point) -> Point:
-        """The world point under a pixel, m; the inverse of `to_pixels`."""
+        """Transform a point from the picture to the world, m; the inverse of `to_pixels`."""
         (ux, uy), right, down = self.up, pixel[0] / self.scale, pixel[1] / self.scale
         return self.left + right * uy - down * ux, self.top - right * ux - down * uy
 
-    def turned(self, direction: Point) -> Point:
-        """A direction of the world as it appears: pixels right and down."""
+    def rotated(self, direction: Point) -> Point:
+        """Transform a unit vector from the world to the picture: (right, down)."""
         (ux, uy), (x, y) = self.up, direction
         return x * uy - y * ux, -(x * ux + y * uy)
 
-    def nearer(self, times: float, place: Point) -> Camera:
-        """The same picture filled by so much less of the world, as near to a place as what it saw allows."""
-        width, height = self.size[0] / self.scale, self.size[1] / self.scale
-        scale = self.scale * times
-        left, top = place[0] - width / times / 2, place[1] + height / times / 2
-        if times <= 1.0:  # then there is more than all, with that in the middle
-            left, top = self.left + (width - width / times) / 2, self.top - (height - height / times) / 2
-            return Camera(scale, left, top, self.size)
-        low, high = sorted((self.left, self.left + width - width / times))
-        deep, tall = sorted((self.top, self.top - height + height / times))
-        return Camera(scale, min(max(left, low), high), min(max(top, deep), tall), self.size)
+    def zoomed(self, factor: float, centre: Point) -> Camera:
+        """Magnify the picture.
 
-    def finer(self, times: int) -> Camera:
-        """The same view with so many times the pixels a side."""
-        return Camera(self.scale * times, self.left, self.top, (self.size[0] * times, self.size[1] * times), self.up)
+        Args:
+            factor: above 1, less of the world is visible.
+            centre: world point that the view is centred on, as far as the view stays inside the area that was visible
+                before; ignored for factors up to 1.
+        """
+        width, height = self.size[0] / self.scale, self.size[1] / self.scale
+        scale = self.scale * factor
+        left, top = centre[0] - width / factor / 2, centre[1] + height / factor / 2
+        if factor <= 1.0:  # everything stays visible, in the middle of the picture
+            left, top = self.left + (width - width / factor) / 2, self.top - (height - height / factor) / 2
+            return Camera(scale, left, top, self.size)
+        low, high = sorted((self.left, self.left + width - width / factor))
+        bottom, ceiling = sorted((self.top, self.top - height + height / factor))
+        return Camera(scale, min(max(left, low), high), min(max(top, bottom), ceiling), self.size)
+
+    def supersampled(self, factor: int) -> Camera:
+        """The same view at `factor` times the width and height in pixels."""
+        return Camera(self.scale * factor, self.left, self.top, (self.size[0] * factor, self.size[1] * factor), self.up)
 
 
 def _bounds(points: Iterable[Point]) -> tuple[float, float, float, float]:
-    """Least and greatest x, then y."""
+    """Smallest and largest x, then y."""
     xs, ys = zip(*points, strict=True) if (points := list(points)) else ((), ())
     if not xs:
         raise RenderError("there is nothing to draw: the scene has neither outline nor walls")

@@ -1,4 +1,4 @@
-"""One door for all kinds of pictures: the file's suffix says which."""
+"""Writes an episode as a picture, film or page; the suffix of the file selects the kind."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from ..errors import RenderError
 from .draw import Layers
 from .film import save_film
 from .page import save_page
-from .still import save_picture
+from .stills import save_moment, save_picture
 from .trails import Trails
-from .vector import save_moment
 
 SUFFIXES = (".png", ".gif", ".mp4", ".html", ".svg")
 
@@ -33,29 +32,35 @@ def render(
     commands: Any = None,
     labels: Sequence[Any] | None = None,
 ) -> None:
-    """Draw an episode into a file, told by its suffix.
+    """Draw an episode into a file.
 
-    `.png` and `.svg` are one picture, of pixels or of vectors; `.gif` and `.mp4` a film; `.html` a page that plays it.
+    `.png` and `.svg` are one picture, of pixels or vectors; `.gif` and `.mp4` a film; `.html` a page that plays it.
 
     Args:
         snapshots: of one episode, in order.
-        fps: pictures a second of a film; 10 for a GIF, 30 for an MP4 unless given.
-        speed: seconds of the episode in a second of a film.
-        size: width and height in pixels, caption included; not for a page, which fits its window.
-        scale: pixels a metre, if no size is given.
-        strip: for a PNG, so many moments side by side.
+        path: the file to write.
+        fps: pictures per second of a film; by default 10 for a GIF, 30 for an MP4.
+        speed: seconds of the episode per second of a film.
+        size: width and height, caption included, px; ignored for a page, which fits its window.
+        scale: pixels per metre, if no size is given.
+        strip: for a PNG, the number of moments side by side.
         layers: what to show.
-        caption: text below, instead of scenario, seed, episode and time.
+        caption: text below the picture; by default scenario, seed, episode and time.
         outcome: how the episode ended.
-        commands: (T, 3) or one row less, what the controller asked for: m/s, m/s, rad/s; body frame; shown on a page.
-        labels: (T,) or one less, texts or what JSON can hold; shown on a page.
+        commands: (T, 3) or (T - 1, 3), the controller's commands, m/s, m/s, rad/s, body frame; shown on a page.
+        labels: (T,) or (T - 1,), texts or JSON values; shown on a page.
 
     Raises:
-        RenderError: the suffix is none of these, there is no frame, or the file cannot be drawn or written.
+        RenderError: the suffix is unknown, `snapshots` is empty, or the file cannot be drawn or written.
+
+    Example:
+        render(list(record.snapshots()), "episode.png", size=(800, 600))
     """
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
-        raise RenderError(f"cannot tell from {str(path)!r} what to draw; end the name in one of {', '.join(SUFFIXES)}")
+        raise RenderError(
+            f"cannot render {str(path)!r}: its suffix selects the format; end the name in one of {', '.join(SUFFIXES)}"
+        )
     if not snapshots:
         raise RenderError("there is nothing to draw: the episode holds no frame")
     texts: dict[str, Any] = {"caption": caption, "outcome": outcome, "layers": layers}
@@ -63,7 +68,7 @@ def render(
         save_picture(path, snapshots, size=size, scale=scale, strip=strip, **texts)
     elif suffix == ".svg":
         if strip is not None:
-            raise RenderError(f"{path}: several moments side by side are a PNG; end the name in .png")
+            raise RenderError(f"{path}: several moments side by side are written as PNG; end the name in .png")
         trails = Trails.of(snapshots)
         save_moment(path, snapshots[-1], size=size, scale=scale, trails=trails, **texts)
     elif suffix == ".html":

@@ -1,4 +1,4 @@
-"""An episode as a film, drawn and encoded frame by frame: GIF by Pillow, MP4 by imageio-ffmpeg."""
+"""Writes an episode as a film, drawn and encoded picture by picture: GIF with Pillow, MP4 with imageio-ffmpeg."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ import pygame
 
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from .caption import STRIP
+from .annotations import STRIP
 from .draw import QUICK, Layers, backdrop, camera_for, picture
 from .interpolation import between
 from .palette import ACTIVITY, FLOOR, GOAL, GRID, INK, PAPER, ROBOT, WALL, mixed, time_colour
 from .trails import Trails
 
-_TAIL = 4.0  # s, how long the trails in a film are
-_HOLD = 1.5  # s, the last picture stands
-_GIF_SIDE = 640  # pixels, the usual longest side of a GIF
+_TAIL = 4.0  # s, duration that trails cover
+_HOLD = 1.5  # s, duration of the last picture
+_GIF_SIDE = 640  # px, default limit of a GIF's longer side
+_GIF_COLOUR_STEP = 8  # Pillow matches colours in steps of 4, so that it may confuse colours that differ by this
 
 
 def save_film(
@@ -37,28 +38,33 @@ def save_film(
     caption: str | None = None,
     outcome: str | None = None,
 ) -> None:
-    """Write a film of an episode; `.gif` or `.mp4`, told by the name.
+    """Write a film of an episode.
 
     Args:
-        snapshots: in order; taken one by one, so they may come straight from a reader.
-        fps: pictures a second; 10 for a GIF, 30 for an MP4 unless given.
-        speed: seconds of the episode in a second of the film.
-        interpolate: show people between ticks too; otherwise each picture shows the last tick.
+        path: the file to write; the suffix `.gif` or `.mp4` selects the format.
+        snapshots: in order; consumed one by one, so that they can be read lazily.
+        fps: pictures per second; by default 10 for a GIF, 30 for an MP4.
+        speed: seconds of the episode per second of the film.
+        interpolate: interpolate between ticks; otherwise each picture shows the last tick.
         size, scale, layers, caption, outcome: as for `picture`.
 
     Raises:
-        RenderError: nothing to draw, a package is missing, or the film cannot be written.
+        RenderError: fps or speed is out of range, `snapshots` is empty, a package is missing, or the file cannot be
+            written.
     """
     path = Path(path)
     is_gif = path.suffix.lower() == ".gif"
     fps = (10.0 if is_gif else 30.0) if fps is None else fps
     if not (0.0 < fps <= 120.0 and 0.0 < speed < math.inf):
-        raise RenderError(f"cannot film {fps:g} pictures a second at speed {speed:g}; fps is 0 to 120, speed above 0")
+        raise RenderError(
+            f"cannot film {fps:g} pictures per second at speed {speed:g}; "
+            "use an fps above 0 and up to 120, and a speed above 0"
+        )
     if is_gif:
-        fps = 100.0 / max(round(100.0 / fps), 2)  # a GIF counts in 1/100 s, and players slow down below 2 of them
+        fps = 100.0 / max(round(100.0 / fps), 2)  # a GIF's delays are multiples of 1/100 s; players slow down below 2
         size = (_GIF_SIDE, _GIF_SIDE) if size is None and scale is None else size
-    times = paced(snapshots, speed / fps, interpolate=interpolate)
-    shown = _pictures(times, round(fps * _HOLD), size, scale, layers or Layers(), caption, outcome)
+    paced_snapshots = paced(snapshots, speed / fps, interpolate=interpolate)
+    shown = _pictures(paced_snapshots, round(fps * _HOLD), size, scale, layers or Layers(), caption, outcome)
     try:
         (_write_gif if is_gif else _write_mp4)(path, shown, fps)
     except OSError as error:
@@ -66,14 +72,14 @@ def save_film(
 
 
 def paced(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool = True) -> Iterator[Snapshot]:
-    """The episode every `step` seconds, the first and the last moment included."""
+    """The episode sampled every `step` seconds, including its first and its last snapshot."""
     before, count = None, 0
     for after in snapshots:
         if before is None:
             start = after.time
         while before is not None and start + count * step < after.time - 1e-9:
-            share = (start + count * step - before.time) / (after.time - before.time)
-            yield between(before, after, share) if interpolate and share > 1e-9 else before
+            fraction = (start + count * step - before.time) / (after.time - before.time)
+            yield between(before, after, fraction) if interpolate and fraction > 1e-9 else before
             count += 1
         before = after
     if before is not None:
@@ -89,7 +95,7 @@ def _pictures(
     caption: str | None,
     outcome: str | None,
 ) -> Iterator[pygame.Surface]:
-    """Every picture of the film; the room is drawn once, the last picture repeated `hold` times with the outcome."""
+    """The pictures of the film; the room is drawn once, and the last picture, with the outcome, is repeated."""
     camera, room, last = None, None, None
     tail: deque[Snapshot] = deque()
     for snapshot in snapshots:
@@ -109,39 +115,39 @@ def _pictures(
 
 
 def _write_gif(path: Path, shown: Iterable[pygame.Surface], fps: float) -> None:
-    """All pictures share one palette, made from the first and the colours yet to come."""
-    image = _needed("PIL.Image")
-    pictures = (image.frombytes("RGB", one.get_size(), pygame.image.tobytes(one, "RGB")) for one in shown)
+    """Write a GIF whose pictures share one palette, so that colours do not flicker."""
+    image = _import("PIL.Image")
+    pictures = (image.frombytes("RGB", drawn.get_size(), pygame.image.tobytes(drawn, "RGB")) for drawn in shown)
     first = next(iter(pictures))
     palette = _gif_palette(image, first)
-    flat = (one.quantize(palette=palette, dither=image.Dither.NONE) for one in pictures)
+    rest = (drawn.quantize(palette=palette, dither=image.Dither.NONE) for drawn in pictures)
     head = first.quantize(palette=palette, dither=image.Dither.NONE)
-    head.save(path, save_all=True, append_images=flat, duration=round(1000.0 / fps), loop=0, disposal=1)
+    head.save(path, save_all=True, append_images=rest, duration=round(1000.0 / fps), loop=0, disposal=1)
 
 
 def _gif_palette(image: Any, first: Any) -> Any:
-    """A picture that holds the film's 256 colours: the drawing's own, and others that suit the first picture."""
+    """An image that holds the film's 256 colours: the palette's, which may appear later, and the first picture's."""
     pale = [mixed(FLOOR, colour, 0.28) for colour in ACTIVITY.values()]
     ramp = [time_colour(k / 15) for k in range(16)]
     own = [FLOOR, PAPER, GRID, WALL, INK, ROBOT, GOAL, *ACTIVITY.values(), *pale, *ramp]
     flat = first.quantize(256 - len(own), dither=image.Dither.NONE).getpalette()[: 3 * (256 - len(own))]
-    suited = [flat[k : k + 3] for k in range(0, len(flat) - 2, 3)]
-    apart = [one for one in suited if all(_differ(one, colour) for colour in own)]
+    candidates = [flat[k : k + 3] for k in range(0, len(flat) - 2, 3)]
+    others = [other for other in candidates if all(_is_distinct(other, colour) for colour in own)]
     palette = image.new("P", (1, 1))
-    palette.putpalette([value for colour in [*own, *apart] for value in colour])
+    palette.putpalette([value for colour in [*own, *others] for value in colour])
     return palette
 
 
-def _differ(one: Sequence[int], other: Sequence[int]) -> bool:
-    """Whether Pillow, which looks for the nearest colour in steps of 4, would take one for the other."""
-    return max(abs(a - b) for a, b in zip(one, other, strict=True)) > 8
+def _is_distinct(colour: Sequence[int], other: Sequence[int]) -> bool:
+    """Whether Pillow never matches one of two colours to the other."""
+    return max(abs(a - b) for a, b in zip(colour, other, strict=True)) > _GIF_COLOUR_STEP
 
 
 def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
-    """H.264 in the colour format that every player knows, which wants sides of even length."""
-    ffmpeg = _needed("imageio_ffmpeg")
+    """Write H.264 in the colour format that all players support, which requires sides of even length."""
+    ffmpeg = _import("imageio_ffmpeg")
     first = next(shown)
-    path.open("wb").close()  # what cannot be written is better told by the system than by ffmpeg
+    path.open("wb").close()  # raises an OSError here if the file cannot be written; ffmpeg's error is less clear
     size = tuple(side - side % 2 for side in first.get_size())
     writer = ffmpeg.write_frames(
         str(path), size, fps=fps, codec="libx264", quality=None, macro_block_size=2,
@@ -150,14 +156,14 @@ def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
     writer.send(None)
     try:
         writer.send(pygame.image.tobytes(first.subsurface((0, 0, *size)), "RGB"))
-        for one in shown:
-            writer.send(pygame.image.tobytes(one.subsurface((0, 0, *size)), "RGB"))
+        for drawn in shown:
+            writer.send(pygame.image.tobytes(drawn.subsurface((0, 0, *size)), "RGB"))
     finally:
         writer.close()
 
 
-def _needed(module: str) -> Any:
-    """A module of the video extra.
+def _import(module: str) -> Any:
+    """Import a module of the video extra.
 
     Raises:
         RenderError: it is not installed.
@@ -166,4 +172,4 @@ def _needed(module: str) -> Any:
         return importlib.import_module(module)
     except ImportError:
         package = "pillow" if module.startswith("PIL") else "imageio-ffmpeg"
-        raise RenderError(f"films need {package}, which is missing; pip install 'sonata2d[video]'") from None
+        raise RenderError(f"films need {package}, which is not installed; pip install 'sonata2d[video]'") from None

@@ -1,4 +1,4 @@
-"""Fonts, made once a size, and lines of text that nothing in them can break."""
+"""Fonts and lines of text; any string can be drawn."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import pygame
 
 from .palette import Colour
 
-_MOST = 4000  # characters of a line; more would make no picture
+_MAX_LENGTH = 4000  # characters of a line; the rest is cut off
 _fonts: dict[int, pygame.font.Font] = {}
 
 
 def font(size: int) -> pygame.font.Font:
-    """pygame's own font in a size, pixels; made anew if pygame was closed meanwhile."""
+    """pygame's default font at a size in pixels; cached, and created again after pygame was closed."""
     if not pygame.font.get_init():
         pygame.font.init()
         _fonts.clear()
@@ -21,7 +21,7 @@ def font(size: int) -> pygame.font.Font:
     if known is not None:
         try:
             known.get_height()
-        except pygame.error:  # pygame was closed and opened again, which fonts do not outlive
+        except pygame.error:  # pygame was closed and opened again, which invalidates its fonts
             _fonts.clear()
             known = None
     if known is None:
@@ -30,33 +30,33 @@ def font(size: int) -> pygame.font.Font:
 
 
 def printable(text: str) -> str:
-    """The text as one line, without what a font cannot stand: control characters, halves of characters.
+    """The text as one line, without characters that fonts cannot draw (control characters, surrogates).
 
     >>> printable("A\\0nna\\n")
     'Anna '
     """
-    return "".join(" " if c in "\n\t" else c for c in text[:_MOST] if c.isprintable() or c in "\n\t")
+    return "".join(" " if c in "\n\t" else c for c in text[:_MAX_LENGTH] if c.isprintable() or c in "\n\t")
 
 
 @lru_cache(maxsize=512)
 def rendered(text: str, size: int, colour: Colour) -> pygame.Surface:
-    """One smooth line of text on nothing; not to be drawn on."""
+    """One antialiased line of text on a transparent surface; cached, so callers must not draw on it."""
     return font(size).render(printable(text), True, colour)
 
 
 @lru_cache(maxsize=2048)
 def width_of(text: str, size: int) -> int:
-    """How many pixels a line takes."""
+    """Width of a line of text, px."""
     return font(size).size(printable(text))[0]
 
 
-def shortened(text: str, room: float, size: int) -> str:
-    """The text, or as much of its beginning as fits into so many pixels."""
+def shortened(text: str, max_width: float, size: int) -> str:
+    """The text, or its longest beginning that fits into `max_width` pixels with an ellipsis."""
     text = printable(text)
-    if width_of(text, size) <= room:
+    if width_of(text, size) <= max_width:
         return text
     low, high = 0, len(text)
-    while low < high:  # the longest beginning that fits
+    while low < high:  # bisection over the number of characters
         middle = (low + high + 1) // 2
-        low, high = (middle, high) if width_of(text[:middle] + "…", size) <= room else (low, middle - 1)
+        low, high = (middle, high) if width_of(text[:middle] + "…", size) <= max_width else (low, middle - 1)
     return text[:low].rstrip() + "…" if low else ""

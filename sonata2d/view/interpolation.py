@@ -1,82 +1,81 @@
-"""The look at a moment between two ticks, for pictures that come faster than ticks do."""
+"""Interpolates between the snapshots of two ticks, for pictures that are drawn more often than ticks occur."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ..core.geometry import Point
-from ..core.humans import BODY_X, GAZE_X, Humans, frozen
+from ..core.humans import BODY_X, GAZE_X, Humans, X, Y, frozen
 from ..core.portable_math import Array
 from ..core.snapshot import RobotState, Snapshot
 
-_LEAP = 1.0  # m between two ticks: who came back elsewhere, and did not walk there
+_MAX_STEP = 1.0  # m per tick; a pedestrian that moves farther has re-entered the scene elsewhere
 
 
-def between(before: Snapshot, after: Snapshot, share: float) -> Snapshot:
-    """The look at a share of the way from one tick to the next.
+def between(before: Snapshot, after: Snapshot, fraction: float) -> Snapshot:
+    """The snapshot at a fraction of the time between two ticks.
 
-    Places and velocities go straight, directions turn the short way; all that cannot be blended is as after. Who is
-    absent from either look is absent in between, and who leaps is where they arrive.
+    Positions and velocities are interpolated linearly, directions along the shorter arc; everything else is taken from
+    `after`. A pedestrian that is absent from either snapshot is absent from the result, and one that re-enters
+    elsewhere is at its new position.
 
     Args:
-        share: 0 for the look before, 1 for the one after; what lies beyond counts as the nearer of the two.
+        fraction: 0 for `before`, 1 for `after`; other values are clipped to this range.
     """
-    if share <= 0.0:
+    if fraction <= 0.0:
         return before
-    if share >= 1.0:
+    if fraction >= 1.0:
         return after
-    time = before.time + (after.time - before.time) * share
+    time = before.time + (after.time - before.time) * fraction
     return replace(
         after,
         time=time,
-        humans=_humans_between(before.humans, after.humans, share),
-        robot=_robot_between(before.robot, after.robot, share),
+        humans=_humans_between(before.humans, after.humans, fraction),
+        robot=_robot_between(before.robot, after.robot, fraction),
     )
 
 
-def _humans_between(before: Humans, after: Humans, share: float) -> Humans:
-    if before.row is None and after.row is None:
+def _humans_between(before: Humans, after: Humans, fraction: float) -> Humans:
+    all_present = before.row is None and after.row is None
+    if all_present:
         was = now = np.arange(len(after))
     else:
         _, was, now = np.intersect1d(before.id, after.id, assume_unique=True, return_indices=True)
-        was, now = was[np.argsort(now)], np.sort(now)
+        was, now = was[np.argsort(now)], np.sort(now)  # in the order of `after`
     start, end = before.state[was], after.state[now]
-    state = start + (end - start) * share
+    state = start + (end - start) * fraction
     for column in (BODY_X, GAZE_X):
         pair = slice(column, column + 2)
-        state[:, pair] = _turned(start[:, pair], end[:, pair], share)
-    leaps = np.abs(end[:, :2] - start[:, :2]).sum(axis=1) > _LEAP
-    state[leaps] = end[leaps]
-    row: Any = now if after.row is None else after.row[now]
-    everybody_is_there = before.row is None and after.row is None
-    told = after.id[now], after.radius[now], after.activity_index[now]
-    return Humans(frozen(state), *told, None if everybody_is_there else row)
+        state[:, pair] = _rotated(start[:, pair], end[:, pair], fraction)
+    jumps = np.abs(end[:, X : Y + 1] - start[:, X : Y + 1]).sum(axis=1) > _MAX_STEP
+    state[jumps] = end[jumps]
+    row = None if all_present else now if after.row is None else after.row[now]
+    return Humans(frozen(state), after.id[now], after.radius[now], after.activity_index[now], row)
 
 
-def _turned(start: Array, end: Array, share: float) -> Array:
-    """Unit vectors, (N, 2) each, at a share of the turn from one to the other, the short way."""
+def _rotated(start: Array, end: Array, fraction: float) -> Array:
+    """Unit vectors at a fraction of the shorter arc from `start` to `end`, all (N, 2)."""
     along = start[:, 0] * end[:, 0] + start[:, 1] * end[:, 1]
     across = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
-    angle = np.arctan2(across, along) * share
+    angle = np.arctan2(across, along) * fraction
     c, s = np.cos(angle), np.sin(angle)
     return np.stack((start[:, 0] * c - start[:, 1] * s, start[:, 0] * s + start[:, 1] * c), axis=1)
 
 
-def _robot_between(before: RobotState, after: RobotState, share: float) -> RobotState:
+def _robot_between(before: RobotState, after: RobotState, fraction: float) -> RobotState:
     def blend(a: Point, b: Point) -> Point:
-        return a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share
+        return a[0] + (b[0] - a[0]) * fraction, a[1] + (b[1] - a[1]) * fraction
 
     (ax, ay), (bx, by) = before.direction, after.direction
-    angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by) * share
+    angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by) * fraction
     c, s = math.cos(angle), math.sin(angle)
     return replace(
         after,
         position=blend(before.position, after.position),
         velocity=blend(before.velocity, after.velocity),
         direction=(ax * c - ay * s, ax * s + ay * c),
-        omega=before.omega + (after.omega - before.omega) * share,
+        omega=before.omega + (after.omega - before.omega) * fraction,
     )

@@ -1,4 +1,4 @@
-"""An episode as one HTML file that plays it, without network: the room as a picture, what moves as numbers."""
+"""Writes an episode as one HTML file that plays it offline: the room as an image, the agents as numbers."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, o
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
+from .annotations import origin
 from .camera import Camera
-from .caption import origin
 from .draw import QUICK, Layers, backdrop, camera_for
-from .palette import ACTIVITY, GOAL, ROBOT, Colour, shaded
-from .still import url_of
-from .things import half_size
-from .ties import drawn_ties
+from .furniture import half_size
+from .layers import visible_interactions
+from .palette import ACTIVITY, GOAL, ROBOT, hex_colour, shaded
+from .stills import url_of
 
-_DIGITS = 3  # of metres, seconds and radians on a page
-MANNERS = {
+_DIGITS = 3  # decimal places of metres, seconds and radians
+_REACTIONS = {
     "ignores": "ignores the robot",
     "avoids": "",
     "stops": "stops for the robot",
     "curious": "curious about the robot",
     "scared": "scared of the robot",
 }
-_SWITCHES = ("gaze", "links", "goal", "zones", "ids")  # layers with a box on the page
-_ROOM_SIDE, _ROOM_SCALE = 1600.0, 160.0  # pixels, pixels a metre
+_SWITCHES = ("gaze", "links", "goal", "zones", "ids")  # layers that have a check box on the page
+_MAX_ROOM_SIDE, _MAX_ROOM_SCALE = 1600.0, 160.0  # px, px/m: fine enough for a large window, still a small file
 
 
 def save_page(
@@ -47,23 +47,26 @@ def save_page(
     caption: str | None = None,
     outcome: str | None = None,
 ) -> None:
-    """Write a page that plays an episode: play, scrub, step, speed; what the pointer is on tells its numbers.
+    """Write a page that plays an episode: play, scrub, step, speed; the pointer shows the values of an entity.
 
     Args:
-        commands: (T, 3), or one row less as the last look has no command: m/s, m/s, rad/s; body frame.
-        labels: (T,) or one less; texts, or whatever JSON can hold.
-        layers: what is shown at first; the page has a box for each.
-        caption: title, instead of the scenario's name.
-        outcome: how the episode ended, shown at the end.
+        path: the file to write.
+        snapshots: of one episode, in order.
+        commands: (T, 3) or (T - 1, 3), as the last snapshot has no command: m/s, m/s, rad/s; body frame.
+        labels: (T,) or (T - 1,): texts or JSON values.
+        layers: layers that are visible at first; the page has a check box for most of them.
+        caption: title; by default the scenario's name.
+        outcome: how the episode ended, shown at its last tick.
 
     Raises:
-        RenderError: there is no frame, or the file cannot be written.
+        RenderError: `snapshots` is empty, or the file cannot be written.
     """
-    looks = list(snapshots)
-    if not looks:
+    snapshots = list(snapshots)
+    if not snapshots:
         raise RenderError("there is nothing to draw: the episode holds no frame")
-    scene = looks[0].scene
-    data = _scene_data(scene, layers or Layers()) | _frame_data(looks) | _told(commands, labels) | {"outcome": outcome}
+    scene = snapshots[0].scene
+    data = _scene_data(scene, layers or Layers()) | _frame_data(snapshots)
+    data |= _controller_data(commands, labels) | {"outcome": outcome}
     page = _template().render(title=scene.name if caption is None else caption, subtitle=origin(scene), data=data)
     try:
         Path(path).write_text(page, encoding="utf-8")
@@ -72,14 +75,14 @@ def save_page(
 
 
 def _template() -> Any:
-    """The page's template; its `tojson` leaves no `<` in a text, so that none can end the script."""
+    """The page's template; its `tojson` filter escapes `<`, so that no text can end the script element."""
     environment = Environment(loader=PackageLoader(__package__, "."), autoescape=True)
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
     return environment.get_template("page.html")
 
 
 def _scene_data(scene: Scene, layers: Layers) -> dict[str, Any]:
-    """What stands still, and who there is."""
+    """The static part of the page's data."""
     camera = _room_camera(scene)
     width, height = (side / camera.scale for side in camera.size)
     tones = {**ACTIVITY, "robot": ROBOT, "goal": GOAL}
@@ -90,95 +93,94 @@ def _scene_data(scene: Scene, layers: Layers) -> dict[str, Any]:
         "goal": [*scene.goal.position, scene.goal.distance],
         "robotRadius": scene.robot.radius,
         "humans": [
-            {"id": h.id, "radius": h.radius, "ignores": h.reacts_to_robot == 0.0, "reaction": MANNERS[h.reaction]}
+            {"id": h.id, "radius": h.radius, "ignores": h.reacts_to_robot == 0.0, "reaction": _REACTIONS[h.reaction]}
             for h in scene.humans
         ],
         "things": [
             {"id": f.id, "type": f.type, "x": f.pose.x, "y": f.pose.y, "radius": 0.8 * min(half_size(f))}
-            for f in sorted(scene.furniture, key=lambda f: f.on is None)  # the laptop before its table
+            for f in sorted(scene.furniture, key=lambda f: f.on is None)  # the pointer finds a laptop before its table
         ],
         "activities": ACTIVITIES,
-        "colours": {name: _css(colour) for name, colour in tones.items()},
-        "shades": {name: _css(shaded(colour)) for name, colour in tones.items()},
+        "colours": {name: hex_colour(colour) for name, colour in tones.items()},
+        "shades": {name: hex_colour(shaded(colour)) for name, colour in tones.items()},
         "zones": (INTIMATE_DISTANCE, PERSONAL_DISTANCE),
-        "layers": {"trails": True}
-        | {name: getattr(layers, name) for name in ("gaze", "links", "goal", "zones", "ids")},
+        "layers": {"trails": True} | {name: getattr(layers, name) for name in _SWITCHES},
     }
 
 
 def _room_camera(scene: Scene) -> Camera:
-    """A camera fine enough for a large window, not so fine that the file grows large."""
-    whole = camera_for(scene, scale=_ROOM_SCALE / 4)
-    return camera_for(scene, scale=min(_ROOM_SCALE, _ROOM_SIDE / max(whole.size) * whole.scale))
+    whole = camera_for(scene, scale=_MAX_ROOM_SCALE / 4)
+    return camera_for(scene, scale=min(_MAX_ROOM_SCALE, _MAX_ROOM_SIDE / max(whole.size) * whole.scale))
 
 
 def _room_image(scene: Scene, camera: Camera, layers: Layers) -> str:
-    """The room as a PNG within a URL, transparent outside."""
+    """The room as a PNG in a data URL, transparent outside."""
     room = backdrop(scene, camera, layers, outside=None, fine=QUICK)
     return url_of(pygame.transform.smoothscale(room, camera.size))
 
 
-def _frame_data(looks: Sequence[Snapshot]) -> dict[str, Any]:
-    """What moves, one row a tick."""
-    rows = [_human_rows(look) for look in looks]
-    seen = {int(k) for look in looks for k in look.humans.activity_index}
+def _frame_data(snapshots: Sequence[Snapshot]) -> dict[str, Any]:
+    """The part of the page's data that changes over time; mostly lists with one entry per tick."""
+    rows = [_human_rows(snapshot) for snapshot in snapshots]
+    activities = {int(k) for snapshot in snapshots for k in snapshot.humans.activity_index}
     return {
-        "time": [_number(look.time) for look in looks],
-        "robot": [_robot_row(look) for look in looks],
-        "people": [list(told) for told in zip(*rows, strict=True)],
-        "links": _link_changes(looks),
-        "touches": [tick for tick, look in enumerate(looks) if look.contacts],
-        "clearance": [_number(_clearance(look)) for look in looks],
-        "obstacleClearance": [_number(obstacle_clearance(look)) for look in looks],
-        "shown": ["robot", "goal", *(ACTIVITIES[k] for k in sorted(seen))],
+        "time": [_number(snapshot.time) for snapshot in snapshots],
+        "robot": [_robot_row(snapshot) for snapshot in snapshots],
+        "people": [list(human_rows) for human_rows in zip(*rows, strict=True)],
+        "links": _link_changes(snapshots),
+        "touches": [tick for tick, snapshot in enumerate(snapshots) if snapshot.contacts],
+        "clearance": [_number(_clearance(snapshot)) for snapshot in snapshots],
+        "obstacleClearance": [_number(obstacle_clearance(snapshot)) for snapshot in snapshots],
+        "shown": ["robot", "goal", *(ACTIVITIES[k] for k in sorted(activities))],
     }
 
 
-def _robot_row(look: Snapshot) -> list[float | None]:
-    """x, y, theta, ahead, left, omega."""
-    pose, twist = look.robot.pose, look.robot.twist
+def _robot_row(snapshot: Snapshot) -> list[float | None]:
+    """x, y, theta, vx, vy, omega; the velocity in the body frame."""
+    pose, twist = snapshot.robot.pose, snapshot.robot.twist
     return [_number(value) for value in (pose.x, pose.y, pose.theta, twist.vx, twist.vy, twist.omega)]
 
 
-def _human_rows(look: Snapshot) -> list[list[float | None] | None]:
-    """Of each person of the scene x, y, theta, head, speed, activity; None for someone absent."""
-    rows: list[list[float | None] | None] = [None] * len(look.scene.humans)
-    where = range(len(rows)) if look.humans.row is None else look.humans.row.tolist()
-    for k, human, activity in zip(where, look.humans, look.humans.activity_index.tolist(), strict=True):
+def _human_rows(snapshot: Snapshot) -> list[list[float | None] | None]:
+    """For each pedestrian of the scene x, y, theta, head, speed, activity; None for an absent one."""
+    humans = snapshot.humans
+    rows: list[list[float | None] | None] = [None] * len(snapshot.scene.humans)
+    indices = range(len(rows)) if humans.row is None else humans.row.tolist()
+    for k, human, activity in zip(indices, humans, humans.activity_index.tolist(), strict=True):
         numbers = (human.pose.x, human.pose.y, human.pose.theta, human.head, math.hypot(*human.velocity))
         rows[k] = [*map(_number, numbers), activity]
     return rows
 
 
-def _link_changes(looks: Sequence[Snapshot]) -> list[tuple[int, list[tuple[int, int]]]]:
-    """(tick, links from then on), whenever they change."""
+def _link_changes(snapshots: Sequence[Snapshot]) -> list[tuple[int, list[tuple[int, int]]]]:
+    """(tick, links from this tick on) for each tick at which the links change."""
     changes: list[tuple[int, list[tuple[int, int]]]] = []
-    for tick, look in enumerate(looks):
-        links = [(link.src, link.dst) for link in drawn_ties(look)]
+    for tick, snapshot in enumerate(snapshots):
+        links = [(link.src, link.dst) for link in visible_interactions(snapshot)]
         if not changes or changes[-1][1] != links:
             changes.append((tick, links))
     return changes
 
 
-def _clearance(look: Snapshot) -> float:
-    """Gap to the nearest person who is there, m."""
-    gaps = clearances(look)
+def _clearance(snapshot: Snapshot) -> float:
+    """Gap between the robot and the nearest pedestrian, m; infinite without pedestrians."""
+    gaps = clearances(snapshot)
     return float(gaps[np.isfinite(gaps)].min(initial=math.inf))
 
 
-def _told(commands: Any, labels: Sequence[Any] | None) -> dict[str, Any]:
-    """Commands and labels; of the labels' texts each stands once."""
+def _controller_data(commands: Any, labels: Sequence[Any] | None) -> dict[str, Any]:
+    """Commands and labels; each distinct label text is stored once."""
     rows = None if commands is None else [[_number(float(v)) for v in row] for row in np.asarray(commands, dtype=float)]
     if labels is None:
         return {"commands": rows, "labels": None}
     texts = [_label_text(label) for label in labels]
-    once = list(dict.fromkeys(texts))
-    place = {text: k for k, text in enumerate(once)}
-    return {"commands": rows, "labels": [place[text] for text in texts], "labelTexts": once}
+    distinct = list(dict.fromkeys(texts))
+    index = {text: k for k, text in enumerate(distinct)}
+    return {"commands": rows, "labels": [index[text] for text in texts], "labelTexts": distinct}
 
 
 def _label_text(label: Any) -> str:
-    """A label in words: `name value, …` for a mapping."""
+    """A label as text: `name value, …` for a mapping, JSON for other values."""
     if label is None or isinstance(label, str):
         return label or ""
     if isinstance(label, dict):
@@ -187,9 +189,5 @@ def _label_text(label: Any) -> str:
 
 
 def _number(value: float) -> float | None:
-    """A short number for JSON; None for what has no number there."""
+    """A rounded number for JSON; None if it is not finite. Adding 0.0 turns -0.0 into 0.0."""
     return round(value, _DIGITS) + 0.0 if math.isfinite(value) else None
-
-
-def _css(colour: Colour) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*colour)

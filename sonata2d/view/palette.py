@@ -1,6 +1,6 @@
-"""Colours of the pictures: Okabe and Ito's palette, which the colour-blind tell apart, on a quiet floor.
+"""Colours of the pictures: Okabe and Ito's palette, which colour-blind readers can distinguish, on a pale floor.
 
-Activities differ in pose as well (see `people`), so that a picture printed in grey still tells them apart.
+Activities differ in pose as well (see `figures`), so that they can be distinguished in a greyscale print.
 
 Source: M. Okabe & K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/.
 """
@@ -30,7 +30,7 @@ ROBOT, GOAL = VERMILLION, GREEN
 HAIR: Colour = (72, 60, 54)
 
 PAPER: Colour = (255, 255, 255)
-OUTSIDE: Colour = (226, 229, 233)  # round the room, on screens
+OUTSIDE: Colour = (226, 229, 233)  # around the room, in the window
 FLOOR: Colour = (247, 245, 240)
 GRID: Colour = (235, 232, 225)
 WALL: Colour = (62, 67, 77)
@@ -51,24 +51,33 @@ BLOCK: Colour = (205, 199, 190)
 BLOCK_EDGE: Colour = (138, 130, 120)
 
 
-def mixed(colour: Colour, other: Colour, share: float) -> Colour:
-    """`colour` with a share (0..1) of `other` in it.
+def mixed(colour: Colour, other: Colour, fraction: float) -> Colour:
+    """Interpolate linearly from `colour` (fraction 0) to `other` (fraction 1).
 
     >>> mixed((0, 0, 0), (100, 200, 50), 0.5)
     (50, 100, 25)
     """
-    r, g, b = (round(a + (b - a) * share) for a, b in zip(colour, other, strict=True))
+    r, g, b = (round(a + (b - a) * fraction) for a, b in zip(colour, other, strict=True))
     return r, g, b
 
 
-def shaded(colour: Colour, share: float = 0.45) -> Colour:
-    """A darker tone for outlines."""
-    return mixed(colour, (0, 0, 0), share)
+def shaded(colour: Colour, fraction: float = 0.45) -> Colour:
+    """A darker tone of a colour, for outlines; fraction 1 is black."""
+    return mixed(colour, (0, 0, 0), fraction)
 
 
-def time_colour(share: float) -> Colour:
-    """Colour of the robot's trail from start (0, pale) to end (1, dark); lightness falls all the way."""
+def time_colour(fraction: float) -> Colour:
+    """Colour of the robot's trail from its start (0, pale) to its end (1, dark); lightness decreases monotonically."""
     stops: tuple[Colour, ...] = ((250, 205, 150), VERMILLION, (110, 30, 10))
-    place = min(max(share, 0.0), 1.0) * (len(stops) - 1)
-    k = min(int(place), len(stops) - 2)
-    return mixed(stops[k], stops[k + 1], place - k)
+    position = min(max(fraction, 0.0), 1.0) * (len(stops) - 1)
+    k = min(int(position), len(stops) - 2)
+    return mixed(stops[k], stops[k + 1], position - k)
+
+
+def hex_colour(colour: Colour) -> str:
+    """The colour as in SVG and CSS.
+
+    >>> hex_colour((0, 114, 178))
+    '#0072b2'
+    """
+    return "#{:02x}{:02x}{:02x}".format(*colour)

@@ -1,8 +1,8 @@
-"""The pygame window: drive, label, rate and replay; watch any controller live."""
+"""The pygame window: drive, label, rate and replay runs, and watch controllers live."""
 
 import os
 
-os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # before anything here imports pygame
+os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # must be set before pygame is imported
 os.environ.setdefault("SDL_WINDOWS_DPI_AWARENESS", "permonitorv2")  # window pixels are screen pixels
 
 import lazy_loader

@@ -1,78 +1,64 @@
-"""What a person can ask of the window besides driving, by which key or button, and how these are called."""
+"""Actions that a person requests with a key or button besides driving: names, default controls and texts."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
 from enum import StrEnum
+from typing import Self
 
 import pygame
 
 
 class Action(StrEnum):
-    """What a person can ask of the window; the value is what files say."""
+    """A request to the window.
 
-    CONFIRM = "confirm"
-    DISCARD = "discard"
-    REDO = "redo"
-    NEXT = "next"
-    UNDO = "undo"
-    PAUSE = "pause"
-    MENU = "menu"
-    HELP = "help"
-    HUD = "hud"
-    VIEW = "view"
-    ZONES = "zones"
-    ZOOM_IN = "zoom_in"
-    ZOOM_OUT = "zoom_out"
-    LABEL_UP = "label_up"
-    LABEL_DOWN = "label_down"
-    LABEL_1 = "label_1"
-    LABEL_2 = "label_2"
-    LABEL_3 = "label_3"
-    LABEL_4 = "label_4"
-    LABEL_5 = "label_5"
-    LABEL_6 = "label_6"
-    LABEL_7 = "label_7"
-    LABEL_8 = "label_8"
-    LABEL_9 = "label_9"
-    SCENE = "scene"
-    REMAP = "remap"
-    FULLSCREEN = "fullscreen"
-    QUIT = "quit"
+    Attributes:
+        value: name in the profiles file.
+        text: description for the controls page.
+    """
+
+    text: str
+
+    def __new__(cls, value: str, text: str = "") -> Self:
+        member = str.__new__(cls, value)
+        member._value_, member.text = value, text
+        return member
+
+    CONFIRM = "confirm", "start / keep the run"
+    DISCARD = "discard", "discard the run"
+    REDO = "redo", "redo the same scene"
+    NEXT = "next", "another scene"
+    UNDO = "undo", "undo the last keep"
+    PAUSE = "pause", "pause"
+    MENU = "menu", "menu"
+    HELP = "help", "help"
+    HUD = "hud", "show / hide readings"
+    VIEW = "view", "switch camera"
+    ZONES = "zones", "personal space"
+    ZOOM_IN = "zoom_in", "zoom in"
+    ZOOM_OUT = "zoom_out", "zoom out"
+    LABEL_UP = "label_up", "label up"
+    LABEL_DOWN = "label_down", "label down"
+    LABEL_1 = "label_1", "label 1"
+    LABEL_2 = "label_2", "label 2"
+    LABEL_3 = "label_3", "label 3"
+    LABEL_4 = "label_4", "label 4"
+    LABEL_5 = "label_5", "label 5"
+    LABEL_6 = "label_6", "label 6"
+    LABEL_7 = "label_7", "label 7"
+    LABEL_8 = "label_8", "label 8"
+    LABEL_9 = "label_9", "label 9"
+    SCENE = "scene", "scene settings"
+    REMAP = "remap", "set up the controls"
+    FULLSCREEN = "fullscreen", "full screen"
+    QUIT = "quit", "close the window"
 
     @property
     def level(self) -> int:
-        """Which label is asked for, 1 to 9; 0: none in particular."""
+        """Number of the requested label, 1 to 9; 0 for all other actions."""
         return int(self.value[6:]) if self.value[6:].isdigit() else 0
 
-    @property
-    def meaning(self) -> str:
-        """In words, for help page and remapping."""
-        return f"label {self.level}" if self.level else MEANINGS[self]
-
-
-MEANINGS: Mapping[Action, str] = {
-    Action.CONFIRM: "start / keep the run",
-    Action.DISCARD: "discard the run",
-    Action.REDO: "redo the same scene",
-    Action.NEXT: "another scene",
-    Action.UNDO: "undo the last keep",
-    Action.PAUSE: "pause",
-    Action.MENU: "menu",
-    Action.HELP: "help",
-    Action.HUD: "show / hide readings",
-    Action.VIEW: "switch camera",
-    Action.ZONES: "personal space",
-    Action.ZOOM_IN: "zoom in",
-    Action.ZOOM_OUT: "zoom out",
-    Action.LABEL_UP: "label up",
-    Action.LABEL_DOWN: "label down",
-    Action.SCENE: "scene settings",
-    Action.REMAP: "set up the controls",
-    Action.FULLSCREEN: "full screen",
-    Action.QUIT: "close the window",
-}
 
 KEYBOARD_ACTIONS: Mapping[str, Action] = {
     "return": Action.CONFIRM, "enter": Action.CONFIRM, "backspace": Action.DISCARD, "r": Action.REDO,
@@ -90,13 +76,13 @@ PAD_ACTIONS: Mapping[str, Action] = {
     "back": Action.UNDO, "dpad_up": Action.LABEL_UP, "dpad_down": Action.LABEL_DOWN,
     "right_trigger": Action.LABEL_UP, "left_trigger": Action.LABEL_DOWN, "right_stick": Action.VIEW,
     "left_stick": Action.HUD,
-    # a device that SDL has no names for
+    # devices whose controls have no names in SDL
     "button0": Action.CONFIRM, "button1": Action.DISCARD, "button2": Action.REDO, "button3": Action.NEXT,
     "hat0_y": Action.LABEL_UP, "-hat0_y": Action.LABEL_DOWN,
 }  # fmt: skip
 
-# For the help page: keys and buttons as they are unless remapped, and what they do.
-KEYS: tuple[tuple[str, str], ...] = (
+# Rows of the help page: default control, and what it does.
+HELP: tuple[tuple[str, str], ...] = (
     ("W S or up, down", "drive ahead, back"),
     ("A D or left, right", "turn"),
     ("Q E", "sideways, if the robot can"),
@@ -111,7 +97,7 @@ KEYS: tuple[tuple[str, str], ...] = (
     ("N, pad Y", "another scene"),
     ("Ctrl+Z, pad Back", "undo the last keep"),
     ("P, pad Start", "pause"),
-    ("1 to 9", "label k"),
+    ("1 to 9", "label 1 to 9"),
     ("Wheel, Page keys, triggers", "label up, down"),
     ("V, press right stick", "switch camera"),
     ("H, press left stick", "show / hide readings"),
@@ -120,13 +106,13 @@ KEYS: tuple[tuple[str, str], ...] = (
     ("G", "scene settings"),
     ("K", "set up the controls"),
     ("F11", "full screen"),
-    ("F12", "picture of the window"),
+    ("F12", "save a screenshot"),
     ("F1", "this help"),
     ("Esc", "menu"),
     ("Ctrl+Q", "close the window"),
 )
 
-_WORDS = {
+_CONTROL_TEXTS = {
     "return": "Enter", "enter": "Num Enter", "escape": "Esc", "drag_x": "drag sideways",
     "drag_y": "drag up and down", "wheel_up": "wheel up", "wheel_down": "wheel down",
     "left_x": "left stick sideways", "left_y": "left stick up and down", "right_x": "right stick sideways",
@@ -137,50 +123,42 @@ _HAT_ENDS = {("", "x"): " right", ("-", "x"): " left", ("", "y"): " up", ("-", "
 _FIRST_LETTER, _FIRST_DIGIT = pygame.KSCAN_A, pygame.KSCAN_1
 
 
-def key_of(event: pygame.Event) -> str:
-    """The name of the key that went down or up: `w`, `up`, `space`.
+def key_name(event: pygame.Event) -> str:
+    """Name of the key of a KEYDOWN or KEYUP event: `w`, `up`, `space`.
 
-    The row of digits goes by place, since some layouts have other signs there; so do letters of other scripts.
+    Digits are identified by position, because some layouts have other characters in that row; letters are identified
+    by position on layouts of other scripts.
     """
-    place = int(getattr(event, "scancode", 0))
+    scancode = int(getattr(event, "scancode", 0))
     name = pygame.key.name(event.key).lower()
-    if _FIRST_DIGIT <= place <= pygame.KSCAN_0 and not name.isdigit():
-        return "1234567890"[place - _FIRST_DIGIT]
-    if _FIRST_LETTER <= place <= pygame.KSCAN_Z and not (name and name.isascii()):
-        return "abcdefghijklmnopqrstuvwxyz"[place - _FIRST_LETTER]
+    if _FIRST_DIGIT <= scancode <= pygame.KSCAN_0 and not name.isdigit():
+        return "1234567890"[scancode - _FIRST_DIGIT]
+    if _FIRST_LETTER <= scancode <= pygame.KSCAN_Z and not (name and name.isascii()):
+        return "abcdefghijklmnopqrstuvwxyz"[scancode - _FIRST_LETTER]
     return name
 
 
-def with_modifiers(event: pygame.Event) -> str:
-    """`key_of`, after `ctrl+` or `alt+` where these are held, so that Ctrl+W does not drive.
+def key_with_modifiers(event: pygame.Event) -> str:
+    """`key_name` with the prefixes `ctrl+` and `alt+` of the modifiers held, so that Ctrl+W does not drive.
 
-    AltGr is neither: it writes signs on many layouts.
+    AltGr does not count as a modifier: many layouts need it for characters.
     """
     mods = int(getattr(event, "mod", 0))
     ctrl = "ctrl+" if mods & (pygame.KMOD_CTRL | pygame.KMOD_META) else ""
-    return ctrl + ("alt+" if mods & pygame.KMOD_LALT else "") + key_of(event)
+    return ctrl + ("alt+" if mods & pygame.KMOD_LALT else "") + key_name(event)
 
 
-def action_of(event: pygame.Event, keys: Mapping[str, Action] = KEYBOARD_ACTIONS) -> Action | None:
-    """What a key or the mouse's wheel asks for, for a screen without `Hands` (which know pads, and remapped keys)."""
-    if event.type == pygame.KEYDOWN:
-        return keys.get(with_modifiers(event))
-    if event.type == pygame.MOUSEWHEEL and event.y:
-        return MOUSE_ACTIONS["wheel_up" if event.y > 0 else "wheel_down"]
-    return None
+def control_text(control: str) -> str:
+    """Readable name of a control; a leading `-` is the negative half of an axis.
 
-
-def in_words(control: str) -> str:
-    """A control as people call it.
-
-    >>> [in_words(control) for control in ("left_shoulder", "ctrl+z", "-axis3", "hat0_y", "w", "[4]", "page up")]
+    >>> [control_text(control) for control in ("left_shoulder", "ctrl+z", "-axis3", "hat0_y", "w", "[4]", "page up")]
     ['left shoulder', 'Ctrl+Z', 'axis 3 minus', 'hat 0 up', 'W', 'Num 4', 'Page Up']
     """
-    if control in _WORDS:
-        return _WORDS[control]
+    if control in _CONTROL_TEXTS:
+        return _CONTROL_TEXTS[control]
     if len(control) == 1:
         return control.upper()
-    if control.startswith("["):
+    if control.startswith("["):  # SDL's name of a key of the number pad
         return f"Num {control[1:-1]}"
     numbered = _NUMBERED.fullmatch(control)
     if numbered:
@@ -188,7 +166,7 @@ def in_words(control: str) -> str:
         end = _HAT_ENDS.get((minus, side), " minus" if minus else "")
         return f"{kind} {number}{end}"
     if control.startswith("-"):
-        return f"{in_words(control[1:])} minus"
+        return f"{control_text(control[1:])} minus"
     if "_" in control:
         return control.replace("dpad", "d-pad").replace("_", " ")
     return "+".join(" ".join(word.capitalize() for word in part.split(" ")) for part in control.split("+"))

@@ -1,4 +1,4 @@
-"""Any controller at work in the window, scene after scene; nothing is recorded."""
+"""Shows a controller that drives in the window, scene after scene; nothing is recorded."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from ..errors import SceneError, Sonata2dError
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode
-from ..view.eye import image_of
-from ..view.hud import Hud
 from ..view.interpolation import between
+from ..view.overlay import Hud
+from ..view.painter import image_of
 from .actions import Action
-from .hands import Hands
-from .sight import Sight
+from .camera import SceneCamera
+from .input import InputDevices
 from .stage import Screen, Stage
 
 logger = logging.getLogger(__name__)
 
-TRIES = 20  # scenes in a row that find no place for all
-REST = 2.0  # s that an ended run stays to be seen
-MOST = 20  # ticks in one picture, at high speed
-_KEYS = (("P", "pause"), ("N", "next scene"), ("R", "again"), ("+ -", "pace"), ("V", "camera"), ("Z", "zones"))
+_MAX_FAILURES = 20  # scenes in a row that cannot be laid out, before the search ends
+_REST = 2.0  # time for which an ended run stays on screen, s
+_MAX_TICKS = 20  # per frame of the window, at high speed
+_KEYS = (("P", "pause"), ("N", "next scene"), ("R", "again"), ("+ -", "speed"), ("V", "camera"), ("Z", "zones"))
 
 
 class LiveScreen:
-    """Runs a controller and shows it.
+    """Runs a controller in generated scenes and shows it.
 
     Args:
-        config: what scenes may look like.
-        controller: its name, as on the command line.
+        config: scenario of the scenes.
+        controller: name, as on the command line.
         seed: of the scenes.
-        view: from which the first one is seen.
-        speed: seconds of the world in a second.
+        view: initial view.
+        speed: simulated seconds per second of real time.
 
     Attributes:
-        outcomes: how the scenes ended that were seen to their end.
-        failed: whether the controller raised an error in any of them.
+        outcomes: status of each run that was shown to its end.
+        failed: whether the controller raised an error in any run.
 
     Raises:
-        ControllerError: there is no such controller.
-        SceneError: a scene cannot be laid out.
+        ControllerError: the controller does not exist.
+        SceneError: the first scene cannot be laid out.
     """
 
     def __init__(
@@ -57,38 +57,37 @@ class LiveScreen:
         self._config, self._name, self._seed = config, controller, seed
         self._controller: Controller = load_controller(controller)
         self._number, self._speed, self._paused = 0, speed, False
-        self._sight, self._notice, self.failed = Sight(view), "", False
-        self._hands: Hands | None = None
+        self._camera, self._notice, self.failed = SceneCamera(view), "", False
+        self._devices: InputDevices | None = None
         self.outcomes: list[str] = []
-        self._open, self._lag, self._rest = True, 0.0, REST
+        self._open, self._lag, self._rest = True, 0.0, _REST
         self._begin(0)
 
     def enter(self, stage: Stage) -> None:
         self._stage = stage
-        self._hands = self._hands or Hands()
+        self._devices = self._devices or InputDevices()
 
     def handle(self, event: pygame.Event) -> None:
-        assert self._hands is not None
-        action = self._hands.handle(event, self._stage.size)
+        assert self._devices is not None
+        action = self._devices.handle(event, self._stage.size)
         if event.type == pygame.QUIT or action in (Action.MENU, Action.QUIT):
             self._open = False
-        elif action in self._doings:
-            self._doings[action]()
-        elif action is not None and not self._changes_pace(action):
-            self._sight.turn(action)
+        elif action in self._commands:
+            self._commands[action]()
+        elif action is not None:
+            self._camera.apply(action)
 
     def advance(self, seconds: float) -> Screen | None:
-        assert self._hands is not None
         if not self._open:
             return None
-        if self._run.outcome is not None:
+        if self._episode.outcome is not None:
             self._rest -= seconds
             if self._rest <= 0.0 and not self._paused:
                 self._go(1)
         elif not self._paused:
             self._lag += seconds * self._speed
-            for _ in range(MOST):
-                if self._lag < self.after.dt or self._run.outcome is not None:
+            for _ in range(_MAX_TICKS):
+                if self._lag < self.after.dt or self._episode.outcome is not None:
                     break
                 self._lag -= self.after.dt
                 self._tick()
@@ -96,76 +95,72 @@ class LiveScreen:
         return self
 
     def draw(self, surface: pygame.Surface) -> None:
-        share = min(self._lag / self.after.dt, 1.0) if self._run.outcome is None else 1.0
-        snapshot = between(self.before, self.after, share)
-        outcome = self._run.outcome
-        said = f"{outcome.status}: {outcome.reason}" if outcome else ""
+        outcome = self._episode.outcome
+        fraction = min(self._lag / self.after.dt, 1.0) if outcome is None else 1.0
         hud = Hud(
             run=self._number + 1,
             contributor=self._name,
             light="frozen" if self._rest == math.inf else "paused" if self._paused else "watching",
             keys=_KEYS,
-            notice=self._notice or said,
+            notice=self._notice or (f"{outcome.status}: {outcome.reason}" if outcome else ""),
         )
-        self._sight.draw(surface, snapshot, hud, scale=self._stage.scale)
+        self._camera.draw(surface, between(self.before, self.after, fraction), hud, scale=self._stage.scale)
 
     def leave(self) -> None:
-        """Nothing is to be kept."""
+        """Nothing needs to be saved."""
 
     @property
-    def _doings(self) -> dict[Action | None, Callable[[], None]]:
+    def _commands(self) -> dict[Action | None, Callable[[], None]]:
         return {
             Action.PAUSE: self._pause,
             Action.CONFIRM: self._pause,
             Action.NEXT: lambda: self._go(1),
             Action.REDO: lambda: self._go(0),
+            Action.ZOOM_IN: lambda: self._scale_speed(2.0),
+            Action.ZOOM_OUT: lambda: self._scale_speed(0.5),
         }
 
-    def _changes_pace(self, action: Action) -> bool:
-        """Faster or slower; whether the action asks for that."""
-        if action not in (Action.ZOOM_IN, Action.ZOOM_OUT):
-            return False
-        self._speed = min(max(self._speed * (2.0 if action is Action.ZOOM_IN else 0.5), 0.125), 16.0)
-        return True
+    def _scale_speed(self, factor: float) -> None:
+        self._speed = min(max(self._speed * factor, 0.125), 16.0)
 
     def _pause(self) -> None:
         self._paused = not self._paused
 
     def _go(self, by: int) -> None:
-        """Another scene; those in which not all find a place are passed over."""
-        for number in range(self._number + by, self._number + by + TRIES):
+        """Begin another scene (1) or the same one (0); scenes that cannot be laid out are skipped."""
+        for number in range(self._number + by, self._number + by + _MAX_FAILURES):
             try:
                 self._begin(number)
                 return
             except SceneError as error:
                 self._notice = str(error)
-            except Exception as error:  # the controller's reset is somebody else's, and the window shall stay
-                self._tell(error)
+            except Exception as error:  # the controller's `reset` is foreign code, and the window must stay open
+                self._report(error)
                 return
 
     def _begin(self, number: int) -> None:
-        """The scene of this number, from its start."""
+        """Begin a scene by its number."""
         scene = generate(self._config, self._seed, number)
-        self._run = Episode(scene, self._controller, renderer=image_of)
-        self._number, self._lag, self._rest, self._notice = number, 0.0, REST, ""
-        self.before: Snapshot = self._run.look()
+        self._episode = Episode(scene, self._controller, renderer=image_of)
+        self._number, self._lag, self._rest, self._notice = number, 0.0, _REST, ""
+        self.before: Snapshot = self._episode.snapshot()
         self.after: Snapshot = self.before
 
     def _tick(self) -> None:
-        """One tick; what a controller does wrong is told, and ends the run."""
-        assert self._hands is not None
+        """Simulate one tick; an error of the controller is shown and ends the run."""
+        assert self._devices is not None
         try:
-            frame = self._run.step(self._hands.look())
+            frame = self._episode.step(self._devices.poll())
         except Exception as error:  # as in `_go`
-            self._tell(error)
+            self._report(error)
             return
-        if self._run.outcome is not None:
-            self.outcomes.append(self._run.outcome.status)
+        if self._episode.outcome is not None:
+            self.outcomes.append(self._episode.outcome.status)
         self.before = frame.snapshot if frame else self.after
-        self.after = self._run.look()
+        self.after = self._episode.snapshot()
 
-    def _tell(self, error: Exception) -> None:
-        """Say what went wrong, in the window and with its place in the log; the scene stays to be seen."""
+    def _report(self, error: Exception) -> None:
+        """Show an error in the window and log its traceback; the scene stays visible."""
         self._notice = str(error) if isinstance(error, Sonata2dError) else f"{type(error).__name__}: {error}"
         self.failed, self._rest = True, math.inf
         logger.exception("the controller raised an error at tick %d of scene %d", self.after.tick, self._number)

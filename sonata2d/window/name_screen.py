@@ -1,4 +1,4 @@
-"""The first question: who drives."""
+"""The first screen: asks for the person's name."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from .stage import Screen, Stage
 
 
 class NameScreen:
-    """Asks for the contributor's name, then goes on.
+    """Asks for a name and continues with the screen made from it.
 
     Args:
-        follow: makes the screen that follows of the name; what it refuses is told, and asked again.
-        name: offered.
-        title, line: of the question.
+        follow: makes the next screen from the name; its errors are shown, and the question is asked again.
+        name: initial text.
+        title: of the question.
+        line: explanation below the title.
     """
 
     def __init__(
@@ -30,7 +31,7 @@ class NameScreen:
         name: str = "",
         *,
         title: str = "Who drives?",
-        line: str = "A name or a pseudonym; it is written into every run.",
+        line: str = "A name or a pseudonym. It is written into every run.",
     ) -> None:
         self._follow, self._name, self._problem = follow, name, ""
         self._title, self._line = title, line
@@ -43,7 +44,7 @@ class NameScreen:
             self._name = self._entry.get_text()
         lines = [self._problem or self._line]
         buttons = [("Start (Enter)", Action.CONFIRM), ("Quit", Action.QUIT)]
-        self._card = Card(stage.ui, stage.scale, self._title, lines, buttons, room=44)
+        self._card = Card(stage.ui, stage.scale, self._title, lines, buttons, free_height=44)
         self._entry = UITextEntryLine(self._card.free, stage.ui, initial_text=self._name)
         stage.ui.set_focus_set(self._entry)
 
@@ -71,4 +72,4 @@ class NameScreen:
         self._card.draw(surface)
 
     def leave(self) -> None:
-        """Nothing is to be kept."""
+        """Nothing needs to be saved."""

@@ -1,4 +1,4 @@
-"""Controllers by name: learned ones by their weights, and two as driver and labeller."""
+"""Controllers by name: built-in ones, policies by their weights, and pairs of driver and labeller."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sonata2d.learning.policy import GraphPolicy
 
 from ..learning.samples import weights_file
 
-MINE = """\
+CONTROLLER_FILE = """\
 from sonata2d import Controller, Twist
 
 
@@ -28,30 +28,33 @@ class Mine(Controller):
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory, with weights and controller files."""
     monkeypatch.chdir(tmp_path)
     weights_file(tmp_path / "policy.npz")
     weights_file(tmp_path / "a+b.npz", seed=1)
     (tmp_path / "x+y").mkdir()
     for path in ("x+y/mine+1.py", "mine.py"):
-        (tmp_path / path).write_text(MINE)
+        (tmp_path / path).write_text(CONTROLLER_FILE)
     return tmp_path
 
 
-def parts(controller: object) -> list[str]:
+def class_names(controller: object) -> list[str]:
     """The names of the classes, driver first."""
     if isinstance(controller, Labelled):
-        return [*parts(controller._driver), *parts(controller._labeller)]
+        return [*class_names(controller._driver), *class_names(controller._labeller)]
     return [type(controller).__name__]
 
 
-def test_the_learned_controller_is_a_stock_one() -> None:
+def test_names_without_a_plus_load_single_controllers() -> None:
     assert named_controllers()["graph-policy"] is GraphPolicy
     assert isinstance(load_controller("graph-policy"), GraphPolicy)
+    assert isinstance(load_controller("straight-to-goal"), StraightToGoal)
+    assert isinstance(load_controller("sonata2d.agents:SocialPlanner"), SocialPlanner)
 
 
-def test_weights_are_named_by_their_file(here: Path) -> None:
-    for name in ("policy.npz", "./policy.npz", str(here / "policy.npz"), "./a+b.npz"):
+def test_a_policy_is_named_by_the_file_of_its_weights(folder: Path) -> None:
+    for name in ("policy.npz", "./policy.npz", str(folder / "policy.npz"), "./a+b.npz"):
         controller = load_controller(name)
         assert isinstance(controller, GraphPolicy)
         assert controller.settings()["weights"] == name
@@ -74,22 +77,22 @@ def test_weights_are_named_by_their_file(here: Path) -> None:
         ("human-like+sonata2d.agents:SocialPlanner", "HumanLike SocialPlanner"),
     ],
 )
-def test_a_plus_parts_driver_and_labeller_but_not_a_files_path(here: Path, name: str, classes: str) -> None:
+def test_a_plus_separates_driver_and_labeller_except_in_paths(folder: Path, name: str, classes: str) -> None:
     controller = load_controller(name)
-    assert " ".join(parts(controller)) == classes
+    assert " ".join(class_names(controller)) == classes
     again = load_controller(name, dict(controller.settings()))
-    assert parts(again) == parts(controller)
+    assert class_names(again) == class_names(controller)
     assert dict(again.settings()) == dict(controller.settings())
 
 
-def test_there_is_no_third_beside_driver_and_labeller() -> None:
-    with pytest.raises(ControllerError, match="there is no third"):
+def test_more_than_two_controllers_are_rejected() -> None:
+    with pytest.raises(ControllerError, match="names more than two controllers"):
         load_controller("graph-policy+straight-to-goal+social-planner")
 
 
-def test_halves_are_set_as_a_file_tells() -> None:
-    told = Labelled(HumanLike(delay=0.4), SocialPlanner()).settings()
-    pair = load_controller("human-like+social-planner", dict(told))
+def test_recorded_settings_apply_to_both_controllers_of_a_pair() -> None:
+    recorded = Labelled(HumanLike(delay=0.4), SocialPlanner()).settings()
+    pair = load_controller("human-like+social-planner", dict(recorded))
     assert pair.settings()["driver"]["delay"] == 0.4
 
 
@@ -97,11 +100,11 @@ def test_halves_are_set_as_a_file_tells() -> None:
     ("name", "message", "note"),
     [
         (
-            "graph-policy+nobody",
-            "no controller is named 'nobody'",
-            "in 'graph-policy+nobody', which is driver+labeller",
+            "graph-policy+unknown",
+            "no controller is named 'unknown'",
+            "in 'graph-policy+unknown', which is driver+labeller",
         ),
-        ("nobody+social-planner", "no controller is named 'nobody'", "in 'nobody+social-planner'"),
+        ("unknown+social-planner", "no controller is named 'unknown'", "in 'unknown+social-planner'"),
         ("graph-policy+./none.npz", "none.npz cannot be read: No such file", "in 'graph-policy+./none.npz'"),
         ("graph-policy+./none.py:X", "controller file ./none.py does not exist", "in 'graph-policy+./none.py:X'"),
         ("graph-polcy", "did you mean 'graph-policy'?", None),
@@ -110,21 +113,17 @@ def test_halves_are_set_as_a_file_tells() -> None:
         ("./none.npz", "none.npz cannot be read", None),
     ],
 )
-def test_an_unknown_part_is_named(here: Path, name: str, message: str, note: str | None) -> None:
+def test_errors_name_the_part_that_is_unknown(folder: Path, name: str, message: str, note: str | None) -> None:
     with pytest.raises(ControllerError, match=re.escape(message)) as caught:
         load_controller(name)
     notes = getattr(caught.value, "__notes__", [])
     assert notes == [] if note is None else note in notes[0]
 
 
-def test_other_weights_than_those_that_drove_are_told_as_that(here: Path) -> None:
-    settings = load_controller("./policy.npz").settings()
-    weights_file(here / "policy.npz", seed=2)
-    for name, told in (("./policy.npz", settings), ("graph-policy", GraphPolicy().settings() | {"sha256": "0" * 64})):
+def test_weights_that_changed_since_the_recording_are_rejected(folder: Path) -> None:
+    recorded = load_controller("./policy.npz").settings()
+    weights_file(folder / "policy.npz", seed=2)
+    other = GraphPolicy().settings() | {"sha256": "0" * 64}
+    for name, settings in (("./policy.npz", recorded), ("graph-policy", other)):
         with pytest.raises(ControllerError, match=r"^(./policy.npz|graph-policy) has other weights now"):
-            load_controller(name, told)
-
-
-def test_names_without_a_plus_are_what_they_were() -> None:
-    assert isinstance(load_controller("straight-to-goal"), StraightToGoal)
-    assert isinstance(load_controller("sonata2d.agents:SocialPlanner"), SocialPlanner)
+            load_controller(name, settings)

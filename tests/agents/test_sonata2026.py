@@ -1,4 +1,4 @@
-"""The default walking model: its forces as worked out by hand, and what its people do."""
+"""The default pedestrian model: its terms compared with calculations by hand, and the motion of its pedestrians."""
 
 from __future__ import annotations
 
@@ -8,34 +8,32 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sonata2d.agents.pedestrians.models.base import Walkers, pedestrian_model
 from sonata2d.agents.pedestrians.models.sonata2026 import (
-    Choice,
-    Strip,
+    Headway,
+    Steering,
     anticipation_acceleration,
-    company_acceleration,
-    free_speed,
-    nearness_acceleration,
-    steered,
+    group_cohesion_acceleration,
+    headway_speed,
+    proximity_acceleration,
+    steer,
 )
-from sonata2d.core.entities import Group, Human, Wall
+from sonata2d.core.entities import Group, Human
 from sonata2d.core.geometry import Pose
 from sonata2d.core.portable_math import Array
 from sonata2d.core.scene import Rules, Scene
 
 from ..conftest import room
-from .test_crowd import turned, watched
+from .test_crowd import positions, rotated, simulate, two_rooms
 
-STRIP = Strip(breadth=0.4, distance=0.1, time=1.0)
+HEADWAY = Headway(half_width=0.4, standstill_gap=0.1, time_gap=1.0)
+CORNER = Pose(-3.7, -3.7)
+BOTH, CONTACT_DISTANCE = 1.0 - np.eye(2), np.full((2, 2), 0.4)
+EAST_AND_WEST, BOTH_EAST = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([[1.0, 0.0], [1.0, 0.0]])
 
 
 def pair(x: float, y: float) -> tuple[Array, Array]:
-    """dx and dy of two: the second is at (x, y) from the first; entry [j, i] leads from i to j."""
+    """dx and dy of two agents: the second is at (x, y) relative to the first; entry [j, i] leads from i to j."""
     return np.array([[0.0, -x], [x, 0.0]]), np.array([[0.0, -y], [y, 0.0]])
-
-
-OTHERS, TOUCHING = 1.0 - np.eye(2), np.full((2, 2), 0.4)
-EAST_AND_WEST, BOTH_EAST = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([[1.0, 0.0], [1.0, 0.0]])
 
 
 @pytest.mark.parametrize(
@@ -49,204 +47,152 @@ EAST_AND_WEST, BOTH_EAST = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([[1.0, 
         (0.45, 0.0, 1.0, 0.0),
     ],
 )
-def test_the_gap_ahead_sets_the_speed(x: float, y: float, weight: float, speed: float) -> None:
+def test_the_gap_ahead_determines_the_speed(x: float, y: float, weight: float, speed: float) -> None:
     dx, dy = pair(x, y)
-    assert free_speed(dx, dy, TOUCHING, weight * OTHERS, STRIP)[0] == pytest.approx(speed)
+    assert headway_speed(dx, dy, CONTACT_DISTANCE, weight * BOTH, HEADWAY)[0] == pytest.approx(speed)
 
 
-def way_of(x: float, y: float, direction: Array, side: float = 0.06, queueing: float = 1.0) -> tuple[Array, Array]:
+def steered(
+    x: float, y: float, direction: Array, side_bonus: float = 0.06, queueing: float = 1.0
+) -> tuple[Array, Array]:
+    """Directions and speeds that a pair at rest chooses."""
     dx, dy = pair(x, y)
-    choice = Choice(outlook=0.5, side=side, habit=0.0, decision=0.1, queueing=queueing)
+    steering = Steering(look_ahead_time=0.5, side_bonus=side_bonus, habit_bonus=0.0, temperature=0.1, queueing=queueing)
     speed = np.array([1.3, 1.3])
-    return steered(dx, dy, 0.0 * direction, direction, speed, TOUCHING, OTHERS, choice=choice, strip=STRIP)
+    return steer(dx, dy, 0.0 * direction, direction, speed, CONTACT_DISTANCE, BOTH, steering=steering, headway=HEADWAY)
 
 
-def test_a_free_way_is_gone_straight_at_the_desired_speed() -> None:
-    way, speed = way_of(4.0, 0.0, BOTH_EAST)
-    assert np.array_equal(way, BOTH_EAST)
+def test_a_free_path_is_walked_straight_at_the_desired_speed() -> None:
+    direction, speed = steered(4.0, 0.0, BOTH_EAST)
+    assert np.array_equal(direction, BOTH_EAST)
     assert speed.tolist() == [1.3, 1.3]
 
 
-def test_who_comes_against_one_is_passed_on_the_biased_side_and_mirrors() -> None:
-    way, speed = way_of(1.0, 0.0, EAST_AND_WEST)
-    assert way[0, 1] < -0.1  # to the right of one who goes east
-    assert way[1, 1] > 0.1
+def test_oncoming_pedestrians_are_passed_on_the_biased_side() -> None:
+    direction, speed = steered(1.0, 0.0, EAST_AND_WEST)
+    assert direction[0, 1] < -0.1  # for a walker along +x, right is -y
+    assert direction[1, 1] > 0.1
     assert (speed > 0.4).all()
-    mirrored, _ = way_of(1.0, 0.0, EAST_AND_WEST, side=-0.06)
-    assert mirrored == pytest.approx(way * [1.0, -1.0])
+    mirrored, _ = steered(1.0, 0.0, EAST_AND_WEST, side_bonus=-0.06)
+    assert mirrored == pytest.approx(direction * [1.0, -1.0])
 
 
-def test_who_goes_the_same_way_is_followed_not_walked_round() -> None:
-    way, speed = way_of(1.0, 0.0, BOTH_EAST)
-    assert way[0] == pytest.approx((1.0, 0.0), abs=0.05)
+def test_pedestrians_in_the_same_direction_are_followed_and_not_overtaken() -> None:
+    direction, speed = steered(1.0, 0.0, BOTH_EAST)
+    assert direction[0] == pytest.approx((1.0, 0.0), abs=0.05)
     assert speed[0] == pytest.approx(0.5, abs=0.1)  # (1 - 0.4 - 0.1) / 1
-    overtaking, _ = way_of(1.0, 0.1, BOTH_EAST, queueing=0.0)
+    overtaking, _ = steered(1.0, 0.1, BOTH_EAST, queueing=0.0)
     assert abs(overtaking[0, 1]) > 0.3
 
 
-def test_anticipation_as_worked_out_by_hand() -> None:
-    """Both walk at 1 m/s and would meet 2 m ahead of one and 2.5 m of the other: nearest in 2.25 s, 0.354 m apart."""
-    dx, dy = pair(2.0, -2.5)
-    velocity = np.array([[1.0, 0.0], [0.0, 1.0]])
-    felt = anticipation_acceleration(
-        dx, dy, velocity, OTHERS, TOUCHING / 2, strength=0.8, reach=0.5, horizon=1.5, side=0.0
+def anticipation(x: float, y: float, velocity: Array, contact_distance: Array, offset: float) -> Array:
+    """The anticipation term of a pair."""
+    dx, dy = pair(x, y)
+    return anticipation_acceleration(
+        dx, dy, velocity, BOTH, contact_distance, strength=0.8, decay_length=0.5, decay_time=1.5, offset=offset
     )
+
+
+def test_anticipation_by_hand() -> None:
+    """At 1 m/s each, paths cross 2 m ahead of the first and 2.5 m of the second: closest in 2.25 s, 0.354 m apart."""
+    found = anticipation(2.0, -2.5, np.array([[1.0, 0.0], [0.0, 1.0]]), CONTACT_DISTANCE / 2, 0.0)
     t = 2.25
-    apart = np.array([2.0 - t, -2.5 + t])
-    closing = (2.0 + 2.5) / math.hypot(2.0, 2.5)  # more than 1 m/s: counts in full
-    assert closing > 1.0
-    near = 0.8 * math.exp((0.2 - math.hypot(*apart)) / 0.5 - t / 1.5)
-    assert felt[0] == pytest.approx(-near * apart / math.hypot(*apart), abs=1e-6)
-    assert felt[1] == pytest.approx(-felt[0])
+    offset = np.array([2.0 - t, -2.5 + t])
+    closing = (2.0 + 2.5) / math.hypot(2.0, 2.5)
+    assert closing > 1.0  # m/s: counts in full
+    size = 0.8 * math.exp((0.2 - math.hypot(*offset)) / 0.5 - t / 1.5)
+    assert found[0] == pytest.approx(-size * offset / math.hypot(*offset), abs=1e-6)
+    assert found[1] == pytest.approx(-found[0])
 
 
-def test_nobody_gives_way_to_whom_they_leave_behind() -> None:
-    dx, dy = pair(1.0, 0.0)
-    felt = anticipation_acceleration(
-        dx, dy, -EAST_AND_WEST, OTHERS, TOUCHING, strength=0.8, reach=0.5, horizon=1.5, side=0.05
-    )
-    assert np.abs(felt).max() == 0.0
+def test_pairs_that_separate_do_not_anticipate() -> None:
+    assert np.abs(anticipation(1.0, 0.0, -EAST_AND_WEST, CONTACT_DISTANCE, 0.05)).max() == 0.0
 
 
-@pytest.mark.parametrize("side", [0.05, -0.05])
-def test_who_meets_head_on_gives_way_to_the_biased_side(side: float) -> None:
-    dx, dy = pair(3.0, 0.0)
-    felt = anticipation_acceleration(
-        dx, dy, EAST_AND_WEST, OTHERS, TOUCHING, strength=0.8, reach=0.5, horizon=1.5, side=side
-    )
-    assert felt[0, 1] * side < 0.0
-    assert felt[1, 1] * side > 0.0
+@pytest.mark.parametrize("offset", [0.05, -0.05])
+def test_head_on_encounters_are_evaded_to_the_biased_side(offset: float) -> None:
+    found = anticipation(3.0, 0.0, EAST_AND_WEST, CONTACT_DISTANCE, offset)
+    assert found[0, 1] * offset < 0.0
+    assert found[1, 1] * offset > 0.0
 
 
-def test_nearness_as_worked_out_by_hand() -> None:
+def test_proximity_by_hand() -> None:
     dx, dy = pair(0.7, 0.0)
-    felt = nearness_acceleration(dx, dy, BOTH_EAST, OTHERS, TOUCHING, strength=0.5, reach=0.3, anisotropy=0.2)
-    assert felt[0] == pytest.approx((-0.5 * math.exp(-1.0), 0.0), abs=1e-6)
-    assert felt[1] == pytest.approx((0.2 * 0.5 * math.exp(-1.0), 0.0), abs=1e-6)  # it is behind
+    found = proximity_acceleration(
+        dx, dy, BOTH_EAST, BOTH, CONTACT_DISTANCE, strength=0.5, decay_length=0.3, anisotropy=0.2
+    )
+    assert found[0] == pytest.approx((-0.5 * math.exp(-1.0), 0.0), abs=1e-6)
+    assert found[1] == pytest.approx((0.2 * 0.5 * math.exp(-1.0), 0.0), abs=1e-6)  # the first is behind
 
 
-def test_who_is_behind_hurries_as_much_as_who_is_ahead_waits() -> None:
-    dx, dy = pair(0.6, 0.5)
-    felt = company_acceleration(dx, dy, BOTH_EAST, OTHERS, np.ones(2), cohesion=0.2, spacing=0.9, abreast=0.1)
-    assert felt[0] == pytest.approx((0.06, 0.0))
-    assert felt[1] == pytest.approx((-0.06, 0.0))
-    dx, dy = pair(0.0, 1.4)
-    felt = company_acceleration(dx, dy, BOTH_EAST, OTHERS, np.ones(2), cohesion=0.2, spacing=0.9, abreast=0.1)
-    assert felt[0] == pytest.approx((0.0, 0.1))
-
-
-def some_people(count: int = 12) -> Walkers:
-    rng = np.random.default_rng(3)
-    angle = rng.uniform(-3.0, 3.0, count)
-    direction = np.stack((np.cos(angle), np.sin(angle)), axis=1)
-    member = np.zeros((count, count))
-    member[0, 1] = member[1, 0] = 1.0
-    return Walkers(
-        position=rng.uniform(-2.0, 2.0, (count, 2)), velocity=rng.uniform(-1.0, 1.0, (count, 2)),
-        desired_direction=direction, body_direction=direction,
-        desired_speed=np.full(count, 1.3), radius=np.full(count, 0.2),
-        weight=1.0 - np.eye(count), member=member, bond=np.full(count, 0.5),
-    )  # fmt: skip
-
-
-def felt_by(people: Walkers, side: int = 1) -> Array:
-    """In a room far larger than they are, so that turning it changes nothing."""
-    far = ((-90.0, -90.0), (90.0, -90.0), (90.0, 90.0), (-90.0, 90.0))
-    humans = [Human(k + 1, Pose(0.0, 0.0)) for k in range(len(people.position) - 1)]
-    scene = room(humans, polygon=far, rules=Rules(side=side))  # type: ignore[arg-type]
-    return pedestrian_model("sonata2026")(scene).acceleration(people)
-
-
-def moved(people: Walkers, by: Array) -> Walkers:
-    names = ("position", "velocity", "desired_direction", "body_direction")
-    return replace(people, **{name: getattr(people, name) @ by.T for name in names})
-
-
-def test_what_people_feel_turns_and_mirrors_with_them() -> None:
-    people = some_people()
-    felt = felt_by(people)
-    turn, mirror = np.array([[0.6, -0.8], [0.8, 0.6]]), np.diag([1.0, -1.0])
-    assert felt_by(moved(people, turn)) == pytest.approx(felt @ turn.T, abs=1e-6)
-    assert felt_by(moved(people, mirror), side=-1) == pytest.approx(felt @ mirror, abs=1e-9)
-    assert np.abs(felt_by(moved(people, mirror), side=1) - felt @ mirror).max() > 1e-3
-
-
-def test_nobody_feels_whom_they_do_not_weigh() -> None:
-    people = some_people()
-    weight = people.weight.copy()
-    weight[5, :] = 0.0
-    elsewhere = people.position.copy()
-    elsewhere[5] += 0.7
-    felt = felt_by(replace(people, weight=weight))
-    again = felt_by(replace(people, weight=weight, position=elsewhere))
-    assert np.array_equal(np.delete(felt, 5, axis=0), np.delete(again, 5, axis=0))
+def test_group_members_behind_accelerate_as_much_as_members_ahead_slow_down() -> None:
+    ahead, abreast = (
+        group_cohesion_acceleration(*pair(x, y), BOTH_EAST, BOTH, np.ones(2), cohesion=0.2, spacing=0.9, abreast=0.1)
+        for x, y in ((0.6, 0.5), (0.0, 1.4))
+    )
+    assert ahead[0] == pytest.approx((0.06, 0.0))
+    assert ahead[1] == pytest.approx((-0.06, 0.0))
+    assert abreast[0] == pytest.approx((0.0, 0.1))
 
 
 def crossing(side: int = 1) -> Scene:
-    """Eight people from all sides, each with a goal on the other."""
-    people = []
+    """Eight pedestrians on a circle, each with its goal on the opposite side."""
+    humans = []
     for k in range(8):
         x, y = 3.4 * math.cos(0.8 * k), 3.4 * math.sin(0.8 * k)
         human = Human(k + 1, Pose(x, y), desired_speed=1.0 + 0.07 * k, behaviour="walking", goals=((-x, -y),))
-        people.append(human)
-    return room(people, robot=Pose(3.7, 3.7), rules=Rules(side=side))  # type: ignore[arg-type]
+        humans.append(human)
+    return room(humans, robot=Pose(3.7, 3.7), rules=Rules(side=side))  # type: ignore[arg-type]
 
 
 def mirrored(scene: Scene) -> Scene:
-    people = tuple(
+    """The scene mirrored at the x axis."""
+    humans = tuple(
         replace(h, pose=Pose(h.pose.x, -h.pose.y, -h.pose.theta), goals=tuple((x, -y) for x, y in h.goals))
         for h in scene.humans
     )
-    robot = replace(scene.robot, pose=Pose(scene.robot.pose.x, -scene.robot.pose.y))
-    return replace(scene, humans=people, robot=robot)
+    return replace(scene, humans=humans, robot=replace(scene.robot, pose=Pose(scene.robot.pose.x, -scene.robot.pose.y)))
 
 
-def test_motion_turns_and_mirrors_with_the_scene() -> None:
-    places = np.array([s.humans.position for s in watched(crossing(), 6.0)])
-    assert np.abs(places[-1] - places[0]).max() > 4.0
-    quarter = turned(crossing(), 0, 1)
-    people = tuple(replace(h, goals=tuple((-y, x) for x, y in h.goals)) for h in quarter.humans)
-    again = np.array([s.humans.position for s in watched(replace(quarter, humans=people), 6.0)])
-    assert again == pytest.approx(np.stack((-places[..., 1], places[..., 0]), axis=-1), abs=1e-4)
-    image = np.array([s.humans.position for s in watched(mirrored(crossing(-1)), 6.0)])
-    assert image == pytest.approx(places * [1.0, -1.0], abs=1e-4)
+def test_motion_rotates_and_mirrors_with_the_scene() -> None:
+    path = positions(simulate(crossing(), 6.0))
+    assert np.abs(path[-1] - path[0]).max() > 4.0
+    turned = positions(simulate(rotated(crossing(), 0, 1), 6.0))
+    assert turned == pytest.approx(np.stack((-path[..., 1], path[..., 0]), axis=-1), abs=1e-4)
+    image = positions(simulate(mirrored(crossing(-1)), 6.0))
+    assert image == pytest.approx(path * [1.0, -1.0], abs=1e-4)
 
 
-def two_rooms(width: float, people: list[Human]) -> Scene:
-    inner = [Wall((0.0, -4.0), (0.0, -width / 2)), Wall((0.0, width / 2), (0.0, 4.0))]
-    return room(people, inner=inner, robot=Pose(-3.7, -3.7))
-
-
-def through(number: int, x: float, y: float) -> Human:
+def through_the_door(number: int, x: float, y: float) -> Human:
+    """A pedestrian whose goal is in the other room."""
     side = math.copysign(1.0, x)
     return Human(number, Pose(x, y), behaviour="walking", goals=((-3.0 * side, 0.3 * y),), reacts_to_robot=0.0)
 
 
 @pytest.mark.parametrize("width", [1.0, 1.2])
-def test_opposing_people_do_not_block_a_doorway(width: float) -> None:
-    left = [through(k + 1, -1.0 - 0.7 * (k // 3), 1.0 * (k % 3) - 1.0) for k in range(5)]
-    right = [through(k + 6, 1.0 + 0.7 * (k // 3), 1.1 * (k % 3) - 1.1) for k in range(5)]
-    last = watched(two_rooms(width, left + right), 40.0)[-1].humans.position
+def test_opposing_pedestrians_do_not_block_a_doorway(width: float) -> None:
+    left = [through_the_door(k + 1, -1.0 - 0.7 * (k // 3), 1.0 * (k % 3) - 1.0) for k in range(5)]
+    right = [through_the_door(k + 6, 1.0 + 0.7 * (k // 3), 1.1 * (k % 3) - 1.1) for k in range(5)]
+    last = positions(simulate(two_rooms(width, left + right, robot=CORNER), 40.0))[-1]
     assert (last[:5, 0] > 0.5).all()
     assert (last[5:, 0] < -0.5).all()
 
 
-def test_a_queue_at_a_door_resolves_to_the_last_one() -> None:
-    people = [through(k + 1, -0.8 - 0.6 * (k // 5), 0.8 * (k % 5) - 1.6) for k in range(20)]
-    seen = watched(two_rooms(0.9, people), 40.0)
-    assert (seen[-1].humans.position[:, 0] > 0.5).all()
-    assert (seen[50].humans.position[:, 0] < 0.0).any()  # there was a queue
+def test_a_queue_at_a_door_resolves_completely() -> None:
+    humans = [through_the_door(k + 1, -0.8 - 0.6 * (k // 5), 0.8 * (k % 5) - 1.6) for k in range(20)]
+    path = positions(simulate(two_rooms(0.9, humans, robot=CORNER), 40.0))
+    assert (path[-1, :, 0] > 0.5).all()
+    assert (path[50, :, 0] < 0.0).any()  # after 5 s some still wait
 
 
-def test_a_walking_group_keeps_together_and_its_pace() -> None:
-    people = [
+def test_a_walking_group_stays_together_and_keeps_its_speed() -> None:
+    humans = [
         Human(k + 1, Pose(-3.0, 0.8 * k - 0.8), behaviour="walking", desired_speed=1.1, group=1,
               goals=((3.0, 0.8 * k - 0.8),), velocity=(1.1, 0.0))
         for k in range(3)
     ]  # fmt: skip
-    seen = watched(room(people, groups=(Group(1, "walking", (1, 2, 3)),), robot=Pose(3.7, 3.7)), 4.0)
-    places = np.array([s.humans.position for s in seen])
-    gaps = np.linalg.norm(np.diff(places, axis=1), axis=2)
-    assert (gaps > 0.6).all()
-    assert (gaps < 1.2).all()
-    assert (places[-1, :, 0] - places[0, :, 0]) / 3.9 == pytest.approx([1.1] * 3, abs=0.1)
+    path = positions(simulate(room(humans, groups=(Group(1, "walking", (1, 2, 3)),), robot=Pose(3.7, 3.7)), 4.0))
+    distances = np.linalg.norm(np.diff(path, axis=1), axis=2)
+    assert (distances > 0.6).all()
+    assert (distances < 1.2).all()
+    assert (path[-1, :, 0] - path[0, :, 0]) / 3.9 == pytest.approx([1.1] * 3, abs=0.1)

@@ -1,4 +1,4 @@
-"""A person's events become twists, the same ones whenever they are given."""
+"""`Teleoperation`: device mappings, and that equal events give equal twists."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from sonata2d.agents.controllers.teleoperation import HANDS, STOP, Hand, Teleoperation
+from sonata2d.agents.controllers.teleoperation import DEFAULT_MAPPINGS, STOP, DeviceMapping, Teleoperation
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.core.entities import Kinematics
 from sonata2d.core.geometry import Twist
@@ -23,70 +22,74 @@ from ..conftest import room
 
 unit = st.floats(-1.0, 1.0)
 STICK = {"left_y": ("ahead", 1.0), "left_x": ("turn", 1.0)}
-hands = st.builds(lambda dead, curve: Hand(STICK, dead, curve), st.floats(0.0, 0.95), st.floats(0.0, 1.0))  # type: ignore[arg-type]
-Tick = Sequence[DeviceEvent]
 
 
-def at(hand: Hand, x: float, y: float) -> tuple[float, float]:
-    """What a stick that stands there asks for, as it lies."""
-    asked = hand.read({"left_x": x, "left_y": y})
-    return asked["turn"], asked["ahead"]
+def stick(dead_zone: float, curve: float) -> DeviceMapping:
+    return DeviceMapping(STICK, dead_zone, curve)  # type: ignore[arg-type]
 
 
-# The hand
+mappings = st.builds(stick, st.floats(0.0, 0.95), st.floats(0.0, 1.0))
+Events = Sequence[DeviceEvent]
 
 
-@given(hands, unit, unit)
-def test_a_stick_asks_for_no_more_than_its_round(hand: Hand, x: float, y: float) -> None:
-    assert math.hypot(*at(hand, x, y)) <= 1.0 + 1e-12
+def stick_command(mapping: DeviceMapping, x: float, y: float) -> tuple[float, float]:
+    """The commands (turn, ahead) for a stick position (x, y)."""
+    command = mapping.read({"left_x": x, "left_y": y})
+    return command["turn"], command["ahead"]
 
 
-@given(hands, st.floats(0.0, 1.0), st.floats(-math.pi, math.pi))
-def test_within_the_dead_zone_a_stick_is_at_rest(hand: Hand, share: float, angle: float) -> None:
-    reach = hand.dead_zone * share * (1 - 1e-9)
-    assert at(hand, reach * math.cos(angle), reach * math.sin(angle)) == (0.0, 0.0)
+# Device mappings
 
 
-@given(hands, unit, unit)
-def test_the_other_way_asks_for_the_opposite(hand: Hand, x: float, y: float) -> None:
-    assert at(hand, -x, -y) == tuple(-value for value in at(hand, x, y))
+@given(mappings, unit, unit)
+def test_stick_commands_stay_within_the_unit_disc(mapping: DeviceMapping, x: float, y: float) -> None:
+    assert math.hypot(*stick_command(mapping, x, y)) <= 1.0 + 1e-12
 
 
-@given(hands, unit, unit)
-def test_the_direction_of_a_stick_is_kept(hand: Hand, x: float, y: float) -> None:
-    ax, ay = at(hand, x, y)
+@given(mappings, st.floats(0.0, 1.0), st.floats(-math.pi, math.pi))
+def test_a_stick_within_the_dead_zone_is_centred(mapping: DeviceMapping, fraction: float, angle: float) -> None:
+    radius = mapping.dead_zone * fraction * (1 - 1e-9)
+    assert stick_command(mapping, radius * math.cos(angle), radius * math.sin(angle)) == (0.0, 0.0)
+
+
+@given(mappings, unit, unit)
+def test_the_opposite_stick_position_gives_the_opposite_command(mapping: DeviceMapping, x: float, y: float) -> None:
+    assert stick_command(mapping, -x, -y) == tuple(-value for value in stick_command(mapping, x, y))
+
+
+@given(mappings, unit, unit)
+def test_the_direction_of_a_stick_is_kept(mapping: DeviceMapping, x: float, y: float) -> None:
+    ax, ay = stick_command(mapping, x, y)
     assert ax * y == pytest.approx(ay * x, abs=1e-9)
     assert ax * x + ay * y >= 0.0
 
 
-@given(hands, unit, st.floats(0.0, 1.0))
-def test_further_out_never_asks_for_less(hand: Hand, x: float, share: float) -> None:
-    assert abs(at(hand, x * share, 0.0)[0]) <= abs(at(hand, x, 0.0)[0]) + 1e-12
+@given(mappings, unit, st.floats(0.0, 1.0))
+def test_stick_commands_grow_with_the_deflection(mapping: DeviceMapping, x: float, fraction: float) -> None:
+    assert abs(stick_command(mapping, x * fraction, 0.0)[0]) <= abs(stick_command(mapping, x, 0.0)[0]) + 1e-12
 
 
-def test_the_dead_zone_is_round() -> None:
-    hand = replace(HANDS["pad"], dead_zone=0.2, curve=0.0)
-    assert set(hand.read({"left_x": 0.14, "left_y": 0.14}).values()) == {0.0}
-    assert hand.read({"left_x": 0.15, "left_y": 0.15})["turn"] != 0.0
-    assert hand.read({"left_x": 0.19, "left_y": 0.19})["ahead"] != 0.0  # neither axis alone would pass
+@given(mappings)
+def test_full_deflection_gives_the_full_command(mapping: DeviceMapping) -> None:
+    assert stick_command(mapping, 1.0, 0.0)[0] == pytest.approx(1.0)
+    assert stick_command(mapping, 0.0, -1.0)[1] == pytest.approx(-1.0)
 
 
-@given(hands)
-def test_a_full_stick_asks_for_all(hand: Hand) -> None:
-    assert at(hand, 1.0, 0.0)[0] == pytest.approx(1.0)
-    assert at(hand, 0.0, -1.0)[1] == pytest.approx(-1.0)
+def test_the_dead_zone_is_a_disc() -> None:
+    mapping = replace(DEFAULT_MAPPINGS["pad"], dead_zone=0.2, curve=0.0)
+    assert set(mapping.read({"left_x": 0.14, "left_y": 0.14}).values()) == {0.0}
+    assert mapping.read({"left_x": 0.15, "left_y": 0.15})["turn"] != 0.0
+    assert mapping.read({"left_x": 0.19, "left_y": 0.19})["ahead"] != 0.0  # each axis alone is within the dead zone
 
 
-def test_a_curve_is_finer_near_the_middle() -> None:
-    straight, curved = (Hand(STICK, 0.0, curve) for curve in (0.0, 1.0))  # type: ignore[arg-type]
-    assert at(straight, 0.5, 0.0)[0] == pytest.approx(0.5)
-    assert at(curved, 0.5, 0.0)[0] == pytest.approx(0.125)
+def test_a_curve_is_finer_near_the_centre() -> None:
+    assert stick_command(stick(0.0, 0.0), 0.5, 0.0)[0] == pytest.approx(0.5)
+    assert stick_command(stick(0.0, 1.0), 0.5, 0.0)[0] == pytest.approx(0.125)
 
 
-def test_buttons_of_a_pad_are_no_stick() -> None:
-    hand = Hand({"x": ("turn", 1.0), "y": ("ahead", 1.0)}, dead_zone=0.5)
-    asked = hand.read({"x": 1.0, "y": 1.0})
-    assert (asked["turn"], asked["ahead"]) == (1.0, 1.0)
+def test_the_x_and_y_buttons_of_a_pad_do_not_form_a_stick() -> None:
+    command = DeviceMapping({"x": ("turn", 1.0), "y": ("ahead", 1.0)}, dead_zone=0.5).read({"x": 1.0, "y": 1.0})
+    assert (command["turn"], command["ahead"]) == (1.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -94,19 +97,19 @@ def test_buttons_of_a_pad_are_no_stick() -> None:
     [({}, 1.0, 0.0), ({}, -0.1, 0.0), ({}, 0.0, 1.1), ({}, math.nan, 0.0), ({"a": ("fly", 1.0)}, 0.0, 0.0),
      ({"a": ("turn", 1.5)}, 0.0, 0.0), ({"a": ("turn", math.nan)}, 0.0, 0.0)],
 )  # fmt: skip
-def test_a_hand_that_makes_no_sense_is_refused(controls: Mapping[str, object], dead_zone: float, curve: float) -> None:
-    with pytest.raises(ValueError, match=r"dead_zone|bound to"):
-        Hand(controls, dead_zone, curve)  # type: ignore[arg-type]
+def test_invalid_mappings_are_rejected(controls: Mapping[str, object], dead_zone: float, curve: float) -> None:
+    with pytest.raises(ValueError, match=r"dead_zone must be|is mapped to axis"):
+        DeviceMapping(controls, dead_zone, curve)  # type: ignore[arg-type]
 
 
-@given(hands)
-def test_a_hand_reads_back_from_json_as_it_was(hand: Hand) -> None:
-    assert Hand.restored(json.loads(json.dumps(hand.settings()))) == hand
+@given(mappings)
+def test_a_mapping_reads_back_equal_from_json(mapping: DeviceMapping) -> None:
+    assert DeviceMapping.from_settings(json.loads(json.dumps(mapping.settings()))) == mapping
 
 
-def test_a_hand_keeps_its_numbers_as_a_file_does() -> None:
-    told = Hand({"a": ("turn", 0.33333)}, 0.12345678, 0.87654321).settings()
-    assert told == {"dead_zone": 0.1235, "curve": 0.8765, "controls": {"a": ["turn", 0.3333]}}
+def test_a_mapping_rounds_its_numbers_to_the_precision_of_files() -> None:
+    settings = DeviceMapping({"a": ("turn", 0.33333)}, 0.12345678, 0.87654321).settings()
+    assert settings == {"dead_zone": 0.1235, "curve": 0.8765, "controls": {"a": ["turn", 0.3333]}}
 
 
 # The controller
@@ -117,113 +120,108 @@ def scene_for(kinematics: Kinematics = "holonomic") -> Scene:
     return replace(scene, robot=replace(scene.robot, kinematics=kinematics))
 
 
-def driven(ticks: Sequence[Tick], controller: Teleoperation | None = None, scene: Scene | None = None) -> list[Twist]:
-    """The twist of each tick."""
+def drive(ticks: Sequence[Events], controller: Teleoperation | None = None, scene: Scene | None = None) -> list[Twist]:
+    """The twist of each tick, given its events."""
     episode = Episode(scene or scene_for(), controller or Teleoperation())
     for events in ticks:
         episode.step(events)
-    return [moment.command for moment in episode.past]
+    return [frame.command for frame in episode.past]
 
 
 def keys(*names: str, value: float = 1.0) -> list[DeviceEvent]:
     return [DeviceEvent("keyboard", name, value) for name in names]
 
 
-stray = st.builds(
+random_event = st.builds(
     DeviceEvent,
     st.sampled_from(["keyboard", "mouse", "pad0", "pad1"]),
     st.sampled_from(["w", "a", "e", "space", "left_x", "left_y", "right_x", "drag_x", "drag_y", "left_shoulder"]),
     unit,
 )
-drives = st.lists(st.lists(stray, max_size=3), min_size=1, max_size=8)
+random_ticks = st.lists(st.lists(random_event, max_size=3), min_size=1, max_size=8)
 
 
-@given(drives)
-def test_the_same_events_bring_the_same_twists(ticks: list[Tick]) -> None:
-    mine = {"pad1": Hand({"left_y": ("turn", 0.333333)}, 0.123456, 0.654321)} | dict(HANDS)
-    controller = Teleoperation(mine)
-    once = driven(ticks, controller)
-    assert driven(ticks, controller) == once
-    told = json.loads(json.dumps(controller.settings()))
-    assert driven(ticks, Teleoperation.from_settings(told)) == once
+@given(random_ticks)
+def test_equal_events_give_equal_twists_also_with_recorded_settings(ticks: list[Events]) -> None:
+    own = {"pad1": DeviceMapping({"left_y": ("turn", 0.333333)}, 0.123456, 0.654321)} | dict(DEFAULT_MAPPINGS)
+    controller = Teleoperation(own)
+    once = drive(ticks, controller)
+    assert drive(ticks, controller) == once
+    settings = json.loads(json.dumps(controller.settings()))
+    assert drive(ticks, Teleoperation.from_settings(settings)) == once
 
 
-@given(drives)
-def test_a_unicycle_never_goes_sideways(ticks: list[Tick]) -> None:
-    assert all(twist.vy == 0.0 for twist in driven(ticks, scene=scene_for("unicycle")))
+@given(random_ticks)
+def test_a_unicycle_never_moves_sideways(ticks: list[Events]) -> None:
+    assert all(twist.vy == 0.0 for twist in drive(ticks, scene=scene_for("unicycle")))
 
 
-@given(drives)
-def test_nothing_beyond_the_limits_is_asked_for(ticks: list[Tick]) -> None:
+@given(random_ticks)
+def test_commands_stay_within_the_limits_of_the_robot(ticks: list[Events]) -> None:
     limits = scene_for().robot.limits
-    for twist in driven(ticks):
+    for twist in drive(ticks):
         assert -limits.back <= twist.vx <= limits.ahead
         assert abs(twist.vy) <= limits.sideways
         assert abs(twist.omega) <= limits.turn
 
 
-def test_what_is_held_stays_until_it_is_let_go() -> None:
+def test_a_held_key_drives_until_it_is_released() -> None:
     limits = scene_for().robot.limits
-    twists = driven([keys("w"), [], keys("a"), keys("w", value=0.0), keys("a", value=0.0), keys("s")])
+    twists = drive([keys("w"), [], keys("a"), keys("w", value=0.0), keys("a", value=0.0), keys("s")])
     ahead, left = limits.ahead, limits.turn
     assert twists == [Twist(ahead), Twist(ahead), Twist(ahead, 0.0, left), Twist(0.0, 0.0, left), Twist(),
                       Twist(-limits.back)]  # fmt: skip
 
 
-def test_two_keys_for_one_way_are_no_faster() -> None:
-    assert driven([keys("w", "up")]) == driven([keys("w")])
+def test_two_keys_for_one_direction_are_no_faster_than_one() -> None:
+    assert drive([keys("w", "up")]) == drive([keys("w")])
 
 
-def test_brake_wins_over_everything() -> None:
+def test_the_brake_overrides_everything_else() -> None:
     events = [*keys("w", "a", "q"), DeviceEvent("pad0", "left_y", -1.0)]
-    assert driven([[*events, *keys("space")]]) == [Twist()]
-    assert driven([[*events, DeviceEvent("pad1", "left_shoulder", 1.0)]]) == [Twist()]
+    assert drive([[*events, *keys("space")]]) == [Twist()]
+    assert drive([[*events, DeviceEvent("pad1", "left_shoulder", 1.0)]]) == [Twist()]
 
 
-def test_dragging_up_and_a_stick_pushed_up_mean_ahead() -> None:
-    for event in (DeviceEvent("mouse", "drag_y", -1.0), DeviceEvent("pad0", "left_y", -1.0)):
-        assert driven([[event]])[0].vx > 0.9
+@pytest.mark.parametrize(("device", "stick"), [("mouse", "drag"), ("pad0", "left"), ("pad3", "left")])
+def test_dragging_or_pushing_up_drives_ahead_and_left_turns_left(device: str, stick: str) -> None:
+    assert drive([[DeviceEvent(device, f"{stick}_y", -1.0)]])[0].vx > 0.9
+    assert drive([[DeviceEvent(device, f"{stick}_x", -1.0)]])[0].omega > 1.0
 
 
-def test_dragging_or_pushing_left_turns_left() -> None:
-    for event in (DeviceEvent("mouse", "drag_x", -1.0), DeviceEvent("pad3", "left_x", -1.0)):
-        assert driven([[event]])[0].omega > 1.0
+def test_the_mapping_of_a_single_pad_takes_precedence_over_its_kind() -> None:
+    controller = Teleoperation({"pad": DEFAULT_MAPPINGS["pad"], "pad1": DeviceMapping({"left_y": ("turn", 1.0)})})
+    assert drive([[DeviceEvent("pad0", "left_y", -1.0)]], controller)[0].omega == 0.0
+    assert drive([[DeviceEvent("pad1", "left_y", -1.0)]], controller)[0] == Twist(0.0, 0.0, -1.5)
 
 
-def test_a_pad_of_its_own_hand_goes_before_its_kind() -> None:
-    mine = Teleoperation({"pad": HANDS["pad"], "pad1": Hand({"left_y": ("turn", 1.0)})})
-    assert driven([[DeviceEvent("pad0", "left_y", -1.0)]], mine)[0].omega == 0.0
-    assert driven([[DeviceEvent("pad1", "left_y", -1.0)]], mine)[0] == Twist(0.0, 0.0, -1.5)
+def test_a_device_without_a_mapping_has_no_effect() -> None:
+    assert drive([[DeviceEvent("wheel", "left_y", 1.0)]]) == [Twist()]
+    assert drive([keys("w")], Teleoperation({"mouse": DEFAULT_MAPPINGS["mouse"]})) == [Twist()]
 
 
-def test_a_device_nobody_reads_does_nothing() -> None:
-    assert driven([[DeviceEvent("wheel", "left_y", 1.0)]]) == [Twist()]
-    assert driven([keys("w")], Teleoperation({"mouse": HANDS["mouse"]})) == [Twist()]
-
-
-def test_a_new_episode_begins_with_nothing_held() -> None:
+def test_reset_releases_all_controls() -> None:
     controller = Teleoperation()
-    driven([keys("w")], controller)
-    assert driven([[]], controller) == [Twist()]
+    drive([keys("w")], controller)
+    assert drive([[]], controller) == [Twist()]
 
 
-def test_labels_come_as_events_and_stay() -> None:
+def test_label_events_set_the_label_of_all_later_frames() -> None:
     spec = LabelSpec("slider", "frame", "comfort")
     controller = Teleoperation(label=spec)
     episode = Episode(scene_for(), controller)
     for events in ([], [DeviceEvent("label", "comfort", 0.25)], keys("w"), [DeviceEvent("label", "comfort", 1.0)]):
         episode.step(events)
-    assert [moment.label for moment in episode.past] == [{"comfort": label} for label in (None, 0.25, 0.25, 1.0)]
+    assert [frame.label for frame in episode.past] == [{"comfort": label} for label in (None, 0.25, 0.25, 1.0)]
     assert Teleoperation.from_settings(controller.settings()).labels == controller.labels != {}
 
 
-def test_a_label_that_nobody_asked_for_changes_nothing() -> None:
-    events = [DeviceEvent("label", "comfort", 0.5)]
-    assert driven([events]) == [Twist()]
+def test_label_events_without_a_question_have_no_effect() -> None:
+    assert drive([[DeviceEvent("label", "comfort", 0.5)]]) == [Twist()]
     assert Teleoperation().labels == {}
 
 
-def test_ending_the_run_is_an_event_as_well() -> None:
+def test_the_stop_event_ends_the_episode() -> None:
     episode = Episode(scene_for(), Teleoperation())
     episode.step(keys("w"))
     assert episode.step([STOP]) is None

@@ -1,4 +1,4 @@
-"""The command line, called as a person would, in a folder of its own."""
+"""Runs the command line in an empty folder."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ rules: {time_limit: 4}
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder with a quick scenario in it, and we in it."""
+    """The working folder, with a scenario of short episodes in quick.yaml."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "quick.yaml").write_text(QUICK)
     return tmp_path
@@ -32,7 +32,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def sonata2d(here: Path) -> Run:
-    """Runs `sonata2d WORD …` and gives exit code and output."""
+    """Runs the words of a command line, checks the exit code and returns the result."""
 
     def run(line: str, code: int = 0) -> Result:
         result = CliRunner().invoke(main, line.split(), prog_name="sonata2d")
@@ -40,3 +40,10 @@ def sonata2d(here: Path) -> Run:
         return result
 
     return run
+
+
+def one_line(output: str) -> str:
+    """The only line of an output."""
+    lines = output.strip().splitlines()
+    assert len(lines) == 1, output
+    return lines[0]

@@ -1,4 +1,4 @@
-"""Bad input gets one clear line and an honest exit code, and nothing made so far is lost."""
+"""Invalid input gives a one-line message and a nonzero exit code, and complete episodes are never lost."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Run
+from .conftest import Run, one_line
 
 CONTROLLER = """
 import sonata2d as s2
@@ -22,18 +22,13 @@ class {name}(s2.Controller):
 """
 
 
-def one_line(output: str) -> str:
-    lines = output.strip().splitlines()
-    assert len(lines) == 1, output
-    return lines[0]
-
-
-def controller(here: Path, act: str) -> None:
+def write_controller(here: Path, act: str) -> None:
+    """Write mine.py with a controller `Mine`; `act` is the body of its method."""
     (here / "mine.py").write_text(CONTROLLER.format(name="Mine", act=act))
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("standin: 3\n", "line 1: standin: unknown key 'standin'; did you mean 'standing'?"),
         ("name: x\nroom: {sde: 4}\n", "line 2: room.sde: unknown key 'sde'; did you mean 'side'?"),
@@ -48,73 +43,75 @@ def controller(here: Path, act: str) -> None:
         ("a: [\n", "line"),
     ],
 )
-def test_a_bad_scenario_file(sonata2d: Run, here: Path, text: str, said: str) -> None:
+def test_invalid_scenario_file_is_refused(sonata2d: Run, here: Path, text: str, message: str) -> None:
     (here / "bad.yaml").write_text(text)
-    told = one_line(sonata2d("generate out --scenario bad.yaml", code=1).output)
-    assert "bad.yaml" in told
-    assert said in told
+    output = one_line(sonata2d("generate out --scenario bad.yaml", code=1).output)
+    assert "bad.yaml" in output
+    assert message in output
     assert not (here / "out").exists()
 
 
-def test_more_people_than_fit(sonata2d: Run, here: Path) -> None:
+def test_more_people_than_fit_are_refused(sonata2d: Run, here: Path) -> None:
     (here / "full.yaml").write_text("room: {kinds: square, side: 4}\nhumans: 40\n")
-    told = one_line(sonata2d("generate out --scenario full.yaml --workers 1", code=1).output)
-    assert "SceneError" in told
-    assert "of 40" in told
+    output = one_line(sonata2d("generate out --scenario full.yaml --workers 1", code=1).output)
+    assert "SceneError" in output
+    assert "of 40" in output
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "message"),
     [
         ("./missing.py:Mine", "does not exist"),
-        ("./mine.py:Yours", "no 'Yours' in mine; it has Mine"),
-        ("./empty.py:Mine", "it has no Controller at all"),
+        ("./mine.py:Yours", "mine has no attribute 'Yours'; its controllers are Mine"),
+        ("./empty.py:Mine", "it defines no Controller class"),
         ("./broken.py:Mine", "SyntaxError"),
         ("no.such.module:Mine", "ModuleNotFoundError"),
         ("social-plannr", "did you mean 'social-planner'?"),
-        ("json:dumps", "is no Controller"),
+        ("json:dumps", "is not a Controller class"),
     ],
 )
-def test_a_controller_that_cannot_be_loaded(sonata2d: Run, here: Path, name: str, said: str) -> None:
-    controller(here, "return s2.Twist()")
+def test_controller_that_cannot_be_loaded_is_refused(sonata2d: Run, here: Path, name: str, message: str) -> None:
+    write_controller(here, "return s2.Twist()")
     (here / "empty.py").write_text("x = 1\n")
     (here / "broken.py").write_text("def f(:\n")
-    told = one_line(sonata2d(f"generate out --controller {name}", code=1).output)
-    assert told.startswith("Error: ControllerError: ")
-    assert said in told
+    output = one_line(sonata2d(f"generate out --controller {name}", code=1).output)
+    assert output.startswith("Error: ControllerError: ")
+    assert message in output
     assert not (here / "out").exists()
 
 
 @pytest.mark.parametrize(
-    ("act", "said"),
+    ("act", "message"),
     [
         ("return s2.Twist(1 / (57 - snapshot.tick))", "ZeroDivisionError"),
         ("return s2.Twist(float('nan') if snapshot.tick == 57 else 0.1)", "finite"),
         ("return [1.0, 0.0, 0.0] if snapshot.tick == 57 else s2.Twist()", "must return a Twist, got [1.0, 0.0, 0.0]"),
     ],
 )
-def test_a_controller_that_fails_at_tick_57(sonata2d: Run, here: Path, act: str, said: str) -> None:
+def test_failing_controller_is_reported_and_its_frames_are_stored(
+    sonata2d: Run, here: Path, act: str, message: str
+) -> None:
     (here / "long.yaml").write_text("extends: quick.yaml\nrules: {time_limit: 8, ends_on: [time]}\n")
-    controller(here, act)
-    told = one_line(
+    write_controller(here, act)
+    output = one_line(
         sonata2d("generate out --scenario long.yaml --controller ./mine.py:Mine --workers 1", code=1).output
     )
-    assert said in told
-    assert "tick 57" in told
-    assert "episode 0" in told
+    assert message in output
+    assert "tick 57" in output
+    assert "episode 0" in output
     kept = json.loads((here / "out/failed/000000.json").read_text())
     assert len(kept["frames"]) == 57
     assert kept["outcome"]["status"] == "error"
     sonata2d("render out/failed/000000.json -o failed.png")
 
 
-def test_whole_episodes_survive_a_later_failure_and_resume_gives_the_same_bytes(sonata2d: Run, here: Path) -> None:
+def test_complete_episodes_survive_a_failure_and_resume_gives_the_same_bytes(sonata2d: Run, here: Path) -> None:
     line = "generate out --scenario quick.yaml --controller ./mine.py:Mine --episodes 4 --workers 1 --no-picture"
-    controller(here, "assert snapshot.scene.episode < 2; return s2.Twist(vx=0.4)")
-    told = one_line(sonata2d(line, code=1).output)
-    assert "2 of 4 episodes are whole in out" in told
-    assert "AssertionError" in told
-    controller(here, "return s2.Twist(vx=0.4)")
+    write_controller(here, "assert snapshot.scene.episode < 2; return s2.Twist(vx=0.4)")
+    output = one_line(sonata2d(line, code=1).output)
+    assert "2 of 4 episodes are complete in out" in output
+    assert "AssertionError" in output
+    write_controller(here, "return s2.Twist(vx=0.4)")
     sonata2d(f"{line} --resume")
     sonata2d(line.replace("out", "again"))
     for path in sorted((here / "again").glob("*.json")):
@@ -122,20 +119,20 @@ def test_whole_episodes_survive_a_later_failure_and_resume_gives_the_same_bytes(
     assert not (here / "out/failed").exists()
 
 
-def test_a_folder_that_is_not_empty_is_left_alone(sonata2d: Run, here: Path) -> None:
+def test_folder_that_is_not_empty_is_not_changed(sonata2d: Run, here: Path) -> None:
     (here / "out").mkdir()
     (here / "out/thesis.tex").write_text("years of work")
-    told = one_line(sonata2d("generate out", code=1).output)
-    assert "not empty" in told
+    output = one_line(sonata2d("generate out", code=1).output)
+    assert "not empty" in output
     assert [path.name for path in (here / "out").iterdir()] == ["thesis.tex"]
 
 
-def test_a_file_in_place_of_the_folder_and_a_picture_of_another_kind(sonata2d: Run) -> None:
+def test_file_as_folder_and_wrong_suffix_of_a_picture_are_refused(sonata2d: Run) -> None:
     assert "quick.yaml is a file" in one_line(sonata2d("generate quick.yaml", code=1).output)
     assert "end the name in .png" in one_line(sonata2d("scenarios draw quick.yaml -o x.jpg", code=1).output)
 
 
-def test_nobody_at_all_and_one_tick(sonata2d: Run, here: Path) -> None:
+def test_empty_room_and_a_single_tick_are_valid(sonata2d: Run, here: Path) -> None:
     (here / "tiny.toml").write_text("humans = 0\nrelations = 0\n[rules]\ntime_limit = 0.1\nsubsteps = 1\n")
     sonata2d("generate out --scenario tiny.toml --episodes 1 --workers 1")
     sonata2d("check out --replay")
@@ -143,18 +140,18 @@ def test_nobody_at_all_and_one_tick(sonata2d: Run, here: Path) -> None:
         sonata2d(f"render out/000000.json -o x.{kind}")
 
 
-def test_breaking_off_says_what_stays_and_how_to_go_on(here: Path) -> None:
+def test_interrupt_message_says_how_to_resume(here: Path) -> None:
     line = "generate out --scenario quick.yaml --episodes 2000 --workers 1"
     process = subprocess.Popen([sys.executable, "-m", "sonata2d_cli", *line.split()], stderr=subprocess.PIPE, text=True)
     while not (here / "out/000001.json").exists():
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=30)
+    _, output = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert "--resume" in one_line(told)
+    assert "--resume" in one_line(output)
 
 
-def test_an_existing_data_set_is_resumed_only_when_asked_and_only_with_the_same_settings(sonata2d: Run) -> None:
+def test_existing_data_set_is_continued_only_with_resume_and_equal_settings(sonata2d: Run) -> None:
     line = "generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture"
     sonata2d(line)
     assert "resume" in one_line(sonata2d(line, code=1).output)
@@ -162,15 +159,15 @@ def test_an_existing_data_set_is_resumed_only_when_asked_and_only_with_the_same_
     assert "seed" in one_line(sonata2d(f"{line} --resume --seed 3", code=1).output)
 
 
-@pytest.mark.skipif(os.name != "posix", reason="/dev/full and /proc are Linux's")
-def test_a_folder_that_cannot_be_written(sonata2d: Run) -> None:
-    told = one_line(sonata2d("generate /proc/out", code=1).output)
-    assert "/proc/out" in told
+@pytest.mark.skipif(os.name != "posix", reason="needs /proc")
+def test_folder_that_cannot_be_written_is_reported(sonata2d: Run) -> None:
+    output = one_line(sonata2d("generate /proc/out", code=1).output)
+    assert "/proc/out" in output
 
 
-@pytest.mark.skipif(os.name != "posix", reason="limits of file size are Unix's")
-def test_a_full_disk_loses_no_whole_episode(here: Path) -> None:
-    """A limit of file size stands in for the disk: the second, longer episode does not fit."""
+@pytest.mark.skipif(os.name != "posix", reason="needs a limit of the file size")
+def test_full_disk_leaves_no_partial_file(here: Path) -> None:
+    """A limit of the file size acts as a full disk: the second, longer episode does not fit."""
     (here / "long.yaml").write_text("extends: quick.yaml\nrules: {time_limit: 8, ends_on: [time]}\n")
     line = "generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture"
     subprocess.run([sys.executable, "-m", "sonata2d_cli", *line.split()], check=True, capture_output=True)
@@ -189,23 +186,23 @@ def test_a_full_disk_loses_no_whole_episode(here: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("damage", "said"),
+    ("damage", "message"),
     [
-        (lambda text: text[: len(text) // 2], "cut short"),
+        (lambda text: text[: len(text) // 2], "truncated"),
         (lambda text: text.replace('"version":1', '"version":9', 1), "upgrade sonata2d"),
         (lambda text: text.replace('"format":"sonata2d-episode"', '"format":"x"'), "format"),
     ],
 )
-def test_a_damaged_or_newer_file(sonata2d: Run, here: Path, damage: object, said: str) -> None:
+def test_damaged_or_newer_file_is_refused(sonata2d: Run, here: Path, damage: object, message: str) -> None:
     sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
     path = here / "out/000000.json"
     path.write_text(damage(path.read_text()))  # type: ignore[operator]
-    assert said in one_line(sonata2d("describe out/000000.json", code=1).output)
-    assert said in one_line(sonata2d("render out/000000.json -o x.png", code=1).output)
-    assert said in sonata2d("check out --replay --workers 1", code=1).output
+    assert message in one_line(sonata2d("describe out/000000.json", code=1).output)
+    assert message in one_line(sonata2d("render out/000000.json -o x.png", code=1).output)
+    assert message in sonata2d("check out --replay --workers 1", code=1).output
 
 
-def test_an_edited_number_is_found_by_hash_and_by_replay(sonata2d: Run, here: Path) -> None:
+def test_changed_number_is_found_by_hash_and_by_replay(sonata2d: Run, here: Path) -> None:
     quick = (here / "quick.yaml").read_text()
     (here / "quick.yaml").write_text(quick.replace("time_limit: 4", "time_limit: 4, ends_on: [time]"))
     sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
@@ -214,21 +211,21 @@ def test_an_edited_number_is_found_by_hash_and_by_replay(sonata2d: Run, here: Pa
     row = next(k for k, line in enumerate(lines) if line.startswith('{"tick":7,'))
     command = json.loads(lines[row].rstrip(",\n"))["command"]
     edited = [round(command[0] - 0.01, 4), 0.0, 0.0]
-    asked, instead = (json.dumps(one, separators=(",", ":")) for one in (command, edited))
-    lines[row] = lines[row].replace(asked, instead, 1)
+    old, new = (json.dumps(one, separators=(",", ":")) for one in (command, edited))
+    lines[row] = lines[row].replace(old, new, 1)
     path.write_text("".join(lines))
-    told = sonata2d("check out --replay --workers 1", code=1).output
-    assert "sha256" in told
-    assert "000000.json: replay: line" in told
+    output = sonata2d("check out --replay --workers 1", code=1).output
+    assert "sha256" in output
+    assert "000000.json: replay: line" in output
 
 
-def test_render_to_an_unknown_kind(sonata2d: Run) -> None:
+def test_unknown_suffix_of_a_picture_is_refused(sonata2d: Run) -> None:
     sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
-    told = one_line(sonata2d("render out/000000.json -o film.avi", code=1).output)
-    assert ".mp4" in told
+    output = one_line(sonata2d("render out/000000.json -o film.avi", code=1).output)
+    assert ".mp4" in output
 
 
-def test_a_missing_path_and_a_wrong_option(sonata2d: Run) -> None:
+def test_missing_path_and_unknown_option_are_refused(sonata2d: Run) -> None:
     assert "does not exist" in one_line(sonata2d("check nowhere", code=1).output)
     assert "nowhere" in one_line(sonata2d("describe nowhere.json", code=1).output)
     assert "No such option" in sonata2d("generate out --episods 3", code=2).output

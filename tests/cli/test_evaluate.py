@@ -1,4 +1,4 @@
-"""`sonata2d evaluate`, as a person would call it."""
+"""`sonata2d evaluate`."""
 
 from __future__ import annotations
 
@@ -13,41 +13,45 @@ from ..learning.samples import weights_file
 from .conftest import Run
 
 
-def test_a_data_set_is_measured_and_keeps_its_metrics(sonata2d: Run, here: Path) -> None:
+def test_metrics_of_a_data_set_are_shown_and_stored(sonata2d: Run, here: Path) -> None:
     sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --no-picture")
-    told = sonata2d("evaluate out --workers 1").output
-    assert told.splitlines()[0].split() == ["metric", "unit", "out"]
-    assert "success_strict" in told
-    assert "2 runs of out; mean [95 % bootstrap interval]" in told
-    kept = json.loads((here / "out/metrics.json").read_text())
-    assert kept["episodes"][0]["values"].keys() == ALL.keys()
+    output = sonata2d("evaluate out --workers 1").output
+    assert output.splitlines()[0].split() == ["metric", "unit", "out"]
+    assert "success_strict" in output
+    assert "2 episodes of out; mean [95 % bootstrap interval]" in output
+    stored = json.loads((here / "out/metrics.json").read_text())
+    assert stored["episodes"][0]["values"].keys() == ALL.keys()
     assert "no problems" in sonata2d("check out").output
 
 
 def test_controllers_are_compared_in_the_same_scenes(sonata2d: Run, here: Path) -> None:
     line = "evaluate --controller straight-to-goal --controller social-force --scenario quick.yaml --episodes 2"
-    told = json.loads(sonata2d(f"{line} --workers 1 --json -o kept").output)
-    assert [one["label"] for one in told["evaluations"]] == ["straight-to-goal", "social-force"]
-    scenes = [[(e["seed"], e["episode"]) for e in one["episodes"]] for one in told["evaluations"]]
+    comparison = json.loads(sonata2d(f"{line} --workers 1 --json -o stored").output)
+    assert [one["label"] for one in comparison["evaluations"]] == ["straight-to-goal", "social-force"]
+    scenes = [[(e["seed"], e["episode"]) for e in one["episodes"]] for one in comparison["evaluations"]]
     assert scenes[0] == scenes[1] == [(0, 0), (0, 1)]
-    (difference,) = told["differences"]
-    means = [one["summary"]["all"]["path_length"]["mean"] for one in told["evaluations"]]
+    (difference,) = comparison["differences"]
+    means = [one["summary"]["all"]["path_length"]["mean"] for one in comparison["evaluations"]]
     assert difference["path_length"]["mean"] == pytest.approx(means[1] - means[0], abs=1e-5)
-    assert {path.name for path in (here / "kept").iterdir()} == {"straight-to-goal", "social-force", "evaluation.json"}
-    assert (here / "kept/social-force/quick/metrics.json").exists()
-    assert json.loads((here / "kept/evaluation.json").read_text()) == told
+    assert {path.name for path in (here / "stored").iterdir()} == {
+        "straight-to-goal",
+        "social-force",
+        "evaluation.json",
+    }
+    assert (here / "stored/social-force/quick/metrics.json").exists()
+    assert json.loads((here / "stored/evaluation.json").read_text()) == comparison
 
 
-def test_what_was_kept_is_gone_on_with(sonata2d: Run, here: Path) -> None:
-    line = "evaluate --controller straight-to-goal --scenario quick.yaml --workers 1 -o kept --episodes"
+def test_stored_episodes_are_continued(sonata2d: Run, here: Path) -> None:
+    line = "evaluate --controller straight-to-goal --scenario quick.yaml --workers 1 -o stored --episodes"
     sonata2d(f"{line} 1")
-    first = here / "kept/straight-to-goal/quick/000000.json"
+    first = here / "stored/straight-to-goal/quick/000000.json"
     before = first.stat().st_mtime_ns
-    assert "2 runs of straight-to-goal" in sonata2d(f"{line} 2").output
+    assert "2 episodes of straight-to-goal" in sonata2d(f"{line} 2").output
     assert first.stat().st_mtime_ns == before
 
 
-def test_weights_whose_long_paths_begin_alike_are_compared(sonata2d: Run, here: Path) -> None:
+def test_weights_with_long_similar_paths_get_different_folders(sonata2d: Run, here: Path) -> None:
     deep = here / "-".join(["a-long-name"] * 8)
     names = [deep / which / "policy.npz" for which in ("first", "second")]
     for k, path in enumerate(names):
@@ -58,30 +62,30 @@ def test_weights_whose_long_paths_begin_alike_are_compared(sonata2d: Run, here: 
     assert len([path for path in (here / "deep-runs").iterdir() if path.is_dir()]) == 2
 
 
-def test_nothing_is_left_where_nothing_is_to_be_kept(sonata2d: Run, here: Path) -> None:
+def test_without_out_no_file_remains(sonata2d: Run, here: Path) -> None:
     before = sorted(here.iterdir())
     sonata2d("evaluate --controller straight-to-goal --scenario quick.yaml --episodes 1 --workers 1 --no-rerun")
     assert sorted(here.iterdir()) == before
 
 
-def test_metrics_are_chosen_by_name(sonata2d: Run) -> None:
+def test_metrics_are_selected_by_name(sonata2d: Run) -> None:
     sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
     lines = sonata2d("evaluate out/000000.json --metric spl --metric socnav3 --workers 1").output.splitlines()
     names = [line.split()[0] for line in lines[1:-1]]
     assert names[0] == "spl"
     assert names[1:] == [name for name in ALL if name.startswith("socnav3.")]
-    every = sonata2d("evaluate out --metric all --workers 1").output
-    assert all(name in every for name in METRICS)
+    output = sonata2d("evaluate out --metric all --workers 1").output
+    assert all(name in output for name in METRICS)
 
 
-def test_a_picture_is_drawn_when_asked_for(sonata2d: Run, here: Path) -> None:
+def test_picture_is_drawn(sonata2d: Run, here: Path) -> None:
     pytest.importorskip("matplotlib")
     line = "evaluate --controller straight-to-goal --controller social-force --scenario quick.yaml --episodes 2"
     assert "picture  a.pdf" in sonata2d(f"{line} --workers 1 --picture a.pdf").output
     assert (here / "a.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_a_page_outlives_the_runs_it_shows(sonata2d: Run, here: Path) -> None:
+def test_page_shows_temporary_episodes(sonata2d: Run, here: Path) -> None:
     before = {path.name for path in here.iterdir()}
     line = "evaluate --controller straight-to-goal --controller social-force --scenario quick.yaml --episodes 2"
     assert "page  pages/a.html" in sonata2d(f"{line} --workers 1 --no-rerun --page pages/a.html").output
@@ -91,30 +95,30 @@ def test_a_page_outlives_the_runs_it_shows(sonata2d: Run, here: Path) -> None:
     assert page.count("driven by straight-to-goal") == page.count("driven by social-force") == 2
 
 
-def test_a_page_of_recorded_runs_shows_the_metrics_asked_for(sonata2d: Run, here: Path) -> None:
+def test_page_of_recorded_episodes_shows_the_selected_metrics(sonata2d: Run, here: Path) -> None:
     sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --no-picture")
     sonata2d("evaluate out out/000000.json --metric stl --metric socnavgym --workers 1 --no-rerun --page a.html")
     page = (here / "a.html").read_text("utf-8")
     assert 'id="stl"' in page
     assert 'id="socnavgym.stalled_time"' in page
     assert 'id="spl"' not in page
-    assert page.count("best and worst") > 0  # a single run is both
+    assert page.count("best and worst") > 0  # a single episode is both
 
 
 @pytest.mark.parametrize(
-    ("line", "code", "told"),
+    ("line", "code", "message"),
     [
         ("evaluate", 2, "neither was given"),
         ("evaluate out --controller social-force", 2, "not both"),
-        ("evaluate out --scenario empty", 2, "recorded runs have their scenes"),
+        ("evaluate out --scenario empty", 2, "recorded episodes have their own scenes"),
         ("evaluate nowhere", 1, "nowhere does not exist"),
-        ("evaluate quick.yaml", 1, "quick.yaml is not whole JSON"),
+        ("evaluate quick.yaml", 1, "quick.yaml is not valid JSON"),
         ("evaluate --controller social-farce", 1, "did you mean 'social-force'?"),
         ("evaluate nowhere --metric jerk", 1, "no metric is named 'jerk'"),
-        ("evaluate nowhere --picture a.bmp", 1, "ends in .png, .pdf, .svg"),
-        ("evaluate nowhere --page a.pdf", 1, "a page of metrics ends in .html"),
+        ("evaluate nowhere --picture a.bmp", 1, "must end in .png, .pdf, .svg"),
+        ("evaluate nowhere --page a.pdf", 1, "the name of an evaluation page must end in .html"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_line(sonata2d: Run, line: str, code: int, told: str) -> None:
+def test_invalid_arguments_give_a_one_line_message(sonata2d: Run, line: str, code: int, message: str) -> None:
     output = sonata2d(line, code).output.strip()
-    assert told in output.splitlines()[-1]
+    assert message in output.splitlines()[-1]

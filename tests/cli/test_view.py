@@ -1,4 +1,4 @@
-"""`sonata2d view` opens, plays, and closes; `sonata2d describe` tells how well raters agree."""
+"""`sonata2d view` plays episodes in a window; `sonata2d describe` shows the agreement of raters."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ SPEC = LabelSpec("slider", question="How well did it go?")
 
 @pytest.fixture
 def shown(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """What the window shows, picture by picture; after three, a person presses Escape."""
+    """The screens shown by the window, picture by picture; after three, Escape is pressed."""
     screens: list[Any] = []
-    turn = Stage.turn
+    show_frame = Stage.show_frame
 
-    def watched(stage: Stage, screen: Any) -> Any:
+    def show_frame_and_count(stage: Stage, screen: Any) -> Any:
         screens.append(screen)
         if len(screens) == 3:
             pygame.event.post(pygame.Event(pygame.KEYDOWN, key=pygame.K_ESCAPE, mod=0, unicode=""))
-        return turn(stage, screen)
+        return show_frame(stage, screen)
 
-    monkeypatch.setattr(Stage, "turn", watched)
+    monkeypatch.setattr(Stage, "show_frame", show_frame_and_count)
     return screens
 
 
@@ -40,58 +40,60 @@ def out(sonata2d: Run) -> str:
     return "out"
 
 
-def test_view_plays_a_data_set_file_after_file(sonata2d: Run, out: str, shown: list[Any]) -> None:
+def test_view_plays_all_episodes_of_a_data_set(sonata2d: Run, out: str, shown: list[Any]) -> None:
     sonata2d(f"view {out}")
     assert len(shown[0].files) == 3
-    assert (shown[0].files.record.path.name, shown[0].projector.view) == ("000000.json", "top")
+    assert (shown[0].files.record.path.name, shown[0].exporter.view) == ("000000.json", "top")
     assert not pygame.display.get_init()
 
 
-def test_view_plays_one_file_as_asked(sonata2d: Run, out: str, shown: list[Any]) -> None:
+def test_view_plays_one_file_with_options(sonata2d: Run, out: str, shown: list[Any]) -> None:
     sonata2d(f"view {out}/000002.json --follow --speed 2 --fps 30")
     assert len(shown[0].files) == 1
-    assert (shown[0].player.speed, shown[0].projector.view) == (2.0, "follow")
+    assert (shown[0].player.speed, shown[0].exporter.view) == (2.0, "follow")
 
 
-def test_view_shows_a_controller_at_work(sonata2d: Run, here: Path, shown: list[Any]) -> None:
+def test_view_live_runs_a_controller(sonata2d: Run, here: Path, shown: list[Any]) -> None:
     sonata2d("view --live --controller social-planner --scenario quick.yaml --seed 3 --follow --speed 2")
     assert type(shown[0]).__name__ == "LiveScreen"
     assert len(shown) >= 3
 
 
-def test_view_says_in_one_line_what_is_wrong(sonata2d: Run, here: Path, shown: list[Any]) -> None:
+def test_view_refuses_invalid_arguments(sonata2d: Run, here: Path, shown: list[Any]) -> None:
     (here / "bad.json").write_text("{")
-    assert "bad.json is not whole JSON" in sonata2d("view bad.json", code=1).output
+    assert "bad.json is not valid JSON" in sonata2d("view bad.json", code=1).output
     assert "nowhere does not exist" in sonata2d("view nowhere", code=1).output
     assert "give a DIR|FILE to play, or --live" in sonata2d("view", code=2).output
-    assert "--live takes a --controller" in sonata2d("view --live", code=2).output
-    assert "--live takes a --controller and no DIR" in sonata2d("view bad.json --live --controller x", code=2).output
+    assert "--live needs --controller" in sonata2d("view --live", code=2).output
+    assert (
+        "--live needs --controller and takes no DIR" in sonata2d("view bad.json --live --controller x", code=2).output
+    )
     assert "with --controller" in sonata2d("view bad.json --seed 3", code=2).output
     assert shown == []
 
 
-def test_describe_tells_how_well_raters_agree(sonata2d: Run, out: str, here: Path) -> None:
-    """Two raters, three runs, 0.1 apart each: by hand, alpha = 1 - 5/6 * 2 * 3 * 0.005 / 0.175 = 6/7."""
+def test_describe_shows_the_agreement_of_raters(sonata2d: Run, out: str, here: Path) -> None:
+    """Two raters whose ratings of three runs differ by 0.1: by hand, alpha = 1 - 5/6 * 2 * 3 * 0.005 / 0.175 = 6/7."""
     assert "raters" not in sonata2d(f"describe {out}").output
     for rater, extra in (("ann", 0.0), ("ben", 0.1)):
         session = RatingSession(here / out, rater, SPEC, repeats=0)
         while (record := session.load()) is not None:
             session.rate(record, 0.2 + 0.2 * record.episode + extra, seconds=1.0, whole=True)
-    told = sonata2d(f"describe {out}").output
-    assert "asked            How well did it go? (slider)" in told
-    assert "raters           ann, ben" in told
-    assert "6, of 3 runs; 3 of them rated by two or more" in told
-    assert "Krippendorff's alpha, interval: 0.857" in told
-    assert "within ann       nothing rated twice" in told
+    output = sonata2d(f"describe {out}").output
+    assert "asked            How well did it go? (slider)" in output
+    assert "raters           ann, ben" in output
+    assert "6, of 3 runs; 3 of them rated by two or more" in output
+    assert "Krippendorff's alpha, interval: 0.857" in output
+    assert "within ann       no run rated twice" in output
     tree = json.loads(sonata2d(f"describe {out} --json").output)
     assert tree["episodes"] == "3 of 3"
-    (asked,) = tree["ratings"]
-    assert (asked["raters"], asked["ratings"], asked["runs_rated_by_two_or_more"]) == (["ann", "ben"], 6, 3)
-    assert asked["between_raters"]["value"] == pytest.approx(6 / 7)
+    (question,) = tree["ratings"]
+    assert (question["raters"], question["ratings"], question["runs_rated_by_two_or_more"]) == (["ann", "ben"], 6, 3)
+    assert question["between_raters"]["value"] == pytest.approx(6 / 7)
     assert "no problems" in sonata2d(f"check {out} --workers 1").output
 
 
-def test_describe_takes_rated_files_without_a_manifest(sonata2d: Run, out: str, here: Path) -> None:
+def test_describe_accepts_rated_files_without_a_manifest(sonata2d: Run, out: str, here: Path) -> None:
     (here / "loose").mkdir()
     (here / "loose/one.json").write_bytes((here / out / "000000.json").read_bytes())
     session = RatingSession(here / "loose", "ann", SPEC)

@@ -1,4 +1,4 @@
-"""What a person is asked for, and what is an answer."""
+"""Label specifications, valid labels, and device events."""
 
 from __future__ import annotations
 
@@ -10,41 +10,41 @@ from sonata2d.core.devices import DeviceEvent
 from sonata2d.core.labels import LabelSpec
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 
-THREE = LabelSpec("classes", classes=("poor", "fair", "good"))
+CLASSES = LabelSpec("classes", classes=("poor", "fair", "good"))
 
 
-@pytest.mark.parametrize("spec", [LabelSpec("yes_no"), THREE, LabelSpec("slider")])
-def test_every_label_has_a_place_on_its_scale(spec: LabelSpec) -> None:
-    for place in (0.0, 0.5, 1.0):
-        label = spec.label_at(place)
-        assert spec.checked(label) == label
-        assert spec.label_at(spec.place_of(label)) == label
+@pytest.mark.parametrize("spec", [LabelSpec("yes_no"), CLASSES, LabelSpec("slider")])
+def test_label_and_scale_position_are_inverse(spec: LabelSpec) -> None:
+    for position in (0.0, 0.5, 1.0):
+        label = spec.label_at(position)
+        assert spec.validate(label) == label
+        assert spec.label_at(spec.position_of(label)) == label
 
 
 @pytest.mark.parametrize(
-    ("spec", "wrong"),
+    ("spec", "invalid"),
     [
         (LabelSpec("yes_no"), 1),
-        (THREE, 0),
-        (THREE, 4),
-        (THREE, True),
+        (CLASSES, 0),
+        (CLASSES, 4),
+        (CLASSES, True),
         (LabelSpec("slider"), 1.01),
         (LabelSpec("slider"), True),
         (LabelSpec("text"), 3),
         (LabelSpec(), "anything"),
     ],
 )
-def test_what_is_no_answer_is_refused_by_name(spec: LabelSpec, wrong: object) -> None:
-    with pytest.raises(ValueError, match="is no label"):
-        spec.checked(wrong)
+def test_invalid_labels_are_rejected(spec: LabelSpec, invalid: object) -> None:
+    with pytest.raises(ValueError, match="is not a valid label"):
+        spec.validate(invalid)
 
 
-def test_a_spec_comes_back_from_what_a_file_holds() -> None:
-    told = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(THREE).items()}
-    assert LabelSpec.restored(told) == THREE
+def test_a_spec_is_reconstructed_from_json_values() -> None:
+    settings = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(CLASSES).items()}
+    assert LabelSpec.from_settings(settings) == CLASSES
 
 
-def test_a_scenario_says_what_is_asked() -> None:
+def test_a_scenario_defines_the_label() -> None:
     config = ScenarioConfig(label={"kind": "classes", "classes": 3, "question": "How polite was it?"})
     assert config.label.spec().classes == ("1", "2", "3")
     assert ScenarioConfig(**config.settings()) == config
@@ -61,12 +61,12 @@ def test_a_scenario_says_what_is_asked() -> None:
         {"kind": "stars"},
     ],
 )
-def test_a_scenario_that_asks_nonsense_is_refused(label: dict[str, object]) -> None:
+def test_a_scenario_with_an_invalid_label_is_rejected(label: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="label"):
         ScenarioConfig(label=label)
 
 
-def test_an_event_is_at_the_precision_of_files_and_within_its_range() -> None:
+def test_event_values_have_file_precision_and_a_range() -> None:
     assert DeviceEvent("pad0", "left_x", 0.123456).value == 0.1235
     assert DeviceEvent("pad12", "left_x", 0.0).kind == "pad"
     with pytest.raises(ValueError, match=r"pad0/left_x is 1\.5"):

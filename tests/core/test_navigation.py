@@ -1,12 +1,11 @@
-"""The free space of a scene and the ways through it."""
+"""The free space of a scene and the shortest paths through it."""
 
 import math
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from sonata2d.core.geometry import Barriers, Disc, Pose, Rectangle
 from sonata2d.core.navigation import FreeSpace
@@ -15,21 +14,21 @@ SQUARE = ((0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 8.0))
 L_SHAPE = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (8.0, 4.0), (8.0, 8.0), (0.0, 8.0))
 
 
-def space(corners=SQUARE, walls=(), things=(), clearance=0.3):
-    """A room with inner walls, and things given as (shape, pose)."""
+def space(corners=SQUARE, walls=(), objects=(), clearance=0.3):
+    """The free space of a room with inner walls, and objects given as (shape, pose)."""
     following = (*corners[1:], corners[0])
     edges = [(a, b, 0.0) for a, b in zip(corners, following, strict=True)]
     edges += [(a, b, 0.0) for a, b in walls]
-    edges += [edge for shape, pose in things for edge in shape.edges(pose)]
+    edges += [edge for shape, pose in objects for edge in shape.edges(pose)]
     return FreeSpace(np.array(corners), Barriers.of(edges), clearance)
 
 
 def furnished(seed):
-    """A room with two walls, five tables and six plants."""
+    """The free space of a room with two inner walls, five tables and six plants."""
     rng = np.random.default_rng(seed)
-    things = [(Rectangle(0.8, 0.8), Pose(*rng.uniform(1, 7, 2), rng.uniform(-3, 3))) for _ in range(5)]
-    things += [(Disc(0.2), Pose(*rng.uniform(0.5, 7.5, 2))) for _ in range(6)]
-    return space(walls=[((3.0, 0.0), (3.0, 3.0)), ((5.0, 8.0), (5.0, 5.0))], things=things)
+    objects = [(Rectangle(0.8, 0.8), Pose(*rng.uniform(1, 7, 2), rng.uniform(-3, 3))) for _ in range(5)]
+    objects += [(Disc(0.2), Pose(*rng.uniform(0.5, 7.5, 2))) for _ in range(6)]
+    return space(walls=[((3.0, 0.0), (3.0, 3.0)), ((5.0, 8.0), (5.0, 5.0))], objects=objects)
 
 
 def free_points(room, count, seed):
@@ -37,33 +36,33 @@ def free_points(room, count, seed):
     return points[room.is_free(points)][:count]
 
 
-def length(way):
-    return float(sum(math.dist(a, b) for a, b in pairwise(way)))
+def length(path):
+    return float(sum(math.dist(a, b) for a, b in pairwise(path)))
 
 
 def test_free_space_ends_at_its_clearance_from_walls_and_furniture():
-    room = space(things=[(Rectangle(1.0, 1.0), Pose(4.0, 4.0)), (Disc(0.2), Pose(2.0, 2.0))])
+    room = space(objects=[(Rectangle(1.0, 1.0), Pose(4.0, 4.0)), (Disc(0.2), Pose(2.0, 2.0))])
     points = np.array([[0.31, 4.0], [0.29, 4.0], [4.0, 4.81], [4.0, 4.79], [2.51, 2.0], [2.49, 2.0], [-1.0, 4.0]])
     assert room.is_free(points).tolist() == [True, False, True, False, True, False, False]
 
 
 def test_the_inside_of_large_furniture_is_not_free():
-    room = space(things=[(Rectangle(3.0, 2.0), Pose(4.0, 4.0, 0.3)), (Disc(0.2), Pose(1.0, 1.0))])
+    room = space(objects=[(Rectangle(3.0, 2.0), Pose(4.0, 4.0, 0.3)), (Disc(0.2), Pose(1.0, 1.0))])
     assert room.is_free(np.array([[4.0, 4.0], [4.0, 6.0]])).tolist() == [False, True]
 
 
-def test_a_straight_way_is_taken_where_it_is_free():
-    way = space().path((1.0, 1.0), (7.0, 6.0))
-    assert way.tolist() == [[1.0, 1.0], [7.0, 6.0]]
+def test_an_unobstructed_path_is_straight():
+    path = space().path((1.0, 1.0), (7.0, 6.0))
+    assert path.tolist() == [[1.0, 1.0], [7.0, 6.0]]
 
 
-def test_a_way_turns_round_the_corner_of_an_l_shape():
-    way = space(L_SHAPE).path((2.0, 1.0), (7.0, 6.0))
-    assert len(way) == 3
-    assert math.dist(way[1], (4.0, 4.0)) == pytest.approx(0.3 * math.sqrt(2), abs=0.01)
+def test_a_path_turns_at_the_corner_of_an_l_shape():
+    path = space(L_SHAPE).path((2.0, 1.0), (7.0, 6.0))
+    assert len(path) == 3
+    assert math.dist(path[1], (4.0, 4.0)) == pytest.approx(0.3 * math.sqrt(2), abs=0.01)
 
 
-def test_a_way_goes_through_a_doorway_wider_than_the_disc_and_not_through_a_narrower_one():
+def test_a_path_needs_a_doorway_wider_than_the_disc():
     def doorway(width):
         return space(walls=[((4.0, 0.0), (4.0, 4.0)), ((4.0, 4.0 + width), (4.0, 8.0))])
 
@@ -72,63 +71,63 @@ def test_a_way_goes_through_a_doorway_wider_than_the_disc_and_not_through_a_narr
     assert doorway(0.58).distance((1.0, 1.0), (7.0, 1.0)) == math.inf
 
 
-def test_a_wall_end_is_passed_close_by():
+def test_a_path_passes_close_to_the_end_of_a_wall():
     room = space(walls=[((4.0, 0.0), (4.0, 5.0))])
-    round_the_end = 2 * math.dist((1.0, 4.0), (4.0, 5.3))
-    assert room.distance((1.0, 4.0), (7.0, 4.0)) == pytest.approx(round_the_end, abs=0.1)
+    shortest = 2 * math.dist((1.0, 4.0), (4.0, 5.3))
+    assert room.distance((1.0, 4.0), (7.0, 4.0)) == pytest.approx(shortest, abs=0.1)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_every_way_keeps_its_clearance(seed):
+def test_every_path_keeps_the_clearance(seed):
     room = furnished(seed)
     starts, goals = free_points(room, 15, seed), free_points(room, 15, seed + 100)
-    ways = [room.path(tuple(a), tuple(b)) for a, b in zip(starts.tolist(), goals.tolist(), strict=True)]
-    for way in [way for way in ways if way is not None]:
-        samples = np.concatenate([np.linspace(a, b, 40) for a, b in pairwise(way)])
+    paths = [room.path(tuple(a), tuple(b)) for a, b in zip(starts.tolist(), goals.tolist(), strict=True)]
+    for path in [path for path in paths if path is not None]:
+        samples = np.concatenate([np.linspace(a, b, 40) for a, b in pairwise(path)])
         assert room.barriers.gaps(samples).min() >= room.clearance - 1e-5
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_ways_are_as_short_as_those_on_a_fine_grid(seed):
+def test_path_lengths_agree_with_dijkstra_on_a_fine_grid(seed):
     room = furnished(seed)
     xs = np.linspace(0.0, 8.0, 81)
     grid = np.stack(np.meshgrid(xs, xs, indexing="ij"), axis=-1).reshape(-1, 2)
     free = room.is_free(grid).reshape(81, 81)
     start, goal = (int(k) for k in np.random.default_rng(seed).choice(np.flatnonzero(free), 2, replace=False))
-    reached = grid_distance(free, divmod(start, 81), divmod(goal, 81)) * 0.1
+    expected = grid_distance(free, divmod(start, 81), divmod(goal, 81)) * 0.1
     found = room.distance(tuple(grid[start]), tuple(grid[goal]))
-    assert found == pytest.approx(reached, rel=0.09) if reached < math.inf else found == math.inf
+    assert found == pytest.approx(expected, rel=0.09) if expected < math.inf else found == math.inf
 
 
 def grid_distance(free, start, goal):
-    """Dijkstra on eight neighbours, in cells; up to 8 % too long by its angles."""
+    """Dijkstra's algorithm on eight neighbours, in cells; up to 8 % too long, as it turns by 45° only."""
     import heapq
 
     best, heap = {start: 0.0}, [(0.0, start)]
     while heap:
-        so_far, (i, j) = heapq.heappop(heap)
+        distance, (i, j) = heapq.heappop(heap)
         if (i, j) == goal:
-            return so_far
+            return distance
         for di, dj in ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
-            there, cost = (i + di, j + dj), so_far + math.hypot(di, dj)
-            inside = 0 <= there[0] < len(free) and 0 <= there[1] < len(free)
-            if inside and free[there] and cost < best.get(there, math.inf):
-                best[there] = cost
-                heapq.heappush(heap, (cost, there))
+            cell, cost = (i + di, j + dj), distance + math.hypot(di, dj)
+            inside = 0 <= cell[0] < len(free) and 0 <= cell[1] < len(free)
+            if inside and free[cell] and cost < best.get(cell, math.inf):
+                best[cell] = cost
+                heapq.heappush(heap, (cost, cell))
     return math.inf
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_field_of_a_goal_agrees_with_each_single_way(seed):
+def test_distances_of_a_goal_field_equal_the_lengths_of_single_paths(seed):
     room = furnished(seed)
     points = free_points(room, 30, seed)
     goal = tuple(points[0].tolist())
     for point, distance in zip(points.tolist(), room.towards(goal).distances(points).tolist(), strict=True):
-        way = room.path(tuple(point), goal)
-        assert distance == (math.inf if way is None else pytest.approx(length(way)))
+        path = room.path(tuple(point), goal)
+        assert distance == (math.inf if path is None else pytest.approx(length(path)))
 
 
-def test_going_back_is_as_long_as_going():
+def test_distance_is_symmetric():
     room = furnished(1)
     a, b = (tuple(point) for point in free_points(room, 2, 5).tolist())
     assert room.distance(a, b) == pytest.approx(room.distance(b, a))
@@ -136,51 +135,51 @@ def test_going_back_is_as_long_as_going():
 
 @settings(max_examples=50, deadline=None)
 @given(st.floats(0.01, 7.99), st.floats(0.01, 7.99))
-def test_the_nearest_free_place_is_free_and_near(x, y):
-    room = space(things=[(Disc(0.2), Pose(2.0, 2.0)), (Rectangle(0.8, 0.8), Pose(5.0, 5.0))])
-    place = room.nearest_free((x, y))
-    if place is not None:
-        assert room.is_free(np.array([place]))[0]
-        assert math.dist(place, (x, y)) < 1.3
+def test_the_nearest_free_position_is_free_and_near(x, y):
+    room = space(objects=[(Disc(0.2), Pose(2.0, 2.0)), (Rectangle(0.8, 0.8), Pose(5.0, 5.0))])
+    position = room.nearest_free((x, y))
+    if position is not None:
+        assert room.is_free(np.array([position]))[0]
+        assert math.dist(position, (x, y)) < 1.3
     if room.is_free(np.array([[x, y]]))[0]:
-        assert place == (x, y)
+        assert position == (x, y)
 
 
-def test_somebody_pushed_against_a_wall_finds_the_way_out():
+def test_a_start_too_near_to_a_wall_still_has_a_path():
     room = space(L_SHAPE)
     for start in ((0.05, 0.05), (3.9, 1.0), (2.0, 0.1)):
-        way = room.path(start, (7.0, 6.0))
-        assert tuple(way[0]) == start
-        assert tuple(way[-1]) == (7.0, 6.0)
+        path = room.path(start, (7.0, 6.0))
+        assert tuple(path[0]) == start
+        assert tuple(path[-1]) == (7.0, 6.0)
         assert not math.isinf(room.distance(start, (7.0, 6.0)))
 
 
-def test_nobody_is_led_through_a_wall_to_be_free():
+def test_the_nearest_free_position_is_never_behind_a_wall():
     room = space(walls=[((4.0, 0.0), (4.0, 8.0)), ((4.1, 0.0), (4.1, 8.0))])
     assert room.nearest_free((4.05, 4.0)) is None
     assert room.path((4.05, 4.0), (1.0, 1.0)) is None
 
 
-def test_people_who_stand_close_a_gap():
+def test_standing_pedestrians_block_a_gap():
     door = [((4.0, 0.0), (4.0, 3.5)), ((4.0, 4.5), (4.0, 8.0))]
     room = space(walls=door)
-    crowd = Barriers.of(Disc(0.2).edges(Pose(4.0, 4.0)))
-    closed = FreeSpace(room.outline, room.barriers.joined(crowd), room.clearance)
+    standing = Barriers.of(Disc(0.2).edges(Pose(4.0, 4.0)))
+    closed = FreeSpace(room.outline, room.barriers.joined(standing), room.clearance)
     assert room.path((1.0, 4.0), (7.0, 4.0)) is not None
     assert closed.path((1.0, 4.0), (7.0, 4.0)) is None
 
 
-def test_a_clearance_of_nothing_is_refused():
+def test_a_clearance_of_zero_is_rejected():
     with pytest.raises(ValueError, match="clearance must be positive, got 0"):
         space(clearance=0.0)
 
 
-def test_there_is_no_way_past_a_wall_without_an_end():
+def test_a_wall_across_the_room_leaves_no_path():
     room = space(walls=[((4.0, 0.0), (4.0, 8.0))])
     assert room.path((1.0, 1.0), (7.0, 1.0)) is None
     assert room.distance((1.0, 1.0), (7.0, 1.0)) == math.inf
 
 
-def test_an_empty_room_without_barriers_is_free():
+def test_a_room_without_barriers_is_free():
     room = FreeSpace(np.array(SQUARE), Barriers.of([]), 0.3)
     assert room.path((1.0, 1.0), (7.0, 7.0)).tolist() == [[1.0, 1.0], [7.0, 7.0]]

@@ -1,4 +1,4 @@
-"""Distances and times worked out by hand."""
+"""Gaps and times to collision equal values worked out by hand."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..conftest import room
 from ..sim.test_world import drive
 
 
-def test_clearance_is_from_outline_to_outline() -> None:
+def test_clearance_is_the_gap_between_outlines() -> None:
     scene = room([Human(1, Pose(-1.0, 0.0), 0.2), Human(2, Pose(-3.0, 3.0), radius=0.25)])
     snapshot = World(scene).snapshot()
     assert clearances(snapshot) == pytest.approx([2.0 - 0.5, 3.0 - 0.55])
@@ -24,15 +24,15 @@ def test_clearance_is_from_outline_to_outline() -> None:
     assert s2.clearance(World(room()).snapshot()) == math.inf
 
 
-def test_obstacles_are_walls_and_furniture() -> None:
+def test_obstacle_clearance_considers_walls_and_furniture() -> None:
     assert obstacle_clearance(World(room(robot=Pose(-3.0, 0.0))).snapshot()) == pytest.approx(0.7)
     plant = Furniture(9, "plant", Pose(-2.2, 0.0), Disc(0.2))
     assert obstacle_clearance(World(room([], [plant])).snapshot()) == pytest.approx(0.3)
 
 
 def test_time_to_collision_at_constant_velocity() -> None:
-    people = [Human(1, Pose(0.0, 0.0), 0.2), Human(2, Pose(0.0, 2.0), 0.2), Human(3, Pose(-3.9, 0.0), 0.2)]
-    snapshot = drive(World(room(people)), Twist(vx=1.0), 5)
+    humans = [Human(1, Pose(0.0, 0.0), 0.2), Human(2, Pose(0.0, 2.0), 0.2), Human(3, Pose(-3.9, 0.0), 0.2)]
+    snapshot = drive(World(room(humans)), Twist(vx=1.0), 5)
     ahead, beside, behind = times_to_collision(snapshot)
     assert ahead == pytest.approx((0.0 - snapshot.robot.position[0] - 0.5) / 1.0, abs=1e-3)
     assert beside == behind == math.inf

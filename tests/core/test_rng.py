@@ -1,3 +1,5 @@
+"""Random streams: their numbers never change, and their distributions are right."""
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ def test_the_stream_never_changes() -> None:
     assert drawn == [0.84588954125817, 2, 1.3078922575191396]
 
 
-def test_streams_of_other_seed_episode_or_name_differ() -> None:
+def test_streams_differ_by_seed_episode_and_name() -> None:
     streams = [
         RandomStream(7, 3, "scene"),
         RandomStream(8, 3, "scene"),
@@ -20,14 +22,14 @@ def test_streams_of_other_seed_episode_or_name_differ() -> None:
     assert len({stream.uniform() for stream in streams}) == 4
 
 
-def test_integers_fill_their_range_evenly() -> None:
+def test_integers_are_uniform_over_their_range() -> None:
     rng = RandomStream(0, 0, "noise")
     counts = np.bincount([rng.integer(2, 5) for _ in range(8000)], minlength=6)
     assert counts[:2].tolist() == [0, 0]
     assert np.abs(counts[2:] - 2000).max() < 200  # 5 standard deviations
 
 
-def test_normal_has_its_mean_and_spread_and_stays_within_bounds() -> None:
+def test_normal_has_its_mean_and_deviation_and_stays_within_bounds() -> None:
     rng = RandomStream(0, 0, "noise")
     drawn = np.array([rng.normal(0.0, 1.0, -4.0, 4.0) for _ in range(8000)])
     assert abs(drawn.mean()) < 0.06
@@ -35,13 +37,14 @@ def test_normal_has_its_mean_and_spread_and_stays_within_bounds() -> None:
     assert np.abs(drawn).max() <= 4.0
 
 
-def test_weights_are_kept() -> None:
+def test_choices_are_proportional_to_the_weights() -> None:
     rng = RandomStream(0, 0, "noise")
     picks = [rng.choice("abc", [1.0, 0.0, 3.0]) for _ in range(4000)]
     assert picks.count("b") == 0
     assert picks.count("c") == pytest.approx(3000, abs=150)
 
 
-def test_normal_refuses_an_empty_range() -> None:
-    with pytest.raises(ValueError, match="low < high"):
-        RandomStream(0, 0, "noise").normal(0.0, 1.0, 2.0, 1.0)
+@pytest.mark.parametrize(("low", "high", "message"), [(2.0, 1.0, "low < high"), (40.0, 41.0, "none of 10000 draws")])
+def test_normal_rejects_a_range_without_draws(low: float, high: float, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        RandomStream(0, 0, "noise").normal(0.0, 1.0, low, high)

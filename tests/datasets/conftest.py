@@ -1,4 +1,4 @@
-"""Recorded episodes to transform: generated ones, and one by hand with every oddity a file may have."""
+"""Recorded episodes to transform: a generated one, and a hand-made one with unusual values and contacts."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from ..record.conftest import episode  # noqa: F401 (a fixture)
 QUICK: dict[str, Any] = {"rules": {"time_limit": 2.0}, "furniture_yaw": (-3.0, 3.0), "at_laptop": 1}
 
 
-class Sways(s2.Controller):
-    """Moves sideways and turns, into whatever is there, and labels with what it does."""
+class Swaying(s2.Controller):
+    """Moves sideways and turns without avoiding obstacles; labels its turn rate and proximity."""
 
     def act(self, snapshot: s2.Snapshot) -> Twist:
         return Twist(0.5, 0.3 if snapshot.tick % 7 < 4 else -0.2, 0.9 if snapshot.tick % 5 else -1.1)
@@ -38,22 +38,24 @@ def recorded(path: Path, scene: Scene, controller: s2.Controller | None = None) 
 
 
 def odd_scene(theta: float = 0.123456789) -> Scene:
-    """Digits beyond a file's precision, half turns, a laptop on a table, and a wall to bump into."""
-    things = [
+    """A scene with digits beyond the precision of files, half turns, a laptop on a table, and a wall in the way."""
+    furniture = [
         Furniture(20, "table", Pose(1.0, -2.5, math.pi), Rectangle(1.2, 0.6)),
         Furniture(21, "laptop", Pose(1.0, -2.5, theta), Rectangle(0.4, 0.3), on=20),
         Furniture(22, "plant", Pose(-1.5, -1.0, 3.1416), Disc(0.2)),
         Furniture(23, "chair", Pose(2.5, -1.0, -math.pi / 2), Rectangle(0.45, 0.45)),
     ]
-    people = [Human(1, Pose(1.0 / 3.0, -3.5, 3.1416)), walker(2, -3.0, 2.0, -1.0), walker(3, 3.0, -3.0, 2.0)]
+    humans = [Human(1, Pose(1.0 / 3.0, -3.5, 3.1416)), walker(2, -3.0, 2.0, -1.0), walker(3, 3.0, -3.0, 2.0)]
     rules = Rules(time_limit=4.0, side=-1)
-    ties = (Interaction(1, AT_LAPTOP, 21),)
-    return room(people, things, polygon=L_SHAPE, robot=Pose(-2.0, 3.5, 1.5), rules=rules, interactions=ties, seed=3)
+    interactions = (Interaction(1, AT_LAPTOP, 21),)
+    return room(
+        humans, furniture, polygon=L_SHAPE, robot=Pose(-2.0, 3.5, 1.5), rules=rules, interactions=interactions, seed=3
+    )
 
 
 @pytest.fixture(scope="session")
 def odd(tmp_path_factory: pytest.TempPathFactory) -> EpisodeRecord:
-    return recorded(tmp_path_factory.mktemp("odd") / "odd.json", odd_scene(), Sways())
+    return recorded(tmp_path_factory.mktemp("odd") / "odd.json", odd_scene(), Swaying())
 
 
 @pytest.fixture(scope="session")

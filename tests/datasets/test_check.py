@@ -1,4 +1,4 @@
-"""What does not make sense is found, and told where."""
+"""`check` finds problems of files and data sets, and states their place."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ import pytest
 
 from sonata2d.datasets.check import Problem, check_dataset, check_episode
 
-from ..record.test_reader import _set, rewritten
-from .test_manifest import made, plan
+from ..record.test_reader import rewrite, set_value
+from .test_manifest import dataset_in, spec
 
 
-def test_a_whole_episode_has_no_problem(episode: Path) -> None:
+def test_a_recorded_episode_has_no_problems(episode: Path) -> None:
     assert check_episode(episode) == []
 
 
 def _move(frames: slice, human: int, x: float, y: float) -> Callable[[Any], None]:
+    """A change of a document: the human at (x, y) in some frames."""
+
     def change(document: Any) -> None:
         for frame in [*document["frames"], document["final"]][frames]:
             frame["humans"][human][0:2] = x, y
@@ -30,47 +32,47 @@ def _move(frames: slice, human: int, x: float, y: float) -> Callable[[Any], None
 @pytest.mark.parametrize(
     ("change", "place", "message"),
     [
-        (_set("goal", "distance", "near"), "goal.distance", "valid number"),
-        (_set("seed", 1.5), "seed", "integer"),
-        (_set("outcome", "status", "won"), "outcome.status", "'goal'"),
-        (_set("frames", 2, "contacts", [{"kind": "door"}]), "frames.2.contacts.0.kind", "'human'"),
-        (_set("frames", 2, "robot", 0, -0.90001), "frames.2.robot", "not rounded"),
-        (_set("frames", 2, "robot", 1, -0.0), "frames.2.robot", "-0.0"),
-        (_set("frames", 2, "humans", 0, 2, 3.2), "frames.2.humans", "angle out of range"),
-        (_set("objects", 0, "id", 1), "ids", "id 1 is given 2 times"),
-        (_set("humans", 0, "id", 0), "ids", "id 0 is given 2 times"),
-        (_set("groups", 0, "members", [2, 3, 9]), "groups", "member 9 of group 5 is no human"),
-        (_set("humans", 0, "group", 5), "humans", "human 1 is no member of the group 5"),
-        (_set("objects", 1, "on", 77), "objects", "object 11 lies on 77"),
-        (_set("frames", 3, "tick", 4), "frames.3", "tick should be 3, is 4"),
-        (_set("frames", 3, "time", 0.4), "frames.3", "time should be 0.3000 s, is 0.4 s"),
-        (_set("frames", 3, "activity", 0, 6), "frames.3.activity.0", "6 is not in the list"),
-        (_set("frames", 3, "interactions", [[9, "a", 1]]), "frames.3.interactions", "a of 9 and 1"),
-        (_set("frames", 3, "executed", [2.0, 0.0, 0.0]), "frames.3.executed", "1.007 m/s faster"),
-        (_set("frames", 3, "executed", [0.5, 0.0, 3.0]), "frames.3.executed", "rad/s of turning"),
-        (_set("frames", 3, "humans", 0, 3, 5.0), "frames.3.humans", "human 1 is 2.310 m/s faster"),
+        (set_value("goal", "distance", "near"), "goal.distance", "valid number"),
+        (set_value("seed", 1.5), "seed", "integer"),
+        (set_value("outcome", "status", "won"), "outcome.status", "'goal'"),
+        (set_value("frames", 2, "contacts", [{"kind": "door"}]), "frames.2.contacts.0.kind", "'human'"),
+        (set_value("frames", 2, "robot", 0, -0.90001), "frames.2.robot", "not rounded"),
+        (set_value("frames", 2, "robot", 1, -0.0), "frames.2.robot", "-0.0"),
+        (set_value("frames", 2, "humans", 0, 2, 3.2), "frames.2.humans", "angle is out of range"),
+        (set_value("objects", 0, "id", 1), "ids", "id 1 is used 2 times"),
+        (set_value("humans", 0, "id", 0), "ids", "id 0 is used 2 times"),
+        (set_value("groups", 0, "members", [2, 3, 9]), "groups", "member 9 of group 5 is not a human"),
+        (set_value("humans", 0, "group", 5), "humans", "human 1 names group 5 but is not a member"),
+        (set_value("objects", 1, "on", 77), "objects", "object 11 lies on 77"),
+        (set_value("frames", 3, "tick", 4), "frames.3", "tick should be 3, is 4"),
+        (set_value("frames", 3, "time", 0.4), "frames.3", "time should be 0.3000 s, is 0.4 s"),
+        (set_value("frames", 3, "activity", 0, 6), "frames.3.activity.0", "6 is not in the list"),
+        (set_value("frames", 3, "interactions", [[9, "a", 1]]), "frames.3.interactions", "a of 9 and 1"),
+        (set_value("frames", 3, "executed", [2.0, 0.0, 0.0]), "frames.3.executed", "1.007 m/s faster"),
+        (set_value("frames", 3, "executed", [0.5, 0.0, 3.0]), "frames.3.executed", "rad/s of turning"),
+        (set_value("frames", 3, "humans", 0, 3, 5.0), "frames.3.humans", "human 1 is 2.310 m/s faster"),
         (_move(slice(3, 4), 1, -2.5, -2.0), "frames.2.humans", "human 2 is 2.685 m/s of motion"),
-        (_set("frames", 3, "robot", 0, -0.6), "frames.2.robot", "the robot is 1.528 m/s of motion"),
-        (_set("frames", 3, "robot", 2, 0.5), "frames.2.robot", "rad turned"),
+        (set_value("frames", 3, "robot", 0, -0.6), "frames.2.robot", "the robot is 1.528 m/s of motion"),
+        (set_value("frames", 3, "robot", 2, 0.5), "frames.2.robot", "rad turned"),
         (_move(slice(0, 7), 1, 9.0, 0.0), "frames.0", "human 2 is outside the room (7 cases"),
-        (_set("frames", 3, "robot", 1, 9.0), "frames.3", "the robot is outside"),
+        (set_value("frames", 3, "robot", 1, 9.0), "frames.3", "the robot is outside"),
         (_move(slice(0, 7), 0, 3.9, 0.0), "frames.0.walls", "human 1 is 0.040 m too deep in a wall (the worst of 7"),
         (_move(slice(0, 7), 0, 2.0, 3.0), "frames.0.objects", "human 1 is 0.540 m too deep in table 10"),
         (_move(slice(0, 7), 0, -3.5, 3.2), "frames.0.objects", "human 1 is 0.040 m too deep in plant 12"),
         (_move(slice(0, 7), 0, -1.0, 0.3), "frames.0.humans", "human 1 is 0.140 m too deep in the robot"),
-        (_set("outcome", "tick", 5), "outcome", "is of tick 5 at 0.6 s, but there are 6 frames"),
-        (_set("outcome", "status", "goal"), "outcome", "3.300 m or rad were missing"),
-        (_set("goal", "x", -1.0), "outcome", "the goal was reached at tick 0"),
-        (_set("outcome", "status", "timeout"), "outcome", "the limit is 20.0 s"),
-        (_set("outcome", "status", "contact"), "outcome", "the final look has none"),
+        (set_value("outcome", "tick", 5), "outcome", "is of tick 5 at 0.6 s, but there are 6 frames"),
+        (set_value("outcome", "status", "goal"), "outcome", "3.300 m or rad were missing"),
+        (set_value("goal", "x", -1.0), "outcome", "the goal was reached at tick 0"),
+        (set_value("outcome", "status", "timeout"), "outcome", "the limit is 20.0 s"),
+        (set_value("outcome", "status", "contact"), "outcome", "the final state has none"),
     ],
 )
-def test_what_was_edited_is_found(episode: Path, change: Callable[[Any], None], place: str, message: str) -> None:
-    problems = check_episode(rewritten(episode, change))
+def test_an_edited_episode_is_found(episode: Path, change: Callable[[Any], None], place: str, message: str) -> None:
+    problems = check_episode(rewrite(episode, change))
     assert any(place in problem.place and message in problem.message for problem in problems), problems
 
 
-def test_a_file_that_cannot_be_read_is_one_problem(tmp_path: Path) -> None:
+def test_an_unreadable_file_is_one_problem(tmp_path: Path) -> None:
     (tmp_path / "odd.json").write_text("{")
     (problem,) = check_episode(tmp_path / "odd.json")
     assert (problem.file, problem.place) == ("odd.json", "file")
@@ -79,22 +81,22 @@ def test_a_file_that_cannot_be_read_is_one_problem(tmp_path: Path) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A small data set."""
-    made(tmp_path / "set", plan())
+    """A data set of three episodes."""
+    dataset_in(tmp_path / "set", spec())
     return tmp_path / "set"
 
 
-def test_a_whole_data_set_has_no_problem(folder: Path) -> None:
+def test_a_generated_data_set_has_no_problems(folder: Path) -> None:
     (folder / "failed").mkdir()
     (folder / "run.jsonl").write_text("{}\n")
     assert check_dataset(folder) == []
 
 
-def _shown(problems: list[Problem]) -> str:
+def _text(problems: list[Problem]) -> str:
     return "\n".join(map(str, problems))
 
 
-def test_an_edited_episode_is_found_by_its_hash(folder: Path) -> None:
+def test_an_edited_file_is_found_by_its_hash(folder: Path) -> None:
     path = folder / "000001.json"
     path.write_bytes(path.read_bytes().replace(b"by hand", b"by mind"))
     (problem,) = check_dataset(folder)
@@ -103,26 +105,26 @@ def test_an_edited_episode_is_found_by_its_hash(folder: Path) -> None:
 
 def test_missing_and_extra_files_are_found(folder: Path) -> None:
     (folder / "000001.json").rename(folder / "000009.json")
-    shown = _shown(check_dataset(folder))
-    assert "000001.json is in the list but not in the folder" in shown
-    assert "000009.json is in the folder but not in the list" in shown
+    text = _text(check_dataset(folder))
+    assert "000001.json is listed but not in the folder" in text
+    assert "000009.json is in the folder but not listed" in text
 
 
 def test_an_edited_manifest_is_found(folder: Path) -> None:
     path = folder / "manifest.json"
-    whole = json.loads(path.read_bytes())
+    manifest = json.loads(path.read_bytes())
 
-    def told(**changes: Any) -> str:
-        path.write_text(json.dumps({**whole, **changes}))
-        return _shown(check_dataset(folder))
+    def problems_after(**changes: Any) -> str:
+        path.write_text(json.dumps({**manifest, **changes}))
+        return _text(check_dataset(folder))
 
-    assert "2 of 3" not in told()
-    assert "counts.outcome: says {'goal': 3}" in told(counts={**whole["counts"], "outcome": {"goal": 3}})
-    assert "3 of 3 episodes are there" in told(complete=False)
-    assert "should list the episodes 0 to 3" in told(episodes=4)
-    assert "seed: differs from the manifest's" in told(seed=8)
-    assert "lists 000000.json more than once" in told(files=[*whole["files"], whole["files"][0]])
-    assert "files.0.sha256" in told(files=[{**whole["files"][0], "sha256": "?"}])
-    assert "is in the list but not" in told(files=[{**whole["files"][0], "name": "../000000.json"}])
+    assert "2 of 3" not in problems_after()
+    assert "counts.outcome: is {'goal': 3}" in problems_after(counts={**manifest["counts"], "outcome": {"goal": 3}})
+    assert "3 of 3 episodes exist" in problems_after(complete=False)
+    assert "must list the episodes 0 to 3" in problems_after(episodes=4)
+    assert "seed: differs from the manifest" in problems_after(seed=8)
+    assert "lists 000000.json more than once" in problems_after(files=[*manifest["files"], manifest["files"][0]])
+    assert "files.0.sha256" in problems_after(files=[{**manifest["files"][0], "sha256": "?"}])
+    assert "is listed but not in" in problems_after(files=[{**manifest["files"][0], "name": "../000000.json"}])
     path.write_text("{")
-    assert "not whole JSON" in _shown(check_dataset(folder))
+    assert "not valid JSON" in _text(check_dataset(folder))

@@ -1,4 +1,4 @@
-"""A file proves itself: its commands, run again, give its bytes."""
+"""Replaying the commands of an episode file gives its bytes."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from sonata2d.record.reader import read_episode
 from sonata2d.version import PHYSICS_VERSION
 
 
-class Labels(s2.StraightToGoal):
-    """Labels what it does, and stops after two seconds."""
+class Labelling(s2.StraightToGoal):
+    """Labels every frame and stops after two seconds."""
 
     labels = {"tick": "number of the tick", "near": "a person is within 2 m"}  # noqa: RUF012
 
@@ -32,7 +32,7 @@ class Labels(s2.StraightToGoal):
 
 
 class Stick(s2.Controller):
-    """Drives by the last event of a device."""
+    """Drives forward at the value of the last device event."""
 
     def reset(self, scene: Scene) -> None:
         self._value = 0.0
@@ -56,27 +56,27 @@ def test_a_generated_episode_replays_to_its_bytes(tmp_path: Path, suffix: str) -
     assert check_rerun(path) == []
 
 
-def test_scenes_made_by_hand_labels_and_stops_replay_too(tmp_path: Path, busy: Scene) -> None:
-    path = recorded(tmp_path / "one.json", busy, Labels())
+def test_a_stopped_episode_with_labels_in_a_hand_made_scene_replays(tmp_path: Path, busy: Scene) -> None:
+    path = recorded(tmp_path / "one.json", busy, Labelling())
     assert read_episode(path).outcome.status == "stopped"
     assert check_replay(path) == []
-    assert check_rerun(path, f"{__name__}:Labels") == []
+    assert check_rerun(path, f"{__name__}:Labelling") == []
     assert check_rerun(path, "straight-to-goal") != []
 
 
 def test_an_episode_that_an_error_ended_replays(tmp_path: Path, busy: Scene) -> None:
-    class Falls(s2.Controller):
+    class Failing(s2.Controller):
         def act(self, snapshot: Snapshot) -> Twist:
             return Twist(0.1 / (9 - snapshot.tick))
 
     with pytest.raises(ZeroDivisionError):
-        recorded(tmp_path / "one.json", busy, Falls())
+        recorded(tmp_path / "one.json", busy, Failing())
     record = read_episode(tmp_path / "one.json")
     assert (record.outcome.status, len(record)) == ("error", 9)
     assert check_replay(tmp_path / "one.json") == []
 
 
-def test_device_events_are_in_the_file_and_replay(tmp_path: Path, busy: Scene) -> None:
+def test_device_events_are_recorded_and_replayed(tmp_path: Path, busy: Scene) -> None:
     with s2.JsonRecorder(tmp_path / "one.json") as recorder:
         episode = s2.Episode(replace(busy, rules=Rules(time_limit=1.0)), Stick(), observers=[recorder])
         episode.step()
@@ -88,7 +88,7 @@ def test_device_events_are_in_the_file_and_replay(tmp_path: Path, busy: Scene) -
     assert check_replay(tmp_path / "one.json") == []
 
 
-def test_reruns_feed_the_events_and_the_past_of_a_branch(tmp_path: Path, busy: Scene) -> None:
+def test_a_rerun_uses_the_device_events_and_the_past_of_a_branch(tmp_path: Path, busy: Scene) -> None:
     scene = replace(busy, rules=Rules(time_limit=2.0))
     with s2.JsonRecorder(tmp_path / "stick.json") as recorder:
         episode = s2.Episode(scene, Stick(), observers=[recorder])
@@ -101,16 +101,16 @@ def test_reruns_feed_the_events_and_the_past_of_a_branch(tmp_path: Path, busy: S
     assert check_rerun(tmp_path / "two.json") == []
 
 
-def test_a_relation_that_is_none_is_told_and_not_run(tmp_path: Path, busy: Scene) -> None:
-    path = recorded(tmp_path / "one.json", busy, Labels())
+def test_an_unknown_relation_is_reported_and_not_replayed(tmp_path: Path, busy: Scene) -> None:
+    path = recorded(tmp_path / "one.json", busy, Labelling())
     path.write_text(path.read_text().replace('"interactions":[]', '"interactions":[[1,"nonsense",99]]', 1))
-    told = [str(problem) for problem in verify(path, replay=True)]
-    assert any("nonsense of 1 and 99" in line for line in told)
-    assert any("replay: KeyError" in line for line in told)
+    problems = [str(problem) for problem in verify(path, replay=True)]
+    assert any("nonsense of 1 and 99" in line for line in problems)
+    assert any("replay: KeyError" in line for line in problems)
 
 
-def test_any_changed_number_is_told_with_its_line(tmp_path: Path, busy: Scene) -> None:
-    path = recorded(tmp_path / "one.json", busy, Labels())
+def test_a_changed_number_is_reported_with_its_line(tmp_path: Path, busy: Scene) -> None:
+    path = recorded(tmp_path / "one.json", busy, Labelling())
     text = path.read_text()
     tenth = next(line for line in text.splitlines() if line.startswith('{"tick":10,'))
     x = json.loads(tenth.rstrip(","))["robot"][0]
@@ -120,20 +120,20 @@ def test_any_changed_number_is_told_with_its_line(tmp_path: Path, busy: Scene) -
     assert f"[{x}" in problem.message
 
 
-def test_another_scene_than_seed_and_settings_give_is_told(tmp_path: Path) -> None:
+def test_a_scene_that_differs_from_seed_and_settings_is_reported(tmp_path: Path) -> None:
     scene = s2.generate(s2.ScenarioConfig(standing=2, rules={"time_limit": 1.0}), seed=2)
     path = recorded(tmp_path / "one.json", replace(scene, seed=3), s2.StraightToGoal())
     assert [problem.place for problem in check_replay(path)] == ["scene"]
 
 
-def test_a_file_of_another_physics_version_is_told_and_not_replayed(tmp_path: Path, busy: Scene) -> None:
-    path = recorded(tmp_path / "one.json", busy, Labels())
+def test_a_file_of_another_physics_version_is_not_replayed(tmp_path: Path, busy: Scene) -> None:
+    path = recorded(tmp_path / "one.json", busy, Labelling())
     path.write_text(path.read_text().replace(f'"physics":{PHYSICS_VERSION}', '"physics":99'))
     (problem,) = check_replay(path)
     assert "physics version 99" in problem.message
 
 
-def test_a_branch_from_a_file_is_the_branch_from_the_episode(tmp_path: Path, busy: Scene) -> None:
+def test_a_branch_from_a_file_equals_a_branch_from_the_episode(tmp_path: Path, busy: Scene) -> None:
     scene = replace(busy, rules=Rules(time_limit=3.0))
     with s2.JsonRecorder(tmp_path / "one.json") as recorder:
         episode = s2.Episode(scene, s2.StraightToGoal(), observers=[recorder])
@@ -147,7 +147,7 @@ def test_a_branch_from_a_file_is_the_branch_from_the_episode(tmp_path: Path, bus
         branch(tmp_path / "one.json", 99, s2.SocialForce())
 
 
-def test_a_recorded_branch_replays_and_tells_where_it_came_from(tmp_path: Path, busy: Scene) -> None:
+def test_a_recorded_branch_replays_and_names_its_origin(tmp_path: Path, busy: Scene) -> None:
     scene = replace(busy, rules=Rules(time_limit=3.0))
     recorded(tmp_path / "one.json", scene, s2.StraightToGoal())
     with s2.JsonRecorder(tmp_path / "two.json", branched_from=("one", 12)) as recorder:

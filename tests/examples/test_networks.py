@@ -16,9 +16,8 @@ import pytest
 
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.split import split_dataset
-from sonata2d.learning.graph.modern import modern_graph
+from sonata2d.learning.graph.modern import inputs_of, modern_graph
 from sonata2d.learning.graph.paper import paper_graphs
-from sonata2d.learning.inputs import inputs_of
 from sonata2d.learning.network import network_of
 from sonata2d.learning.policy import GraphPolicy
 from sonata2d.learning.weights import read_weights

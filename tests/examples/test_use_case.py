@@ -17,15 +17,15 @@ import pytest
 from sonata2d.collect.session import Session
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.manifest import read_manifest
-from sonata2d.datasets.mirror_image import twist_image
+from sonata2d.datasets.mirror import twist_image
 from sonata2d.datasets.split import split_dataset
 from sonata2d.errors import RecordError
+from sonata2d.learning.graph.modern import INPUTS
 from sonata2d.learning.graph.paper import FEATURES
-from sonata2d.learning.inputs import INPUTS
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.load import load_scenario
 from sonata2d.window.collect_screen import CollectScreen
-from sonata2d.window.hands import Hands
+from sonata2d.window.input import InputDevices
 from tests.window.volunteer import Person
 
 QUICK = load_scenario("sonata-2020").changed(rules={"time_limit": 4.0})
@@ -51,10 +51,10 @@ def by_hand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("SONATA2D_CONFIG", str(folder.parent / "config"))
 
         def screen() -> CollectScreen:
-            hands = Hands()
+            devices = InputDevices()
             nonlocal session
-            session = Session(folder, "kim", load_scenario("sonata-2020"), hands=hands.hands)
-            return CollectScreen(session, hands, runs=2)
+            session = Session(folder, "kim", load_scenario("sonata-2020"), mappings=devices.mappings)
+            return CollectScreen(session, devices, runs=2)
 
         session: Any = None
         person = Person(screen, (900, 700))
@@ -143,7 +143,7 @@ def test_data_sets_of_one_name_join(modules: dict[str, ModuleType], tmp_path: Pa
 def test_a_folder_that_was_not_made_here_is_not_removed(modules: dict[str, ModuleType], tmp_path: Path) -> None:
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "precious.txt").write_text("mine")
-    with pytest.raises(RecordError, match="is no data set"):
+    with pytest.raises(RecordError, match="is not a data set"):
         modules["data"].make(tmp_path, "straight-to-goal", 1, 1, 1)
     generate_dataset(tmp_path / "mine" / "data", QUICK, "straight-to-goal", episodes=1)
     with pytest.raises(RecordError, match="was not made here; name another folder by -o"):

@@ -1,4 +1,4 @@
-"""Episodes over all kinds of room and relation."""
+"""Episodes with all kinds of room and relation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ KINDS = ("square", "rectangle", "l")
 
 
 def config(k: int) -> s2.ScenarioConfig:
-    """The k-th scenario. No wall is a multiple of 4 m long: there the readers' count of its nodes hangs by a bit."""
+    """Return the k-th scenario.
+
+    No wall is a multiple of 4 m long: for such a wall the last bit decides how many nodes the readers make of it.
+    """
     room = {"kinds": [KINDS[k % 3]], "side": 7, "breadth": [5, 6], "length": [6, 7], "unit": 3}
     return s2.ScenarioConfig(
         name="formats",
@@ -40,7 +43,7 @@ def config(k: int) -> s2.ScenarioConfig:
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Twenty episode files."""
+    """A folder of twenty episode files."""
     out = tmp_path_factory.mktemp("episodes")
     for k in range(20):
         with JsonRecorder(out / f"{k:06d}.json") as recorder:
@@ -50,5 +53,5 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def records(folder: Path) -> list[EpisodeRecord]:
-    """The same, read."""
+    """The records of the twenty episodes."""
     return [read_episode(path) for path in sorted(folder.iterdir())]

@@ -1,4 +1,4 @@
-"""`socnav3`: passes the published schema, with nothing for a consumer to repair."""
+"""`socnav3`: exported files pass the published schema and need no repair by their readers."""
 
 from __future__ import annotations
 
@@ -18,47 +18,86 @@ from sonata2d.datasets.check import check_episode
 from sonata2d.datasets.replay import check_replay
 from sonata2d.errors import RecordError
 from sonata2d.formats import socnav3
-from sonata2d.formats import socnav3 as grid
-from sonata2d.formats import socnav3 as socnav3_reader
 from sonata2d.formats.base import Options
-from sonata2d.formats.validate import proven
+from sonata2d.formats.parse import encode_episode
 from sonata2d.record.files import read_bytes
-from sonata2d.record.layout import Tree
+from sonata2d.record.layout import JsonDict
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord
 
 from ..record.conftest import episode  # noqa: F401
-from .socnav3_schema import SCHEMA
 
-PLAIN = Options()
+DEFAULT = Options()
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "formats" / "socnav3.json"
 
+# The schema of SocNav3 trajectory files, written from the published list of fields.
+NUMBER: JsonDict = {"type": "number"}
 
-def exported(record: EpisodeRecord) -> Tree:
-    file: Tree = json.loads(socnav3.export(record, PLAIN))
+
+def json_object(required: JsonDict, optional: JsonDict | None = None) -> JsonDict:
+    """Return the schema of an object with these keys; additional keys are allowed."""
+    return {"type": "object", "properties": required | (optional or {}), "required": list(required)}
+
+
+def number_keys(*names: str) -> JsonDict:
+    return dict.fromkeys(names, NUMBER)
+
+
+def array(items: JsonDict, **limits: int) -> JsonDict:
+    return {"type": "array", "items": items, **limits}
+
+
+POSE = number_keys("x", "y", "angle")
+SHAPE = json_object({"type": {"enum": ["circle", "rectangle"]}} | number_keys("width", "length"))
+GOAL = json_object(
+    {"type": {"enum": ["go-to", "guide-to", "follow"]}, "human": {"type": ["null", "number"]}} | POSE,
+    number_keys("pos_threshold", "angle_threshold"),
+)
+TYPES = {"enum": ["chair", "table", "plant", "tv", "shelf", "floor_lamp"]}
+STEP = json_object(
+    {
+        "timestamp": NUMBER,
+        "robot": json_object(POSE | number_keys("speed_x", "speed_y", "speed_a") | {"shape": SHAPE}),
+        "people": array(json_object({"id": NUMBER} | POSE)),
+        "objects": array(json_object({"id": NUMBER, "type": TYPES} | POSE | {"shape": SHAPE})),
+        "goal": GOAL,
+    }
+)
+GRID = json_object(
+    number_keys("width", "height", "cell_size", "x_orig", "y_orig", "angle_orig")
+    | {"data": array(array({"enum": [-1, 0, 1]}))}
+)
+SCHEMA = json_object(
+    {"grid": GRID, "walls": array(array(NUMBER, minItems=4, maxItems=4)), "sequence": array(STEP)},
+    {"metadata": {"type": "string"}, "context_description": {"type": "string"}, "label": NUMBER},
+)
+
+
+def exported(record: EpisodeRecord) -> JsonDict:
+    file: JsonDict = json.loads(socnav3.export(record, DEFAULT))
     return file
 
 
-def imported(file: Tree, tmp_path: Path) -> Tree:
+def imported(file: JsonDict, tmp_path: Path) -> JsonDict:
     path = tmp_path / "one.json"
     path.write_text(json.dumps(file))
-    (document,) = socnav3_reader.import_(path, PLAIN)
+    (document,) = socnav3.import_(path, DEFAULT)
     return document
 
 
-def test_files_pass_the_published_schema(records: list[EpisodeRecord]) -> None:
+def test_exported_files_pass_the_published_schema(records: list[EpisodeRecord]) -> None:
     fastjsonschema = pytest.importorskip("fastjsonschema", reason="fastjsonschema comes with the test extra")
     validate = fastjsonschema.compile(SCHEMA)
     for record in records:
         validate(exported(record))
-    broken = exported(records[0])
-    broken["sequence"][0]["objects"].append({"id": 99, "type": "laptop", "x": 0, "y": 0, "angle": 0})
+    invalid = exported(records[0])
+    invalid["sequence"][0]["objects"].append({"id": 99, "type": "laptop", "x": 0, "y": 0, "angle": 0})
     with pytest.raises(fastjsonschema.JsonSchemaValueException):
-        validate(broken)
+        validate(invalid)
 
 
-def test_there_is_nothing_to_repair(records: list[EpisodeRecord]) -> None:
-    """What the schema lets pass and loaders trip over."""
+def test_exported_files_need_no_repair(records: list[EpisodeRecord]) -> None:
+    """The schema accepts these faults, but loaders fail on them."""
     for record in records:
         file = exported(record)
         stamps = [step["timestamp"] for step in file["sequence"]]
@@ -71,7 +110,7 @@ def test_there_is_nothing_to_repair(records: list[EpisodeRecord]) -> None:
 
 
 def numbers(tree: Any) -> list[float]:
-    """All of them."""
+    """Return all numbers of a tree."""
     if isinstance(tree, dict):
         return [number for value in tree.values() for number in numbers(value)]
     if isinstance(tree, list):
@@ -79,11 +118,11 @@ def numbers(tree: Any) -> list[float]:
     return [float(tree)] if isinstance(tree, int | float) else []
 
 
-def test_velocities_are_what_poses_change_by(records: list[EpisodeRecord]) -> None:
-    """Body-frame speeds of a step, against the finite difference that led to it, as readers take it.
+def test_velocities_agree_with_the_change_of_poses(records: list[EpisodeRecord]) -> None:
+    """Body-frame speeds of a step, against the finite difference from the step before, as readers compute it.
 
-    Within a tick the robot turns by up to 0.15 rad, which is worth 0.05 m/s; where the guard steps in, it does so
-    between two physics steps, and the difference is a mean of both.
+    Within a tick the robot turns by up to 0.15 rad, which is worth 0.05 m/s; where the guard limits the robot, it does
+    so between two physics steps, and the difference is a mean of both.
     """
     ticks = 0
     for record in records:
@@ -91,15 +130,15 @@ def test_velocities_are_what_poses_change_by(records: list[EpisodeRecord]) -> No
             old, new, dt = before["robot"], after["robot"], after["timestamp"] - before["timestamp"]
             c, s = math.cos(new["angle"]), math.sin(new["angle"])
             vx, vy = (new["x"] - old["x"]) / dt, (new["y"] - old["y"]) / dt
-            off = math.hypot(vx * c + vy * s - new["speed_x"], vy * c - vx * s - new["speed_y"])
+            error = math.hypot(vx * c + vy * s - new["speed_x"], vy * c - vx * s - new["speed_y"])
             guarded = before["sonata2d"]["guarded"]
-            assert off < (0.3 if guarded else 0.06)
+            assert error < (0.3 if guarded else 0.06)
             assert wrap_angle(new["angle"] - old["angle"]) / dt == pytest.approx(new["speed_a"], abs=0.003)
             ticks += not guarded
     assert ticks > 400
 
 
-def test_what_the_schema_has_no_room_for_is_beside(records: list[EpisodeRecord]) -> None:
+def test_values_outside_the_schema_are_under_extra_keys(records: list[EpisodeRecord]) -> None:
     for record in records:
         file, document = exported(record), record.document
         extras = file["sonata2d"]
@@ -113,37 +152,42 @@ def test_what_the_schema_has_no_room_for_is_beside(records: list[EpisodeRecord])
         assert [p["radius"] for p in file["sequence"][0]["people"]] == [h["radius"] for h in document["humans"]]
 
 
-def test_an_exported_file_reads_back_to_the_byte_and_replays(records: list[EpisodeRecord], tmp_path: Path) -> None:
+def test_exported_file_reads_back_to_the_byte_and_replays(records: list[EpisodeRecord], tmp_path: Path) -> None:
     for record in records:
         path = tmp_path / record.path.name
-        data = proven(imported(exported(record), tmp_path), path)
+        data = encode_episode(imported(exported(record), tmp_path), path)
         assert data == read_bytes(record.path)
         path.write_bytes(data)
     assert check_replay(tmp_path / records[0].path.name) == []
 
 
-def test_a_label_of_the_run_is_written_if_it_is_a_share(records: list[EpisodeRecord]) -> None:
-    for label, told in ((0.25, 0.25), ({"how good": 1}, 1.0), (True, None), (7, None), ("good", None), (None, None)):
-        record = replace(records[0], document=records[0].document | {"label": label})
-        assert exported(record).get("label") == told
+@pytest.mark.parametrize(
+    ("label", "expected"),
+    [(0.25, 0.25), ({"how good": 1}, 1.0), (True, None), (7, None), ("good", None), (None, None)],
+)
+def test_label_of_the_run_is_exported_if_it_is_from_0_to_1(
+    records: list[EpisodeRecord], label: Any, expected: float | None
+) -> None:
+    record = replace(records[0], document=records[0].document | {"label": label})
+    assert exported(record).get("label") == expected
 
 
-def test_the_grid_is_the_room(records: list[EpisodeRecord]) -> None:
+def test_grid_agrees_with_the_room(records: list[EpisodeRecord]) -> None:
     rng = np.random.default_rng(3)
     for record in records:
         scene = record.scene()
-        told = grid.grid_of(scene)
-        cells = np.array(told["data"])
-        assert cells.shape == (told["height"], told["width"])
+        grid = socnav3.occupancy_grid(scene)
+        cells = np.array(grid["data"])
+        assert cells.shape == (grid["height"], grid["width"])
         points = rng.uniform(scene.outline.min(axis=0) - 0.2, scene.outline.max(axis=0) + 0.2, (2000, 2))
         column, row = (
-            np.floor((points[:, k] - told[key]) / told["cell_size"]).astype(int)
+            np.floor((points[:, k] - grid[key]) / grid["cell_size"]).astype(int)
             for k, key in enumerate(("x_orig", "y_orig"))
         )
-        found = cells[row, column]
-        clear = scene.barriers.gaps(points).min(axis=0)
-        away = np.abs(clear) > 0.06  # of edges, a cell's own size
-        within = np.zeros(len(points), dtype=bool)
+        values = cells[row, column]
+        gaps = scene.barriers.gaps(points).min(axis=0)
+        unambiguous = np.abs(gaps) > 0.06  # farther from all edges than the size of a cell
+        in_furniture = np.zeros(len(points), dtype=bool)
         for thing in scene.furniture:
             if thing.on is None:
                 local = np.array([thing.pose.to_local((x, y)) for x, y in points.tolist()])
@@ -151,41 +195,41 @@ def test_the_grid_is_the_room(records: list[EpisodeRecord]) -> None:
                     (thing.shape.radius,) * 2 if isinstance(thing.shape, Disc)
                     else (thing.shape.length / 2, thing.shape.width / 2)
                 )  # fmt: skip
-                round_ = np.hypot(*local.T) <= half[0] if isinstance(thing.shape, Disc) else True
-                within |= (np.abs(local) <= half).all(axis=1) & round_
+                in_disc = np.hypot(*local.T) <= half[0] if isinstance(thing.shape, Disc) else True
+                in_furniture |= (np.abs(local) <= half).all(axis=1) & in_disc
         inside = inside_polygon(points, scene.outline)
-        assert (found[away & within] == grid.OCCUPIED).all()
-        assert (found[away & ~within & inside] == grid.FREE).all()
-        assert (found[away & ~inside] == grid.UNKNOWN).all()
-        assert (cells == grid.OCCUPIED).any()
+        assert (values[unambiguous & in_furniture] == socnav3.OCCUPIED).all()
+        assert (values[unambiguous & ~in_furniture & inside] == socnav3.FREE).all()
+        assert (values[unambiguous & ~inside] == socnav3.UNKNOWN).all()
+        assert (cells == socnav3.OCCUPIED).any()
 
 
-def test_what_would_mislead_readers_is_refused(episode: Path) -> None:  # noqa: F811
+def test_episodes_that_readers_would_misinterpret_are_refused(episode: Path) -> None:  # noqa: F811
     record = read_episode(episode)
     table, *others = record.document["objects"]
     with pytest.raises(RecordError, match="object 10 is of type 'sofa'"):
         exported(replace(record, document=record.document | {"objects": [table | {"type": "sofa"}, *others]}))
-    rules, looks = record.document["rules"] | {"dt": 0.05}, replace(record.looks, time=record.looks.time / 2)
+    rules, states = record.document["rules"] | {"dt": 0.05}, replace(record.states, time=record.states.time / 2)
     with pytest.raises(RecordError, match=r"readers of socnav3 drop frames less than 0.1 s apart"):
-        exported(replace(record, document=record.document | {"rules": rules}, looks=looks))
-    robot = record.looks.robot.copy()
+        exported(replace(record, document=record.document | {"rules": rules}, states=states))
+    robot = record.states.robot.copy()
     robot[2, 1] = np.nan
     with pytest.raises(RecordError, match="y of the robot is nan at tick 2"):
-        exported(replace(record, looks=replace(record.looks, robot=robot)))
+        exported(replace(record, states=replace(record.states, robot=robot)))
 
 
-def foreign(**changes: Any) -> Tree:
-    """A file as others write it: a step every 0.25 s, somebody who comes later, nothing beside."""
+def foreign(**changes: Any) -> JsonDict:
+    """Return a file of another program: a step every 0.25 s, a pedestrian who enters later, no extra keys."""
     goal = {"type": "go-to", "human": None, "x": 3, "y": 0, "angle": 0.5, "pos_threshold": 0.3, "angle_threshold": 0.4}
-    shape = {"type": "circle", "width": 0.5, "length": 0.5}
-    oblong = {"type": "rectangle", "width": 0.5, "length": 1.5}
-    table = {"id": 1, "type": "table", "x": -1, "y": 2, "angle": 1.0, "shape": oblong}
+    circle = {"type": "circle", "width": 0.5, "length": 0.5}
+    rectangle = {"type": "rectangle", "width": 0.5, "length": 1.5}
+    table = {"id": 1, "type": "table", "x": -1, "y": 2, "angle": 1.0, "shape": rectangle}
     late = {"id": 4, "x": -2, "y": -2, "angle": 0}
     speeds = {"speed_x": 0.4, "speed_y": 0, "speed_a": 0}
     steps = [
         {
             "timestamp": 10 + 0.25 * t,
-            "robot": {"x": 0.1 * t, "y": 0, "angle": 0, "shape": shape} | speeds,
+            "robot": {"x": 0.1 * t, "y": 0, "angle": 0, "shape": circle} | speeds,
             "people": [{"id": 0, "x": 2, "y": 1 + 0.05 * t, "angle": 1.5}] + [late] * (t > 1),
             "objects": [table],
             "goal": goal,
@@ -196,69 +240,69 @@ def foreign(**changes: Any) -> Tree:
     return {"grid": {}, "walls": walls, "sequence": steps, "label": 0.75} | changes
 
 
-def test_a_file_of_another_hand_becomes_an_episode_that_says_what_it_lacks(tmp_path: Path) -> None:
+def test_foreign_file_becomes_an_episode_that_lists_missing_values(tmp_path: Path) -> None:
     document = imported(foreign(), tmp_path)
     path = tmp_path / "made.json"
     path.write_text(json.dumps(document))
     record = read_episode(path)
     assert record.scene().rules.dt == 0.25
-    assert record.looks.time.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
-    assert [human.id for human in record.scene().humans] == [1, 5], "0 is the robot's"
-    assert record.looks.present[:, 1].tolist() == [False, False, True, True, True]
-    assert record.looks.humans[:, 0, 4] == pytest.approx(0.2)
+    assert record.states.time.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert [human.id for human in record.scene().humans] == [1, 5], "id 0 is the robot's"
+    assert record.states.present[:, 1].tolist() == [False, False, True, True, True]
+    assert record.states.humans[:, 0, 4] == pytest.approx(0.2)
     assert (record.scene().goal.distance, record.scene().goal.angle, record.label) == (0.3, 0.4, 0.75)
     assert record.scene().robot.radius == 0.25
     table = record.scene().furniture[0]
     assert table.id not in (0, 1, 5)
     assert (table.type, table.pose, table.shape) == ("table", Pose(-1.0, 2.0, 1.0), Rectangle(length=1.5, width=0.5))
     assert sorted(record.document["room"]["polygon"]) == [[-4, -4], [-4, 4], [4, -4], [4, 4]]
-    told = record.document["imported"]
+    origin = record.document["imported"]
     assert {"seed", "settings", "physics", "frames.command", "frames.interactions", "humans.radius"} <= set(
-        told["lacks"]
+        origin["lacks"]
     )
-    assert {"frames.humans.velocity", "humans.id"} <= set(told["derived"])
+    assert {"frames.humans.velocity", "humans.id"} <= set(origin["derived"])
     assert check_episode(path) == []
-    assert [problem.place for problem in check_replay(path)] == ["physics"], "it cannot be replayed, and says so"
+    assert [problem.place for problem in check_replay(path)] == ["physics"], "it reports that it cannot be replayed"
 
 
-def test_numbers_beyond_what_a_file_holds_are_refused(records: list[EpisodeRecord], tmp_path: Path) -> None:
+def test_numbers_beyond_the_limit_of_episode_files_are_refused(records: list[EpisodeRecord], tmp_path: Path) -> None:
     file = exported(records[0])
     file["sonata2d"]["header"]["walls"][0][0] = -1e300
-    with pytest.raises(RecordError, match=r"walls holds 1e\+300, beyond what a file holds"):
-        proven(imported(file, tmp_path), tmp_path / "one.json")
+    with pytest.raises(RecordError, match=r"walls holds 1e\+300, beyond the limit of episode files"):
+        encode_episode(imported(file, tmp_path), tmp_path / "one.json")
 
 
-def test_things_that_move_or_come_are_refused(tmp_path: Path) -> None:
+def test_goals_and_objects_that_move_or_disappear_are_refused(tmp_path: Path) -> None:
     moved = foreign()
     moved["sequence"][2] |= {"goal": moved["sequence"][2]["goal"] | {"x": 2.5}}
     with pytest.raises(RecordError, match="the goal has moved at step 2"):
         imported(moved, tmp_path)
-    gone = foreign()
-    gone["sequence"][3] |= {"objects": []}
-    with pytest.raises(RecordError, match="objects come or go at step 3"):
-        imported(gone, tmp_path)
+    removed = foreign()
+    removed["sequence"][3] |= {"objects": []}
+    with pytest.raises(RecordError, match="objects appear or disappear at step 3"):
+        imported(removed, tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"walls": [[1, 2, 3]]}, "walls must be numbers"),
         ({"walls": [[1, 2, 3, "4"]]}, "walls must be numbers"),
         ({"sequence": []}, "two steps or more"),
         ({"sequence": foreign()["sequence"][::-1]}, "timestamps must rise"),
-        ({"label": {"a": float("inf")}}, "no socnav3 file"),
+        ({"label": {"a": float("inf")}}, "is not a socnav3 file"),
     ],
 )
-def test_a_damaged_file_is_one_clear_line(tmp_path: Path, changes: Tree, said: str) -> None:
-    with pytest.raises(RecordError, match=said) as caught:
+def test_damaged_file_is_refused_with_one_line(tmp_path: Path, changes: JsonDict, message: str) -> None:
+    with pytest.raises(RecordError, match=message) as caught:
         imported(foreign(**changes), tmp_path)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.skipif(not SHARED.exists(), reason="the shared sample file is not on this machine")
-def test_the_shared_sample_reads(tmp_path: Path) -> None:
-    (document,) = socnav3_reader.import_(SHARED, PLAIN)
+def test_shared_sample_is_read(tmp_path: Path) -> None:
+    (document,) = socnav3.import_(SHARED, DEFAULT)
     steps = json.loads(SHARED.read_bytes())["sequence"]
     robot = [[step["robot"][key] for key in ("x", "y", "angle")] for step in steps]
-    rows = [look["robot"][:3] for look in (*document["frames"], document["final"])]
+    rows = [frame["robot"][:3] for frame in (*document["frames"], document["final"])]
     assert rows == [pytest.approx(row, abs=1e-4) for row in robot]

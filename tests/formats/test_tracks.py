@@ -1,4 +1,4 @@
-"""`csv` and `trajnet`: tracks of people, out and in."""
+"""`csv` and `trajnet`: pedestrian tracks, exported and imported."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ import sonata2d as s2
 from sonata2d.datasets.check import check_episode
 from sonata2d.errors import RecordError
 from sonata2d.formats import trajnet
-from sonata2d.formats.api import Done, export_to, import_from
+from sonata2d.formats.api import TransferResult, export_to, import_from
 from sonata2d.formats.base import Options
+from sonata2d.formats.imported import POSITION, VELOCITY, VX, X
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord
 from sonata2d.record.recorder import JsonRecorder
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
+# frame, ped, x, y: pedestrian 3 is always present, pedestrian 8 enters and leaves
 COMING_AND_GOING = [
     (frame, ped, 0.1 * frame + ped, 2.0 * ped)
     for frame in range(0, 60, 10)
@@ -36,23 +38,24 @@ def written(path: Path, text: str) -> Path:
 
 def imported(path: Path, **options: float) -> EpisodeRecord:
     out = path.parent / "made" / "one.json"
-    done = import_from(path, path.suffix.replace(".ndjson", ".trajnet")[1:], out, Options(**options))
-    assert done == Done([out], [])
+    result = import_from(path, path.suffix.replace(".ndjson", ".trajnet")[1:], out, Options(**options))
+    assert result == TransferResult([out], [])
     return read_episode(out)
 
 
 def refusal(path: Path, format: str = "csv", **options: float) -> str:
-    done = import_from(path, format, path.parent / "made", Options(**options))
-    assert done.files == []
+    """Return the only message of a refused import, which writes nothing."""
+    result = import_from(path, format, path.parent / "made", Options(**options))
+    assert result.files == []
     assert not (path.parent / "made").exists()
-    (line,) = done.refused
+    (line,) = result.refused
     assert "\n" not in line
     return line
 
 
 @pytest.fixture(scope="module")
 def long_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Ten seconds."""
+    """An episode of ten seconds."""
     path = tmp_path_factory.mktemp("long") / "long.json"
     config = s2.ScenarioConfig(standing=1, wandering=3, rules={"time_limit": 10.0, "ends_on": ["time"]})
     with JsonRecorder(path) as recorder:
@@ -60,36 +63,36 @@ def long_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_csv_carries_who_was_where(records: list[EpisodeRecord], tmp_path: Path) -> None:
+def test_csv_keeps_the_positions_of_all_pedestrians(records: list[EpisodeRecord], tmp_path: Path) -> None:
     for record in records:
-        done = export_to(record.path, "csv", tmp_path / "one.csv")
+        result = export_to(record.path, "csv", tmp_path / "one.csv")
         if not record.scene().humans:
-            assert "nobody is in it" in done.refused[0]
+            assert "no pedestrian is in the episode" in result.refused[0]
             continue
         back = imported(tmp_path / "one.csv", frame_time=record.scene().rules.dt)
-        assert (back.looks.humans[..., 0:2] == record.looks.humans[..., 0:2]).all()
+        assert (back.states.humans[..., POSITION] == record.states.humans[..., POSITION]).all()
         assert [human.id for human in back.scene().humans] == [human.id for human in record.scene().humans]
-        assert (back.looks.time == record.looks.time).all()
-        assert np.hypot(*(back.looks.humans - record.looks.humans)[1:, :, 3:5].reshape(-1, 2).T).max() < 0.5
+        assert (back.states.time == record.states.time).all()
+        assert np.hypot(*(back.states.humans - record.states.humans)[1:, :, VELOCITY].reshape(-1, 2).T).max() < 0.5
 
 
 @pytest.mark.parametrize("row", ["{},{},{},{}", "{}\t{}\t{}\t{}", "{:.1f}  {:.1f} {} {}"])
-def test_the_usual_four_columns_are_read(tmp_path: Path, row: str) -> None:
+def test_four_columns_without_header_are_read(tmp_path: Path, row: str) -> None:
     text = "\n".join(row.format(*cells) for cells in COMING_AND_GOING)
     record = imported(written(tmp_path / "four.csv", text), frame_time=0.04)
     assert record.scene().rules.dt == 0.4
     assert len(record) == 5
     assert [human.id for human in record.scene().humans] == [3, 8]
-    assert record.looks.present[:, 1].tolist() == [False, False, True, True, True, False]
-    assert record.looks.humans[:, 0, 0:2].tolist() == [[pytest.approx(k + 3), 6.0] for k in range(6)]
-    assert record.looks.humans[:, 0, 3:5] == pytest.approx(np.tile((2.5, 0.0), (6, 1)))
-    assert record.looks.humans[2:5, 1, 3] == pytest.approx([2.5] * 3), "whoever comes has a velocity at once"
+    assert record.states.present[:, 1].tolist() == [False, False, True, True, True, False]
+    assert record.states.humans[:, 0, POSITION].tolist() == [[pytest.approx(k + 3), 6.0] for k in range(6)]
+    assert record.states.humans[:, 0, VELOCITY] == pytest.approx(np.tile((2.5, 0.0), (6, 1)))
+    assert record.states.humans[2:5, 1, VX] == pytest.approx([2.5] * 3), "a new pedestrian has a velocity at once"
     lacks = set(record.document["imported"]["lacks"])
     assert {"robot", "goal", "walls", "humans.radius", "humans.group", "physics", "frames.command"} <= lacks
     assert check_episode(record.path) == []
 
 
-def test_columns_by_name_give_time_groups_walls_and_speed(tmp_path: Path) -> None:
+def test_named_columns_give_time_groups_walls_and_speed(tmp_path: Path) -> None:
     rows = [(0.4 * f / 10, p, x, y, f, 7 if p == 3 else 7 * (p == 8)) for f, p, x, y in COMING_AND_GOING]
     text = "t,ped,x,y,frame,group\n" + "\n".join(",".join(map(str, row)) for row in rows)
     written(tmp_path / "own.obstacles.csv", "x1,y1,x2,y2\n0,-3,9,-3\n")
@@ -102,77 +105,78 @@ def test_columns_by_name_give_time_groups_walls_and_speed(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
-        ("0,1,2,3\n1,1,2,3\n", "does not say how long a frame is; tell it, e.g. --frame-time"),
+        ("0,1,2,3\n1,1,2,3\n", "does not give the duration of a frame; pass it, e.g. --frame-time"),
         ("", "it is empty"),
         ("frame,ped,x\n0,1,2\n", "no column y"),
         ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2\n", "row 2 has 3 cells, not the 5"),
         ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,nan,1\n", "must be finite"),
-        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1.5,2,2,1\n", "ped must be whole numbers"),
-        ("frame,ped,x,y,t\n0,1,2,3,0\n", "two frames or more|no multiple"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1.5,2,2,1\n", "ped must be integers"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n", "two frames or more|not proportional"),
         ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n1,1,2,4,1\n", "two places in one frame"),
-        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n2,1,2,4,9\n", "no multiple of its frame numbers"),
-        ("frame,ped,x,y,t\n0,1,2,3,0\n2,1,2,3,2\n4,1,2,3,4\n5,1,2,4,5\n", "frame 5 is off the usual step"),
-        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n1e10,1,2,4,1e10\n", "more than one episode holds"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n2,1,2,4,9\n", "not proportional to its frame numbers"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n2,1,2,3,2\n4,1,2,3,4\n5,1,2,4,5\n", "frame 5 is not a multiple of the most"),
+        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n1e10,1,2,4,1e10\n", "more than one episode can hold"),
     ],
 )
-def test_a_bad_file_of_tracks_is_one_clear_line(tmp_path: Path, text: str, said: str) -> None:
-    assert re.search(said, refusal(written(tmp_path / "bad.csv", text)))
+def test_invalid_track_file_is_refused_with_one_line(tmp_path: Path, text: str, message: str) -> None:
+    assert re.search(message, refusal(written(tmp_path / "bad.csv", text)))
 
 
-def test_trajnet_has_scenes_that_its_readers_can_use(long_run: Path, tmp_path: Path) -> None:
+def test_trajnet_scenes_are_complete_for_their_readers(long_run: Path, tmp_path: Path) -> None:
     out = tmp_path / "long.ndjson"
     assert export_to(long_run, "trajnet", out).refused == []
     lines = [json.loads(line) for line in out.read_text().splitlines()]
     scenes = [line["scene"] for line in lines if "scene" in line]
     tracks = [line["track"] for line in lines if "track" in line]
-    places = {(track["f"], track["p"]): (track["x"], track["y"]) for track in tracks}
+    positions = {(track["f"], track["p"]): (track["x"], track["y"]) for track in tracks}
     record = read_episode(long_run)
     assert len(scenes) == len(record.scene().humans) == 4
     for scene in scenes:
-        assert [f for f, p in places if p == scene["p"] and scene["s"] <= f <= scene["e"]] == list(range(0, 81, 4))
+        frames = [f for f, p in positions if p == scene["p"] and scene["s"] <= f <= scene["e"]]
+        assert frames == list(range(0, 81, 4))
         assert scene["fps"] == 2.5
-    for (f, p), place in places.items():
-        assert place == tuple(record.looks.humans[f, p - 1, 0:2])
+    for (f, p), position in positions.items():
+        assert position == tuple(record.states.humans[f, p - 1, POSITION])
     back = imported(out)
     assert back.scene().rules.dt == 0.4
-    assert (back.looks.humans[..., 0:2] == record.looks.humans[::4, :, 0:2]).all()
+    assert (back.states.humans[..., POSITION] == record.states.humans[::4, :, POSITION]).all()
 
 
-def test_trajnet_refuses_what_is_too_short_or_off_its_clock(folder: Path, tmp_path: Path) -> None:
-    done = export_to(folder, "trajnet", tmp_path / "out")
-    assert len(done.refused) == 20
-    assert "nobody is in it for 8 s" in done.refused[0]
+def test_trajnet_refuses_short_episodes_and_other_tick_lengths(folder: Path, tmp_path: Path) -> None:
+    result = export_to(folder, "trajnet", tmp_path / "out")
+    assert len(result.refused) == 20
+    assert "no pedestrian is present for 8 s" in result.refused[0]
     record = read_episode(folder / "000000.json")
     slow = record.document | {"rules": record.document["rules"] | {"dt": 0.15}}
-    looks = replace(record.looks, time=record.looks.tick * 0.15)
+    states = replace(record.states, time=record.states.tick * 0.15)
     with pytest.raises(RecordError, match=r"ticks of 0.15 s"):
-        trajnet.export(replace(record, document=slow, looks=looks), Options())
+        trajnet.export(replace(record, document=slow, states=states), Options())
 
 
-def test_what_models_predicted_is_no_track(tmp_path: Path) -> None:
+def test_predictions_of_models_are_not_tracks(tmp_path: Path) -> None:
     lines = [{"track": {"f": 10 * k, "p": 5, "x": k, "y": 0.0}} for k in range(3)]
     lines += [
         {"track": {"f": 10 * k, "p": 6, "x": k, "y": 9.0, "prediction_number": 0, "scene_id": 1}} for k in range(3)
     ]
     path = written(tmp_path / "given.ndjson", "\n".join(map(json.dumps, lines)))
     record = imported(path)
-    assert record.looks.humans[:, 0, 0].tolist() == [0.0, 1.0, 2.0]
+    assert record.states.humans[:, 0, X].tolist() == [0.0, 1.0, 2.0]
     assert len(record.scene().humans) == 1
-    assert record.looks.time.tolist() == [0.0, 0.4, 0.8]
+    assert record.states.time.tolist() == [0.0, 0.4, 0.8]
 
 
 @pytest.mark.skipif(not REAL.exists(), reason="the recorded tracks are not on this machine")
 @pytest.mark.parametrize("name", ["eth", "zara01", "corridor_uni"])
-def test_recorded_people_become_a_scene(tmp_path: Path, name: str) -> None:
-    done = import_from(REAL / f"{name}.csv", "csv", tmp_path)
-    record = read_episode(done.files[0])
+def test_real_tracks_become_an_episode(tmp_path: Path, name: str) -> None:
+    result = import_from(REAL / f"{name}.csv", "csv", tmp_path)
+    record = read_episode(result.files[0])
     rows = [line.split(",") for line in (REAL / f"{name}.csv").read_text().splitlines()[1:]]
-    assert record.looks.present.sum() == len(rows)
+    assert record.states.present.sum() == len(rows)
     frame, ped, x, y = (np.array([float(row[k]) for row in rows]) for k in (1, 3, 4, 5))
     column = np.searchsorted([human.id for human in record.scene().humans], ped)
-    seen = record.looks.humans[(frame - frame.min()).astype(int), column, 0:2]
-    assert np.abs(seen - np.stack((x, y), axis=1)).max() < 1e-4
-    assert check_episode(done.files[0]) == []
+    positions = record.states.humans[(frame - frame.min()).astype(int), column, POSITION]
+    assert np.abs(positions - np.stack((x, y), axis=1)).max() < 1e-4
+    assert check_episode(result.files[0]) == []
     assert record.scene().walls

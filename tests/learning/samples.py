@@ -1,4 +1,4 @@
-"""Networks that have learned nothing, for tests that want to know every number of theirs."""
+"""Networks with random weights, for tests that compute every number of the result."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sonata2d.core.portable_math import Array
+from sonata2d.core.portable_math import Array, IntArray
 from sonata2d.learning.graph.graph import RELATIONS
+from sonata2d.learning.graph.modern import INPUTS
 from sonata2d.learning.graph.paper import FEATURES
-from sonata2d.learning.inputs import INPUTS
 from sonata2d.learning.weights import Weights, write_weights
 
 INPUTS_OF = {"paper": len(FEATURES), "modern": len(INPUTS)}
@@ -17,8 +17,7 @@ RELATIONS_OF = {"paper": len(RELATIONS) + 4, "modern": len(RELATIONS)}
 ALL = [(graph, kind) for graph in ("paper", "modern") for kind in ("rgcn", "gatv2")]
 
 
-def drawn(graph: str = "paper", kind: str = "rgcn", seed: int = 0) -> Weights:
-    """Weights drawn by chance."""
+def random_weights(graph: str = "paper", kind: str = "rgcn", seed: int = 0) -> Weights:
     rng = np.random.default_rng(seed)
     sizes = _rgcn(graph) if kind == "rgcn" else _gatv2(graph)
     scale = 0.05 if kind == "rgcn" else 0.3
@@ -26,13 +25,13 @@ def drawn(graph: str = "paper", kind: str = "rgcn", seed: int = 0) -> Weights:
 
 
 def weights_file(path: Path, graph: str = "paper", kind: str = "rgcn", seed: int = 0) -> Path:
-    """A file of them."""
-    write_weights(path, drawn(graph, kind, seed))
+    """Write random weights to a file and return its path."""
+    write_weights(path, random_weights(graph, kind, seed))
     return path
 
 
-def random_graph(graph: str, seed: int, nodes: int = 23, edges: int = 120) -> tuple[Array, Array, Array]:
-    """Inputs (N, F), edges (2, E) and relations (E,); some nodes that nothing points to, some edges twice."""
+def random_graph(graph: str, seed: int, nodes: int = 23, edges: int = 120) -> tuple[Array, IntArray, IntArray]:
+    """Return inputs (N, F), edges (2, E) and relations (E,); some nodes have no incoming edges, some edges repeat."""
     rng = np.random.default_rng(seed)
     x = rng.normal(0.0, 1.0, (nodes, INPUTS_OF[graph]))
     ends = rng.integers(0, [[nodes], [nodes - 3]], (2, edges))
@@ -40,15 +39,19 @@ def random_graph(graph: str, seed: int, nodes: int = 23, edges: int = 120) -> tu
 
 
 def _rgcn(graph: str) -> dict[str, tuple[int, ...]]:
-    widths, found = (INPUTS_OF[graph], 12, 7, 3), {}
+    """Shapes of the arrays."""
+    widths = (INPUTS_OF[graph], 12, 7, 3)
+    shapes: dict[str, tuple[int, ...]] = {}
     for k in range(3):
-        found[f"layer{k}.weight"] = (RELATIONS_OF[graph], widths[k], widths[k + 1])
-        found[f"layer{k}.bias"] = (widths[k + 1],)
-    return found
+        shapes[f"layer{k}.weight"] = (RELATIONS_OF[graph], widths[k], widths[k + 1])
+        shapes[f"layer{k}.bias"] = (widths[k + 1],)
+    return shapes
 
 
 def _gatv2(graph: str) -> dict[str, tuple[int, ...]]:
-    width, heads, found = 12, 3, {}
+    """Shapes of the arrays."""
+    width, heads = 12, 3
+    shapes: dict[str, tuple[int, ...]] = {}
     dense = {
         "encoder0": (INPUTS_OF[graph], width),
         "encoder1": (width, width),
@@ -57,8 +60,8 @@ def _gatv2(graph: str) -> dict[str, tuple[int, ...]]:
     }
     for k in range(2):
         dense |= {f"conv{k}.source": (width, width), f"conv{k}.target": (width, width)}
-        found |= {f"conv{k}.relation": (RELATIONS_OF[graph], width), f"conv{k}.bias": (width,)}
-        found[f"conv{k}.attention"] = (heads, width // heads)
+        shapes |= {f"conv{k}.relation": (RELATIONS_OF[graph], width), f"conv{k}.bias": (width,)}
+        shapes[f"conv{k}.attention"] = (heads, width // heads)
     for name, (start, end) in dense.items():
-        found |= {f"{name}.weight": (start, end), f"{name}.bias": (end,)}
-    return found
+        shapes |= {f"{name}.weight": (start, end), f"{name}.bias": (end,)}
+    return shapes

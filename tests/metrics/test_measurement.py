@@ -1,4 +1,4 @@
-"""Measuring data sets: what is kept, what the same scenes are, and that it is quick enough to be used."""
+"""Measuring data sets: stored metrics, scene hashes, tables; and metrics for which an imported episode lacks data."""
 
 from __future__ import annotations
 
@@ -17,17 +17,24 @@ from sonata2d.core.proxemics import obstacle_clearance, times_to_collision
 from sonata2d.datasets.check import check_dataset
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.mirror import mirror_dataset
-from sonata2d.datasets.verification import files_of
 from sonata2d.errors import MetricError, RecordError
-from sonata2d.metrics.catalogue import ALL, METRICS, headline, named
+from sonata2d.metrics.catalogue import ALL, METRICS, METRICS_REQUIRING, headline_metrics, select_metrics
 from sonata2d.metrics.definition import DEFINITIONS_VERSION
 from sonata2d.metrics.interop import VARIANTS
-from sonata2d.metrics.measurement import Evaluation, Measured, episode_files, keep, measure_files, scene_hash
-from sonata2d.metrics.table import cell, differs, table
+from sonata2d.metrics.measurement import (
+    Evaluation,
+    comparison_table,
+    episode_files,
+    measure,
+    measure_files,
+    save_metrics,
+    scene_hash,
+)
 from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord
 
 from ..conftest import room
-from .samples import record, stay
+from .samples import measured, record, stay
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -36,146 +43,189 @@ ROOT = Path(__file__).parent.parent.parent
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three short episodes."""
     out = tmp_path_factory.mktemp("sets") / "demo"
-    config = s2.load_scenario("sonata-2020")
-    config = config.model_copy(update={"rules": config.rules.model_copy(update={"time_limit": 3.0})})
-    generate_dataset(out, config, "straight-to-goal", episodes=3, seed=4)
+    generate_dataset(out, short_scenario(3.0), "straight-to-goal", episodes=3, seed=4)
     return out
 
 
-def run(scene: int, **values: float | None) -> Measured:
-    return Measured(f"{scene}.json", "0" * 64, "s", "s/l", 1, scene, str(scene), "goal", values)
+def short_scenario(time_limit: float) -> s2.ScenarioConfig:
+    config = s2.load_scenario("sonata-2020")
+    return config.model_copy(update={"rules": config.rules.model_copy(update={"time_limit": time_limit})})
 
 
-def test_metrics_lie_beside_the_episodes_and_the_data_set_stays_proven(dataset: Path) -> None:
-    measured = measure_files(episode_files(dataset))
-    path = keep(dataset, Evaluation("demo", measured))
-    told = json.loads(path.read_text())
+def test_metrics_are_stored_with_the_episodes_and_the_data_set_stays_valid(dataset: Path) -> None:
+    path = save_metrics(dataset, Evaluation("demo", measure_files(episode_files(dataset))))
+    stored = json.loads(path.read_text())
     assert path.name == "metrics.json"
-    assert (told["format"], told["version"]) == ("sonata2d-metrics", DEFINITIONS_VERSION)
-    assert [episode["file"] for episode in told["episodes"]] == ["000000.json", "000001.json", "000002.json"]
-    first = told["episodes"][0]
+    assert (stored["format"], stored["version"]) == ("sonata2d-metrics", DEFINITIONS_VERSION)
+    assert [episode["file"] for episode in stored["episodes"]] == ["000000.json", "000001.json", "000002.json"]
+    first = stored["episodes"][0]
     assert first["sha256"] == hashlib.sha256((dataset / "000000.json").read_bytes()).hexdigest()
-    assert first["values"].keys() == ALL.keys() == told["metrics"].keys()
-    assert told["summary"]["all"]["success"]["n"] == 3
-    succeeded = sum(episode["values"]["success"] for episode in told["episodes"])
-    assert told["summary"]["successful"]["success"]["n"] == succeeded
-    families = told["summary"]["by_family"]
+    assert first["values"].keys() == ALL.keys() == stored["metrics"].keys()
+    assert stored["summary"]["all"]["success"]["n"] == 3
+    succeeded = sum(episode["values"]["success"] for episode in stored["episodes"])
+    assert stored["summary"]["successful"]["success"]["n"] == succeeded
+    families = stored["summary"]["by_family"]
     assert sum(family["success"]["n"] for family in families.values()) == 3
     assert check_dataset(dataset) == []
 
 
-def test_clearances_and_times_are_those_that_controllers_see(dataset: Path) -> None:
-    seen = 0
-    for file, told in zip(episode_files(dataset), measure_files(episode_files(dataset), rerun=False), strict=True):
-        looks = list(read_episode(file).snapshots())
-        clearance, obstacles = min(map(s2.clearance, looks)), min(map(obstacle_clearance, looks))
-        soonest = min(float(times_to_collision(look).min(initial=math.inf)) for look in looks)
-        assert told.values["human_clearance_min"] == defined(max(clearance, 0.0))
-        assert told.values["obstacle_clearance_min"] == defined(max(obstacles, 0.0))
-        assert told.values["time_to_collision_min"] == defined(soonest)
-        seen += math.isfinite(clearance) + math.isfinite(soonest)
-    assert seen > 1
+def test_clearances_and_times_to_collision_equal_those_of_controllers(dataset: Path) -> None:
+    finite = 0
+    for file, found in zip(episode_files(dataset), measure_files(episode_files(dataset), rerun=False), strict=True):
+        snapshots = list(read_episode(file).snapshots())
+        clearance, obstacles = min(map(s2.clearance, snapshots)), min(map(obstacle_clearance, snapshots))
+        soonest = min(float(times_to_collision(snapshot).min(initial=math.inf)) for snapshot in snapshots)
+        assert found.values["human_clearance_min"] == defined(max(clearance, 0.0))
+        assert found.values["obstacle_clearance_min"] == defined(max(obstacles, 0.0))
+        assert found.values["time_to_collision_min"] == defined(soonest)
+        finite += math.isfinite(clearance) + math.isfinite(soonest)
+    assert finite > 1
 
 
 def defined(number: float) -> object:
     return pytest.approx(number, abs=1e-6) if math.isfinite(number) else None
 
 
-def test_a_folder_without_manifest_takes_metrics_for_no_episode(dataset: Path, tmp_path: Path) -> None:
+def test_metrics_file_is_not_an_episode_of_a_folder_without_manifest(dataset: Path, tmp_path: Path) -> None:
     for name in ("000000.json", "000001.json"):
         (tmp_path / name).write_bytes((dataset / name).read_bytes())
     (tmp_path / "metrics.json").write_text("{}")
-    assert files_of(tmp_path) == [tmp_path / "000000.json", tmp_path / "000001.json"]
+    assert episode_files(tmp_path) == [tmp_path / "000000.json", tmp_path / "000001.json"]
 
 
-def test_workers_do_not_change_a_number(dataset: Path) -> None:
+def test_number_of_workers_does_not_change_the_metrics(dataset: Path) -> None:
     files, done = episode_files(dataset), []
     assert measure_files(files, workers=2, advance=done.append) == measure_files(files)
     assert done == [1, 1, 1]
 
 
-def test_a_mirror_image_is_another_scene_with_the_same_numbers(dataset: Path, tmp_path: Path) -> None:
+def test_mirror_image_is_another_scene_with_the_same_metrics(dataset: Path, tmp_path: Path) -> None:
     mirror_dataset(dataset, tmp_path / "image")
     images = measure_files(episode_files(tmp_path / "image"))
-    for own, image in zip(measure_files(episode_files(dataset)), images, strict=True):
-        assert own.scene != image.scene
+    for original, image in zip(measure_files(episode_files(dataset)), images, strict=True):
+        assert original.scene != image.scene
         for name in METRICS.keys() - {"shortest_length", "spl", "stl"}:
-            assert image.values[name] == pytest.approx(own.values[name], abs=2e-6), name
+            assert image.values[name] == pytest.approx(original.values[name], abs=2e-6), name
 
 
-def test_scenes_are_told_apart_by_what_is_in_them_and_not_by_who_drives(dataset: Path, tmp_path: Path) -> None:
-    config = s2.load_scenario("sonata-2020")
-    config = config.model_copy(update={"rules": config.rules.model_copy(update={"time_limit": 3.0})})
-    longer = config.model_copy(update={"rules": config.rules.model_copy(update={"time_limit": 3.1})})
-    for name, scenario in (("other-driver", config), ("longer", longer)):
-        generate_dataset(tmp_path / name, scenario, "social-force", episodes=3, seed=4)
-    own, same, longer_ones = (
+def test_scene_hash_depends_on_the_scene_and_not_on_the_controller(dataset: Path, tmp_path: Path) -> None:
+    for name, time_limit in (("other-driver", 3.0), ("longer", 3.1)):
+        generate_dataset(tmp_path / name, short_scenario(time_limit), "social-force", episodes=3, seed=4)
+    original, other_driver, longer = (
         [one.scene for one in measure_files(episode_files(folder), rerun=False)]
         for folder in (dataset, tmp_path / "other-driver", tmp_path / "longer")
     )
-    assert own == same
-    hashes = {scene_hash(record(replace(room(), seed=seed), stay(0, 0, 2))) for seed in (1, 2)}  # people choose by it
+    assert original == other_driver
+    # people make choices from the seed
+    hashes = {scene_hash(record(replace(room(), seed=seed), stay(0, 0, 2))) for seed in (1, 2)}
     assert len(hashes) == 2
-    assert len({*own, *longer_ones}) == 6
+    assert len({*original, *longer}) == 6
 
 
-def test_what_is_no_episode_is_refused(tmp_path: Path) -> None:
+def test_folder_without_episodes_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="holds no episode files"):
         episode_files(tmp_path)
 
 
-def test_metrics_are_had_by_name_family_or_all() -> None:
-    assert [metric.name for metric in named(["spl", "success", "spl"])] == ["spl", "success"]
-    assert {metric.name for metric in named(["socnav3"])} == {m.name for m in VARIANTS if m.name.startswith("socnav3.")}
-    assert named(["all"]) == tuple(METRICS.values())
+def test_metrics_are_selected_by_name_project_or_all() -> None:
+    assert [metric.name for metric in select_metrics(["spl", "success", "spl"])] == ["spl", "success"]
+    socnav3 = {metric.name for metric in VARIANTS if metric.name.startswith("socnav3.")}
+    assert {metric.name for metric in select_metrics(["socnav3"])} == socnav3
+    assert select_metrics(["all"]) == tuple(METRICS.values())
     with pytest.raises(MetricError, match="did you mean 'success'"):
-        named(["sucess"])
+        select_metrics(["sucess"])
 
 
-def test_every_metric_says_what_it_is() -> None:
+def test_every_metric_has_unit_formula_and_source() -> None:
     for metric in ALL.values():
         assert metric.unit
         assert metric.formula
         assert metric.source
         assert metric.better in ("more", "less", "neither")
-    assert 10 <= len(headline()) <= 20
+    assert 10 <= len(headline_metrics()) <= 20
 
 
-def test_differences_are_taken_in_the_same_scenes() -> None:
-    first = Evaluation("a", [run(0, t=1.0), run(1, t=2.0), run(2, t=9.0)])
-    second = Evaluation("b", [run(1, t=4.0), run(0, t=3.0), run(3, t=0.0)])
-    told = second.less(first, "t")
-    assert (told.n, told.mean) == (2, 2.0)
-    assert differs(told)
-    assert not differs(first.less(first, "t"))
+def test_difference_is_taken_over_common_scenes() -> None:
+    first = Evaluation("a", [measured(k, {"t": t}) for k, t in ((0, 1.0), (1, 2.0), (2, 9.0))])
+    second = Evaluation("b", [measured(k, {"t": t}) for k, t in ((1, 4.0), (0, 3.0), (3, 0.0))])
+    difference = second.difference(first, "t")
+    assert (difference.n, difference.mean) == (2, 2.0)
+    assert difference.excludes_zero
+    assert not first.difference(first, "t").excludes_zero
 
 
-def test_the_table_tells_mean_interval_n_and_what_differs() -> None:
-    """Alike but for a shift of 1: every difference is 1, so that its interval leaves out 0."""
-    first = Evaluation("a", [run(k, path_length=float(k), spl=None) for k in range(4)])
-    second = Evaluation("b", [run(k, path_length=k + 1.0, spl=0.5 if k == 0 else None) for k in range(4)])
-    head, length, weighted = table([first, second], named(["path_length", "spl"]))
+def test_table_shows_mean_interval_n_and_significance() -> None:
+    """All differences of path_length are 1, so that the interval of the difference excludes 0."""
+    first = Evaluation("a", [measured(k, {"path_length": float(k), "spl": None}) for k in range(4)])
+    second = Evaluation("b", [measured(k, {"path_length": k + 1.0, "spl": 0.5 if k == 0 else None}) for k in range(4)])
+    head, length, weighted = comparison_table([first, second], select_metrics(["path_length", "spl"]))
     assert head.split() == ["metric", "unit", "a", "b"]
     assert length.startswith("path_length  ↓  m")
     assert "1.50 [" in length
     assert length.endswith("]*")
     assert "not defined" in weighted
     assert weighted.endswith("0.50 (n=1)")
-    assert cell(first.summary("path_length"), 4).count("n=") == 0
+    assert first.summary("path_length").text(4).count("n=") == 0
 
 
-def test_the_example_of_the_page_runs(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_example_of_the_documentation_runs(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (ROOT / "docs/metrics.md").read_text("utf-8")
-    monkeypatch.chdir(dataset.parent)  # the data set is called demo, as there
+    monkeypatch.chdir(dataset.parent)  # the data set is called demo, as in the example
     names: dict[str, dict[str, float | None]] = {}
     exec(page.split("```python")[1].split("```")[0], names)
     assert names["values"].keys() == ALL.keys()
 
 
-def test_docs_tell_the_definitions_as_they_are() -> None:
+def test_documentation_lists_the_current_definitions() -> None:
     done = subprocess.run(
         [sys.executable, ROOT / "docs/generate_metrics.py", "--check"], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     page = (ROOT / "docs/metrics.md").read_text("utf-8")
     assert all(f"`{name}`" in page for name in ALL)
+
+
+@pytest.fixture(scope="module")
+def episode(tmp_path_factory: pytest.TempPathFactory) -> EpisodeRecord:
+    """An episode that reaches the goal."""
+    path = tmp_path_factory.mktemp("one") / "one.json"
+    scene = s2.generate(s2.ScenarioConfig(humans=3, rules={"time_limit": 20.0}), seed=4)
+    s2.Episode(scene, s2.SocialPlanner(), observers=[s2.JsonRecorder(path)]).run()
+    return read_episode(path)
+
+
+def without(record: EpisodeRecord, *lacks: str) -> EpisodeRecord:
+    """An episode as if it had been imported from a source without some data."""
+    return replace(record, document={**record.document, "imported": {"lacks": list(lacks)}})
+
+
+def test_episode_without_a_goal_has_no_success(episode: EpisodeRecord) -> None:
+    complete, lacking = (measure(one, rerun=False) for one in (episode, without(episode, "goal")))
+    assert complete["success"] == 1.0
+    assert lacking["success"] is lacking["spl"] is lacking["time_to_goal"] is lacking["success_strict"] is None
+    assert lacking["path_length"] == complete["path_length"]
+
+
+def test_episode_without_radii_has_no_clearances_to_people(episode: EpisodeRecord) -> None:
+    lacking = measure(without(episode, "humans.radius"), rerun=False)
+    assert lacking["human_clearance_min"] is lacking["collisions"] is lacking["time_to_collision_min"] is None
+    assert lacking["success"] == 1.0
+    assert lacking["obstacle_clearance_min"] is not None
+
+
+def test_episode_without_a_robot_has_no_metrics(episode: EpisodeRecord) -> None:
+    assert set(measure(without(episode, "robot"), rerun=False).values()) == {None}
+
+
+def test_variant_requires_the_data_of_its_metric(episode: EpisodeRecord) -> None:
+    lacking = measure(without(episode, "humans.radius", "goal"), rerun=False)
+    names = [m.name for m in ALL.values() if m.variant_of in ("success", "human_clearance_min", "collisions")]
+    assert names
+    assert all(lacking[name] is None for name in names)
+
+
+@pytest.mark.parametrize("key", METRICS_REQUIRING)
+def test_each_key_of_missing_data_affects_some_metric(key: str) -> None:
+    assert any(metric.name.startswith(METRICS_REQUIRING[key]) for metric in ALL.values())
+    for prefix in METRICS_REQUIRING[key]:
+        assert any(metric.name.startswith(prefix) for metric in ALL.values()), prefix

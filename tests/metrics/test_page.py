@@ -1,7 +1,8 @@
-"""The page: whole in one file, the same for the same numbers, true to the evaluations it shows."""
+"""The evaluation page: self-contained, reproducible, with the numbers of the evaluations and well chosen episodes."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -10,27 +11,31 @@ import pytest
 import sonata2d as s2
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.errors import RenderError
-from sonata2d.metrics.catalogue import METRICS, headline
+from sonata2d.metrics.catalogue import METRICS, headline_metrics
 from sonata2d.metrics.measurement import Evaluation, Measured, episode_files, measure_files
-from sonata2d.metrics.page import Axis, cells, page_metrics, panel, save_page, short_names
-from sonata2d.metrics.table import endings, kinds_of
+from sonata2d.metrics.page import (
+    COMPLIANCE,
+    Axis,
+    best_of,
+    cells,
+    outcome_counts,
+    outcome_kinds,
+    page_metrics,
+    panel,
+    save_page,
+    short_names,
+    why_best,
+    why_worst,
+    worst_of,
+)
+
+from .samples import evaluation, measured
 
 VOID = {"meta", "img"}
 
 
-def evaluation(label: str, *values: float | None, name: str = "spl", outcome: str = "goal") -> Evaluation:
-    """Runs in scenes 0, 1, …, of which one metric is known."""
-    return Evaluation(
-        label,
-        [
-            Measured(f"{k}.json", "0" * 64, "s", "s/l", 1, k, str(k), outcome, {name: value})
-            for k, value in enumerate(values)
-        ],
-    )
-
-
 class Tags(HTMLParser):
-    """What a page opens, and whether all of it is closed."""
+    """The tags of a page, and those that are not closed."""
 
     def __init__(self, page: str) -> None:
         super().__init__()
@@ -48,8 +53,8 @@ class Tags(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evaluation, list[Path]]:
-    """Three short episodes among people."""
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evaluation, list[Path]]:
+    """Three short episodes among people, and their files."""
     out = tmp_path_factory.mktemp("sets") / "demo"
     config = s2.load_scenario("sonata-2020")
     config = config.model_copy(update={"rules": config.rules.model_copy(update={"time_limit": 3.0})})
@@ -58,15 +63,15 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evaluation, list
     return Evaluation("demo", measure_files(files, rerun=False)), files
 
 
-def test_a_page_needs_nothing_but_itself(measured: tuple[Evaluation, list[Path]], tmp_path: Path) -> None:
-    one, files = measured
+def test_page_is_self_contained(demo: tuple[Evaluation, list[Path]], tmp_path: Path) -> None:
+    one, files = demo
     save_page(tmp_path / "a.html", [one], [files])
     page = (tmp_path / "a.html").read_text("utf-8")
     tags = Tags(page)
     assert tags.open == []
-    links = [(tag, value) for tag, told in tags.seen for key, value in told.items() if key in ("src", "href")]
+    links = [(tag, value) for tag, attrs in tags.seen for key, value in attrs.items() if key in ("src", "href")]
     assert all((value or "").startswith("data:image/png;base64,") for tag, value in links if tag == "img")
-    targets = {told["id"] for _, told in tags.seen if told.get("id")}
+    targets = {attrs["id"] for _, attrs in tags.seen if attrs.get("id")}
     assert {value for tag, value in links if tag == "a"} == {f"#{name}" for name in targets}
     assert not {"script", "link", "iframe"} & {tag for tag, _ in tags.seen}
     assert "url(" not in page
@@ -74,16 +79,16 @@ def test_a_page_needs_nothing_but_itself(measured: tuple[Evaluation, list[Path]]
     assert page.count("<figcaption>0.0 s") == 2
 
 
-def test_the_same_runs_give_the_same_page(measured: tuple[Evaluation, list[Path]], tmp_path: Path) -> None:
-    one, files = measured
+def test_same_episodes_give_the_same_page(demo: tuple[Evaluation, list[Path]], tmp_path: Path) -> None:
+    one, files = demo
     for name in ("a.html", "b.html"):
         save_page(tmp_path / name, [one], [files])
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
-def test_a_page_shows_the_main_metrics_and_every_class_of_collision(tmp_path: Path) -> None:
+def test_page_shows_headline_metrics_and_every_class_of_collision(tmp_path: Path) -> None:
     names = {metric.name for metric in page_metrics()}
-    assert {metric.name for metric in headline()} < names
+    assert {metric.name for metric in headline_metrics()} < names
     assert {name for name in METRICS if name.endswith("_collisions")} < names
     save_page(tmp_path / "a.html", [evaluation("a", 0.5, 0.7)])
     page = (tmp_path / "a.html").read_text("utf-8")
@@ -91,90 +96,86 @@ def test_a_page_shows_the_main_metrics_and_every_class_of_collision(tmp_path: Pa
     assert "<img" not in page
 
 
-def test_labels_are_text_and_not_markup(tmp_path: Path) -> None:
+def test_labels_are_escaped(tmp_path: Path) -> None:
     save_page(tmp_path / "a.html", [evaluation("<script>x</script>", 0.5)])
     page = (tmp_path / "a.html").read_text("utf-8")
     assert "<script" not in page
     assert "&lt;script&gt;" in page
 
 
-def test_the_best_is_marked_and_whoever_cannot_be_told_from_it() -> None:
+def test_best_mean_and_means_equal_to_it_are_marked() -> None:
     many = range(12)
-    best, alike = evaluation("best", *(0.9 for _ in many)), evaluation("alike", *(0.79 + 0.2 * (k % 2) for k in many))
-    worse, gone = evaluation("worse", *(0.5 + 0.01 * k for k in many)), evaluation("gone", None, None)
-    told = cells([worse, best, alike, gone], METRICS["spl"])
-    assert [cell.mark for cell in told] == ["", "best", "alike", ""]
-    assert [cell.differs for cell in told] == [False, True, True, False]
-    assert [cell.n for cell in told] == [12, 12, 12, 0]
+    best, equal = evaluation("best", *(0.9 for _ in many)), evaluation("equal", *(0.79 + 0.2 * (k % 2) for k in many))
+    worse, empty = evaluation("worse", *(0.5 + 0.01 * k for k in many)), evaluation("empty", None, None)
+    row = cells([worse, best, equal, empty], METRICS["spl"])
+    assert [cell.mark for cell in row] == ["", "best", "equal", ""]
+    assert [cell.differs for cell in row] == [False, True, True, False]
+    assert [cell.summary.n for cell in row] == [12, 12, 12, 0]
 
 
-def test_less_is_best_where_less_is_better_and_nothing_where_neither_is() -> None:
-    def marks(name: str) -> list[str]:
-        pair = [evaluation(str(k), *(k + 0.01 * j for j in range(5)), name=name) for k in range(2)]
-        return [cell.mark for cell in cells(pair, METRICS[name])]
-
-    assert marks("jerk_mean") == ["best", ""]
-    assert marks("spl") == ["", "best"]
-    assert marks("speed_mean") == ["", ""]
+@pytest.mark.parametrize(
+    ("name", "marks"), [("jerk_mean", ["best", ""]), ("spl", ["", "best"]), ("speed_mean", ["", ""])]
+)
+def test_best_is_least_most_or_none_by_metric(name: str, marks: list[str]) -> None:
+    pair = [evaluation(str(k), *(k + 0.01 * j for j in range(5)), name=name) for k in range(2)]
+    assert [cell.mark for cell in cells(pair, METRICS[name])] == marks
 
 
-def test_nothing_is_best_where_all_are_alike_or_there_is_but_one() -> None:
+def test_no_mean_is_best_among_equals() -> None:
     assert [cell.mark for cell in cells([evaluation("a", 0.5), evaluation("b", 0.5)], METRICS["spl"])] == ["", ""]
     assert [cell.mark for cell in cells([evaluation("a", 0.5)], METRICS["spl"])] == [""]
 
 
-def test_runs_in_other_scenes_are_never_told_to_be_alike() -> None:
+def test_episodes_in_different_scenes_are_never_equal() -> None:
     here = evaluation("here", *(0.5 + 0.1 * (k % 3) for k in range(6)))
-    moved = [
-        Measured(r.file, r.sha256, r.name, r.family, 2, r.episode, f"other {r.scene}", r.outcome, r.values)
-        for r in evaluation("there", *(0.5 + 0.1 * ((k + 1) % 2) for k in range(6))).runs
-    ]
-    assert [cell.mark for cell in cells([here, Evaluation("there", moved)], METRICS["spl"])] == ["best", ""]
+    there = evaluation("there", *(0.5 + 0.1 * ((k + 1) % 2) for k in range(6)))
+    moved = Evaluation("there", [replace(one, seed=2, scene=f"other {one.scene}") for one in there.episodes])
+    assert [cell.mark for cell in cells([here, moved], METRICS["spl"])] == ["best", ""]
 
 
-def test_shares_of_endings_fill_the_bar() -> None:
-    touched = evaluation("a", 1.0, 0.0, 0.0, name="success_strict")
+def test_outcome_counts_fill_the_bar() -> None:
+    collided = evaluation("a", 1.0, 0.0, 0.0, name="success_strict")
     late = evaluation("b", 0.0, name="success_strict", outcome="timeout")
-    both = Evaluation("both", [*touched.runs, *late.runs])
-    assert kinds_of([late, both]) == ["goal", "goal-touch", "timeout"]
-    found = endings(both, ["goal", "goal-touch", "timeout"])
-    assert [(e.count, e.share, e.before) for e in found] == [(1, 0.25, 0.0), (2, 0.5, 0.25), (1, 0.25, 0.75)]
-    assert all(e.interval.low < e.share < e.interval.high for e in found)
+    both = Evaluation("both", [*collided.episodes, *late.episodes])
+    assert outcome_kinds([late, both]) == ["goal", "goal-collision", "timeout"]
+    counts = outcome_counts(both, ["goal", "goal-collision", "timeout"])
+    assert [(s.count, s.fraction, s.before) for s in counts] == [(1, 0.25, 0.0), (2, 0.5, 0.25), (1, 0.25, 0.75)]
+    assert all(s.interval.low < s.fraction < s.interval.high for s in counts)
 
 
 @pytest.mark.parametrize("values", [(0.0, 1.0), (3.2, 19.7), (-0.04, 0.003), (0.0, 0.0), (7.0, 7.0), (-2.0, -2.0)])
-def test_an_axis_holds_its_values_and_a_few_round_ticks(values: tuple[float, float]) -> None:
+def test_axis_holds_its_values_and_a_few_round_ticks(values: tuple[float, float]) -> None:
     axis = Axis.of(values)
-    places = [axis.at(value) for value in values]
-    assert all(0.0 < place < 100.0 for place in places)
+    positions = [axis.at(value) for value in values]
+    assert all(0.0 < position < 100.0 for position in positions)
     assert 2 <= len(axis.ticks) <= 5
-    assert all(0.0 <= at <= 100.0 and len(text) <= 6 for at, text in axis.ticks)
+    assert all(0.0 <= position <= 100.0 and len(text) <= 6 for position, text in axis.ticks)
 
 
-def test_a_panel_leaves_out_what_is_not_known() -> None:
+def test_panel_omits_undefined_values() -> None:
     assert panel([evaluation("a", None, None)], METRICS["spl"]) is None
     found = panel([evaluation("a", 0.2, 0.4), evaluation("b", None), evaluation("c", 0.3)], METRICS["spl"])
     assert found is not None
-    assert [(row.mean is None, row.interval is None, row.middle is None) for row in found.rows] == [
+    assert [(s.mean is None, s.interval is None, quartiles is None) for s, quartiles in found.rows] == [
         (False, False, False), (True, True, True), (False, True, False),
     ]  # fmt: skip
 
 
-def test_names_are_as_short_as_they_can_be() -> None:
+def test_names_are_shortened_by_common_folders() -> None:
     assert short_names(["a/orca/x", "a/mine/x"]) == ["orca", "mine"]
     assert short_names(["runs/office"]) == ["runs/office"]
     assert short_names(["runs", "runs/office"]) == ["runs", "runs/office"]
     assert short_names(["./mine.py:Mine", "orca"]) == ["./mine.py:Mine", "orca"]
 
 
-def test_few_runs_are_said_to_be_few(tmp_path: Path) -> None:
-    for count, is_few in ((19, True), (20, False)):
-        save_page(tmp_path / "a.html", [evaluation("a", *(0.1 for _ in range(count)))])
-        assert ("Few runs" in (tmp_path / "a.html").read_text("utf-8")) is is_few
+@pytest.mark.parametrize(("count", "has_warning"), [(19, True), (20, False)])
+def test_page_warns_of_few_episodes(count: int, has_warning: bool, tmp_path: Path) -> None:
+    save_page(tmp_path / "a.html", [evaluation("a", *(0.1 for _ in range(count)))])
+    assert ("Few episodes" in (tmp_path / "a.html").read_text("utf-8")) is has_warning
 
 
-def test_a_set_without_runs_stands_beside_others(measured: tuple[Evaluation, list[Path]], tmp_path: Path) -> None:
-    one, files = measured
+def test_page_shows_an_evaluation_without_episodes(demo: tuple[Evaluation, list[Path]], tmp_path: Path) -> None:
+    one, files = demo
     save_page(tmp_path / "a.html", [Evaluation("empty", []), one], [[], files])
     page = (tmp_path / "a.html").read_text("utf-8")
     assert page.count("<img") == 12
@@ -183,6 +184,75 @@ def test_a_set_without_runs_stands_beside_others(measured: tuple[Evaluation, lis
     assert "<img" not in (tmp_path / "b.html").read_text("utf-8")
 
 
-def test_another_suffix_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RenderError, match=r"a\.txt: a page of metrics ends in \.html"):
+def test_other_suffix_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RenderError, match=r"a\.txt: the name of an evaluation page must end in \.html"):
         save_page(tmp_path / "a.txt", [evaluation("a", 0.5)])
+
+
+GOOD = {
+    "success": 1.0, "collisions": 0.0, "robot_on_person": 0.0, "wall_collisions": 0.0, "object_collisions": 0.0,
+    "group_intrusion": None, "interaction_intrusion": 0.0, "human_clearance_min": 0.8, "spl": 0.9, COMPLIANCE: 1.0,
+}  # fmt: skip
+
+
+def good(episode: int, **values: float | None) -> Measured:
+    """A good episode, apart from some values."""
+    return measured(episode, GOOD | values)
+
+
+def test_best_episode_passes_a_person_without_intrusion() -> None:
+    episodes = [
+        good(0, spl=1.0, human_clearance_min=None),
+        good(1, spl=1.0, interaction_intrusion=0.1),
+        good(2, spl=1.0, collisions=1.0),
+        good(3, spl=0.7),
+        good(4, spl=0.95),
+    ]
+    assert best_of(episodes).episode == 4
+    expected = "goal reached past people, without collision or intrusion into personal space; SPL 0.95"
+    assert why_best(episodes[4]) == expected
+    assert "no person was within 1.2 m" in why_best(best_of(episodes[:3]))
+
+
+def test_best_of_equally_short_paths_has_the_smallest_clearance() -> None:
+    episodes = [good(0, spl=0.951), good(1, spl=0.949, human_clearance_min=0.5), good(2, spl=0.951)]
+    assert best_of(episodes).episode == 1
+
+
+def test_best_of_failed_episodes_is_explained() -> None:
+    episodes = [good(0, success=0.0, spl=0.0, collisions=1.0), good(1, success=0.0, spl=0.0)]
+    assert best_of(episodes).episode == 1
+    assert "no episode reached the goal" in why_best(best_of(episodes))
+
+
+def test_worst_episode_follows_the_order_of_the_criteria() -> None:
+    episodes = [
+        good(0, robot_on_person=1.0, collisions=1.0),
+        good(1, robot_on_person=2.0, collisions=2.0),
+        good(2, success=0.0, spl=0.0),
+        good(3, wall_collisions=1.0, collisions=1.0),
+        good(4, **{COMPLIANCE: 0.4}),
+        good(5, spl=0.3),
+        good(6),
+    ]
+    order, remaining = [], list(episodes)
+    while remaining:
+        worst = worst_of(remaining)
+        order.append((worst.episode, why_worst(worst)))
+        remaining.remove(worst)
+    assert [episode for episode, _ in order] == [1, 0, 2, 3, 4, 5, 6]
+    assert [why for _, why in order[:6]] == [
+        "the robot caused 2 collisions with people",
+        "the robot caused 1 collision with people",
+        "the goal was not reached",
+        "1 collision with walls or furniture",
+        "nearer than 0.45 m to a person in 60 % of the states",
+        "the lowest SPL, 0.30; goal reached without collision or intrusion",
+    ]
+
+
+def test_episodes_with_few_defined_metrics_have_a_best_and_a_worst() -> None:
+    episodes = [measured(k, {"path_length": 1.0}, outcome="stopped") for k in range(2)]
+    assert (best_of(episodes).episode, worst_of(episodes).episode) == (0, 0)
+    assert why_best(episodes[0])
+    assert why_worst(episodes[0])

@@ -1,30 +1,29 @@
-"""Means, medians, intervals, differences."""
+"""Means, medians, confidence intervals, differences."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from sonata2d.metrics.summary import bootstrap_interval, differences, summarise, wilson_interval
 
 NUMBERS = st.lists(st.floats(-100.0, 100.0).map(lambda v: round(v, 3)), min_size=2, max_size=30)
 
 
-def test_what_is_not_defined_is_left_out_of_n() -> None:
-    told = summarise([1.0, None, 2.0, 6.0, None])
-    assert (told.n, told.mean, told.median) == (3, 3.0, 2.0)
-    assert summarise([None, None]).tree() == {"n": 0, "mean": None, "median": None, "low": None, "high": None}
+def test_undefined_values_are_left_out() -> None:
+    summary = summarise([1.0, None, 2.0, 6.0, None])
+    assert (summary.n, summary.mean, summary.median) == (3, 3.0, 2.0)
+    assert summarise([None, None]).to_json() == {"n": 0, "mean": None, "median": None, "low": None, "high": None}
     assert summarise([2.0]).interval is None
 
 
-def test_the_interval_of_two_values_is_their_range() -> None:
-    """Means of resamples are 0, 1/2 or 1, at odds 1 : 2 : 1, so that both ends lie within 95 %."""
+def test_interval_of_two_values_is_their_range() -> None:
+    """Means of resamples are 0, 1/2 or 1 with odds 1 : 2 : 1, so that 95 % include both ends."""
     assert bootstrap_interval(np.array([0.0, 1.0])) == (0.0, 1.0)
 
 
-def test_the_interval_is_that_of_the_normal_law_for_many_values() -> None:
+def test_interval_of_many_values_is_that_of_the_normal_distribution() -> None:
     values = np.random.Generator(np.random.PCG64(1)).normal(5.0, 2.0, 400)
     interval = bootstrap_interval(values, resamples=4000)
     assert interval is not None
@@ -34,42 +33,42 @@ def test_the_interval_is_that_of_the_normal_law_for_many_values() -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(NUMBERS, st.floats(-10.0, 10.0).map(lambda v: round(v, 2)))
-def test_the_interval_holds_to_the_values_and_moves_with_them(numbers: list[float], shift: float) -> None:
+def test_interval_lies_within_the_values_and_shifts_with_them(numbers: list[float], shift: float) -> None:
     interval = bootstrap_interval(np.array(numbers), resamples=300)
-    moved = bootstrap_interval(np.array(numbers) + shift, resamples=300)
+    shifted = bootstrap_interval(np.array(numbers) + shift, resamples=300)
     assert interval is not None
-    assert moved is not None
+    assert shifted is not None
     assert min(numbers) - 1e-6 <= interval.low <= interval.high <= max(numbers) + 1e-6
-    assert moved == pytest.approx((interval.low + shift, interval.high + shift), abs=2e-6)
+    assert shifted == pytest.approx((interval.low + shift, interval.high + shift), abs=2e-6)
     assert interval == bootstrap_interval(np.array(numbers), resamples=300)
 
 
 @pytest.mark.parametrize(("level", "resamples"), [(0.0, 10), (1.0, 10), (0.9, 0)])
-def test_senseless_intervals_are_refused(level: float, resamples: int) -> None:
-    with pytest.raises(ValueError, match="level must lie"):
+def test_invalid_level_or_resamples_is_refused(level: float, resamples: int) -> None:
+    with pytest.raises(ValueError, match="level must be between 0 and 1"):
         bootstrap_interval(np.array([1.0, 2.0]), level=level, resamples=resamples)
 
 
 def test_differences_are_taken_scene_by_scene() -> None:
-    """Scenes 0 and 1 are common to both, and defined; 2 is not defined in one, 3 and 4 not common."""
+    """Scenes 0 and 1 are common and defined; 2 is undefined in one, 3 and 4 are not common."""
     first = {0: {"t": 10.0}, 1: {"t": 20.0}, 2: {"t": None}, 3: {"t": 1.0}}
     second = {0: {"t": 11.0}, 1: {"t": 23.0}, 2: {"t": 5.0}, 4: {"t": 1.0}}
-    told = differences(first, second, "t")
-    assert (told.n, told.mean, told.interval) == (2, 2.0, (1.0, 3.0))
+    summary = differences(first, second, "t")
+    assert (summary.n, summary.mean, summary.interval) == (2, 2.0, (1.0, 3.0))
 
 
 @given(st.integers(1, 500), st.floats(0.0, 1.0))
-def test_wilsons_ends_are_where_the_count_is_just_not_surprising(of: int, part: float) -> None:
-    """At either end p the share lies 1.96 standard errors of p away, unless the end is 0 or 1."""
-    count = round(part * of)
-    share = count / of
-    for end in (interval := wilson_interval(count, of)):
+def test_wilson_interval_ends_where_the_count_is_not_yet_surprising(total: int, part: float) -> None:
+    """At each end p the fraction is 1.96 standard errors of p away, unless the end is 0 or 1."""
+    count = round(part * total)
+    fraction = count / total
+    for end in (interval := wilson_interval(count, total)):
         if 0.0 < end < 1.0:
-            assert (share - end) ** 2 == pytest.approx(1.959964**2 * end * (1.0 - end) / of, abs=2e-5)
-    assert interval.low <= share <= interval.high
+            assert (fraction - end) ** 2 == pytest.approx(1.959964**2 * end * (1.0 - end) / total, abs=2e-5)
+    assert interval.low <= fraction <= interval.high
 
 
-def test_none_of_ten_does_not_mean_never() -> None:
+def test_wilson_interval_of_none_in_ten_has_a_width() -> None:
     assert wilson_interval(0, 10) == (0.0, pytest.approx(0.2775, abs=1e-4))
     with pytest.raises(ValueError, match="got 3 of 2"):
         wilson_interval(3, 2)

@@ -1,4 +1,4 @@
-"""What several tests of record start from."""
+"""Fixtures of the tests of `record`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .samples import run
 
 @pytest.fixture
 def episode(tmp_path: Path) -> Path:
-    """A whole recorded file."""
+    """A complete episode file."""
     path = tmp_path / "by-hand.json"
     with JsonRecorder(path) as recorder:
         run(recorder)

@@ -1,4 +1,4 @@
-"""Episodes made by hand: no world is needed to record."""
+"""Episodes created without a world, from hand-written snapshots."""
 
 from __future__ import annotations
 
@@ -21,20 +21,26 @@ from sonata2d.core.entities import (
     Wall,
 )
 from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
-from sonata2d.core.humans import Humans, human_ids
+from sonata2d.core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, VX, Humans, X, Y, human_ids
 from sonata2d.core.portable_math import unit_vector, unit_vectors
 from sonata2d.core.scene import Rules, Scene
-from sonata2d.core.snapshot import Author, Contact, Frame, Outcome, RobotState, Snapshot
+from sonata2d.core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from sonata2d.record.recorder import EpisodeRecorder
 
 SQUARE = ((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0))
-AUTHOR = Author("tests:Creep", version="1", settings={"speed": 0.5}, labels={"near": "somebody is near"})
-SPEED = 0.5  # m/s, ahead, of the robot
+CONTROLLER_INFO = ControllerInfo(
+    "tests:Creep", version="1", settings={"speed": 0.5}, labels={"near": "somebody is near"}
+)
+SPEED = 0.5  # m/s, of the robot, forward
 
 
 def scene(**changes: Any) -> Scene:
-    """A room with one of everything."""
-    given: dict[str, Any] = {
+    """A scene with an entity of every kind.
+
+    Args:
+        changes: fields of `Scene` to replace.
+    """
+    fields: dict[str, Any] = {
         "name": "by-hand",
         "family": "by-hand/square",
         "polygon": SQUARE,
@@ -61,13 +67,19 @@ def scene(**changes: Any) -> Scene:
         "settings": {"name": "by-hand", "tiny": 0.00001},
         "dropped": ("plant 2 of 2",),
     }
-    return Scene(**{**given, **changes})
+    return Scene(**{**fields, **changes})
 
 
 def snapshot(of: Scene, tick: int, **changes: Any) -> Snapshot:
-    """Where all are at a tick: the robot goes ahead, people who wander go to the left of the picture."""
+    """The snapshot at a tick: the robot moves along x, wandering pedestrians move along -x.
+
+    Args:
+        of: the scene.
+        tick: of the snapshot.
+        changes: fields of `Snapshot` to replace.
+    """
     time = round(tick * of.rules.dt, 4)
-    given: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "tick": tick,
         "time": time,
         "scene": of,
@@ -75,42 +87,53 @@ def snapshot(of: Scene, tick: int, **changes: Any) -> Snapshot:
         "humans": people(of, time),
         "interactions": of.interactions,
     }
-    return Snapshot(**{**given, **changes})
+    return Snapshot(**{**fields, **changes})
 
 
 def robot_state(of: Scene, time: float, *, moved: bool) -> RobotState:
-    start, done = of.robot.pose, Twist(SPEED) if moved else Twist()
-    place = (start.x + SPEED * time, start.y)
-    return RobotState(place, unit_vector(start.theta), (SPEED, 0.0), 0.0, done, False, of.robot)
+    """The state of the robot after `time` (s); `moved`: whether it has executed a command."""
+    start, executed = of.robot.pose, Twist(SPEED) if moved else Twist()
+    position = (start.x + SPEED * time, start.y)
+    return RobotState(position, unit_vector(start.theta), (SPEED, 0.0), 0.0, executed, False, of.robot)
 
 
 def people(of: Scene, time: float) -> Humans:
-    """Those who wander walk at 0.2 m/s towards -x."""
+    """The pedestrians after `time` (s): wandering ones walk at 0.2 m/s along -x."""
     rows = np.zeros((len(of.humans), 9))
     for row, human in zip(rows, of.humans, strict=True):
         speed = -0.2 if human.behaviour == "wandering" else 0.0
-        row[0:3] = human.pose.x + speed * time, human.pose.y, speed
-    faces = unit_vectors(np.array([human.pose.theta for human in of.humans]))
-    rows[:, 4:6] = rows[:, 6:8] = faces
+        row[X], row[Y], row[VX] = human.pose.x + speed * time, human.pose.y, speed
+    directions = unit_vectors(np.array([human.pose.theta for human in of.humans]))
+    rows[:, BODY_X : BODY_Y + 1] = rows[:, GAZE_X : GAZE_Y + 1] = directions
     activity = np.array([1 if h.behaviour == "wandering" else 4 for h in of.humans], dtype=np.int64)
     return Humans(rows, human_ids(of), np.array([h.radius for h in of.humans]), activity)
 
 
 def run(recorder: EpisodeRecorder, of: Scene | None = None, *, ticks: int = 6, labels: Any = None) -> list[Frame]:
-    """Tell a recorder of an episode; what it was told."""
-    of, told = of or scene(), []
-    recorder.open(of, AUTHOR)
+    """Record an episode.
+
+    Args:
+        recorder: receives the episode.
+        of: the scene; default: `scene()`.
+        ticks: number of frames.
+        labels: function of the tick that returns the frame's label.
+
+    Returns:
+        The recorded frames.
+    """
+    of, frames = of or scene(), []
+    recorder.open(of, CONTROLLER_INFO)
     for tick in range(ticks):
-        frame = Frame(snapshot(of, tick, **extras(tick)), Twist(SPEED, 0.0, 0.0), labels(tick) if labels else None)
+        frame = Frame(snapshot(of, tick, **events_at(tick)), Twist(SPEED, 0.0, 0.0), labels(tick) if labels else None)
         recorder.note(frame)
-        told.append(frame)
+        frames.append(frame)
     last = snapshot(of, ticks)
     recorder.close(last, Outcome("stopped", "by hand", last.tick, last.time))
-    return told
+    return frames
 
 
-def extras(tick: int) -> dict[str, Any]:
-    """What happens once: a touch and a key pressed at tick 2, other interactions from tick 4."""
+def events_at(tick: int) -> dict[str, Any]:
+    """Fields of the snapshot at some ticks: a contact and a pressed key at tick 2, another interaction from tick 4."""
     if tick == 2:
         return {"contacts": (Contact("human", 1, True, False),), "events": (DeviceEvent("keyboard", "w", 1.0),)}
     return {"interactions": (Interaction(2, TALKING, 3),)} if tick >= 4 else {}

@@ -1,4 +1,4 @@
-"""Files are whole or not there."""
+"""Files are written completely or not at all, and have safe names."""
 
 from __future__ import annotations
 
@@ -13,18 +13,17 @@ from typing import Any
 
 import pytest
 import zstandard
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from sonata2d.errors import RecordError
-from sonata2d.record.files import packed, read_bytes, safe_name, stem_of, write_atomically
+from sonata2d.record.files import compress, file_stem, read_bytes, safe_name, write_atomically
 from sonata2d.record.recorder import JsonRecorder
 
 NOON = datetime(2025, 1, 2, 12, 0, 0, tzinfo=UTC)
 
 
-def test_a_file_replaces_the_old_one_and_leaves_nothing_else(tmp_path: Path) -> None:
-    path = tmp_path / "made" / "on the way" / "a.json"
+def test_writing_replaces_the_file_and_leaves_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "nested folder" / "a.json"
     write_atomically(path, b"old")
     write_atomically(path, b"new")
     assert path.read_bytes() == b"new"
@@ -32,7 +31,7 @@ def test_a_file_replaces_the_old_one_and_leaves_nothing_else(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("step", ["replace", "fsync"])
-def test_a_full_disk_leaves_the_old_file_and_nothing_else(
+def test_a_full_disk_leaves_the_old_file_and_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
     def fail(*_: Any) -> None:
@@ -47,54 +46,54 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_folder_that_cannot_be_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_created_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RecordError, match="cannot be written"):
         write_atomically(tmp_path / "file" / "a.json", b"")
 
 
 @pytest.mark.parametrize("suffix", [".json", ".json.gz", ".json.zst"])
-def test_packing_gives_the_same_bytes_at_any_time(tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compression_does_not_depend_on_the_time(tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
     path, document = tmp_path / f"a{suffix}", b'{"a":1}\n' * 1000
-    first = packed(document, path)
+    first = compress(document, path)
     monkeypatch.setattr(time, "time", lambda: 4e9)
-    assert packed(document, path) == first
+    assert compress(document, path) == first
     write_atomically(path, first)
     assert read_bytes(path) == document
 
 
-@pytest.mark.parametrize("pack", [gzip.compress, zstandard.ZstdCompressor().compress, bytes])
-def test_no_more_than_the_limit_is_unpacked(tmp_path: Path, pack: Any) -> None:
+@pytest.mark.parametrize("compressor", [gzip.compress, zstandard.ZstdCompressor().compress, bytes])
+def test_a_file_above_the_size_limit_is_refused(tmp_path: Path, compressor: Any) -> None:
     path = tmp_path / "bomb.json"
-    path.write_bytes(pack(b"0" * 100_000))
-    assert len(read_bytes(path, largest=100_000)) == 100_000
+    path.write_bytes(compressor(b"0" * 100_000))
+    assert len(read_bytes(path, max_bytes=100_000)) == 100_000
     with pytest.raises(RecordError, match="more than 99999 bytes"):
-        read_bytes(path, largest=99_999)
+        read_bytes(path, max_bytes=99_999)
 
 
-def test_a_name_without_a_known_suffix_is_refused_at_once() -> None:
+def test_a_recorder_refuses_a_path_without_a_known_suffix() -> None:
     for name in ("polite.txt", "polite", ".json"):
         with pytest.raises(RecordError, match=r"ends in \.json"):
             JsonRecorder(name)
-    assert stem_of(Path("a/polite.v2.json.zst")) == "polite.v2"
+    assert file_stem(Path("a/polite.v2.json.zst")) == "polite.v2"
 
 
-def test_the_time_in_a_name_is_utc() -> None:
-    there = NOON.astimezone(timezone(timedelta(hours=5, minutes=30)))
-    assert safe_name("ann", there, "r1") == safe_name("ann", NOON, "r1") == "ann__20250102T120000Z__r1.json"
+def test_the_time_in_a_file_name_is_utc() -> None:
+    local = NOON.astimezone(timezone(timedelta(hours=5, minutes=30)))
+    assert safe_name("ann", local, "r1") == safe_name("ann", NOON, "r1") == "ann__20250102T120000Z__r1.json"
 
 
 @pytest.mark.parametrize("name", ["", "..", "../../etc/passwd", "CON", "con.txt", "a b", "ñandú", "x" * 500, "a__b\n"])
-def test_names_for_example(name: str) -> None:
-    _check_name(safe_name(name, NOON, name))
+def test_unusual_names_are_made_safe(name: str) -> None:
+    _assert_safe(safe_name(name, NOON, name))
 
 
 @given(st.text(), st.text())
-def test_every_name_is_safe_on_every_system(contributor: str, id: str) -> None:
-    _check_name(safe_name(contributor, NOON, id, ".json.zst"))
+def test_any_name_is_made_safe(contributor: str, id: str) -> None:
+    _assert_safe(safe_name(contributor, NOON, id, ".json.zst"))
 
 
-def _check_name(name: str) -> None:
+def _assert_safe(name: str) -> None:
     assert not set(name) & set('<>:"/\\|?* \0\n')
     assert name.isprintable()
     assert len(name.encode()) < 255

@@ -1,4 +1,4 @@
-"""The published format is the one that is written; a golden file guards it."""
+"""The recorded format equals the published one and that of golden files."""
 
 from __future__ import annotations
 
@@ -25,44 +25,44 @@ def without_software(document: bytes) -> list[bytes]:
     return [line for line in document.splitlines() if not line.startswith(b'"software"')]
 
 
-def test_the_golden_file_is_still_what_is_written() -> None:
-    """Where the format was changed on purpose: delete golden.json, and this test writes it anew."""
+def test_recording_gives_the_bytes_of_the_golden_file() -> None:
+    """After an intended change of the format, delete golden.json and run this test, which then writes a new one."""
     recorder = EpisodeRecorder(id="golden", contributor="Zoë", context="by hand")
     run(recorder, labels=lambda tick: {"near": tick > 2} if tick else None)
     if not GOLDEN.exists():
         GOLDEN.write_bytes(recorder.document())
-        pytest.fail(f"{GOLDEN.name} was missing and is written; look at it and run again")
+        pytest.fail(f"{GOLDEN.name} was missing and has been written; check it and run the test again")
     assert without_software(recorder.document()) == without_software(GOLDEN.read_bytes())
 
 
-def test_the_golden_file_reads_and_makes_sense() -> None:
+def test_the_golden_file_is_read_and_passes_check() -> None:
     assert read_episode(GOLDEN).scene() == scene()
     assert check_episode(GOLDEN) == []
 
 
-def test_a_file_of_physics_1_still_reads_and_makes_sense() -> None:
-    """It has none of the keys that were added since."""
+def test_a_file_of_physics_1_is_read_and_passes_check() -> None:
+    """The file lacks all keys that were added after physics 1."""
     humans = tuple(replace(human, model="moussaid2009") for human in scene().humans)
     assert read_episode(PHYSICS_1).scene() == replace(scene(), humans=humans)
     assert check_episode(PHYSICS_1) == []
 
 
-def test_published_pages_are_those_of_the_models() -> None:
+def test_published_pages_agree_with_the_models() -> None:
     pages: dict[Path, str] = runpy.run_path(str(GENERATOR))["pages"]()
     assert len(pages) == 4
     for path, text in pages.items():
-        assert path.read_text("utf-8") == text, f"{path.name} is old; run python docs/generate_format.py"
+        assert path.read_text("utf-8") == text, f"{path.name} is not up to date; run python docs/generate_format.py"
 
 
-def test_the_models_know_every_key_that_is_written() -> None:
-    def compare(told: Any, kept: Any, place: str) -> None:
-        if isinstance(told, dict) and place not in ("settings", "labels"):
-            assert set(told) <= set(kept), place
-            for key, value in told.items():
-                compare(value, kept[key], key)
-        elif isinstance(told, list):
-            for one, other in zip(told, kept, strict=True):
-                compare(one, other, place)
+def test_the_models_contain_every_recorded_key() -> None:
+    def compare(recorded: Any, parsed: Any, key: str) -> None:
+        if isinstance(recorded, dict) and key not in ("settings", "labels"):
+            assert set(recorded) <= set(parsed), key
+            for inner_key, value in recorded.items():
+                compare(value, parsed[inner_key], inner_key)
+        elif isinstance(recorded, list):
+            for recorded_item, parsed_item in zip(recorded, parsed, strict=True):
+                compare(recorded_item, parsed_item, key)
 
     record = read_episode(GOLDEN)
     compare(record.document, Episode.model_validate_json(GOLDEN.read_bytes()).model_dump(mode="json"), "")

@@ -1,4 +1,4 @@
-"""What is written reads back equal; what is damaged is refused in one line."""
+"""Episodes read back equal; damaged files are refused with one line."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from sonata2d.record import reader
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import EpisodeRecorder, JsonRecorder
 
-from .samples import AUTHOR, run, scene
+from .samples import CONTROLLER_INFO, run, scene
 
 SUFFIXES = (".json", ".json.gz", ".json.zst")
 
 
-def rewritten(path: Path, change: Callable[[dict[str, Any]], object]) -> Path:
-    """The file with a change made to its document."""
+def rewrite(path: Path, change: Callable[[dict[str, Any]], object]) -> Path:
+    """Change the document of a file in place; returns the path."""
     document = json.loads(path.read_bytes())
     change(document)
     path.write_text(json.dumps(document))
@@ -32,44 +32,45 @@ def rewritten(path: Path, change: Callable[[dict[str, Any]], object]) -> Path:
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_what_was_written_reads_back_equal(tmp_path: Path, suffix: str) -> None:
+def test_an_episode_reads_back_equal(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"by-hand{suffix}"
     with JsonRecorder(path, contributor="Zoë", context="a ward", branched_from=("old", 3)) as recorder:
-        told = run(recorder, labels=lambda tick: {"near": True} if tick else None)
+        recorded = run(recorder, labels=lambda tick: {"near": True} if tick else None)
     record = read_episode(path)
     assert record.scene() == scene()
-    assert record.author == AUTHOR
+    assert record.controller_info == CONTROLLER_INFO
     assert record.outcome == Outcome("stopped", "by hand", 6, 0.6)
     assert (record.id, record.contributor, record.context) == ("by-hand", "Zoë", "a ward")
     assert record.document["branched_from"] == {"id": "old", "tick": 3}
-    for frame, original in zip(record.frames(), told, strict=True):
-        look, seen = frame.snapshot, original.snapshot
+    for frame, original in zip(record.frames(), recorded, strict=True):
+        read, expected = frame.snapshot, original.snapshot
         assert (frame.command, frame.label) == (original.command, original.label)
-        assert (look.tick, look.time) == (seen.tick, seen.time)
-        assert (look.interactions, look.contacts, look.events) == (seen.interactions, seen.contacts, seen.events)
-        assert np.abs(look.humans.state - seen.humans.state).max() < 1e-4
-        assert (look.humans.id.tolist(), look.humans.radius.tolist()) == ([1, 2, 3], [0.2] * 3)
+        assert (read.tick, read.time) == (expected.tick, expected.time)
+        assert read.interactions == expected.interactions
+        assert (read.contacts, read.events) == (expected.contacts, expected.events)
+        assert np.abs(read.humans.state - expected.humans.state).max() < 1e-4
+        assert (read.humans.id.tolist(), read.humans.radius.tolist()) == ([1, 2, 3], [0.2] * 3)
 
 
-def test_reading_and_recording_again_gives_the_same_bytes(episode: Path) -> None:
+def test_recording_a_read_episode_gives_the_same_bytes(episode: Path) -> None:
     record, recorder = read_episode(episode), EpisodeRecorder(id="by-hand")
-    recorder.open(record.scene(), record.author)
+    recorder.open(record.scene(), record.controller_info)
     for frame in record.frames():
         recorder.note(frame)
     recorder.close(record.snapshot(-1), record.outcome)
     assert recorder.document() == episode.read_bytes()
 
 
-def test_formations_are_kept_and_older_files_without_them_are_read(tmp_path: Path) -> None:
+def test_formations_read_back_and_are_optional(tmp_path: Path) -> None:
     path = tmp_path / "groups.json"
     with JsonRecorder(path) as recorder:
         run(recorder, scene(groups=(Group(1, "talking", (1, 2), "l"),)))
     assert read_episode(path).scene().groups == (Group(1, "talking", (1, 2), "l"),)
-    older = rewritten(path, lambda document: document["groups"][0].pop("formation"))
+    older = rewrite(path, lambda document: document["groups"][0].pop("formation"))
     assert read_episode(older).scene().groups == (Group(1, "talking", (1, 2)),)
 
 
-def test_arrays_have_a_row_for_each_frame(episode: Path) -> None:
+def test_arrays_have_one_row_per_frame_and_are_read_only(episode: Path) -> None:
     record = read_episode(episode)
     assert len(record) == 6
     assert record.robot.shape == (6, 6)
@@ -78,50 +79,50 @@ def test_arrays_have_a_row_for_each_frame(episode: Path) -> None:
     assert record.command.shape == record.executed.shape == (6, 3)
     assert record.guarded.shape == record.time.shape == record.tick.shape == (6,)
     assert record.time.tolist() == [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]
-    assert record.looks.time[-1] == 0.6
+    assert record.states.time[-1] == 0.6
     assert np.array_equal(record.humans, [frame["humans"] for frame in record.document["frames"]])
     with pytest.raises(ValueError, match="read-only"):
         record.humans[0] = 0.0
 
 
-def test_the_command_is_the_label_where_there_is_none(episode: Path, tmp_path: Path) -> None:
+def test_the_command_is_the_label_of_a_frame_without_label(episode: Path, tmp_path: Path) -> None:
     assert read_episode(episode).labels == [[0.5, 0.0, 0.0]] * 6
     with JsonRecorder(tmp_path / "labelled.json") as recorder:
         run(recorder, ticks=2, labels=lambda tick: {"tick": tick})
     assert read_episode(tmp_path / "labelled.json").labels == [{"tick": 0}, {"tick": 1}]
 
 
-def test_snapshots_are_all_looks(episode: Path) -> None:
+def test_snapshots_include_the_final_state(episode: Path) -> None:
     record = read_episode(episode)
-    assert [look.tick for look in record.snapshots()] == list(range(7))
+    assert [snapshot.tick for snapshot in record.snapshots()] == list(range(7))
     assert record.snapshot(-1).tick == 6
     assert record.snapshot(3).robot.executed.vx == 0.5
     with pytest.raises(IndexError):
         record.snapshot(7)
 
 
-def test_keys_of_later_writers_are_passed_over(episode: Path) -> None:
+def test_unknown_keys_are_ignored_and_kept_in_the_document(episode: Path) -> None:
     def add(document: dict[str, Any]) -> None:
         for part in (document, document["goal"], document["humans"][0], document["frames"][0], document["rules"]):
-            part["of_tomorrow"] = 1
+            part["unknown"] = 1
 
-    record = read_episode(rewritten(episode, add))
+    record = read_episode(rewrite(episode, add))
     assert record.scene() == scene()
-    assert record.document["of_tomorrow"] == 1
+    assert record.document["unknown"] == 1
 
 
-def test_a_newer_version_is_refused_by_name(episode: Path) -> None:
-    rewritten(episode, lambda document: document.update(version=2))
+def test_a_newer_format_version_is_refused(episode: Path) -> None:
+    rewrite(episode, lambda document: document.update(version=2))
     with pytest.raises(RecordError, match="written by format version 2, this sonata2d reads up to 1; upgrade sonata2d"):
         read_episode(episode)
 
 
-def test_an_older_version_is_migrated(episode: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_older_format_version_is_migrated(episode: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def from_0(document: dict[str, Any]) -> dict[str, Any]:
         return {**document, "humans": document["people"]}
 
-    rewritten(episode, lambda document: document.update(version=0, people=document.pop("humans")))
-    with pytest.raises(RecordError, match="version 0, which never was"):
+    rewrite(episode, lambda document: document.update(version=0, people=document.pop("humans")))
+    with pytest.raises(RecordError, match="version 0, which does not exist"):
         read_episode(episode)
     monkeypatch.setitem(reader.MIGRATIONS, 0, from_0)
     assert read_episode(episode).scene() == scene()
@@ -130,18 +131,18 @@ def test_an_older_version_is_migrated(episode: Path, monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "not whole JSON"),
-        (b"hello", "not whole JSON"),
-        (b"\xff\xfe", "not whole JSON"),
+        (b"", "not valid JSON"),
+        (b"hello", "not valid JSON"),
+        (b"\xff\xfe", "not valid JSON"),
         (b"[1, 2]", "its format is a JSON list"),
         (b'{"frame": 1}', "its format is None"),
-        (b'{"format": "sonata2d-episode"}', "does not say its format version"),
+        (b'{"format": "sonata2d-episode"}', "has no valid format version"),
         (b'{"format": "sonata2d-episode", "version": 1}', "'frames' is missing"),
         (b"\x1f\x8b123", "cannot be read"),
         (b"\x28\xb5\x2f\xfd123", "cannot be read"),
     ],
 )
-def test_what_is_no_episode_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
+def test_a_file_that_is_not_an_episode_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "odd.json"
     path.write_bytes(content)
     with pytest.raises(RecordError, match=message) as caught:
@@ -150,17 +151,17 @@ def test_what_is_no_episode_is_refused(tmp_path: Path, content: bytes, message: 
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
+def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="No such file"):
         read_episode(tmp_path / "none.json")
 
 
-def _set(*keys: Any) -> Callable[[dict[str, Any]], None]:
-    """Sets the last of the arguments at the place that the others name."""
-    *way, last, value = keys
+def set_value(*keys: Any) -> Callable[[dict[str, Any]], None]:
+    """Return a function that sets a value in a document; arguments: the keys that lead there, then the value."""
+    *path, last, value = keys
 
     def change(document: Any) -> None:
-        for key in way:
+        for key in path:
             document = document[key]
         document[last] = value
 
@@ -170,31 +171,31 @@ def _set(*keys: Any) -> Callable[[dict[str, Any]], None]:
 @pytest.mark.parametrize(
     "change",
     [
-        _set("frames", 1, "robot", [1.0, 2.0]),
-        _set("frames", 1, "robot", 0, "1.0"),
-        _set("frames", 1, "robot", None),
-        _set("frames", 1, "humans", 0, None),
-        _set("frames", 1, "humans", 0, 3, None),
-        _set("frames", 1, "humans", []),
-        _set("frames", 1, "activity", ["a", "b", "c"]),
-        _set("frames", 1, "activity", 0, -1),
-        _set("frames", 1, "command", {}),
-        _set("frames", 1, "tick", "one"),
-        _set("frames", 1, 5),
-        _set("frames", 5),
-        _set("final", []),
-        _set("humans", None),
-        _set("walls", [[1, 2]]),
-        _set("goal", {"x": 1.0}),
-        _set("objects", 0, "shape", {"type": "star"}),
-        _set("rules", "ends_on", 4),
-        _set("outcome", None),
+        set_value("frames", 1, "robot", [1.0, 2.0]),
+        set_value("frames", 1, "robot", 0, "1.0"),
+        set_value("frames", 1, "robot", None),
+        set_value("frames", 1, "humans", 0, None),
+        set_value("frames", 1, "humans", 0, 3, None),
+        set_value("frames", 1, "humans", []),
+        set_value("frames", 1, "activity", ["a", "b", "c"]),
+        set_value("frames", 1, "activity", 0, -1),
+        set_value("frames", 1, "command", {}),
+        set_value("frames", 1, "tick", "one"),
+        set_value("frames", 1, 5),
+        set_value("frames", 5),
+        set_value("final", []),
+        set_value("humans", None),
+        set_value("walls", [[1, 2]]),
+        set_value("goal", {"x": 1.0}),
+        set_value("objects", 0, "shape", {"type": "star"}),
+        set_value("rules", "ends_on", 4),
+        set_value("outcome", None),
         lambda document: document.pop("robot"),
         lambda document: document["frames"][2].pop("executed"),
     ],
 )
-def test_a_wrong_type_is_one_error_that_names_the_file(episode: Path, change: Callable[[Any], object]) -> None:
-    rewritten(episode, change)
+def test_a_damaged_document_is_an_error_that_names_the_file(episode: Path, change: Callable[[Any], object]) -> None:
+    rewrite(episode, change)
     with pytest.raises(RecordError) as caught:
         read_episode(episode)
     assert str(episode) in str(caught.value)
@@ -202,26 +203,26 @@ def test_a_wrong_type_is_one_error_that_names_the_file(episode: Path, change: Ca
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_a_file_cut_short_is_refused(tmp_path: Path, suffix: str) -> None:
+def test_a_truncated_file_is_refused(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"cut{suffix}"
     with JsonRecorder(path) as recorder:
         run(recorder)
-    whole = path.read_bytes()
-    for end in [*range(0, len(whole) - 2, 97), len(whole) - 2]:
-        path.write_bytes(whole[:end])
+    data = path.read_bytes()
+    for end in [*range(0, len(data) - 2, 97), len(data) - 2]:
+        path.write_bytes(data[:end])
         with pytest.raises(RecordError):
             read_episode(path)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_flipped_bit_is_refused_or_harmless(tmp_path: Path, suffix: str) -> None:
-    path, chance = tmp_path / f"flipped{suffix}", random.Random(1)
+    path, rng = tmp_path / f"flipped{suffix}", random.Random(1)
     with JsonRecorder(path) as recorder:
         run(recorder)
-    whole = path.read_bytes()
+    data = path.read_bytes()
     for _ in range(300):
-        damaged = bytearray(whole)
-        damaged[chance.randrange(len(whole))] ^= 1 << chance.randrange(8)
+        damaged = bytearray(data)
+        damaged[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
         path.write_bytes(damaged)
         try:
             record = read_episode(path)

@@ -1,4 +1,4 @@
-"""Scenarios from presets and files, and errors that name file, line, key and value."""
+"""Loading scenarios from presets and files; errors name file, line, key and value."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from sonata2d.scenegen.scenario.load import load_scenario, scenario_names
 
 
 @pytest.fixture
-def written(tmp_path):
-    """Write a scenario file, get its path."""
+def write_scenario(tmp_path):
+    """A function that writes a scenario file and returns its path."""
 
     def write(text: str, name: str = "office.yaml") -> str:
         path = tmp_path / name
@@ -25,12 +25,12 @@ def written(tmp_path):
     return write
 
 
-def test_the_preset_sonata_2020_is_the_defaults():
+def test_the_preset_sonata_2020_equals_the_defaults():
     assert load_scenario("sonata-2020").model_copy(update={"description": ""}) == ScenarioConfig()
 
 
 @pytest.mark.parametrize("name", scenario_names())
-def test_every_preset_is_described_and_makes_scenes(name):
+def test_every_preset_has_a_description_and_generates_scenes(name):
     assert scenario_names()[name]
     assert load_scenario(name).name == name
     assert [generate(load_scenario(name), seed).name for seed in range(5)] == [name] * 5
@@ -47,22 +47,22 @@ def test_the_crowded_preset_has_the_counts_of_the_original_dialog():
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("den.yaml", "tables: [1, 2]\nroom: {kinds: square}\n"),
-        ("den.yml", "tables: {min: 1, max: 2}\nroom:\n  kinds: {square: 2}\n"),
-        ("den.json", '{"tables": [1, 2],\n\t"room": {"kinds": ["square"]}}'),
-        ("den.toml", 'tables = [1, 2]\n[room]\nkinds = "square"\n'),
+        ("lab.yaml", "tables: [1, 2]\nroom: {kinds: square}\n"),
+        ("lab.yml", "tables: {min: 1, max: 2}\nroom:\n  kinds: {square: 2}\n"),
+        ("lab.json", '{"tables": [1, 2],\n\t"room": {"kinds": ["square"]}}'),
+        ("lab.toml", 'tables = [1, 2]\n[room]\nkinds = "square"\n'),
     ],
 )
-def test_a_scenario_may_be_yaml_json_or_toml(written, name, text):
-    config = load_scenario(written(text, name))
-    assert config.name == "den"
+def test_a_scenario_may_be_yaml_json_or_toml(write_scenario, name, text):
+    config = load_scenario(write_scenario(text, name))
+    assert config.name == "lab"
     assert config.settings()["tables"] == [1, 2]
     assert list(config.room.kinds) == ["square"]
 
 
-def test_a_file_changes_only_some_settings_of_what_it_extends(written):
-    written("extends: sonata-2020-crowded\nrobot: {radius: 0.4}\nplants: 1\n", "base.yaml")
-    config = load_scenario(written("extends: base.yaml\nrobot: {kinematics: unicycle}\nhumans: 3\n"))
+def test_a_file_changes_only_some_settings_of_the_scenario_it_extends(write_scenario):
+    write_scenario("extends: sonata-2020-crowded\nrobot: {radius: 0.4}\nplants: 1\n", "base.yaml")
+    config = load_scenario(write_scenario("extends: base.yaml\nrobot: {kinematics: unicycle}\nhumans: 3\n"))
     assert (config.name, config.description) == ("office", "")
     assert (config.robot.radius, config.robot.kinematics, config.drop) == (0.4, "unicycle", True)
     assert (config.settings()["plants"], config.settings()["humans"], config.standing) == (1, 3, None)
@@ -92,31 +92,31 @@ def test_a_file_changes_only_some_settings_of_what_it_extends(written):
         ("extends: office.yaml\n", "office.yaml, line 1: extends: office.yaml extends itself"),
     ],
 )  # fmt: skip
-def test_an_error_is_one_line_that_names_file_line_key_and_value(written, text, message):
+def test_an_error_is_one_line_that_names_file_line_key_and_value(write_scenario, text, message):
     with pytest.raises(ConfigError) as error:
-        load_scenario(written(text))
+        load_scenario(write_scenario(text))
     assert str(error.value) == message
 
 
-def test_errors_in_json_and_toml_name_what_they_can(written):
+def test_errors_in_json_and_toml_name_line_and_key_where_known(write_scenario):
     with pytest.raises(ConfigError, match=r"^a\.json, line 2: room\.kinds\.sqare: "):
-        load_scenario(written('{"room": {"kinds":\n {"sqare": 1}}}', "a.json"))
+        load_scenario(write_scenario('{"room": {"kinds":\n {"sqare": 1}}}', "a.json"))
     with pytest.raises(ConfigError, match=r"^a\.json, line 2: Expecting ',' delimiter"):
-        load_scenario(written('{"room": {"kinds":\n {"square": 1}', "a.json"))
+        load_scenario(write_scenario('{"room": {"kinds":\n {"square": 1}', "a.json"))
     with pytest.raises(ConfigError, match=r"^b\.toml: room\.side: "):
-        load_scenario(written('[room]\nside = "x"', "b.toml"))
+        load_scenario(write_scenario('[room]\nside = "x"', "b.toml"))
     with pytest.raises(ConfigError, match=r"^b\.toml: Invalid value"):
-        load_scenario(written("[room]\nside = ", "b.toml"))
+        load_scenario(write_scenario("[room]\nside = ", "b.toml"))
 
 
-def test_an_unknown_preset_or_file_brings_a_suggestion(written):
+def test_an_unknown_preset_or_file_is_an_error_with_a_suggestion(write_scenario):
     with pytest.raises(ConfigError, match="no scenario file or preset 'sonata2020'; did you mean 'sonata-2020'"):
         load_scenario("sonata2020")
     with pytest.raises(
         ConfigError, match=r"presets are being-overtaken, .*, empty, .*, sonata-2020, sonata-2020-crowded"
     ):
         load_scenario("xyz")
-    path = written("tables: 1\n")
+    path = write_scenario("tables: 1\n")
     with pytest.raises(ConfigError, match=r"did you mean '.*office\.yaml'"):
         load_scenario(path[:-5] + ".yml")
 

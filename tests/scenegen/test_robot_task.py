@@ -1,4 +1,4 @@
-"""Where the robot starts and goes: near people's ways if asked, and refused at once where it cannot be."""
+"""Start and goal of the robot: near the paths of pedestrians if set; impossible positions are errors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EMPTY: dict[str, Any] = {"standing": 0, "wandering": 0, "tables": 0, "plants": 0
 WALKER = {"x": -5.0, "y": -3.0, "goals": [[5.0, -3.0]]}
 
 
-def test_start_and_goal_lie_on_peoples_ways_if_asked() -> None:
+def test_start_and_goal_lie_near_the_paths_of_people_if_set() -> None:
     config = ScenarioConfig(**EMPTY, people=[WALKER], robot={"on_ways": 1.0})
     for seed in range(20):
         scene = generate(config, seed)
@@ -26,7 +26,7 @@ def test_start_and_goal_lie_on_peoples_ways_if_asked() -> None:
     assert any(abs(scene.goal.y + 3.0) > 1.0 for scene in anywhere)
 
 
-def test_a_track_is_a_way_and_mirrors_with_the_scene() -> None:
+def test_a_track_counts_as_a_path_and_is_mirrored_with_the_scene() -> None:
     config = ScenarioConfig(
         **EMPTY | {"room": {"kinds": "square", "side": 10}},
         people=[{"track": [[0.0, -4.0, 3.0], [8.0, 4.0, 3.0]]}],
@@ -36,7 +36,7 @@ def test_a_track_is_a_way_and_mirrors_with_the_scene() -> None:
     assert all(abs(generate(config, seed).goal.y + 3.0) <= 0.5 + 1e-4 for seed in range(5))
 
 
-def test_where_nobody_goes_the_setting_is_named() -> None:
+def test_without_paths_the_error_names_the_setting() -> None:
     with pytest.raises(SceneError, match=r"no free start and goal .* or set robot\.on_ways to null$"):
         generate(ScenarioConfig(**EMPTY, robot={"on_ways": 1.0}), 1)
     with pytest.raises(ValidationError, match="greater than 0"):
@@ -44,14 +44,20 @@ def test_where_nobody_goes_the_setting_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("settings", "message"),
     [
-        ({"goal": {"position": [0, 2]}}, r"the robot's goal \(0, 2\) is in a wall or thing, or too near one"),
-        ({"robot": {"pose": [1, 2.2, 0]}}, r"the robot's start \(1, 2\.2\) is in a wall or thing, or too near one"),
+        ({"goal": {"position": [0, 2]}}, r"the robot's goal \(0, 2\) is inside or too close to a wall"),
+        (
+            {"robot": {"pose": [1, 2.2, 0]}},
+            r"the robot's start \(1, 2\.2\) is inside or too close to a wall",
+        ),
         ({"goal": {"position": [9, 0]}}, r"the robot's goal \(9, 0\) is outside the room; move it"),
-        ({"robot": {"pose": [0, 0, 0]}, "goal": {"position": [0, 4]}}, r"no way from its start \(0, 0\) to its goal"),
+        (
+            {"robot": {"pose": [0, 0, 0]}, "goal": {"position": [0, 4]}},
+            r"from its start \(0, 0\) to its goal \(0, 4\); move",
+        ),
     ],
 )
-def test_a_given_place_that_cannot_be_is_told_at_once(given: dict[str, Any], told: str) -> None:
-    with pytest.raises(SceneError, match=told):
-        generate(ScenarioConfig(**EMPTY, **given), 1)
+def test_an_impossible_start_or_goal_is_an_error(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        generate(ScenarioConfig(**EMPTY, **settings), 1)

@@ -1,4 +1,4 @@
-"""Manners and social life as a scenario asks for them."""
+"""Reactions to the robot and social behaviour as set in a scenario."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.scene import Social
 from sonata2d.errors import ConfigError
-from sonata2d.record.layout import layout_of, scene_of
+from sonata2d.record.layout import scene_from_json, scene_to_json
 
 
-def test_reactions_come_in_the_shares_asked_for() -> None:
-    people = {"reactions": {"avoids": 3, "curious": 1}, "ignores_robot": 0.25}
-    config = s2.ScenarioConfig(standing=5, wandering=5, tables=0, plants=0, relations=0, person=people, drop=True)
+def test_reactions_have_the_weights_of_the_settings() -> None:
+    person = {"reactions": {"avoids": 3, "curious": 1}, "ignores_robot": 0.25}
+    config = s2.ScenarioConfig(standing=5, wandering=5, tables=0, plants=0, relations=0, person=person, drop=True)
     humans = [human for seed in range(60) for human in s2.generate(config, seed).humans]
-    share = {kind: n / len(humans) for kind, n in Counter(human.reaction for human in humans).items()}
-    assert share == pytest.approx({"ignores": 0.25, "avoids": 0.5625, "curious": 0.1875}, abs=0.07)
+    fractions = {kind: n / len(humans) for kind, n in Counter(human.reaction for human in humans).items()}
+    assert fractions == pytest.approx({"ignores": 0.25, "avoids": 0.5625, "curious": 0.1875}, abs=0.07)
     assert all((human.reacts_to_robot == 0.0) == (human.reaction == "ignores") for human in humans)
     clearance = np.array([human.robot_clearance for human in humans])
     assert clearance.mean() == pytest.approx(0.83, abs=0.03)
-    assert clearance.std() == pytest.approx(0.24, abs=0.03)  # 0.27, cut at two deviations
+    assert clearance.std() == pytest.approx(0.24, abs=0.03)  # 0.27, truncated at two standard deviations
 
 
-def test_manners_change_nothing_else_in_a_scene() -> None:
+def test_reactions_change_nothing_else_in_a_scene() -> None:
     plain, other = (
         s2.generate(s2.ScenarioConfig(name="one", person=person), 4) for person in ({}, {"reactions": ["stops"]})
     )
@@ -36,37 +36,37 @@ def test_manners_change_nothing_else_in_a_scene() -> None:
     assert other.furniture == plain.furniture
 
 
-def test_social_life_is_off_unless_set_and_kept_in_the_file() -> None:
+def test_social_behaviour_is_off_by_default_and_recorded() -> None:
     assert not s2.generate(s2.ScenarioConfig(), 1).social.is_lively
     config = s2.ScenarioConfig(social={"visits": 0.5, "meets": 0.1, "talk_time": [5, 8]})
     scene = s2.generate(config, 1)
     assert scene.social == Social(visits=0.5, meets=0.1, talk_time=(5.0, 8.0))
-    kept = layout_of(scene) | {"name": scene.name, "family": scene.family, "seed": scene.seed, "episode": 0}
-    assert scene_of(kept) == scene
+    document = scene_to_json(scene) | {"name": scene.name, "family": scene.family, "seed": scene.seed, "episode": 0}
+    assert scene_from_json(document) == scene
 
 
-def test_older_files_know_neither_manners_nor_social_life() -> None:
+def test_documents_without_reactions_and_social_behaviour_are_read() -> None:
     scene = s2.generate(s2.ScenarioConfig(standing=1, wandering=1, person={"ignores_robot": 1.0}), 1)
-    kept = layout_of(scene) | {"name": scene.name, "family": scene.family, "seed": scene.seed, "episode": 0}
-    del kept["social"]
-    for human in kept["humans"]:
+    document = scene_to_json(scene) | {"name": scene.name, "family": scene.family, "seed": scene.seed, "episode": 0}
+    del document["social"]
+    for human in document["humans"]:
         del human["reaction"], human["robot_clearance"]
-    read = scene_of(kept)
+    read = scene_from_json(document)
     assert {human.reaction for human in read.humans} == {"ignores"}
     assert {human.robot_clearance for human in read.humans} == {0.83}
     assert read.social == Social()
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "message"),
     [
-        ({"social": {"visits": 0.7, "joins": 0.6}}, "1.3 together"),
+        ({"social": {"visits": 0.7, "joins": 0.6}}, "visits \\+ joins is 1.3"),
         ({"social": {"visit_time": 0}}, "above 0"),
         ({"social": {"vists": 0.7}}, "did you mean 'visits'"),
         ({"person": {"reactions": {"avoids": 0}}}, "at least one reaction"),
         ({"person": {"robot_clearance": {"mean": 2.0}}}, "mean 2.0 is not within"),
     ],
 )
-def test_what_cannot_be_used_is_refused_in_a_line(settings: dict[str, object], said: str) -> None:
-    with pytest.raises(ConfigError, match=said):
+def test_invalid_settings_are_refused(settings: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         s2.ScenarioConfig().changed(**settings)

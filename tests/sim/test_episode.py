@@ -1,4 +1,4 @@
-"""One run: the order of things, endings, answers, and any moment had again."""
+"""One episode: order of events, endings, answers of controllers, branches."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import sonata2d as s2
 from sonata2d.core.entities import Goal, Human
 from sonata2d.core.geometry import Pose, Twist
 from sonata2d.core.scene import Rules, Scene
-from sonata2d.core.snapshot import Author, Frame, Outcome, Snapshot
+from sonata2d.core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
 from sonata2d.errors import ControllerError
 from sonata2d.record.recorder import EpisodeRecorder
 
@@ -20,7 +20,7 @@ from ..conftest import room
 
 
 class Answers(s2.Controller):
-    """Says what it was given, tick by tick, then stands."""
+    """Gives one answer per tick, then stands."""
 
     def __init__(self, *answers: Any) -> None:
         self.answers = answers
@@ -29,57 +29,57 @@ class Answers(s2.Controller):
         return self.answers[snapshot.tick] if snapshot.tick < len(self.answers) else Twist()
 
 
-class Diary:
-    """Writes down what an observer is told."""
+class CallLog:
+    """An observer that logs its calls."""
 
     def __init__(self) -> None:
-        self.told: list[str] = []
+        self.calls: list[str] = []
         self.frames: list[Frame] = []
         self.last: Snapshot | None = None
 
-    def open(self, scene: Scene, author: Author) -> None:
-        self.told.append(f"open {author.path}")
+    def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
+        self.calls.append(f"open {controller_info.path}")
 
     def note(self, frame: Frame) -> None:
-        self.told.append(f"note {frame.snapshot.tick}")
+        self.calls.append(f"note {frame.snapshot.tick}")
         self.frames.append(frame)
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
-        self.told.append(f"close {last.tick} {outcome.status}")
+        self.calls.append(f"close {last.tick} {outcome.status}")
         self.last = last
 
 
-def run(scene: Scene, controller: s2.Controller) -> tuple[s2.Episode, Diary]:
-    diary = Diary()
-    episode = s2.Episode(scene, controller, observers=[diary])
+def run(scene: Scene, controller: s2.Controller) -> tuple[s2.Episode, CallLog]:
+    log = CallLog()
+    episode = s2.Episode(scene, controller, observers=[log])
     episode.run()
-    return episode, diary
+    return episode, log
 
 
-def short(**rules: Any) -> Scene:
+def short_scene(**rules: Any) -> Scene:
+    """A scene with a time limit of five ticks."""
     return room([Human(1, Pose(0.0, 2.0))], rules=Rules(time_limit=0.5, **rules))
 
 
-def test_look_think_note_move() -> None:
-    _, diary = run(short(), Answers())
-    expected = [f"open {__name__}:Answers", *(f"note {k}" for k in range(5)), "close 5 timeout"]
-    assert diary.told == expected
-    assert [frame.snapshot.time for frame in diary.frames] == [0.0, 0.1, 0.2, 0.3, 0.4]
+def test_observers_are_opened_then_get_every_frame_then_are_closed() -> None:
+    _, log = run(short_scene(), Answers())
+    assert log.calls == [f"open {__name__}:Answers", *(f"note {k}" for k in range(5)), "close 5 timeout"]
+    assert [frame.snapshot.time for frame in log.frames] == [0.0, 0.1, 0.2, 0.3, 0.4]
 
 
-def test_the_goal_ends_the_episode_and_its_heading_counts_if_asked_for() -> None:
-    there = room(robot=Pose(2.8, 0.0, 0.0))
-    assert run(there, Answers())[0].outcome == Outcome("goal", "within 0.4 m of the goal", 0, 0.0)
-    turned = replace(there, goal=Goal(3.0, 0.0, theta=2.0, angle=0.3), rules=Rules(time_limit=0.3))
-    assert run(turned, Answers())[1].told[-1] == "close 3 timeout"
-    facing = replace(turned, robot=replace(turned.robot, pose=Pose(2.8, 0.0, 1.9)))
-    assert run(facing, Answers())[1].told[-1] == "close 0 goal"
+def test_the_goal_ends_the_episode_and_its_heading_counts_if_it_has_a_tolerance() -> None:
+    near_goal = room(robot=Pose(2.8, 0.0, 0.0))
+    assert run(near_goal, Answers())[0].outcome == Outcome("goal", "within 0.4 m of the goal", 0, 0.0)
+    with_heading = replace(near_goal, goal=Goal(3.0, 0.0, theta=2.0, angle=0.3), rules=Rules(time_limit=0.3))
+    assert run(with_heading, Answers())[1].calls[-1] == "close 3 timeout"
+    at_heading = replace(with_heading, robot=replace(with_heading.robot, pose=Pose(2.8, 0.0, 1.9)))
+    assert run(at_heading, Answers())[1].calls[-1] == "close 0 goal"
 
 
-def test_contact_ends_the_episode_only_where_the_rules_say_so() -> None:
-    person = Human(1, Pose(-2.3, 0.0))
+def test_a_contact_ends_the_episode_only_if_the_rules_say_so() -> None:
+    human = Human(1, Pose(-2.3, 0.0))
     for ends_on, status in ((("goal", "time"), "timeout"), (("goal", "contact"), "contact")):
-        scene = room([person], rules=Rules(time_limit=3.0, ends_on=ends_on))  # type: ignore[arg-type]
+        scene = room([human], rules=Rules(time_limit=3.0, ends_on=ends_on))  # type: ignore[arg-type]
         episode, _ = run(scene, s2.StraightToGoal())
         assert episode.outcome is not None
         assert episode.outcome.status == status
@@ -89,84 +89,86 @@ def test_contact_ends_the_episode_only_where_the_rules_say_so() -> None:
 @pytest.mark.parametrize(
     ("request_", "status"), [(s2.Stop("enough"), "stopped"), (s2.Regenerate("too easy"), "regenerate")]
 )
-def test_a_request_ends_the_episode(request_: object, status: str) -> None:
-    episode, diary = run(short(), Answers(Twist(), request_))
+def test_a_stop_or_regenerate_request_ends_the_episode(request_: object, status: str) -> None:
+    episode, log = run(short_scene(), Answers(Twist(), request_))
     assert episode.outcome == Outcome(status, request_.reason, 1, 0.1)  # type: ignore[arg-type,attr-defined]
-    assert diary.told[-1] == f"close 1 {status}"
+    assert log.calls[-1] == f"close 1 {status}"
 
 
 @pytest.mark.parametrize("answer", [[1, 0, 0], None, (0.1, 0.2, 0.3), Twist(float("inf")), Twist("fast")])  # type: ignore[arg-type]
-def test_an_answer_that_is_no_finite_twist_is_refused_with_its_tick(answer: object) -> None:
+def test_an_answer_that_is_not_a_finite_twist_is_rejected_with_its_tick(answer: object) -> None:
     with pytest.raises(ControllerError, match=r"Answers\.act must return") as caught:
-        run(short(), Answers(Twist(), answer))
+        run(short_scene(), Answers(Twist(), answer))
     assert caught.value.__notes__ == ["at tick 1 of the episode"]
 
 
-def test_commands_are_noted_as_a_file_can_hold_them() -> None:
-    asked = Twist(np.float32(0.123456789), -0.00004, 1)  # type: ignore[arg-type]
-    _, diary = run(short(), Answers(asked))
-    assert diary.frames[0].command == Twist(0.1235, 0.0, 1.0)
+def test_an_answer_beyond_the_range_of_files_is_rejected() -> None:
+    with pytest.raises(ControllerError, match=r"Answers\.act returned .* exceeds 1e\+11"):
+        run(short_scene(), Answers(Twist(1e12)))
 
 
-def test_a_controllers_own_error_passes_through_with_its_tick_and_closes_the_record() -> None:
-    class Falls(s2.Controller):
+def test_commands_are_recorded_at_the_precision_of_files() -> None:
+    command = Twist(np.float32(0.123456789), -0.00004, 1)  # type: ignore[arg-type]
+    _, log = run(short_scene(), Answers(command))
+    assert log.frames[0].command == Twist(0.1235, 0.0, 1.0)
+
+
+def test_an_exception_of_a_controller_passes_through_with_its_tick_and_closes_the_episode() -> None:
+    class Failing(s2.Controller):
         def act(self, snapshot: Snapshot) -> Twist:
             return Twist(1 / (2 - snapshot.tick))
 
-    diary = Diary()
+    log = CallLog()
     with pytest.raises(ZeroDivisionError) as caught:
-        s2.Episode(short(), Falls(), observers=[diary]).run()
+        s2.Episode(short_scene(), Failing(), observers=[log]).run()
     assert caught.value.__notes__ == ["at tick 2 of the episode"]
-    assert diary.told[-1] == "close 2 error"
+    assert log.calls[-1] == "close 2 error"
 
 
-def test_minds_see_one_snapshot_and_only_the_world_moves(busy: Scene) -> None:
-    class Meddler(s2.Controller):
+def test_a_controller_cannot_write_into_a_snapshot(busy: Scene) -> None:
+    class Writing(s2.Controller):
         def act(self, snapshot: Snapshot) -> Twist:
             snapshot.humans.state[:] = 0.0
             return Twist()
 
     with pytest.raises(ValueError, match="read-only"):
-        s2.Episode(busy, Meddler()).run()
+        s2.Episode(busy, Writing()).run()
 
 
-def document(scene: Scene, controller: s2.Controller, ticks: int | None = None) -> bytes:
+def document(scene: Scene, controller: s2.Controller, ticks: int) -> bytes:
+    """The episode file of a run that is stopped after some ticks."""
     recorder = EpisodeRecorder()
     episode = s2.Episode(scene, controller, observers=[recorder])
-    if ticks is None:
-        episode.run()
-    else:
-        for _ in range(ticks):
-            episode.step()
-        episode.end("stopped", "seen enough")
+    for _ in range(ticks):
+        episode.step()
+    episode.end("stopped", "seen enough")
     return recorder.document()
 
 
-def test_the_same_scene_gives_the_same_bytes_whatever_ran_before_or_between(busy: Scene) -> None:
+def test_same_scene_gives_same_bytes_whatever_ran_before_or_in_between(busy: Scene) -> None:
     alone = document(busy, s2.SocialPlanner(), 60)
-    one, other = (s2.Episode(busy, s2.SocialPlanner(), observers=[EpisodeRecorder()]) for _ in "ab")
+    recorder = EpisodeRecorder()
+    first, second = (s2.Episode(busy, s2.SocialPlanner(), observers=[r]) for r in (recorder, EpisodeRecorder()))
     for _ in range(60):
-        one.step()
-        other.step()
-    one.end("stopped", "seen enough")
-    assert one.observers[0].document() == alone  # type: ignore[attr-defined]
+        first.step()
+        second.step()
+    first.end("stopped", "seen enough")
+    assert recorder.document() == alone
     assert document(busy, s2.SocialPlanner(), 60) == alone
 
 
-def test_people_do_not_depend_on_what_the_robot_does_far_away(busy: Scene) -> None:
-    """The people's chances are theirs alone: an ignored robot changes nothing they do."""
-    blind = replace(
-        busy, humans=tuple(replace(h, reacts_to_robot=0.0) for h in busy.humans), rules=Rules(time_limit=2.0)
-    )
+def test_pedestrians_that_ignore_the_robot_do_not_depend_on_it(busy: Scene) -> None:
+    humans = tuple(replace(human, reacts_to_robot=0.0) for human in busy.humans)
+    scene = replace(busy, humans=humans, rules=Rules(time_limit=2.0))
     states = []
     for command in (Twist(), Twist(omega=1.0)):
-        _, diary = run(blind, Answers(*[command] * 20))
-        states.append([frame.snapshot.humans.state for frame in diary.frames])
+        _, log = run(scene, Answers(*[command] * 20))
+        states.append([frame.snapshot.humans.state for frame in log.frames])
     assert np.array_equal(states[0], states[1])
 
 
-def test_a_label_that_the_controller_uses_again_is_kept_as_it_was() -> None:
-    class Reuses(s2.Controller):
+def test_a_label_object_that_the_controller_reuses_is_recorded_by_value() -> None:
+    class Reusing(s2.Controller):
         def __init__(self) -> None:
             self._label = {"tick": -1}
 
@@ -177,24 +179,32 @@ def test_a_label_that_the_controller_uses_again_is_kept_as_it_was() -> None:
             self._label["tick"] = snapshot.tick
             return self._label
 
-    episode, _ = run(short(), Reuses())
-    assert [moment.label["tick"] for moment in episode.past] == [0, 1, 2, 3, 4]
+    episode, _ = run(short_scene(), Reusing())
+    assert [tick_input.label["tick"] for tick_input in episode.past] == [0, 1, 2, 3, 4]
 
 
-def test_a_branch_is_the_same_up_to_its_tick_and_another_thereafter(busy: Scene) -> None:
-    scene = replace(busy, rules=Rules(time_limit=4.0))
-    episode, diary = run(scene, s2.StraightToGoal())
-    watch = Diary()
-    branch = episode.branch(15, s2.SocialPlanner(), observers=[watch])
-    assert len(branch.past) == 15
+def test_a_branch_equals_its_episode_up_to_its_tick_and_differs_afterwards(busy: Scene) -> None:
+    scene, ticks = replace(busy, rules=Rules(time_limit=4.0)), 15
+    episode, log = run(scene, s2.StraightToGoal())
+    branch_log = CallLog()
+    branch = episode.branch(ticks, s2.SocialPlanner(), observers=[branch_log])
+    assert len(branch.past) == ticks
     branch.run()
-    for was, now in zip(diary.frames[:16], watch.frames[:16], strict=True):
-        assert np.array_equal(was.snapshot.humans.state, now.snapshot.humans.state)
-        assert was.snapshot.robot == now.snapshot.robot
-    assert [f.command for f in diary.frames[:15]] == [f.command for f in watch.frames[:15]]
-    assert [f.command for f in diary.frames[15:]] != [f.command for f in watch.frames[15:]]
-    same = episode.branch(15, s2.StraightToGoal())
-    same.run()
-    assert [moment.command for moment in same.past] == [moment.command for moment in episode.past]
+    for expected, frame in zip(log.frames[: ticks + 1], branch_log.frames[: ticks + 1], strict=True):
+        assert np.array_equal(expected.snapshot.humans.state, frame.snapshot.humans.state)
+        assert expected.snapshot.robot == frame.snapshot.robot
+    commands, branch_commands = ([frame.command for frame in frames] for frames in (log.frames, branch_log.frames))
+    assert commands[:ticks] == branch_commands[:ticks]
+    assert commands[ticks:] != branch_commands[ticks:]
+
+
+def test_a_branch_with_the_same_controller_equals_the_episode(busy: Scene) -> None:
+    episode, _ = run(replace(busy, rules=Rules(time_limit=4.0)), s2.StraightToGoal())
+    branch = episode.branch(15, s2.StraightToGoal())
+    branch.run()
+    assert [tick_input.command for tick_input in branch.past] == [tick_input.command for tick_input in episode.past]
+
+
+def test_a_branch_at_a_tick_that_was_not_run_is_rejected() -> None:
     with pytest.raises(ValueError, match="the ticks run so far"):
-        episode.branch(999, s2.StraightToGoal())
+        s2.Episode(short_scene(), Answers()).branch(999, s2.StraightToGoal())

@@ -1,4 +1,4 @@
-"""A controller that asks for a camera image finds one in its snapshot; one that does not pays nothing."""
+"""Camera images are in the snapshots of controllers that request them, and cost nothing for others."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from sonata2d.errors import ControllerError
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.sim.episode import Episode
 from sonata2d.testing.controllers import check_controller
-from sonata2d.view.eye import image_of
+from sonata2d.view.painter import image_of
 
-EYE = """
+CONTROLLER_FILE = """
 import sonata2d as s2
 from sonata2d.core.devices import ImageRequest
 
 
-class Looker(s2.Controller):
+class ImageController(s2.Controller):
     image = ImageRequest(width=64, height=48)
 
     def act(self, snapshot):
@@ -41,39 +41,39 @@ class Looker(s2.Controller):
 """
 
 
-class Looker(Controller):
-    """Keeps what it sees."""
+class ImageController(Controller):
+    """Collects the images of its snapshots."""
 
     image = ImageRequest(width=64, height=48)
 
     def __init__(self) -> None:
-        self._seen: list[Any] = []
+        self._images: list[Any] = []
 
     def act(self, snapshot: Snapshot) -> Twist:
-        self._seen.append(snapshot.image)
+        self._images.append(snapshot.image)
         return Twist(0.5)
 
 
-def test_the_image_is_drawn_anew_at_every_look(busy: Scene) -> None:
-    controller = Looker()
+def test_every_snapshot_has_a_new_image(busy: Scene) -> None:
+    controller = ImageController()
     episode = Episode(busy, controller, renderer=image_of)
     for _ in range(3):
         episode.step()
-    assert [image.shape for image in controller._seen] == [(48, 64, 3)] * 3
-    assert controller._seen[0].dtype == np.uint8
-    assert not np.array_equal(controller._seen[0], controller._seen[2])
+    assert [image.shape for image in controller._images] == [(48, 64, 3)] * 3
+    assert controller._images[0].dtype == np.uint8
+    assert not np.array_equal(controller._images[0], controller._images[2])
 
 
-def test_without_a_renderer_the_way_out_is_told(busy: Scene) -> None:
+def test_without_a_renderer_the_error_names_the_remedy(busy: Scene) -> None:
     with pytest.raises(ControllerError, match=r"Episode\(renderer=sonata2d.view.image_of\)"):
-        Episode(busy, Looker())
+        Episode(busy, ImageController())
 
 
-def test_who_does_not_ask_is_given_none_and_costs_none(busy: Scene) -> None:
-    def never(snapshot: Snapshot, request: ImageRequest) -> Any:
-        raise AssertionError("nobody asked")
+def test_a_controller_without_a_request_gets_no_image_and_loads_no_pygame(busy: Scene) -> None:
+    def fail(snapshot: Snapshot, request: ImageRequest) -> Any:
+        raise AssertionError("no image was requested")
 
-    frame = Episode(busy, StraightToGoal(), renderer=never).step()
+    frame = Episode(busy, StraightToGoal(), renderer=fail).step()
     assert frame is not None
     assert frame.snapshot.image is None
     code = (
@@ -85,18 +85,18 @@ def test_who_does_not_ask_is_given_none_and_costs_none(busy: Scene) -> None:
     assert done.stdout == "False\n"
 
 
-def test_data_sets_are_made_and_proven_with_images(tmp_path: Path) -> None:
-    (tmp_path / "looker.py").write_text(EYE)
-    name = f"{tmp_path / 'looker.py'}:Looker"
+def test_data_sets_of_controllers_with_images_are_generated_and_verified(tmp_path: Path) -> None:
+    (tmp_path / "image_controller.py").write_text(CONTROLLER_FILE)
+    name = f"{tmp_path / 'image_controller.py'}:ImageController"
     config = ScenarioConfig(humans=2, rules={"time_limit": 2.0})
     generate_dataset(tmp_path / "out", config, name, episodes=2)
     assert verify(tmp_path / "out", replay=True, rerun=True) == []
 
 
-def test_authors_can_check_a_controller_that_looks() -> None:
-    class Still(Looker):
+def test_check_controller_provides_images() -> None:
+    class Spinning(ImageController):
         def act(self, snapshot: Snapshot) -> Twist:
             assert snapshot.image is not None
             return Twist(0.0, 0.0, float(snapshot.image[0, 0, 0]) / 255.0)
 
-    assert len(check_controller(Still(), time_limit=0.5)) == 3
+    assert len(check_controller(Spinning(), time_limit=0.5)) == 3

@@ -1,20 +1,25 @@
-"""An episode made by hand: an L-room, furniture, people of every activity, a robot on its way."""
+"""An episode in an L-shaped room with furniture, pedestrians of every activity and a robot, and helpers for pixels."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+import pygame
 import pytest
 
 from sonata2d.core.entities import AT_LAPTOP, TALKING, Furniture, Goal, Human, Interaction, Robot, Wall
-from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
-from sonata2d.core.humans import ACTIVITIES, Humans, human_ids
+from sonata2d.core.geometry import Disc, Point, Pose, Rectangle, Twist
+from sonata2d.core.humans import ACTIVITIES, BODY_X, BODY_Y, GAZE_X, GAZE_Y, Humans, X, Y, human_ids
 from sonata2d.core.portable_math import unit_vector, unit_vectors
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import RobotState, Snapshot
+from sonata2d.view.camera import Camera
+from sonata2d.view.draw import Layers
 
 CORNERS = ((0.0, 0.0), (6.0, 0.0), (6.0, 2.5), (3.0, 2.5), (3.0, 5.0), (0.0, 5.0))
+BARE = Layers(gaze=False, links=False, grid=False, caption=False)
 
 
 def _scene() -> Scene:
@@ -36,17 +41,28 @@ def _scene() -> Scene:
                  interactions=links, seed=7, episode=3)  # fmt: skip
 
 
-def look(scene: Scene, tick: int = 0, robot: Pose | None = None) -> Snapshot:
-    """The scene at a tick, everyone where they started but the robot, which goes to its goal."""
+def snapshot_at(scene: Scene, tick: int = 0, robot: Pose | None = None) -> Snapshot:
+    """The scene at a tick: pedestrians at their initial poses, the robot on its way to the goal or at a given pose."""
     pose = robot or Pose(1.0 + 0.1 * tick, 0.5, 0.0)
     state = np.zeros((len(scene.humans), 9))
-    state[:, :2] = [human.pose.position for human in scene.humans]
+    state[:, X : Y + 1] = [human.pose.position for human in scene.humans]
     angles = np.array([human.pose.theta for human in scene.humans])
-    state[:, 4:6], state[:, 6:8] = unit_vectors(angles), unit_vectors(angles + 0.3)
+    state[:, BODY_X : BODY_Y + 1], state[:, GAZE_X : GAZE_Y + 1] = unit_vectors(angles), unit_vectors(angles + 0.3)
     radius = np.array([human.radius for human in scene.humans])
     humans = Humans(state, human_ids(scene), radius, np.arange(len(state)) % len(ACTIVITIES))
     body = RobotState(pose.position, unit_vector(pose.theta), (1.0, 0.0), 0.0, Twist(1.0), False, scene.robot)
     return Snapshot(tick, tick * scene.rules.dt, scene, body, humans, scene.interactions)
+
+
+def pixels(surface: pygame.Surface) -> Any:
+    """(width, height, 3) of int."""
+    return pygame.surfarray.array3d(surface).astype(int)
+
+
+def colour_at(surface: pygame.Surface, camera: Camera, point: Point) -> tuple[int, ...]:
+    """Colour of the pixel at a world point."""
+    x, y = camera.to_pixels(point)
+    return tuple(surface.get_at((int(x), int(y))))[:3]
 
 
 @pytest.fixture(scope="session")
@@ -56,4 +72,4 @@ def scene() -> Scene:
 
 @pytest.fixture(scope="session")
 def episode(scene: Scene) -> list[Snapshot]:
-    return [look(scene, tick) for tick in range(12)]
+    return [snapshot_at(scene, tick) for tick in range(12)]

@@ -1,4 +1,4 @@
-"""Keys, mouse and pads for tests: pygame's events by hand, and pads that nobody has to plug in."""
+"""Input for tests: events of keys, mouse and pads, and pads that exist only in the test."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ import pygame
 
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.window.actions import Action
-from sonata2d.window.hands import Hands
-from sonata2d.window.pads import AXES, BUTTONS, Pad
+from sonata2d.window.input import AXES, BUTTONS, InputDevices, Pad, SdlPads
 
-SIZE = (1000, 500)  # a full stick is 110 pixels of drag
+SIZE = (1000, 500)  # full deflection of the mouse joystick: 110 px
 XBOX, STICK = "guid-xbox", "guid-stick"
 
 
-class PretendPlugs:
-    """Pads that a test plugs in."""
+class FakePads(SdlPads):
+    """Pads that are connected by the test."""
 
     def __init__(self, *, works: bool = True) -> None:
         self.works, self._pads, self._count = works, list[tuple[int, str, str, bool]](), 0
@@ -24,7 +23,7 @@ class PretendPlugs:
     def start(self) -> bool:
         return self.works
 
-    def plugged(self, known: Sequence[int]) -> list[Pad]:
+    def open_new(self, known: Sequence[int]) -> list[Pad]:
         rest = dict.fromkeys(AXES, 0.0)
         return [
             Pad(number, guid, name, named, dict(rest) if named else {})
@@ -33,6 +32,7 @@ class PretendPlugs:
         ]
 
     def plug(self, guid: str = XBOX, name: str = "Pad", *, named: bool = True) -> int:
+        """Connect a pad; returns its instance."""
         self._count += 1
         self._pads.append((self._count, guid, name, named))
         return self._count
@@ -54,11 +54,9 @@ def key(code: int, *, down: bool = True, mod: int = 0, scancode: int = 0) -> pyg
 
 
 def axis(instance: int, control: str, value: float) -> pygame.Event:
-    """A named axis moved, 1 being the end."""
-    number = AXES.index(control)
-    return pygame.event.Event(
-        pygame.CONTROLLERAXISMOTION, instance_id=instance, axis=number, value=round(32767 * value)
-    )
+    """A named axis moves; the ends are -1 and 1."""
+    number, raw = AXES.index(control), round(32767 * value)
+    return pygame.event.Event(pygame.CONTROLLERAXISMOTION, instance_id=instance, axis=number, value=raw)
 
 
 def raw_axis(instance: int, number: int, value: float) -> pygame.Event:
@@ -76,16 +74,16 @@ def mouse(kind: int, x: int, y: int, *, held: bool = True, number: int = 1) -> p
     return pygame.event.Event(kind, pos=(x, y), button=number)
 
 
-def feed(hands: Hands, *events: pygame.Event) -> list[Action]:
-    """Hand the events on; answers the actions they asked for."""
-    answers = [hands.handle(event, SIZE) for event in events]
+def feed(devices: InputDevices, *events: pygame.Event) -> list[Action]:
+    """Pass events on; returns the actions that they request."""
+    answers = [devices.handle(event, SIZE) for event in events]
     return [action for action in answers if action is not None]
 
 
-def told(hands: Hands) -> list[tuple[str, str, float]]:
-    """What a look tells, short."""
-    return [short(event) for event in hands.look()]
+def polled(devices: InputDevices) -> list[tuple[str, str, float]]:
+    """The events of a poll as tuples."""
+    return [as_tuple(event) for event in devices.poll()]
 
 
-def short(event: DeviceEvent) -> tuple[str, str, float]:
+def as_tuple(event: DeviceEvent) -> tuple[str, str, float]:
     return event.device, event.control, event.value

@@ -1,4 +1,4 @@
-"""Pads as SDL has them: its own virtual joysticks, plugged in from here, go the whole way that a real pad goes."""
+"""Pads of SDL: virtual joysticks, connected by the test, take the same path as real pads."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from pygame._sdl2 import controller
 
 from sonata2d.window.actions import Action
-from sonata2d.window.hands import Hands
+from sonata2d.window.input import InputDevices
 from sonata2d.window.profiles import Profiles
 
 from . import fake_devices as p
@@ -22,7 +22,7 @@ _A, _LEFT_SHOULDER = 0, 9
 
 
 class VirtualPads:
-    """SDL's virtual joysticks, which pygame does not offer."""
+    """SDL's virtual joysticks, which pygame does not provide."""
 
     def __init__(self, sdl: Any) -> None:
         self._sdl = sdl
@@ -46,7 +46,7 @@ class VirtualPads:
 
 @pytest.fixture
 def pads(monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualPads]:
-    monkeypatch.setenv("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")  # the window of a test has the focus or not
+    monkeypatch.setenv("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")  # the window of a test may have no focus
     controller.quit()
     pygame.quit()
     pygame.display.init()
@@ -63,57 +63,57 @@ def pads(monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualPads]:
     pygame.quit()
 
 
-def turn(hands: Hands) -> list[Action]:
-    """Hand on what SDL tells, twice, since it tells of a plugging in before it tells of values."""
-    return [action for _ in range(2) for action in p.feed(hands, *pygame.event.get())]
+def process(devices: InputDevices) -> list[Action]:
+    """Process SDL's events twice, because SDL reports a connection before the values."""
+    return [action for _ in range(2) for action in p.feed(devices, *pygame.event.get())]
 
 
-def instances(hands: Hands) -> list[int]:
-    return [pad.instance for _, pad in sorted(hands._pads.items())]
+def instances(devices: InputDevices) -> list[int]:
+    return [pad.instance for _, pad in sorted(devices._pads.items())]
 
 
-def test_a_pad_is_found_read_lost_and_found_again(pads: VirtualPads, tmp_path: Path) -> None:
-    hands = Hands(Profiles(tmp_path))
+def test_a_pad_is_connected_read_disconnected_and_reconnected(pads: VirtualPads, tmp_path: Path) -> None:
+    devices = InputDevices(Profiles(tmp_path))
     pads.attach(_GAMEPAD)
-    assert turn(hands) == []
-    assert p.told(hands) == []
-    assert hands.take_found() == hands.devices()[-1].name != ""
-    assert hands.is_named("pad0")
-    (pad,) = instances(hands)
+    assert process(devices) == []
+    assert p.polled(devices) == []
+    assert devices.pop_connected() == devices.devices()[-1].name != ""
+    assert devices.is_named("pad0")
+    (pad,) = instances(devices)
     pads.axis(pad, 1, -32768)
     pads.button(pad, _A, 1)
     pads.button(pad, _LEFT_SHOULDER, 1)
-    assert turn(hands) == [Action.CONFIRM]
-    assert p.told(hands) == [("pad0", "left_y", -1.0), ("pad0", "left_shoulder", 1.0)]
+    assert process(devices) == [Action.CONFIRM]
+    assert p.polled(devices) == [("pad0", "left_y", -1.0), ("pad0", "left_shoulder", 1.0)]
     pads.detach(0)
-    turn(hands)
-    assert {(c, v) for _, c, v in p.told(hands)} == {("left_y", 0.0), ("left_shoulder", 0.0)}
-    assert hands.take_lost() is not None
-    assert len(hands.devices()) == 2
+    process(devices)
+    assert {(c, v) for _, c, v in p.polled(devices)} == {("left_y", 0.0), ("left_shoulder", 0.0)}
+    assert devices.pop_disconnected() is not None
+    assert len(devices.devices()) == 2
     pads.attach(_GAMEPAD)
-    turn(hands)
-    assert [device.slot for device in hands.devices()[2:]] == ["pad0"]
-    assert instances(hands) != [pad]
+    process(devices)
+    assert [device.slot for device in devices.devices()[2:]] == ["pad0"]
+    assert instances(devices) != [pad]
     pads.detach(0)
-    turn(hands)
+    process(devices)
 
 
 def test_a_device_without_names_is_read_by_numbers(pads: VirtualPads, tmp_path: Path) -> None:
     pads.attach(_GAMEPAD)
     pads.attach(_UNKNOWN)
-    hands = Hands(Profiles(tmp_path))
-    turn(hands)
-    assert p.told(hands) == []
-    _, stick = instances(hands)
-    assert not hands.is_named("pad1")
+    devices = InputDevices(Profiles(tmp_path))
+    process(devices)
+    assert p.polled(devices) == []
+    _, stick = instances(devices)
+    assert not devices.is_named("pad1")
     pads.axis(stick, 1, -16384)
     pads.button(stick, 0, 1)
-    assert turn(hands) == [Action.CONFIRM]
-    assert p.told(hands) == [("pad1", "axis1", -0.5)]
-    pads.detach(0)  # the other one: numbers of places move, ours does not
-    turn(hands)
+    assert process(devices) == [Action.CONFIRM]
+    assert p.polled(devices) == [("pad1", "axis1", -0.5)]
+    pads.detach(0)  # the other one: device indices change, instances do not
+    process(devices)
     pads.axis(stick, 1, -32768)
-    turn(hands)
-    assert p.told(hands) == [("pad1", "axis1", -1.0)]
+    process(devices)
+    assert p.polled(devices) == [("pad1", "axis1", -1.0)]
     pads.detach(0)
-    turn(hands)
+    process(devices)

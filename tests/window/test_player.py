@@ -1,4 +1,4 @@
-"""A recorded run as a film: it ends where it ends, and knows whether all of it was seen."""
+"""Playback of a recorded run: position, speed, and whether the whole run was watched."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord
 from sonata2d.record.recorder import JsonRecorder
-from sonata2d.window.player import Player
+from sonata2d.window.playback import Player
 
 from ..record.samples import run
 
@@ -24,28 +24,28 @@ def record(tmp_path: Path) -> EpisodeRecord:
     return read_episode(tmp_path / "by-hand.json")
 
 
-def test_it_plays_in_real_time_to_the_final_look_and_stops(record: EpisodeRecord) -> None:
+def test_it_plays_in_real_time_to_the_final_snapshot_and_stops(record: EpisodeRecord) -> None:
     player = Player(record)
     assert (player.last, player.dt, player.length) == (TICKS, DT, pytest.approx(0.6))
     player.advance(0.25)
-    assert (player.index, player.share) == (2, pytest.approx(2.5 / TICKS))
-    before, after, share = player.between
-    assert (before.tick, after.tick, share) == (2, 3, pytest.approx(0.5))
+    assert (player.index, player.fraction) == (2, pytest.approx(2.5 / TICKS))
+    before, after, fraction = player.between
+    assert (before.tick, after.tick, fraction) == (2, 3, pytest.approx(0.5))
     player.advance(10.0)
-    assert (player.index, player.at_end, player.playing, player.share) == (TICKS, True, False, 1.0)
-    before, after, share = player.between
-    assert (before.tick, after.tick, share) == (TICKS, TICKS, 0.0)
+    assert (player.index, player.at_end, player.playing, player.fraction) == (TICKS, True, False, 1.0)
+    before, after, fraction = player.between
+    assert (before.tick, after.tick, fraction) == (TICKS, TICKS, 0.0)
 
 
-def test_looks_are_those_of_the_file(record: EpisodeRecord) -> None:
+def test_snapshots_are_those_of_the_file(record: EpisodeRecord) -> None:
     player = Player(record)
-    for look in record.snapshots():
-        assert player.look.tick == look.tick
-        np.testing.assert_array_equal(player.look.humans.state, look.humans.state)
+    for snapshot in record.snapshots():
+        assert player.snapshot.tick == snapshot.tick
+        np.testing.assert_array_equal(player.snapshot.humans.state, snapshot.humans.state)
         player.step(1)
 
 
-def test_speed_scales_time_and_has_its_ends(record: EpisodeRecord) -> None:
+def test_speed_scales_time_and_is_limited(record: EpisodeRecord) -> None:
     player = Player(record)
     player.faster()
     player.advance(0.1)
@@ -60,7 +60,7 @@ def test_speed_scales_time_and_has_its_ends(record: EpisodeRecord) -> None:
         Player(record, speed=0)
 
 
-def test_paused_it_stands_and_steps_go_from_look_to_look(record: EpisodeRecord) -> None:
+def test_steps_move_by_snapshots_while_paused(record: EpisodeRecord) -> None:
     player = Player(record)
     player.advance(0.25)
     player.toggle()
@@ -77,32 +77,32 @@ def test_paused_it_stands_and_steps_go_from_look_to_look(record: EpisodeRecord) 
     assert player.index == 3
 
 
-def test_a_step_back_between_two_looks_goes_to_the_one_before(record: EpisodeRecord) -> None:
+def test_a_step_back_between_snapshots_moves_to_the_previous_one(record: EpisodeRecord) -> None:
     player = Player(record)
     player.advance(0.25)
     player.step(-1)
     assert (player.index, player.playing) == (2, False)
 
 
-def test_seeking_goes_to_a_look_and_stays_within(record: EpisodeRecord) -> None:
+def test_seeking_moves_to_a_snapshot_within_the_run(record: EpisodeRecord) -> None:
     player = Player(record)
-    for share, index in ((0.5, 3), (0.55, 3), (-1.0, 0), (2.0, TICKS)):
-        player.seek(share)
+    for fraction, index in ((0.5, 3), (0.55, 3), (-1.0, 0), (2.0, TICKS)):
+        player.seek(fraction)
         assert (player.index, player.between[2]) == (index, 0.0)
 
 
-def test_play_at_the_end_begins_again(record: EpisodeRecord) -> None:
+def test_play_at_the_end_starts_again(record: EpisodeRecord) -> None:
     player = Player(record)
     player.advance(1.0)
     player.toggle()
     assert (player.index, player.playing) == (0, True)
 
 
-@pytest.mark.parametrize("leap", ["seek", "step"])
-def test_watched_means_seen_from_start_to_end_without_a_leap(leap: str, record: EpisodeRecord) -> None:
+@pytest.mark.parametrize("jump", ["seek", "step"])
+def test_watched_means_played_from_start_to_end_without_a_gap(jump: str, record: EpisodeRecord) -> None:
     player = Player(record)
     player.advance(0.2)
-    if leap == "seek":
+    if jump == "seek":
         player.seek(0.9)
     else:
         player.step(3)
@@ -110,7 +110,7 @@ def test_watched_means_seen_from_start_to_end_without_a_leap(leap: str, record: 
     player.advance(1.0)
     assert player.at_end
     assert not player.watched
-    player.seek(0.1)  # back to what was seen, and on from there
+    player.seek(0.1)  # back into the part that was played, and on from there
     player.playing = True
     player.advance(1.0)
     assert player.watched
@@ -118,17 +118,17 @@ def test_watched_means_seen_from_start_to_end_without_a_leap(leap: str, record: 
     assert player.watched
 
 
-def test_contacts_are_marked_where_they_begin(record: EpisodeRecord) -> None:
-    """The run made by hand touches at tick 2 only; here it goes on touching, lets go, and touches again at the end."""
+def test_contacts_are_reported_at_their_starts(record: EpisodeRecord) -> None:
+    """The sample has a contact at tick 2 only; here it lasts, ends, and starts again at the final snapshot."""
     assert Player(record).contacts() == [pytest.approx(2 / TICKS)]
-    looks = [*record.document["frames"], record.document["final"]]
-    looks[3]["contacts"] = looks[6]["contacts"] = looks[2]["contacts"]
+    states = [*record.document["frames"], record.document["final"]]
+    states[3]["contacts"] = states[6]["contacts"] = states[2]["contacts"]
     assert Player(record).contacts() == [pytest.approx(2 / TICKS), 1.0]
 
 
-def test_a_run_of_no_frame_is_over_at_once(tmp_path: Path) -> None:
+def test_a_run_without_frames_is_over_at_once(tmp_path: Path) -> None:
     with JsonRecorder(tmp_path / "none.json") as recorder:
         run(recorder, ticks=0)
     player = Player(read_episode(tmp_path / "none.json"))
     player.advance(0.0)
-    assert (player.at_end, player.watched, player.share, player.look.tick) == (True, True, 1.0, 0)
+    assert (player.at_end, player.watched, player.fraction, player.snapshot.tick) == (True, True, 1.0, 0)

@@ -1,4 +1,4 @@
-"""The plug-in: a Controller sees a snapshot and answers a twist and a label."""
+"""The controller interface: `Controller`, its requests `Stop` and `Regenerate`, and the class paths files record."""
 
 from __future__ import annotations
 
@@ -17,14 +17,22 @@ from ...core.snapshot import Snapshot
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Answered instead of a twist: end this episode here."""
+    """Returned instead of a twist: the episode ends here with the outcome `stopped`.
+
+    Attributes:
+        reason: recorded with the outcome.
+    """
 
     reason: str = "the controller stopped"
 
 
 @dataclass(frozen=True, slots=True)
 class Regenerate:
-    """Answered instead of a twist: this scene is of no use. The episode ends here, with that outcome."""
+    """Returned instead of a twist: the scene is unusable. The episode ends here with the outcome `regenerate`.
+
+    Attributes:
+        reason: recorded with the outcome.
+    """
 
     reason: str = "the controller asked for another scene"
 
@@ -34,52 +42,60 @@ Answer = Twist | Stop | Regenerate
 
 _RENAMED = {"restored": "from_settings", "overruled": "command_overridden"}  # deprecated in 0.2, removed in 0.3
 
-# Where the stock controllers are defined now: the path that episode files record. Files of format version 1 name them
-# by their first location, and new files keep those names, so that the same run gives the same bytes.
-_HERE = "sonata2d.agents.controllers"
+# Current class path -> the path that episode files record. Files of format version 1 name the stock controllers by
+# their first location, and new files keep these names, so that the same run gives the same bytes.
+_PACKAGE = "sonata2d.agents.controllers"
 RECORDED_PATHS = {
-    f"{_HERE}.reactive:StraightToGoal": "sonata2d.agents.straight:StraightToGoal",
-    f"{_HERE}.reactive:SocialForce": "sonata2d.agents.social_force:SocialForce",
-    f"{_HERE}.reactive:Orca": "sonata2d.agents.social_force:Orca",
-    f"{_HERE}.planner:SocialPlanner": "sonata2d.agents.social_planner:SocialPlanner",
-    f"{_HERE}.human_like:HumanLike": "sonata2d.agents.human_like:HumanLike",
-    f"{_HERE}.labelled:Labelled": "sonata2d.agents.labelled:Labelled",
-    f"{_HERE}.teleoperation:Teleoperation": "sonata2d.agents.teleoperation:Teleoperation",
+    f"{_PACKAGE}.reactive:StraightToGoal": "sonata2d.agents.straight:StraightToGoal",
+    f"{_PACKAGE}.reactive:SocialForce": "sonata2d.agents.social_force:SocialForce",
+    f"{_PACKAGE}.reactive:Orca": "sonata2d.agents.social_force:Orca",
+    f"{_PACKAGE}.planner:SocialPlanner": "sonata2d.agents.social_planner:SocialPlanner",
+    f"{_PACKAGE}.human_like:HumanLike": "sonata2d.agents.human_like:HumanLike",
+    f"{_PACKAGE}.labelled:Labelled": "sonata2d.agents.labelled:Labelled",
+    f"{_PACKAGE}.teleoperation:Teleoperation": "sonata2d.agents.teleoperation:Teleoperation",
     "sonata2d.learning.policy:GraphPolicy": "sonata2d.learned.graph_policy:GraphPolicy",
 }
 _CURRENT_PATHS = {recorded: current for current, recorded in RECORDED_PATHS.items()}
 
 
-def recorded_path(kind: type[Controller]) -> str:
+def recorded_path(controller_class: type[Controller]) -> str:
     """The path under which files record a controller class, `module:Class`."""
-    path = f"{kind.__module__}:{kind.__qualname__}"
+    path = f"{controller_class.__module__}:{controller_class.__qualname__}"
     return RECORDED_PATHS.get(path, path)
 
 
 def current_path(recorded: str) -> str:
-    """Where a class is defined now, from the path that a file records."""
+    """The path where a class is defined now, given the path that a file records."""
     return _CURRENT_PATHS.get(recorded, recorded)
 
 
 class _DeprecatedName:
-    """An old name of a method: calls the method of the class that defines it, with a warning."""
+    """Descriptor for the old name of a method: warns, then returns the renamed method of the class that defines it."""
 
     def __init__(self, owner: type, old: str, new: str) -> None:
         self._owner, self._old, self._new = owner, old, new
 
-    def __get__(self, instance: object, kind: type | None = None) -> Any:
-        warnings.warn(f"Controller.{self._old} is now {self._new}", DeprecationWarning, stacklevel=2)
-        return vars(self._owner)[self._new].__get__(instance, kind)
+    def __get__(self, instance: object, owner: type | None = None) -> Any:
+        warnings.warn(
+            f"Controller.{self._old} is deprecated; use {self._new}, its new name", DeprecationWarning, stacklevel=2
+        )
+        return vars(self._owner)[self._new].__get__(instance, owner)
 
 
 class Controller(ABC):
-    """Drives the robot. Only `act` must be written.
+    """Base class of robot controllers. Only `act` is required.
+
+    Keep state in attributes whose names begin with `_`; public attributes are recorded as settings.
 
     Attributes:
-        version: noted in every file; raise it when the controller changes.
-        labels: what the keys of `label`'s answer mean, noted in every file.
-        image: the camera image that it wants in every snapshot; None costs nothing.
-        deterministic: claims that the same snapshots bring the same answers, so that `check --rerun` may hold it to it.
+        version: recorded in every file; raise it when the behaviour changes.
+        labels: meaning of each key that `label` returns, recorded in every file.
+        image: the camera image to render into every snapshot; None renders nothing and costs nothing.
+        deterministic: True if equal snapshots always give equal answers; `check --rerun` then verifies recorded runs.
+
+    >>> class Forward(Controller):
+    ...     def act(self, snapshot):
+    ...         return Twist(vx=0.5)
     """
 
     version: ClassVar[str | None] = None
@@ -90,15 +106,15 @@ class Controller(ABC):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         for old, new in _RENAMED.items():
-            if old in vars(cls) and new not in vars(cls):
-                warnings.warn(f"{cls.__name__}.{old} is deprecated; name it {new}", DeprecationWarning, stacklevel=2)
+            if old in vars(cls) and new not in vars(cls):  # written for 0.1: keeps working under the new name
+                warnings.warn(f"{cls.__name__}.{old} is deprecated; rename it {new}", DeprecationWarning, stacklevel=2)
                 setattr(cls, new, vars(cls)[old])
-            elif new in vars(cls):
+            elif new in vars(cls):  # code written for 0.1 may still call the old name
                 setattr(cls, old, _DeprecatedName(cls, old, new))
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """Reconstruct the controller that a file records; by default it is made without arguments.
+        """Reconstruct a recorded controller; by default, create one without arguments.
 
         Args:
             settings: as stored in an episode file, see `settings`.
@@ -106,11 +122,15 @@ class Controller(ABC):
         return cls()
 
     def reset(self, scene: Scene) -> None:
-        """A new episode begins: forget the last one."""
+        """Start a new episode: clear the state of the previous one."""
 
     @abstractmethod
     def act(self, snapshot: Snapshot) -> Answer:
-        """The twist asked for until the next look, body frame; or a request (`Stop`, `Regenerate`)."""
+        """Choose the command for the next tick.
+
+        Returns:
+            A twist in the body frame (m/s, m/s, rad/s), or a request that ends the episode (`Stop`, `Regenerate`).
+        """
 
     def command_overridden(self, twist: Twist) -> None:
         """Called when another controller's command was executed instead of yours.
@@ -119,10 +139,10 @@ class Controller(ABC):
         """
 
     def label(self, snapshot: Snapshot, twist: Twist) -> Any:
-        """What to note beside this frame: anything JSON can hold. None: the command itself is the label."""
+        """The label to record with this frame, any value that JSON can hold; None: the command itself is the label."""
 
     def settings(self) -> Mapping[str, Any]:
-        """What the file notes of how this controller is set: by default its public attributes, plain and finite."""
+        """The settings to record in the file: by default all public attributes that are finite numbers or strings."""
         plain = (bool, int, float, str)
         public = {k: v for k, v in vars(self).items() if not k.startswith("_") and isinstance(v, plain)}
         return {k: v for k, v in public.items() if not isinstance(v, float) or math.isfinite(v)}

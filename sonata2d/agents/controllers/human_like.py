@@ -1,4 +1,4 @@
-"""Any controller as a person's hand would put it through: late, smoothed by muscles, and never twice the same."""
+"""`human-like`: adds a human operator's reaction delay, motor lag and noise to another controller's commands."""
 
 from __future__ import annotations
 
@@ -19,34 +19,37 @@ from ...core.snapshot import Snapshot
 from .base import Answer, Controller, current_path, recorded_path
 from .planner import SocialPlanner
 
-FLOOR = 0.1  # of the noise at full command, what is left when nothing is asked for
-FADING = 0.5  # s in which a tremble of the hand is forgotten
-OWN = ("delay", "lag", "noise", "labels_intention")
-MEANING = "the label is [vx, vy, omega], the twist intended at that look: without delay, lag and noise"
-Three = tuple[float, float, float]
+NOISE_FLOOR = 0.1  # noise at zero command, as a fraction of the noise at full command
+NOISE_TIME = 0.5  # s, correlation time of the noise
+RECORDED_SETTINGS = ("delay", "lag", "noise", "labels_intention")
+# Recorded in files: do not change the text.
+INTENTION_MEANING = "the label is [vx, vy, omega], the twist intended at that look: without delay, lag and noise"
+Vector3 = tuple[float, float, float]
 
 
 class HumanLike(Controller):
-    """Drives as a person would who wants what another controller wants: with delay, muscles and an unsteady hand.
+    """Wraps a controller with human reaction delay, motor lag and noise.
 
-    What is intended is held back by the reaction delay. The remnant, an Ornstein-Uhlenbeck process in each axis, is
-    added to it: it grows with the command, as a share of the robot's limits. The hand follows as a first-order lag,
-    within the limits. The remnant is drawn from the episode's stream `controller`, and mirrors with `rules.side`.
+    The inner controller's command (the intention) is delayed by the reaction time. Noise is added: the remnant of the
+    quasi-linear pilot model, an Ornstein-Uhlenbeck process in each axis, whose amplitude grows with the command as a
+    fraction of the robot's limits. The result passes through a first-order lag and is clipped to the limits. The
+    noise is drawn from the episode's random stream `controller` and is mirrored with `rules.side`.
 
     Args:
-        inner: what is intended; the expert, `SocialPlanner`, unless given. A `Stop` of its is not held back.
-        delay: s from seeing to acting, to the nearest tick.
-        lag: s, time constant of the muscles; 0 for none.
-        noise: standard deviation of the remnant at a full command, of the limit in each axis, before the lag.
-        labels_intention: label each frame with what is intended at that look, [vx, vy, omega], as an expert would.
-            Otherwise the inner controller labels; the expert does not, so that the command itself is the label.
+        inner: the intention; by default the expert, `SocialPlanner`. Its `Stop` and `Regenerate` take effect at once.
+        delay: reaction time, s, rounded to the nearest tick.
+        lag: time constant of the motor lag, s; 0 disables it.
+        noise: standard deviation of the noise at full command, before the lag, as a fraction of the limit in each axis.
+        labels_intention: label each frame with the current intention, [vx, vy, omega], as an expert would label it.
+            Otherwise the inner controller labels; the expert returns no label, so that the command itself is the
+            label.
 
     Raises:
-        ValueError: a number is negative or not finite.
+        ValueError: delay, lag or noise is negative or not finite.
 
     Source: D. T. McRuer & H. R. Jex, "A review of quasi-linear pilot models", IEEE Trans. Human Factors in Electronics
     HFE-8 (1967) 231: a describing function with reaction delay and neuromuscular lag, and a remnant that scales with
-    the operator's signals. How the remnant fades, its floor and all default values are ours.
+    the operator's signals. The correlation time and floor of the noise and all default values are ours.
     """
 
     version = "1"
@@ -62,18 +65,19 @@ class HumanLike(Controller):
     ) -> None:
         for name, value in (("delay", delay), ("lag", lag), ("noise", noise)):
             if not 0.0 <= value < math.inf:
-                raise ValueError(f"{name} must be 0 or more, and finite, got {value}")
+                raise ValueError(f"{name} must be finite and not negative, got {value}")
         self.delay, self.lag, self.noise, self.labels_intention = delay, lag, noise, labels_intention
         self._inner = inner or SocialPlanner()
         self.image, self.deterministic = self._inner.image, self._inner.deterministic
-        self.labels = {"intention": MEANING} if labels_intention else self._inner.labels
+        self.labels = {"intention": INTENTION_MEANING} if labels_intention else self._inner.labels
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """As a file tells of it, with its inner controller."""
+        """Reconstruct a recorded controller together with its inner controller."""
         controller = cls()
-        own = {name: settings.get(name, getattr(controller, name)) for name in OWN}
-        HumanLike.__init__(controller, _inner_of(settings, controller._inner), **own)
+        recorded = {name: settings.get(name, getattr(controller, name)) for name in RECORDED_SETTINGS}
+        # A subclass may take other arguments, so the recorded ones are passed to this class's initialiser.
+        HumanLike.__init__(controller, _inner_from_settings(settings, controller._inner), **recorded)
         return controller
 
     def settings(self) -> dict[str, Any]:
@@ -84,46 +88,48 @@ class HumanLike(Controller):
         self._inner.reset(scene)
         self._rng = RandomStream(scene.seed, scene.episode, "controller")
         self._side, dt = float(scene.rules.side), scene.rules.dt
-        self._follows, self._fades = 1.0 - _decay(dt, self.lag), _decay(dt, FADING)
-        self._held: deque[Twist] = deque(maxlen=int(self.delay / dt + 0.5) + 1)
-        self._hand: Twist | None = None
-        self._trembles: Three = (0.0, 0.0, 0.0)
+        self._lag_gain, self._noise_decay = 1.0 - _decay(dt, self.lag), _decay(dt, NOISE_TIME)
+        self._delayed: deque[Twist] = deque(maxlen=int(self.delay / dt + 0.5) + 1)
+        self._output: Twist | None = None
+        self._noise_state: Vector3 = (0.0, 0.0, 0.0)
 
     def act(self, snapshot: Snapshot) -> Answer:
-        intended, robot = self._inner.act(snapshot), snapshot.robot
-        if not isinstance(intended, Twist):
-            return intended
-        if self._hand is None:  # the hand is at what the drive does: at rest, or, in a branch, as it was left
-            self._hand = robot.executed
-            self._held.extend([robot.executed] * (self._held.maxlen or 0))
-        self._held.append(intended)
-        wanted = within(self._held[0], robot.body)
-        vx, vy, omega = self._remnant(wanted, robot.body)
-        aim = Twist(wanted.vx + vx, wanted.vy + vy, wanted.omega + omega)
-        self._hand = within(_nearer(self._hand, aim, self._follows), robot.body)
-        return self._hand
+        intention, robot = self._inner.act(snapshot), snapshot.robot
+        if not isinstance(intention, Twist):
+            return intention
+        if self._output is None:
+            # The first tick starts from the robot's motion: at rest, or moving where an episode was branched.
+            self._output = robot.executed
+            self._delayed.extend([robot.executed] * (self._delayed.maxlen or 0))
+        self._delayed.append(intention)
+        command = clip_to_limits(self._delayed[0], robot.body)
+        vx, vy, omega = self._noise(command, robot.body)
+        noisy = Twist(command.vx + vx, command.vy + vy, command.omega + omega)
+        self._output = clip_to_limits(_interpolate(self._output, noisy, self._lag_gain), robot.body)
+        return self._output
 
     def label(self, snapshot: Snapshot, twist: Twist) -> Any:
         if not self.labels_intention:
             return self._inner.label(snapshot, twist)
-        intended = self._held[-1].rounded()
-        return [intended.vx, intended.vy, intended.omega]
+        intention = self._delayed[-1].rounded()
+        return [intention.vx, intention.vy, intention.omega]
 
-    def _remnant(self, wanted: Twist, robot: Robot) -> Three:
-        """What an unsteady hand adds: m/s, m/s, rad/s."""
-        limits, kept = robot.limits, self._fades
-        stir = math.sqrt(1.0 - kept * kept)  # so that the variance stays
-        draws = [self._rng.normal(0.0, 1.0, -3.0, 3.0) for _ in self._trembles]
-        a, b, c = (kept * last + stir * new for last, new in zip(self._trembles, draws, strict=True))
-        self._trembles = a, b, c
-        ahead = limits.ahead if wanted.vx >= 0.0 else limits.back
-        x, y, turn = wanted.vx / ahead, wanted.vy / limits.sideways, wanted.omega / limits.turn
-        size = self.noise * (FLOOR + (1.0 - FLOOR) * min(math.sqrt(x * x + y * y + turn * turn), 1.0))
+    def _noise(self, command: Twist, robot: Robot) -> Vector3:
+        """Advance the noise by one tick; (vx, vy, omega) in m/s, m/s, rad/s."""
+        limits, decay = robot.limits, self._noise_decay
+        excitation = math.sqrt(1.0 - decay * decay)  # keeps the variance constant
+        draws = [self._rng.normal(0.0, 1.0, -3.0, 3.0) for _ in self._noise_state]
+        a, b, c = (decay * old + excitation * new for old, new in zip(self._noise_state, draws, strict=True))
+        self._noise_state = a, b, c
+        ahead = limits.ahead if command.vx >= 0.0 else limits.back
+        x, y, turn = command.vx / ahead, command.vy / limits.sideways, command.omega / limits.turn
+        fraction = min(math.sqrt(x * x + y * y + turn * turn), 1.0)  # of full command
+        size = self.noise * (NOISE_FLOOR + (1.0 - NOISE_FLOOR) * fraction)
         return size * limits.ahead * a, size * limits.sideways * b * self._side, size * limits.turn * c * self._side
 
 
-def within(twist: Twist, robot: Robot) -> Twist:
-    """The twist cut to what the robot's velocities may be; a unicycle has no sideways one."""
+def clip_to_limits(twist: Twist, robot: Robot) -> Twist:
+    """Clip a twist to the robot's velocity limits; the sideways limit of a unicycle is 0."""
     limits = robot.limits
     sideways = limits.sideways if robot.kinematics == "holonomic" else 0.0
     return Twist(
@@ -133,32 +139,41 @@ def within(twist: Twist, robot: Robot) -> Twist:
     )
 
 
-def _nearer(at: Twist, to: Twist, share: float) -> Twist:
-    """A share of the way from one twist to another."""
+def _interpolate(start: Twist, end: Twist, fraction: float) -> Twist:
+    """The twist at a fraction, 0 to 1, of the way from start to end."""
     return Twist(
-        at.vx + share * (to.vx - at.vx), at.vy + share * (to.vy - at.vy), at.omega + share * (to.omega - at.omega)
+        start.vx + fraction * (end.vx - start.vx),
+        start.vy + fraction * (end.vy - start.vy),
+        start.omega + fraction * (end.omega - start.omega),
     )
 
 
-def _decay(dt: float, constant: float) -> float:
-    """What is left after dt of what fades with a time constant, s."""
-    return float(exp(np.array(-dt / constant))) if constant > 0.0 else 0.0
+def _decay(dt: float, time_constant: float) -> float:
+    """Factor by which an exponential decay falls in dt, s; 0 for a time constant of 0 s."""
+    return float(exp(np.array(-dt / time_constant))) if time_constant > 0.0 else 0.0
 
 
-def _inner_of(settings: Mapping[str, Any], usual: Controller) -> Controller:
-    """The inner controller that settings tell of; the usual one if they tell of none.
+def _inner_from_settings(settings: Mapping[str, Any], default: Controller) -> Controller:
+    """Reconstruct the inner controller from recorded settings.
+
+    Args:
+        settings: of a `HumanLike`.
+        default: returned if the settings name no inner controller; also gives the class if the path is its own.
 
     Raises:
-        ValueError: what they name is no controller.
+        ValueError: the recorded path is not the path of a `Controller` class.
     """
-    told = settings.get("inner")
-    if told is None:
-        return usual
-    kind: Any = type(usual)
-    if told["path"] != recorded_path(kind):
-        module, _, name = current_path(str(told["path"])).partition(":")
-        kind = getattr(import_module(module), name, None)
-        if not (isinstance(kind, type) and issubclass(kind, Controller)):
-            raise ValueError(f"{told['path']} is no Controller that can be had again; name a class of your own")
-    inner: Controller = kind.from_settings(told["settings"])
+    recorded = settings.get("inner")
+    if recorded is None:
+        return default
+    controller_class: Any = type(default)
+    if recorded["path"] != recorded_path(controller_class):
+        module, _, name = current_path(str(recorded["path"])).partition(":")
+        controller_class = getattr(import_module(module), name, None)
+        if not (isinstance(controller_class, type) and issubclass(controller_class, Controller)):
+            raise ValueError(
+                f"the recorded inner controller {recorded['path']} is not a Controller class that can be imported; "
+                "define it at the top level of a module"
+            )
+    inner: Controller = controller_class.from_settings(recorded["settings"])
     return inner

@@ -1,4 +1,4 @@
-"""One drives, another tells what it would have done: labels for data-set aggregation."""
+"""`Labelled`: one controller drives, another labels each frame with the command it would have given (DAgger)."""
 
 from __future__ import annotations
 
@@ -13,37 +13,49 @@ from .base import Answer, Controller, Regenerate, Stop
 
 
 class Labelled(Controller):
-    """One controller drives; the label of each frame is the twist that another would have asked for there.
+    """Combines two controllers: the driver's command is executed, the labeller's command becomes the label.
 
-    The labeller is given the executed command (`Controller.command_overridden`), so that its label is what it would do
-    at that moment, whatever it asked for before. So an expert labels what a learner meets (DAgger: S. Ross, G. Gordon &
-    D. Bagnell, AISTATS 2011). The label is [vx, vy, omega]; [0, 0, 0] where the other would have ended the episode,
-    since what is driven no more stands still. By name: `driver+labeller`.
+    In this way an expert labels the states that a learner visits (DAgger). After each tick the labeller is given the
+    executed command (`Controller.command_overridden`), so its label does not depend on its own earlier commands.
+    The label is [vx, vy, omega]. It is [0, 0, 0] where the labeller would have ended the episode, because a robot
+    that is no longer driven stands still. On the command line the pair is named `driver+labeller`.
 
     Args:
-        driver: drives.
-        labeller: is shown every snapshot, and drives nothing.
+        driver: its command is executed.
+        labeller: receives every snapshot; its command is recorded and never executed.
 
     Raises:
-        ControllerError: the labeller asks for a camera image, or answers what is no finite twist.
+        ControllerError: the labeller requests a camera image; or, from `act`, it returns something other than a
+            finite twist or a request.
+
+    Source: S. Ross, G. Gordon & D. Bagnell, AISTATS 2011.
     """
 
     def __init__(self, driver: Controller, labeller: Controller) -> None:
         if labeller.image is not None:
-            raise ControllerError(f"{type(labeller).__name__} asks for a camera image; as a labeller it gets none")
+            raise ControllerError(
+                f"{type(labeller).__name__} requests a camera image, which a labeller does not receive; "
+                "use it as the driver, or choose another labeller"
+            )
         self._driver, self._labeller = driver, labeller
         self.image, self.deterministic = driver.image, driver.deterministic and labeller.deterministic
-        told = f"[vx, vy, omega] that {type(labeller).__name__} would have asked for here; body frame, m/s, m/s, rad/s"
-        self.labels = {"twist": told}
+        # Recorded in files: do not change the text.
+        meaning = (
+            f"[vx, vy, omega] that {type(labeller).__name__} would have asked for here; body frame, m/s, m/s, rad/s"
+        )
+        self.labels = {"twist": meaning}
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """Refuse: what a file tells of it does not say whose settings these are.
+        """Not possible: recorded settings do not contain the classes of the driver and the labeller.
 
         Raises:
-            ControllerError: always; by a name, `driver+labeller`, it can be had again.
+            ControllerError: always; load the pair by its name, `driver+labeller`, instead.
         """
-        raise ControllerError("a file made by Labelled(...) does not say who drove; name both as driver+labeller")
+        raise ControllerError(
+            "the settings of Labelled(...) do not contain the classes of driver and labeller; "
+            "name both, as driver+labeller"
+        )
 
     def settings(self) -> Mapping[str, Any]:
         return {"driver": dict(self._driver.settings()), "labeller": dict(self._labeller.settings())}
@@ -53,21 +65,22 @@ class Labelled(Controller):
         self._labeller.reset(scene)
 
     def act(self, snapshot: Snapshot) -> Answer:
-        answer, wanted = self._driver.act(snapshot), self._labeller.act(snapshot)
-        self._wanted = self._label_of(wanted)
+        answer = self._driver.act(snapshot)
+        self._label = self._label_of(self._labeller.act(snapshot))
         if isinstance(answer, Twist):
             self._labeller.command_overridden(answer)
         return answer
 
     def label(self, snapshot: Snapshot, twist: Twist) -> Any:
-        return self._wanted
+        return self._label
 
     def _label_of(self, answer: Answer) -> list[float]:
+        """The labeller's answer as [vx, vy, omega] at the precision of files."""
         if isinstance(answer, Stop | Regenerate):
             return [0.0, 0.0, 0.0]
         try:
             twist = answer.rounded()
-        except (AttributeError, ValueError, OverflowError):
+        except (AttributeError, ValueError, OverflowError):  # not a Twist, or not finite
             name = type(self._labeller).__name__
             raise ControllerError(f"{name}.act must return a Twist of finite numbers, got {answer!r}") from None
         return [twist.vx, twist.vy, twist.omega]

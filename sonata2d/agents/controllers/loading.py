@@ -1,4 +1,4 @@
-"""Controllers by name: stock ones, a module's, a file's, or those that other packages publish."""
+"""Load controllers by name: built-in ones, plug-ins, classes in modules or files, policy files, `driver+labeller`."""
 
 from __future__ import annotations
 
@@ -17,62 +17,64 @@ from ...registry import CONTROLLERS
 from .base import Controller, current_path
 from .labelled import Labelled
 
-WEIGHTS = ".npz"
+WEIGHTS_SUFFIX = ".npz"
 
 
 def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Controller:
-    """Make the controller that a name stands for.
+    """Create a controller from its name.
 
     Args:
-        name: a stock or published name (`social-planner`), `package.module:Class`, a file `./mine.py:Class`, weights
-            of a graph policy `./policy.npz`, or two of these, `driver+labeller` (see `agents.Labelled`).
-        settings: as a file tells them, to have the one that made it.
+        name: a built-in name or a plug-in's (`social-planner`), a class `package.module:Class` or `./file.py:Class`,
+            the weights of a graph policy `./policy.npz`, or two of these, `driver+labeller` (see `agents.Labelled`).
+        settings: as stored in an episode file; reconstructs the recorded controller. None: default settings.
 
     Raises:
-        ControllerError: there is no such thing, it is no `Controller`, it cannot be made without arguments, or it
-            cannot be had as the settings tell.
+        ControllerError: the name is unknown, the object is not a `Controller` class, it cannot be created without
+            arguments, or it cannot be reconstructed from the settings.
     """
-    driver, labeller = _two(name)
-    if labeller:
-        told = settings or {}
-        with _naming(name):
-            halves = load_controller(driver, told.get("driver")), load_controller(labeller, told.get("labeller"))
-        if any(isinstance(half, Labelled) for half in halves):
-            raise ControllerError(f"{name}: one drives and one labels, driver+labeller; there is no third")
-        return Labelled(*halves)
-    if name.endswith(WEIGHTS):
+    driver_name, labeller_name = _split_pair(name)
+    if labeller_name:
+        recorded = settings or {}
+        with _noting_pair(name):
+            driver = load_controller(driver_name, recorded.get("driver"))
+            labeller = load_controller(labeller_name, recorded.get("labeller"))
+        if isinstance(driver, Labelled) or isinstance(labeller, Labelled):
+            raise ControllerError(f"{name} names more than two controllers; give one driver and one labeller")
+        return Labelled(driver, labeller)
+    if name.endswith(WEIGHTS_SUFFIX):
         policy: Any = CONTROLLERS.load("graph-policy")
-        learned: Controller = policy(name) if settings is None else policy.from_settings(settings, found=name)
+        learned: Controller = policy(name) if settings is None else policy.from_settings(settings, weights=name)
         return learned
-    kind = find_controller(name)
+    controller_class = find_controller(name)
     try:
-        return kind() if settings is None else kind.from_settings(settings)
+        return controller_class() if settings is None else controller_class.from_settings(settings)
     except ControllerError:
         raise
     except Exception as error:
-        raise ControllerError(f"{name} cannot be made without arguments: {type(error).__name__}: {error}") from error
+        how = "without arguments" if settings is None else "from its recorded settings"
+        raise ControllerError(f"{name} cannot be created {how}: {type(error).__name__}: {error}") from error
 
 
 def named_controllers() -> dict[str, type[Controller]]:
-    """The stock controllers and those of installed packages, by name."""
+    """The built-in controller classes and those of installed plug-ins, by name."""
     return CONTROLLERS.load_all(_problem)
 
 
 def find_controller(name: str) -> type[Controller]:
-    """The class that a name stands for; see `load_controller`."""
+    """The controller class of a name; see `load_controller` for names and errors."""
     if name in CONTROLLERS.built_in:
-        kind: type[Controller] = CONTROLLERS.load(name)
-        return kind
-    place, colon, attribute = current_path(name).rpartition(":")
-    if not colon or (len(place) == 1 and place.isalpha()):  # a Windows drive is not a module
-        return _published(name)
-    return _class_in(_module(place), attribute, name)
+        controller_class: type[Controller] = CONTROLLERS.load(name)
+        return controller_class
+    module, colon, attribute = current_path(name).rpartition(":")
+    if not colon or (len(module) == 1 and module.isalpha()):  # the colon of a Windows drive separates no class
+        return _find_plugin(name)
+    return _find_class(_import_module(module), attribute, name)
 
 
-def _two(name: str) -> tuple[str, str]:
-    """The driver and the labeller that a name tells of; no labeller if it tells of one.
+def _split_pair(name: str) -> tuple[str, str]:
+    """Split `driver+labeller`; the labeller is empty if the name stands for one controller.
 
-    A file may have a plus in its path: parted is where a file is left to the right, or else at the last plus.
+    Paths may contain a plus. The name is split at the last plus that has a file on its right, else at the last plus.
     """
     pluses = [k for k, letter in enumerate(name) if letter == "+" and 0 < k < len(name) - 1]
     if not pluses or _is_file(name):
@@ -82,14 +84,14 @@ def _two(name: str) -> tuple[str, str]:
 
 
 def _is_file(name: str) -> bool:
-    """Whether a name is a file, or one and a class in it."""
-    place, _, attribute = name.rpartition(":")
-    return Path(name).is_file() or (Path(place).is_file() and "+" not in attribute)
+    """Whether a name is the path of a file, or `file:Class`."""
+    path, _, attribute = name.rpartition(":")
+    return Path(name).is_file() or (Path(path).is_file() and "+" not in attribute)
 
 
 @contextmanager
-def _naming(name: str) -> Iterator[None]:
-    """Tell with an error which name it is a part of."""
+def _noting_pair(name: str) -> Iterator[None]:
+    """Add the name of the whole pair to errors about one of its controllers."""
     try:
         yield
     except ControllerError as error:
@@ -97,35 +99,35 @@ def _naming(name: str) -> Iterator[None]:
         raise
 
 
-def _published(name: str) -> type[Controller]:
+def _find_plugin(name: str) -> type[Controller]:
     if name not in CONTROLLERS:
         raise ControllerError(f"{CONTROLLERS.unknown(name)}; a class is named module:Class or ./file.py:Class")
-    kind: type[Controller] = CONTROLLERS.load(name, _problem)
-    return kind
+    controller_class: type[Controller] = CONTROLLERS.load(name, _problem)
+    return controller_class
 
 
-def _module(place: str) -> ModuleType:
-    """Import a module by its name or from its file."""
+def _import_module(place: str) -> ModuleType:
+    """Import a module by its name, or from its path if that ends in .py."""
     try:
         if not place.endswith(".py"):
             return importlib.import_module(place)
         path = Path(place)
         if not path.is_file():
             raise ControllerError(f"controller file {place} does not exist")
-        return _module_from(path)
+        return _import_file(path)
     except ControllerError:
         raise
-    except Exception as error:
+    except Exception as error:  # whatever the user's module raises
         raise ControllerError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
 
 
-def _module_from(path: Path) -> ModuleType:
+def _import_file(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
     assert spec.loader is not None
     module, folder = importlib.util.module_from_spec(spec), str(path.parent.resolve())
-    is_new = sys.modules.setdefault(path.stem, module) is module  # dataclasses and pickles look it up there
-    sys.path.insert(0, folder)  # so that it may import its neighbours
+    is_new = sys.modules.setdefault(path.stem, module) is module  # dataclasses and pickle look modules up there
+    sys.path.insert(0, folder)  # the file may import modules beside it
     try:
         spec.loader.exec_module(module)
     except BaseException:
@@ -137,16 +139,13 @@ def _module_from(path: Path) -> ModuleType:
     return module
 
 
-def _class_in(module: ModuleType, attribute: str, name: str) -> type[Controller]:
+def _find_class(module: ModuleType, attribute: str, name: str) -> type[Controller]:
+    """The controller class `attribute` of a module; `name` is the full name, for messages."""
     found = getattr(module, attribute, None)
     if found is None:
-        there = [k for k, v in vars(module).items() if _is_controller(v)]
-        hint = f"it has {', '.join(there)}" if there else "it has no Controller at all"
-        raise ControllerError(f"{name}: no {attribute!r} in {module.__name__}; {hint}")
-    return _checked(found, name)
-
-
-def _checked(found: object, name: str) -> type[Controller]:
+        classes = [k for k, v in vars(module).items() if _is_controller_class(v)]
+        hint = f"its controllers are {', '.join(classes)}" if classes else "it defines no Controller class"
+        raise ControllerError(f"{name}: {module.__name__} has no attribute {attribute!r}; {hint}")
     problem = _problem(found)
     if problem is not None:
         raise ControllerError(f"{name} {problem}")
@@ -155,10 +154,12 @@ def _checked(found: object, name: str) -> type[Controller]:
 
 
 def _problem(found: object) -> str | None:
-    """Why an object cannot be used as a controller class."""
-    return None if _is_controller(found) else "is no Controller; write class X(sonata2d.Controller) with a method act"
+    """Why an object cannot be used as a controller class, or None."""
+    if _is_controller_class(found):
+        return None
+    return "is not a Controller class; write class X(sonata2d.Controller) with a method act"
 
 
-def _is_controller(thing: object) -> bool:
-    """Whether a thing is a controller class that can be made."""
-    return isinstance(thing, type) and issubclass(thing, Controller) and not inspect.isabstract(thing)
+def _is_controller_class(found: object) -> bool:
+    """Whether an object is a subclass of `Controller` without abstract methods."""
+    return isinstance(found, type) and issubclass(found, Controller) and not inspect.isabstract(found)

@@ -1,4 +1,4 @@
-"""Reactive controllers: straight to the goal, a social-force law and ORCA."""
+"""Reactive controllers: straight to the goal, a pedestrian model applied to the robot, and ORCA."""
 
 from __future__ import annotations
 
@@ -16,16 +16,18 @@ from ...core.portable_math import angle_of
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...registry import PEDESTRIAN_MODELS
-from ..pedestrians.models.base import Walkers, pedestrian_model, times_a_tick
+from ..pedestrians.models.base import Walkers, evaluations_per_tick, pedestrian_model
 from .base import Controller
+
+REPLANNING_INTERVAL = 5  # ticks
 
 
 class StraightToGoal(Controller):
-    """Turns towards the goal and drives there, blind to people and things.
+    """Turns towards the goal and drives straight there; ignores pedestrians and obstacles.
 
     Args:
         speed: m/s.
-        gain: 1/s, how fast it turns towards the goal.
+        gain: turn rate per angle to the goal, 1/s.
     """
 
     version = "1"
@@ -36,23 +38,20 @@ class StraightToGoal(Controller):
     def act(self, snapshot: Snapshot) -> Twist:
         ahead, left = snapshot.robot.pose.to_local(snapshot.goal)
         angle = angle_of(left, ahead)
-        facing = max(1.0 - abs(angle), 0.0)  # drive on only as far as the goal lies ahead
+        facing = max(1.0 - abs(angle), 0.0)  # slow down while turning towards the goal
         return Twist(vx=self.speed * facing, omega=self.gain * angle)
 
 
-LOOK_EVERY = 5  # ticks between looks for the way
-
-
 class SocialForce(Controller):
-    """Walks the shortest way to the goal under a law of walking, as a person would who minds everybody.
+    """Follows the shortest path to the goal under a pedestrian model, like a pedestrian that reacts to all others.
 
     Args:
         speed: desired speed, m/s.
-        gain: 1/s, how fast it turns the way it goes.
-        model: name of the law (`docs/models.md`).
+        gain: turn rate per angle to the direction of motion, 1/s.
+        model: name of the pedestrian model (`docs/models.md`).
 
     Raises:
-        ValueError: there is no such law.
+        ValueError: the model is unknown.
     """
 
     version = "1"
@@ -64,68 +63,71 @@ class SocialForce(Controller):
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """As a file tells of it."""
+        """Reconstruct a recorded controller; settings that are missing keep their defaults."""
         controller = cls()
         vars(controller).update({name: settings[name] for name in vars(controller) if name in settings})
         return controller
 
     def reset(self, scene: Scene) -> None:
-        self._space = FreeSpace(scene.outline, scene.barriers.joined(scene.standing), scene.robot.radius + 0.05)
-        self._towards = scene.goal.position
-        people = scene.humans or (Human(-1, scene.robot.pose),)  # an array one wide would be summed in another order
-        self._row = {human.id: k for k, human in enumerate(people)}
-        self._radius = np.array([*(human.radius for human in people), scene.robot.radius], dtype=float)
-        self._law = pedestrian_model(self.model)(replace(scene, humans=people))
+        self._space = FreeSpace(scene.outline, scene.barriers.joined(scene.standing_humans), scene.robot.radius + 0.05)
+        self._waypoint = scene.goal.position
+        # A scene without humans gets a placeholder, whose attention is 0: NumPy would sum a single column pairwise,
+        # in another order than the columns of a wider array.
+        humans = scene.humans or (Human(-1, scene.robot.pose),)
+        self._row = {human.id: k for k, human in enumerate(humans)}
+        self._radius = np.array([*(human.radius for human in humans), scene.robot.radius], dtype=float)
+        self._model = pedestrian_model(self.model)(replace(scene, humans=humans))
 
     def act(self, snapshot: Snapshot) -> Twist:
         robot, goal = snapshot.robot, snapshot.goal
-        if snapshot.tick % LOOK_EVERY == 0:
-            way = self._space.path(robot.position, goal.position)
-            self._towards = goal.position if way is None or len(way) < 2 else (float(way[1][0]), float(way[1][1]))
-        dx, dy = self._towards[0] - robot.position[0], self._towards[1] - robot.position[1]
-        apart = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-        towards = (dx / apart, dy / apart)
-        vx, vy = self._next_velocity(snapshot, towards)
+        if snapshot.tick % REPLANNING_INTERVAL == 0:
+            path = self._space.path(robot.position, goal.position)
+            self._waypoint = goal.position if path is None or len(path) < 2 else (float(path[1][0]), float(path[1][1]))
+        dx, dy = self._waypoint[0] - robot.position[0], self._waypoint[1] - robot.position[1]
+        distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
+        direction = (dx / distance, dy / distance)
+        vx, vy = self._next_velocity(snapshot, direction)
         c, s = robot.direction
         ahead, left = vx * c + vy * s, vy * c - vx * s
-        if self._law.headed:
-            turn = angle_of(towards[1] * c - towards[0] * s, towards[0] * c + towards[1] * s)
+        if self._model.headed:  # motion follows the body, so the body turns to the waypoint
+            turn = angle_of(direction[1] * c - direction[0] * s, direction[0] * c + direction[1] * s)
         else:
             turn = angle_of(left, ahead) if math.sqrt(vx * vx + vy * vy) > 0.1 else 0.0
         return Twist(ahead, left, self.gain * turn)
 
-    def _next_velocity(self, snapshot: Snapshot, towards: Point) -> Point:
-        """What the law makes of the robot's velocity by the next look, m/s, world frame; the others keep theirs."""
-        walkers, often = self._walkers(snapshot, towards), times_a_tick(self._law.evaluations, snapshot.dt)
-        h = snapshot.dt / often
-        for _ in range(often):
+    def _next_velocity(self, snapshot: Snapshot, direction: Point) -> Point:
+        """The robot's velocity one tick later under the model, m/s, world frame; humans keep their velocities."""
+        walkers = self._walkers(snapshot, direction)
+        evaluations = evaluations_per_tick(self._model.evaluations, snapshot.dt)
+        h = snapshot.dt / evaluations
+        for _ in range(evaluations):
             velocity = walkers.velocity.copy()
-            velocity[-1] += self._law.acceleration(walkers)[-1] * h
+            velocity[-1] += self._model.acceleration(walkers)[-1] * h
             walkers = replace(walkers, velocity=velocity, position=walkers.position + velocity * h)
         return float(walkers.velocity[-1, 0]), float(walkers.velocity[-1, 1])
 
-    def _walkers(self, snapshot: Snapshot, towards: Point) -> Walkers:
-        """Everybody as the law is told of them: only the robot, the last, minds others and wants to go anywhere.
+    def _walkers(self, snapshot: Snapshot, direction: Point) -> Walkers:
+        """The model's input: only the robot, the last row, has a desired velocity and attends to others.
 
-        Whoever is in the scene but not in the snapshot stands where the robot is, and is not minded.
+        Humans of the scene that are absent from the snapshot get the robot's position and no attention.
         """
         humans, robot, count = snapshot.humans, snapshot.robot, len(self._radius)
         rows = [self._row[k] for k in humans.id.tolist()]
         position, velocity = np.tile([robot.position], (count, 1)), np.zeros((count, 2))
-        body_direction, direction = np.tile([robot.direction], (count, 1)), np.zeros((count, 2))
-        speed, weight = np.zeros(count), np.zeros((count, count))
+        body_direction, desired_direction = np.tile([robot.direction], (count, 1)), np.zeros((count, 2))
+        desired_speed, attention = np.zeros(count), np.zeros((count, count))
         position[rows], velocity[rows], body_direction[rows] = humans.position, humans.velocity, humans.direction
-        velocity[-1], direction[-1], speed[-1] = robot.velocity, towards, self.speed
-        weight[rows, -1] = 1.0
-        return Walkers(position, velocity, direction, body_direction, speed, self._radius, weight)
+        velocity[-1], desired_direction[-1], desired_speed[-1] = robot.velocity, direction, self.speed
+        attention[-1, rows] = 1.0
+        return Walkers(position, velocity, desired_direction, body_direction, desired_speed, self._radius, attention)
 
 
 class Orca(SocialForce):
-    """Drives to the goal by optimal reciprocal collision avoidance, with all of the evasion its own.
+    """Drives to the goal by optimal reciprocal collision avoidance; the robot does the whole evasion itself.
 
     Args:
         speed: desired speed, m/s.
-        gain: 1/s, how fast it turns the way it goes.
+        gain: turn rate per angle to the direction of motion, 1/s.
     """
 
     def __init__(self, speed: float = 0.9, gain: float = 2.0) -> None:

@@ -1,37 +1,47 @@
-"""A person at the controls: device events become twists, and labels given while driving."""
+"""`teleoperation`: a person drives; device events become twists, and labels given while driving."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any, Literal, Self
 
 from ...core.devices import DeviceEvent
 from ...core.geometry import Twist, quantised
-from ...core.labels import DEVICE, LabelSpec
+from ...core.labels import LABEL_DEVICE, LabelSpec
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from .base import Controller, Stop
 
 Axis = Literal["ahead", "left", "turn", "brake"]
-STOP = DeviceEvent("window", "stop", 1.0)  # ends the run, as a person's doing: so it replays like the rest
-
 AXES: tuple[Axis, ...] = ("ahead", "left", "turn", "brake")
 
-# Sticks: controls that one hand moves together, so that their dead zone is round. (x and y are buttons of a pad.)
+# Ends the run as an event, so that the end is recorded and replayed like all other input.
+STOP = DeviceEvent("window", "stop", 1.0)
+
+# Pairs of controls that form one stick; their dead zone is a disc. ("x" and "y" are buttons of a pad.)
 STICKS = (("left_x", "left_y"), ("right_x", "right_y"), ("axis0", "axis1"), ("axis2", "axis3"), ("drag_x", "drag_y"))
 
 
 @dataclass(frozen=True, slots=True)
-class Hand:
-    """How one kind of device is read; its numbers are kept at the precision of files, so that a run can be run again.
+class DeviceMapping:
+    """How the controls of one kind of device drive the robot.
+
+    Numbers are rounded to the precision of files, so that a run replays from its own file.
 
     Attributes:
-        controls: what each control does: an axis of the robot, and its share of it; -1 turns it round. Whatever is not
-            named does nothing.
-        dead_zone: 0..1, how far a stick may stand off its middle and still be at rest.
-        curve: 0..1, how much finer a stick answers near its middle: r becomes (1 - curve) r + curve r^3.
+        controls: for each control, the axis of the robot that it drives and its gain in [-1, 1]; -1 reverses the
+            direction. Controls that are not listed have no effect.
+        dead_zone: deflection of a stick, in [0, 1), below which it counts as centred.
+        curve: in [0, 1], how much finer a stick responds near its centre: the deflection r becomes
+            (1 - curve) r + curve r^3.
+
+    Raises:
+        ValueError: a number is out of range, or an axis does not exist.
+
+    >>> DeviceMapping({"w": ("ahead", 1.0)}).read({"w": 1.0})["ahead"]
+    1.0
     """
 
     controls: Mapping[str, tuple[Axis, float]]
@@ -39,140 +49,143 @@ class Hand:
     curve: float = 0.0
 
     def __post_init__(self) -> None:
+        # 0.9999: the next larger number that files can hold is 1, at which `shape_stick` would divide by zero.
         if not (0.0 <= self.dead_zone <= 0.9999 and 0.0 <= self.curve <= 1.0):
-            raise ValueError(f"dead_zone {self.dead_zone} must be in 0..1 (below 1) and curve {self.curve} in 0..1")
-        for control, (axis, share) in self.controls.items():
-            if axis not in AXES or not -1.0 <= share <= 1.0:
-                raise ValueError(f"{control} is bound to {axis} x {share}; axes are {', '.join(AXES)}, shares -1..1")
-        controls = {control: (axis, quantised(share)) for control, (axis, share) in self.controls.items()}
+            raise ValueError(f"dead_zone must be in [0, 1) and curve in [0, 1], got {self.dead_zone} and {self.curve}")
+        for control, (axis, gain) in self.controls.items():
+            if axis not in AXES or not -1.0 <= gain <= 1.0:
+                raise ValueError(
+                    f"control {control!r} is mapped to axis {axis!r} with gain {gain}; "
+                    f"axes are {', '.join(AXES)}, gains are in [-1, 1]"
+                )
+        controls = {control: (axis, quantised(gain)) for control, (axis, gain) in self.controls.items()}
         object.__setattr__(self, "controls", controls)
         object.__setattr__(self, "dead_zone", quantised(self.dead_zone))
         object.__setattr__(self, "curve", quantised(self.curve))
 
     @classmethod
-    def restored(cls, told: Mapping[str, Any]) -> Self:
-        """The inverse of `settings`."""
-        controls = {control: (axis, float(share)) for control, (axis, share) in told["controls"].items()}
-        return cls(controls, float(told["dead_zone"]), float(told["curve"]))
+    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
+        """Reconstruct a mapping from what `settings` returns."""
+        controls = {control: (axis, float(gain)) for control, (axis, gain) in settings["controls"].items()}
+        return cls(controls, float(settings["dead_zone"]), float(settings["curve"]))
 
     def settings(self) -> dict[str, Any]:
-        """As JSON holds it."""
-        controls = {control: list(bound) for control, bound in self.controls.items()}
+        """The mapping as JSON-compatible values."""
+        controls = {control: list(target) for control, target in self.controls.items()}
         return {"dead_zone": self.dead_zone, "curve": self.curve, "controls": controls}
 
     def read(self, values: Mapping[str, float]) -> dict[Axis, float]:
-        """What the device asks for on each axis.
+        """The command of the device on each axis.
 
         Args:
-            values: of the controls that were moved, -1..1.
+            values: state of the controls that have been used, in [-1, 1].
+
+        Returns:
+            For each axis the sum over its controls, as a fraction of the robot's limit; not clipped.
         """
-        asked: dict[Axis, float] = dict.fromkeys(AXES, 0.0)
+        command: dict[Axis, float] = dict.fromkeys(AXES, 0.0)
         shaped = dict(values)
         for x, y in STICKS:
             if x in values or y in values:
-                shaped[x], shaped[y] = self.shaped(values.get(x, 0.0), values.get(y, 0.0))
-        for control, (axis, share) in self.controls.items():
-            asked[axis] += share * shaped.get(control, 0.0)
-        return asked
+                shaped[x], shaped[y] = self.shape_stick(values.get(x, 0.0), values.get(y, 0.0))
+        for control, (axis, gain) in self.controls.items():
+            command[axis] += gain * shaped.get(control, 0.0)
+        return command
 
-    def shaped(self, x: float, y: float) -> tuple[float, float]:
-        """A stick's place after dead zone and curve, its direction kept."""
-        reach = math.sqrt(x * x + y * y)
-        if reach <= self.dead_zone:
+    def shape_stick(self, x: float, y: float) -> tuple[float, float]:
+        """Apply dead zone and curve to a stick position; keeps its direction."""
+        deflection = math.sqrt(x * x + y * y)
+        if deflection <= self.dead_zone:
             return 0.0, 0.0
-        out = min((reach - self.dead_zone) / (1.0 - self.dead_zone), 1.0)
-        out = (1.0 - self.curve) * out + self.curve * out * out * out
-        return x * (out / reach), y * (out / reach)
+        shaped = min((deflection - self.dead_zone) / (1.0 - self.dead_zone), 1.0)
+        shaped = (1.0 - self.curve) * shaped + self.curve * shaped * shaped * shaped
+        return x * (shaped / deflection), y * (shaped / deflection)
 
 
-KEYBOARD = Hand(
-    {
-        "w": ("ahead", 1.0), "up": ("ahead", 1.0), "s": ("ahead", -1.0), "down": ("ahead", -1.0),
-        "a": ("turn", 1.0), "left": ("turn", 1.0), "d": ("turn", -1.0), "right": ("turn", -1.0),
-        "q": ("left", 1.0), "e": ("left", -1.0), "space": ("brake", 1.0),
-    }
-)  # fmt: skip
-MOUSE = Hand({"drag_y": ("ahead", -1.0), "drag_x": ("turn", -1.0)}, dead_zone=0.08)
-PAD = Hand(
-    {
-        "left_y": ("ahead", -1.0), "left_x": ("turn", -1.0), "right_x": ("left", -1.0),
-        "axis1": ("ahead", -1.0), "axis0": ("turn", -1.0), "left_shoulder": ("brake", 1.0),
-    },
-    dead_zone=0.1, curve=0.3,
-)  # fmt: skip
-HANDS: Mapping[str, Hand] = {"keyboard": KEYBOARD, "mouse": MOUSE, "pad": PAD}
-
-
-@dataclass(slots=True)
-class _Held:
-    """Where each control of each device stands."""
-
-    values: dict[str, dict[str, float]] = field(default_factory=dict)
-
-    def take(self, event: DeviceEvent) -> None:
-        self.values.setdefault(event.device, {})[event.control] = event.value
+DEFAULT_MAPPINGS: Mapping[str, DeviceMapping] = {
+    "keyboard": DeviceMapping(
+        {
+            "w": ("ahead", 1.0), "up": ("ahead", 1.0), "s": ("ahead", -1.0), "down": ("ahead", -1.0),
+            "a": ("turn", 1.0), "left": ("turn", 1.0), "d": ("turn", -1.0), "right": ("turn", -1.0),
+            "q": ("left", 1.0), "e": ("left", -1.0), "space": ("brake", 1.0),
+        }
+    ),
+    "mouse": DeviceMapping({"drag_y": ("ahead", -1.0), "drag_x": ("turn", -1.0)}, dead_zone=0.08),
+    "pad": DeviceMapping(
+        {
+            "left_y": ("ahead", -1.0), "left_x": ("turn", -1.0), "right_x": ("left", -1.0),
+            "axis1": ("ahead", -1.0), "axis0": ("turn", -1.0), "left_shoulder": ("brake", 1.0),
+        },
+        dead_zone=0.1, curve=0.3,
+    ),
+}  # fmt: skip
 
 
 class Teleoperation(Controller):
-    """Drives as the device events in the snapshots say: a full stick asks for the robot's limit.
+    """Turns the device events in the snapshots into twists; full deflection commands the robot's limit.
 
-    The same events bring the same twists, so a run that a person drove can be run again from its own file.
+    Equal events give equal twists, so a recorded run can be rerun from its own file.
 
     Args:
-        hands: how each kind of device is read, or a single one: `pad1` goes before `pad`; `HANDS` unless given.
-        label: what is asked of the person; one per frame is noted with each frame, None before it is first given.
+        mappings: for each kind of device (`keyboard`, `mouse`, `pad`) or single device (`pad1`) how its controls are
+            read; a single device takes precedence over its kind.
+        label: the question to the person. If it is asked in every frame, the label given last is recorded with each
+            frame, and None before the first.
     """
 
     version = "1"
 
-    def __init__(self, hands: Mapping[str, Hand] = HANDS, label: LabelSpec | None = None) -> None:
-        self._hands, self._label = dict(hands), label or LabelSpec()
-        self.labels = {self._label.name: self._label.meaning} if self._label.per_frame else {}
-        self._held = _Held()
-        self._given: bool | int | float | None = None
+    def __init__(
+        self, mappings: Mapping[str, DeviceMapping] = DEFAULT_MAPPINGS, label: LabelSpec | None = None
+    ) -> None:
+        self._mappings, self._label_spec = dict(mappings), label or LabelSpec()
+        self.labels = {self._label_spec.name: self._label_spec.meaning} if self._label_spec.per_frame else {}
+        self._controls: dict[str, dict[str, float]] = {}  # device -> control -> its last value
+        self._label: bool | int | float | None = None
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """The one that a file's settings tell of."""
-        hands = {kind: Hand.restored(told) for kind, told in settings.get("hands", {}).items()}
-        return cls(hands or HANDS, LabelSpec.restored(settings["label"]) if "label" in settings else None)
+        """Reconstruct the recorded controller; default mappings where the settings hold none."""
+        mappings = {kind: DeviceMapping.from_settings(m) for kind, m in settings.get("hands", {}).items()}
+        label = LabelSpec.from_settings(settings["label"]) if "label" in settings else None
+        return cls(mappings or DEFAULT_MAPPINGS, label)
 
     @property
-    def hands(self) -> Mapping[str, Hand]:
+    def mappings(self) -> Mapping[str, DeviceMapping]:
         """How each kind of device is read."""
-        return self._hands
+        return self._mappings
 
     def settings(self) -> dict[str, Any]:
-        """Everything that decides how events are read."""
-        hands = {kind: hand.settings() for kind, hand in self._hands.items()}
-        return {"hands": hands} | ({"label": asdict(self._label)} if self._label.per_frame else {})
+        """Everything that determines how events are read, as JSON-compatible values."""
+        mappings = {kind: mapping.settings() for kind, mapping in self._mappings.items()}
+        return {"hands": mappings} | ({"label": asdict(self._label_spec)} if self._label_spec.per_frame else {})
 
     def reset(self, scene: Scene) -> None:
-        self._held, self._given = _Held(), None
+        self._controls, self._label = {}, None
 
     def act(self, snapshot: Snapshot) -> Twist | Stop:
         for event in snapshot.events:
             if event == STOP:
                 return Stop("the person at the controls ended it")
-            if event.device == DEVICE:
-                self._given = self._label.label_at(max(event.value, 0.0)) if self._label.per_frame else None
+            if event.device == LABEL_DEVICE:
+                self._label = self._label_spec.label_at(max(event.value, 0.0)) if self._label_spec.per_frame else None
             else:
-                self._held.take(event)
-        limits, asked = snapshot.robot.body.limits, self._asked()
-        if asked["brake"] > 0.5:
+                self._controls.setdefault(event.device, {})[event.control] = event.value
+        limits, command = snapshot.robot.body.limits, self._command()
+        if command["brake"] > 0.5:  # the brake overrides everything else
             return Twist()
-        ahead = asked["ahead"] * (limits.ahead if asked["ahead"] > 0.0 else limits.back)
+        ahead = command["ahead"] * (limits.ahead if command["ahead"] > 0.0 else limits.back)
         sideways = limits.sideways if snapshot.robot.body.kinematics == "holonomic" else 0.0
-        return Twist(ahead, asked["left"] * sideways, asked["turn"] * limits.turn)
+        return Twist(ahead, command["left"] * sideways, command["turn"] * limits.turn)
 
     def label(self, snapshot: Snapshot, twist: Twist) -> Any:
-        return {self._label.name: self._given} if self._label.per_frame else None
+        return {self._label_spec.name: self._label} if self._label_spec.per_frame else None
 
-    def _asked(self) -> dict[Axis, float]:
-        """What all devices ask for together, each axis within -1..1."""
+    def _command(self) -> dict[Axis, float]:
+        """The sum of the commands of all devices on each axis, clipped to [-1, 1]."""
         total: dict[Axis, float] = dict.fromkeys(AXES, 0.0)
-        for device, values in self._held.values.items():
-            hand = self._hands.get(device) or self._hands.get(device.rstrip("0123456789"))
-            for axis, value in (hand.read(values) if hand else {}).items():
+        for device, values in self._controls.items():
+            mapping = self._mappings.get(device) or self._mappings.get(device.rstrip("0123456789"))
+            for axis, value in (mapping.read(values) if mapping else {}).items():
                 total[axis] += value
         return {axis: min(max(value, -1.0), 1.0) for axis, value in total.items()}

@@ -1,1 +1,1 @@
-"""Pedestrians: the crowd, wayfinding, reactions to the robot and body orientation."""
+"""Pedestrians: the crowd, wayfinding, reactions to the robot, and orientation of body and head."""

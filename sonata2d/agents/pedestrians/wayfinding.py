@@ -1,7 +1,7 @@
-"""Where walkers go, and the way there.
+"""`Wayfinding`: destinations of walking pedestrians and the paths to them.
 
-Who is wandering takes a place in the room, and another on arrival; who is walking has goals of their own; who is
-recorded has a track; and who is led goes where they are told.
+Wandering pedestrians choose a random place in the room, and another one on arrival; `walking` ones have a list of
+goals; recorded ones follow their tracks; assigned ones go where `SocialDynamics` sends them.
 """
 
 from __future__ import annotations
@@ -19,245 +19,281 @@ from ...core.rng import RandomStream
 from ...core.scene import Scene
 from ...core.vectors import lengths
 
-CLEARANCE = 0.10  # m, that ways keep from walls, furniture and standing people
-SQUEEZE = 0.05  # m, by which a body may seem to be in a wall before its way counts as shut
-ARRIVED = 0.5  # m from the goal
-FORESIGHT = 1.0  # s, how far ahead on their track people look who are recorded
-TURNED = 0.35  # m from a waypoint, when the next one is aimed at
-NEAREST_GOAL = 2.0  # m, closer places are not worth a walk
-LOOK_EVERY = 5  # ticks between looks whether the way is still open
-PATIENCE = 30  # ticks in which a walker wants to have got on, else it goes elsewhere
-PROGRESS = 0.4  # m
-ELBOW_ROOM = 0.4  # m, half of what each of a group takes up where it goes
-ROOM_AHEAD = 1.5  # m, that a follower wants to be free to walk beside the leader
+CLEARANCE = 0.10  # m, of paths from walls, furniture and standing people
+WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
+ARRIVAL_DISTANCE = 0.5  # m from the goal
+TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
+WAYPOINT_DISTANCE = 0.35  # m from a waypoint at which the next one becomes the target
+MINIMUM_TRIP = 2.0  # m; random destinations nearer than this are rejected
+CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
+PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
+MINIMUM_PROGRESS = 0.4  # m
+MEMBER_HALF_WIDTH = 0.4  # m, half the width that each member of a group needs at its destination
+ROOM_AHEAD = 1.5  # m, free distance that a follower needs to walk beside its leader
 _ATTEMPTS = 30
 
 
-class Wanderers:
-    """The ways of all who walk; walkers of one group share the leader's.
+class Wayfinding:
+    """The targets and paths of all walking pedestrians; members of a wandering group share their leader's path.
+
+    Pedestrians are identified by their index in `scene.humans`. A path is a (K, 2) array of waypoints, m; an empty one
+    means that the pedestrian stays where it is.
 
     Args:
-        scene: the room, and who walks.
+        scene: the room and the pedestrians.
 
     Attributes:
-        led: who goes, or stays, where they are told, and chooses nothing.
-        errand: asked when a wanderer is about to choose a place: whether it led the one of that index at that place.
+        target: (N, 2), m, the present waypoint of each pedestrian.
+        is_final: (N,) of bool, whether the target is where the pedestrian will stay.
+        leader: for each walking pedestrian the leader of its group, or the pedestrian itself.
+        leaving: pedestrians that have reached the place where they leave the scene.
+        assigned: pedestrians whose destination is set from outside; they choose none themselves.
+        choose_task: called with index and position when a wandering pedestrian needs a destination; returns True if
+            it has set one with `send_to`. None: always choose at random.
     """
 
     def __init__(self, scene: Scene) -> None:
+        humans = scene.humans
         self._scene = scene
-        walking = [k for k, human in enumerate(scene.humans) if human.behaviour in ("wandering", "walking")]
-        self._recorded = [k for k, human in enumerate(scene.humans) if human.behaviour == "recorded"]
-        self._foresight = int(FORESIGHT / scene.rules.dt + 0.5)  # ticks
-        self._exits = {k for k in walking if scene.humans[k].exits}
-        self.leaving: tuple[int, ...] = ()  # who has reached where they leave
-        self._rng = {k: RandomStream(scene.seed, scene.episode, "people", scene.humans[k].id) for k in walking}
-        self._goals = {k: list(scene.humans[k].goals) for k in walking if scene.humans[k].behaviour == "walking"}
-        index = {human.id: k for k, human in enumerate(scene.humans)}
-        follows = {m: index[g.members[0]] for g in scene.groups if g.kind == "walking" for m in g.members}
-        follows = {m: led for m, led in follows.items() if index[m] not in self._goals and led in walking}
-        self.leader = {k: follows.get(scene.humans[k].id, k) for k in walking}  # in the scene's order
-        self._ways: dict[int, Array] = {k: np.zeros((0, 2)) for k in walking}
-        self._followed: dict[int, Array] = {}  # the leader's way that a follower took over
-        self._next: dict[int, int] = dict.fromkeys(walking, 0)
-        self._anchor: dict[int, tuple[float, float]] = {}
-        self.target = np.array([human.pose.position for human in scene.humans], dtype=float).reshape(-1, 2)
-        self.is_last = np.zeros(len(scene.humans), dtype=bool)  # whose target is where they will stay
-        self.led: set[int] = set()
-        self._beside: set[int] = set()  # followers with room beside their leader's way
-        self.errand: Callable[[int, Point], bool] | None = None
-        may_walk = range(len(scene.humans)) if scene.social.is_lively else walking
-        self._reach = max((scene.humans[k].radius for k in may_walk), default=PERSON_RADIUS) + CLEARANCE
-        self.go_round(scene.standing, scene.shared)
+        walking = [k for k, human in enumerate(humans) if human.behaviour in ("wandering", "walking")]
+        self._recorded = [k for k, human in enumerate(humans) if human.behaviour == "recorded"]
+        self._track_look_ahead = int(TRACK_LOOK_AHEAD / scene.rules.dt + 0.5)  # ticks
+        self._exiting = {k for k in walking if humans[k].exits}
+        self.leaving: tuple[int, ...] = ()
+        self._rng = {k: RandomStream(scene.seed, scene.episode, "people", humans[k].id) for k in walking}
+        self._goals = {k: list(humans[k].goals) for k in walking if humans[k].behaviour == "walking"}
+        index = {human.id: k for k, human in enumerate(humans)}
+        leader_of = {m: index[g.members[0]] for g in scene.groups if g.kind == "walking" for m in g.members}
+        # Members with goals of their own, or whose leader does not walk, lead themselves.
+        leader_of = {m: k for m, k in leader_of.items() if index[m] not in self._goals and k in walking}
+        self.leader = {k: leader_of.get(humans[k].id, k) for k in walking}  # in the scene's order
+        self._paths: dict[int, Array] = {k: np.zeros((0, 2)) for k in walking}
+        self._copied: dict[int, Array] = {}  # the leader's path that a follower copied last
+        self._next: dict[int, int] = dict.fromkeys(walking, 0)  # index of the present waypoint
+        self._checkpoint: dict[int, Point] = {}  # position at the last progress check
+        self.target = np.array([human.pose.position for human in humans], dtype=float).reshape(-1, 2)
+        self.is_final = np.zeros(len(humans), dtype=bool)
+        self.assigned: set[int] = set()
+        self._abreast: set[int] = set()  # followers with room to walk beside their leader
+        self.choose_task: Callable[[int, Point], bool] | None = None
+        may_walk = range(len(humans)) if scene.social.is_lively else walking
+        self._clearance = max((humans[k].radius for k in may_walk), default=PERSON_RADIUS) + CLEARANCE
+        self.set_obstacles(scene.standing_humans, scene.shared_spaces)
         low, high = scene.outline.min(axis=0), scene.outline.max(axis=0)
-        self._box = (*low.tolist(), *high.tolist())
+        self._bounding_box = (*low.tolist(), *high.tolist())
 
-    def update(self, tick: int, humans: Humans, there: Array | None = None) -> Array:
-        """Each human's next waypoint, (N, 2), m; one's own start for who stands, and for who is absent any.
+    def update(self, tick: int, humans: Humans, presence: Array | None = None) -> Array:
+        """Advance by one tick.
 
         Args:
             tick: that begins.
-            humans: a row for everybody.
-            there: (N + 1,), 0 for who is absent; None: nobody is.
+            humans: one row for each human of the scene.
+            presence: (N + 1,), 0 for absent pedestrians; None: all are present.
+
+        Returns:
+            (N, 2), m, the next waypoint of each pedestrian; the initial position of standing ones, arbitrary for
+            absent ones.
         """
         for k in self._recorded:
-            self.target[k] = self._scene.humans[k].place_at(tick + self._foresight)
+            self.target[k] = self._scene.humans[k].track_position(tick + self._track_look_ahead)
         if not self.leader:
             return self.target.copy()
-        walking = self.leader if there is None else {k: led for k, led in self.leader.items() if there[k]}
-        places = humans.position.tolist()
+        leaders = self.leader if presence is None else {k: leader for k, leader in self.leader.items() if presence[k]}
+        walking = list(leaders)
+        positions = humans.position.tolist()
         if tick == 0:
-            self._set_out_straight(humans.position, list(walking))
-        for k, leader in walking.items():
-            leader = leader if leader in walking else k  # whose leader is gone goes their own way
-            place = (places[k][0], places[k][1])
-            if leader == k and (self._needs_a_goal(tick, k, place) or self._is_stuck(tick, k, place)):
-                self._set_out(k, place)
-            if leader != k and self._followed.get(k) is not self._ways[leader]:
-                self._followed[k] = self._ways[k] = self._ways[leader]
-                self._next[k] = min(1, len(self._ways[k]) - 1)
-        self._advance(tick, humans.position, list(walking))
+            self._start_straight(humans.position, walking)
+        for k, leader in leaders.items():
+            leader = leader if leader in leaders else k  # followers of an absent leader lead themselves
+            position = (positions[k][0], positions[k][1])
+            if leader == k and (self._needs_destination(tick, k, position) or self._is_stuck(tick, k, position)):
+                self._choose_destination(k, position)
+            if leader != k and self._copied.get(k) is not self._paths[leader]:
+                self._copied[k] = self._paths[leader]
+                self._set_path(k, self._paths[leader])
+        self._advance(tick, humans.position, walking)
         for k in walking:
-            if len(self._ways[k]):
-                self.target[k] = self._ways[k][self._next[k]]
-        beside = [k for k in walking if k in self._beside and walking[k] in walking]
-        for k in beside:  # they go where their leader goes, side by side
-            self.target[k] = self.target[walking[k]] + humans.position[k] - humans.position[walking[k]]
+            if len(self._paths[k]):
+                self.target[k] = self._paths[k][self._next[k]]
+        # Followers abreast aim at the leader's target, shifted by their present offset from the leader.
         for k in walking:
-            self.is_last[k] = len(self._ways[k]) > 0 and self._is_at_last(k) and k not in self._exits
+            if k in self._abreast and leaders[k] in leaders:
+                self.target[k] = self.target[leaders[k]] + humans.position[k] - humans.position[leaders[k]]
+        for k in walking:
+            self.is_final[k] = len(self._paths[k]) > 0 and self._is_at_last_waypoint(k) and k not in self._exiting
         self.leaving = tuple(
             k
             for k in walking
-            if k in self._exits and self._is_at_last(k) and _within(places[k], self.target[k], ARRIVED)
+            if k in self._exiting
+            and self._is_at_last_waypoint(k)
+            and _is_near(positions[k], self.target[k], ARRIVAL_DISTANCE)
         )
         return self.target.copy()
 
-    def _is_at_last(self, k: int) -> bool:
-        """Whether somebody who will stay where their way ends aims at its end."""
-        stays = k in self.led or self._goals.get(k) == []
-        return stays and self._next[k] == len(self._ways[k]) - 1
-
-    def go_round(self, standing: Barriers, shared: Barriers) -> None:
-        """From now on ways lead round these people who stand, and round what they share as they talk."""
+    def set_obstacles(self, standing: Barriers, shared_spaces: Barriers) -> None:
+        """Replace the obstacles that paths avoid besides walls and furniture: standing people and their o-spaces."""
         solids = self._scene.barriers.joined(standing)
-        self._space = FreeSpace(self._scene.outline, solids.joined(shared), self._reach)
-        self._passable = FreeSpace(self._scene.outline, solids, self._reach - CLEARANCE - SQUEEZE)
+        self._space = FreeSpace(self._scene.outline, solids.joined(shared_spaces), self._clearance)
+        self._passable = FreeSpace(self._scene.outline, solids, self._clearance - CLEARANCE - WALL_TOLERANCE)
 
     def is_open(self, start: Point, end: Point) -> bool:
-        """Whether somebody may stand at the end, with nothing on the straight way there from the start."""
-        here, there = np.array([start]), np.array([end])
-        return bool(self._space.is_free(there)[0] and self._space.is_clear(here, there)[0])
+        """Whether a pedestrian can stand at the end, and walk there straight from the start; m."""
+        starts, ends = np.array([start]), np.array([end])
+        return bool(self._space.is_free(ends)[0] and self._space.is_clear(starts, ends)[0])
 
-    def lead(self, k: int, place: Point, goal: Point) -> bool:
-        """Send somebody to a goal, where they will stay; False if there is no way."""
-        way = self._space.path(place, goal)
-        if way is not None:
-            self._ways[k], self._next[k] = way, min(1, len(way) - 1)
-            self.led.add(k)
-        return way is not None
+    def send_to(self, k: int, position: Point, destination: Point) -> bool:
+        """Send pedestrian k from its position to a destination, m, where it stays; False if there is no path."""
+        path = self._space.path(position, destination)
+        if path is not None:
+            self._set_path(k, path)
+            self.assigned.add(k)
+        return path is not None
 
-    def rest(self, k: int) -> None:
-        """Somebody stays where they are until they are sent or let go."""
-        self.led.add(k)
-        if k in self._ways:
-            self._ways[k], self._next[k] = np.zeros((0, 2)), 0
+    def stop(self, k: int) -> None:
+        """Let pedestrian k stay where it is until `send_to` or `start_wandering`."""
+        self.assigned.add(k)
+        if k in self._paths:
+            self._paths[k], self._next[k] = np.zeros((0, 2)), 0
 
-    def let_go(self, k: int, place: Point) -> None:
-        """Somebody wanders from now on, even if they stood before; they choose a way at once."""
-        self.led.discard(k)
-        self.leader[k], self._ways[k], self._next[k] = k, np.array([place, place]), 1
+    def start_wandering(self, k: int, position: Point) -> None:
+        """Let pedestrian k, which is at a position, m, wander from now on, even if it stood from the start."""
+        self.assigned.discard(k)
+        # A path that ends where the pedestrian is: it chooses a destination in the next update.
+        self.leader[k], self._paths[k], self._next[k] = k, np.array([position, position]), 1
         if k not in self._rng:
             self._rng[k] = RandomStream(self._scene.seed, self._scene.episode, "people", self._scene.humans[k].id)
 
-    def ahead(self, position: Array, reach: Array) -> Array:
-        """Where each walker's way leads, (N, 2), m: the point `reach` (N,) m ahead on it, or its end."""
+    def points_ahead(self, position: Array, distance: Array) -> Array:
+        """The points at a distance ahead on each pedestrian's path, or the end of the path.
+
+        Args:
+            position: (N, 2), m.
+            distance: (N,), m.
+
+        Returns:
+            (N, 2), m; the target of pedestrians that do not walk.
+        """
         points = self.target.copy()
         for k in self.leader:
-            way, n, left = self._ways[k], self._next[k], float(reach[k])
+            path, n, remaining = self._paths[k], self._next[k], float(distance[k])
             x, y = position[k].tolist()
-            for end_x, end_y in way[n:].tolist():
+            for end_x, end_y in path[n:].tolist():
                 dx, dy = end_x - x, end_y - y
                 length = float(np.sqrt(dx * dx + dy * dy))
-                if length >= left:
-                    points[k] = x + dx * (left / length), y + dy * (left / length)
+                if length >= remaining:
+                    points[k] = x + dx * (remaining / length), y + dy * (remaining / length)
                     break
-                points[k], left, x, y = (end_x, end_y), left - length, end_x, end_y
+                points[k], remaining, x, y = (end_x, end_y), remaining - length, end_x, end_y
         return points
 
-    def _needs_a_goal(self, tick: int, k: int, place: tuple[float, float]) -> bool:
-        """Whether a walker is there; who found nowhere to go looks again now and then."""
-        way = self._ways[k]
-        if k in self.led or (k in self._goals and not self._goals[k]):
-            return False
-        if len(way) < 2:
-            return not len(way) or tick % LOOK_EVERY == 0
-        return self._next[k] == len(way) - 1 and _within(place, way[-1], ARRIVED)
+    def _set_path(self, k: int, path: Array) -> None:
+        """Start on a path from its first point, the present position."""
+        self._paths[k], self._next[k] = path, min(1, len(path) - 1)
 
-    def _is_stuck(self, tick: int, k: int, place: tuple[float, float]) -> bool:
-        """Whether a walker hardly moved for as long as its patience lasts."""
-        if k in self._goals or k in self.led or (tick + k) % PATIENCE:
-            return False
-        before, self._anchor[k] = self._anchor.get(k), place
-        return before is not None and _within(place, before, PROGRESS)
+    def _is_at_last_waypoint(self, k: int) -> bool:
+        """Whether a pedestrian that stays where its path ends is on its last segment."""
+        stays = k in self.assigned or self._goals.get(k) == []
+        return stays and self._next[k] == len(self._paths[k]) - 1
 
-    def _set_out(self, k: int, place: tuple[float, float]) -> None:
-        """Choose a place to go to and the way there; stay if none is found. Own goals are gone to by any means."""
+    def _needs_destination(self, tick: int, k: int, position: Point) -> bool:
+        """Whether a pedestrian has arrived; without a path it tries again every `CHECK_INTERVAL`."""
+        path = self._paths[k]
+        if k in self.assigned or (k in self._goals and not self._goals[k]):
+            return False
+        if len(path) < 2:
+            return not len(path) or tick % CHECK_INTERVAL == 0
+        return self._next[k] == len(path) - 1 and _is_near(position, path[-1], ARRIVAL_DISTANCE)
+
+    def _is_stuck(self, tick: int, k: int, position: Point) -> bool:
+        """Whether a wandering pedestrian made no progress since the last check, `PROGRESS_INTERVAL` ticks ago."""
+        if k in self._goals or k in self.assigned or (tick + k) % PROGRESS_INTERVAL:
+            return False
+        before, self._checkpoint[k] = self._checkpoint.get(k), position
+        return before is not None and _is_near(position, before, MINIMUM_PROGRESS)
+
+    def _choose_destination(self, k: int, position: Point) -> None:
+        """Give a pedestrian its next destination and the path to it; without a path it stays."""
         if k in self._goals:
+            # Goals of the scene are always approached, straight if there is no free path.
             goal = self._goals[k].pop(0)
-            way = self._space.path(place, goal)
-            self._ways[k], self._next[k] = np.array([place, goal]) if way is None else way, 1
+            path = self._space.path(position, goal)
+            self._paths[k], self._next[k] = np.array([position, goal]) if path is None else path, 1
             return
-        if self.errand is not None and self.errand(k, place):
+        if self.choose_task is not None and self.choose_task(k, position):
             return
-        x0, y0, x1, y1 = self._box
+        x0, y0, x1, y1 = self._bounding_box
         rng = self._rng[k]
-        wide = ELBOW_ROOM * sum(leader == k for leader in self.leader.values())
+        group_half_width = MEMBER_HALF_WIDTH * sum(leader == k for leader in self.leader.values())
         for attempt in range(_ATTEMPTS):
             goal = (rng.uniform(x0, x1), rng.uniform(y0, y1))
-            there = np.array([goal])
-            if _within(place, goal, NEAREST_GOAL) or not self._space.is_free(there)[0]:
+            point = np.array([goal])
+            if _is_near(position, goal, MINIMUM_TRIP) or not self._space.is_free(point)[0]:
                 continue
-            if wide > ELBOW_ROOM and attempt < _ATTEMPTS // 2 and self._scene.barriers.gaps(there).min() < wide:
-                continue  # a group looks for a place with room for all
-            way = self._space.path(place, goal)
-            if way is not None:
-                self._ways[k], self._next[k] = way, min(1, len(way) - 1)
+            is_group = group_half_width > MEMBER_HALF_WIDTH
+            if is_group and attempt < _ATTEMPTS // 2 and self._scene.barriers.gaps(point).min() < group_half_width:
+                continue  # the first half of the attempts looks for a place with room for all members
+            path = self._space.path(position, goal)
+            if path is not None:
+                self._set_path(k, path)
                 return
-        self._ways[k], self._next[k] = np.array([place]), 0
+        self._paths[k], self._next[k] = np.array([position]), 0
 
-    def _set_out_straight(self, position: Array, walking: list[int]) -> None:
-        """Who sees their first goal walks there; all at once, since a crowd may start together."""
+    def _start_straight(self, position: Array, walking: list[int]) -> None:
+        """Send pedestrians that see their first goal straight there.
+
+        One test for all is faster than a path search for each, and a crowd may start together.
+        """
         going = [k for k in walking if self._goals.get(k)]
         if not going:
             return
         start, goal = position[going], np.array([self._goals[k][0] for k in going])
         clear = self._space.is_clear(start, goal) | (~self._space.is_free(start) & self._passable.is_clear(start, goal))
         for k in np.array(going)[clear].tolist():
-            self._ways[k], self._next[k] = np.array([position[k], self._goals[k].pop(0)]), 1
+            self._paths[k], self._next[k] = np.array([position[k], self._goals[k].pop(0)]), 1
 
     def _advance(self, tick: int, position: Array, walking: list[int]) -> None:
-        """Aim at the next waypoint once this one is reached or the next in view; find a new way where it is shut."""
-        looking = [k for k in walking if len(self._ways[k])] if tick % LOOK_EVERY == 0 else []
+        """Aim at the next waypoint when the present one is reached or the next one is in view; repair blocked paths."""
         for k in walking:
-            way, n = self._ways[k], self._next[k]
-            if n < len(way) - 1 and _within(position[k].tolist(), way[n], TURNED):
+            path, n = self._paths[k], self._next[k]
+            if n < len(path) - 1 and _is_near(position[k].tolist(), path[n], WAYPOINT_DISTANCE):
                 self._next[k] = n + 1
-        if not looking:
+        checked = [k for k in walking if len(self._paths[k])] if tick % CHECK_INTERVAL == 0 else []
+        if not checked:
             return
-        self._look_beside(position, walking)
-        after = [min(self._next[k] + 1, len(self._ways[k]) - 1) for k in looking]
-        ahead = np.array([self._ways[k][n] for k, n in zip(looking, after, strict=True)])
-        aim = np.array([self._ways[k][self._next[k]] for k in looking])
-        in_view = self._space.is_clear(position[looking], ahead).tolist()
-        passable = self._passable.is_clear(position[looking], aim).tolist()
-        for k, n, may_cut, may_go_on in zip(looking, after, in_view, passable, strict=True):
-            if may_cut:
+        self._find_room_abreast(position, walking)
+        following = [min(self._next[k] + 1, len(self._paths[k]) - 1) for k in checked]
+        following_point = np.array([self._paths[k][n] for k, n in zip(checked, following, strict=True)])
+        target = np.array([self._paths[k][self._next[k]] for k in checked])
+        in_view = self._space.is_clear(position[checked], following_point).tolist()
+        passable = self._passable.is_clear(position[checked], target).tolist()
+        for k, n, can_skip, can_continue in zip(checked, following, in_view, passable, strict=True):
+            if can_skip:
                 self._next[k] = n
-            elif not may_go_on:
-                self._find_back(k, position[k].tolist())
+            elif not can_continue:
+                self._replan(k, position[k].tolist())
 
-    def _look_beside(self, position: Array, walking: list[int]) -> None:
-        """Which followers have room to go where their leader goes, beside them."""
-        there = set(walking)
-        pairs = [(k, self.leader[k]) for k in walking if self.leader[k] != k and self.leader[k] in there]
+    def _find_room_abreast(self, position: Array, walking: list[int]) -> None:
+        """Find the followers with room to walk beside their leader, in its direction."""
+        present = set(walking)
+        pairs = [(k, self.leader[k]) for k in walking if self.leader[k] != k and self.leader[k] in present]
         if not pairs:
-            self._beside = set()
+            self._abreast = set()
             return
         followers, leaders = ([pair[side] for pair in pairs] for side in (0, 1))
         ahead = self.target[leaders] - position[leaders]
-        far = np.maximum(lengths(ahead), 1e-6)
-        step = ahead * (np.minimum(far, ROOM_AHEAD) / far)[:, None]
+        distance = np.maximum(lengths(ahead), 1e-6)
+        step = ahead * (np.minimum(distance, ROOM_AHEAD) / distance)[:, None]
         clear = self._space.is_clear(position[followers], position[followers] + step)
-        self._beside = {k for k, has_room in zip(followers, clear.tolist(), strict=True) if has_room}
+        self._abreast = {k for k, has_room in zip(followers, clear.tolist(), strict=True) if has_room}
 
-    def _find_back(self, k: int, place: list[float]) -> None:
-        """A new way to the same goal for one who was pushed off the old one."""
-        goal = self._ways[k][-1]
-        way = self._space.path((place[0], place[1]), (float(goal[0]), float(goal[1])))
-        if way is not None:
-            self._ways[k], self._next[k] = way, min(1, len(way) - 1)
+    def _replan(self, k: int, position: list[float]) -> None:
+        """Find a new path to the same destination for a pedestrian that was pushed off its path."""
+        goal = self._paths[k][-1]
+        path = self._space.path((position[0], position[1]), (float(goal[0]), float(goal[1])))
+        if path is not None:
+            self._set_path(k, path)
 
 
-def _within(place: list[float] | tuple[float, float], other: Array | tuple[float, float], reach: float) -> bool:
-    dx, dy = float(other[0]) - place[0], float(other[1]) - place[1]
-    return dx * dx + dy * dy < reach * reach
+def _is_near(point: list[float] | Point, other: Array | Point, radius: float) -> bool:
+    dx, dy = float(other[0]) - point[0], float(other[1]) - point[1]
+    return dx * dx + dy * dy < radius * radius

@@ -1,10 +1,4 @@
-from .graph import NODE_TYPES as NODE_TYPES
-from .graph import RELATIONS as RELATIONS
-from .graph import Graph as Graph
-from .modern import MODERN_FEATURES as MODERN_FEATURES
-from .modern import modern_graph as modern_graph
-from .paper import FEATURES as FEATURES
-from .paper import kept_ticks as kept_ticks
-from .paper import paper_graphs as paper_graphs
-from .pyg import to_data as to_data
-from .pyg import to_hetero as to_hetero
+from .convert import save_graph as save_graph, to_data as to_data, to_hetero as to_hetero
+from .graph import NODE_TYPES as NODE_TYPES, RELATIONS as RELATIONS, Graph as Graph
+from .modern import MODERN_FEATURES as MODERN_FEATURES, modern_graph as modern_graph
+from .paper import FEATURES as FEATURES, kept_ticks as kept_ticks, paper_graphs as paper_graphs

@@ -1,1 +1,1 @@
-"""Scenario settings: the pydantic models of a scenario file, and how it is loaded."""
+"""Scenario settings: the pydantic models of a scenario file, and the functions that load it."""

@@ -1,4 +1,4 @@
-"""What a generated scene may look like: `ScenarioConfig`. Its defaults are the preset sonata-2020."""
+"""`ScenarioConfig`: the settings that a scene is generated from. Its defaults are the preset sonata-2020."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pydantic_core import PydanticCustomError
 
 from ...errors import ConfigError
 from ...registry import did_you_mean
-from .people import PersonSpec, refuse_twins
-from .ranges import IntRange, Range, Settings, Share
+from .base import Fraction, IntRange, Range, Settings
+from .people import PersonSpec, check_people
 from .sections import (
     SIZES,
     FurnitureConfig,
@@ -22,41 +22,51 @@ from .sections import (
     RoomConfig,
     RulesConfig,
     Size,
+    SocialConfig,
 )
-from .social import SocialConfig
 
 _TWENTY_DEGREES = 0.3490658503988659  # rad
 
 
 class ScenarioConfig(Settings):
-    """What a generated scene may look like. Every range may be one number.
+    """Settings of a scenario, from which scenes are generated. A range may be given as one number.
 
-    People and things are drawn first: those of `standing` to `tvs` without a place in any relation, then `relations`
-    among them, at most as many as there are people and things for; each is of a random kind (talking, at a laptop, at a
-    plant, walking together) or, if nobody is free for that, of the next. `talking_pairs` to `at_object` bring their own
-    people, and use a free laptop, plant or other object, a fixed one first, before they bring one of their own.
-    `people` are there besides all of these.
+    Pedestrians and furniture are drawn first, by the counts `standing` to `tvs`. Then `relations` of them are put into
+    relations, or fewer where too few are free; each relation is of a random kind (talking, at a laptop, at a plant,
+    walking together) or, where that kind is impossible, of the next kind. `talking_pairs` to `at_object` add
+    pedestrians of their own; they use a free laptop, plant or other object, fixed ones first, and add one where none
+    is free. `people` are added to all of these.
 
     Attributes:
-        name: of the scenario; scenes are grouped by it. Unless given: sonata-2020, or custom if anything is set.
-        context: text for whoever judges the robot, kept in the file.
-        standing, wandering: people who stand alone, or walk about.
-        humans: both together, in place of the two; `wandering_share` of them wander.
-        laptops_on_tables: one laptop on each drawn table.
-        talking_groups, walking_groups: see `groups`; the pairs are those of the original, farther apart.
-        furniture: pieces at fixed places.
-        people: each with a start, goals or a track of their own, besides those who are drawn.
-        sizes: m, by type of furniture: overrides, or new types. A number is the radius of a disc, a pair an oblong.
+        name: of the scenario; part of the scene's family. Default: sonata-2020, or custom if any setting is given.
+        description: one line, shown in lists of scenarios.
+        context: text for the raters of the robot, stored in the episode file.
+        room: floor plan.
+        standing, wandering: number of standing and of wandering pedestrians.
+        humans: total number, given instead of these two; `wandering_share`: fraction of `humans` that wander.
+        tables, plants, chairs, shelves, tvs: number of drawn pieces of furniture.
+        laptops_on_tables: whether each drawn table has a laptop on it.
+        relations: number of relations among the drawn pedestrians and furniture.
+        talking_pairs, walking_pairs: number of additional pairs, spaced by `talking_distance` and `pair_spacing`.
+        talking_groups, walking_groups: number of additional groups; see `groups`.
+        at_laptop, at_plant, at_object: number of additional pedestrians that attend to a laptop, plant or other object.
+        furniture: pieces at fixed positions.
+        people: pedestrians that are specified one by one, each with a start, goals or a track.
+        sizes: m, by type of furniture: replaces the default sizes or adds types. One number is the radius of a disc,
+            two are the length and width of a rectangle.
         furniture_yaw: rad, of drawn furniture.
-        talking_distance: m; `talking_angle`: rad, by which the second fails to face the first.
-        laptop_distance, plant_distance, object_distance: m, from the person to what they attend to, which they face
-            from its right side (-y).
-        pair_spacing: m, side by side, of people who walk together.
-        clearance: m, between outlines at the start.
-        max_attempts: poses tried for each thing; `max_layouts`: fresh starts with the same people and things.
-        drop: leave out what finds no place, and list it in `Scene.dropped`, instead of raising a SceneError; robot,
-            goal and `people` are never left out.
-        flip: the chance that a scene is laid out as its mirror image, with all that is given: y changes its sign.
+        talking_distance: m, between the members of a talking pair; `talking_angle`: rad, deviation of the second member
+            from facing the first.
+        laptop_distance, plant_distance, object_distance: m, from a pedestrian to the object that it attends to; the
+            pedestrian stands at the object's front (-y) and faces it.
+        pair_spacing: m, between the members of a walking pair, side by side.
+        groups, person, robot, goal, rules, social, label: the sections of these names.
+        clearance: minimum gap between outlines at the start, m.
+        max_attempts: number of poses tried for each item; `max_layouts`: number of complete layouts tried with the same
+            pedestrians and furniture.
+        drop: whether items that cannot be placed are left out and listed in `Scene.dropped` instead of raising a
+            SceneError; robot, goal and `people` are never left out.
+        flip: probability that a scene is generated as its mirror image (y changes sign), fixed positions included.
     """
 
     name: str = Field(default="sonata-2020", min_length=1)
@@ -66,7 +76,7 @@ class ScenarioConfig(Settings):
     standing: IntRange | None = IntRange(0, 4)
     wandering: IntRange | None = IntRange(0, 4)
     humans: IntRange | None = None
-    wandering_share: Share = 0.5
+    wandering_share: Fraction = 0.5
     tables: IntRange = IntRange(0, 4)
     plants: IntRange = IntRange(0, 4)
     chairs: IntRange = IntRange(0, 0)
@@ -102,24 +112,24 @@ class ScenarioConfig(Settings):
     max_attempts: PositiveInt = 200
     max_layouts: PositiveInt = 10
     drop: bool = False
-    flip: Share = 0.0
+    flip: Fraction = 0.0
 
     @model_validator(mode="before")
     @classmethod
-    def _choose_name_and_people(cls, given: Any) -> Any:
-        if not isinstance(given, dict):
-            return given
-        given = {"name": "custom" if given else "sonata-2020"} | given
-        if given.get("humans") is None:
-            return given
+    def _set_default_name_and_counts(cls, values: Any) -> Any:
+        if not isinstance(values, dict):
+            return values
+        values = {"name": "custom" if values else "sonata-2020"} | values
+        if values.get("humans") is None:
+            return values
         for key in ("standing", "wandering"):
-            if given.get(key) is not None:
-                said = {"path": ("humans",)}
-                raise PydanticCustomError("humans", "give humans, or standing and wandering, not both", said)
-        return given | {"standing": None, "wandering": None}
+            if values.get(key) is not None:
+                context = {"path": ("humans",)}
+                raise PydanticCustomError("humans", "give humans, or standing and wandering, not both", context)
+        return values | {"standing": None, "wandering": None}
 
     @model_validator(mode="after")
-    def _have_people(self) -> Self:
+    def _check_counts(self) -> Self:
         if self.humans is None and (self.standing is None or self.wandering is None):
             raise PydanticCustomError("humans", "standing and wandering must be ranges where humans is not given")
         return self
@@ -128,44 +138,47 @@ class ScenarioConfig(Settings):
         "talking_distance", "laptop_distance", "plant_distance", "object_distance", "pair_spacing", mode="after"
     )
     @classmethod
-    def _be_apart(cls, distance: Range) -> Range:
+    def _require_positive(cls, distance: Range) -> Range:
         if not distance.min > 0.0:
             raise PydanticCustomError("distance", "a distance must be above 0")
         return distance
 
     @field_validator("sizes", mode="after")
     @classmethod
-    def _know_every_size(cls, sizes: dict[str, Size]) -> dict[str, Size]:
+    def _add_default_sizes(cls, sizes: dict[str, Size]) -> dict[str, Size]:
         return SIZES | sizes
 
     @field_validator("people", mode="after")
     @classmethod
-    def _be_no_twins(cls, people: tuple[PersonSpec, ...]) -> tuple[PersonSpec, ...]:
-        refuse_twins(people)
+    def _check_people(cls, people: tuple[PersonSpec, ...]) -> tuple[PersonSpec, ...]:
+        check_people(people)
         return people
 
     @model_validator(mode="after")
-    def _know_every_type(self) -> Self:
+    def _check_furniture_types(self) -> Self:
         for k, piece in enumerate(self.furniture):
             if piece.size is None and piece.type not in self.sizes:
-                said = {"hint": did_you_mean(piece.type, self.sizes), "path": ("furniture", k, "type")}
-                raise PydanticCustomError("furniture", "furniture of unknown type needs a size{hint}", said)
+                context = {"hint": did_you_mean(piece.type, self.sizes), "path": ("furniture", k, "type")}
+                raise PydanticCustomError("furniture", "furniture of unknown type needs a size{hint}", context)
         return self
 
     @model_validator(mode="after")
-    def _keep_start_off_goal(self) -> Self:
+    def _check_start_and_goal(self) -> Self:
         if self.robot.pose is not None and self.goal.position is not None:
             dx, dy = (a - b for a, b in zip(self.robot.pose, self.goal.position, strict=False))
             if dx * dx + dy * dy <= self.goal.distance * self.goal.distance:
-                said = {"path": ("goal", "position")}
-                raise PydanticCustomError("goal", "the robot would start on its goal", said)
+                context = {"path": ("goal", "position")}
+                raise PydanticCustomError("goal", "the robot would start on its goal", context)
         return self
 
     def changed(self, **settings: Any) -> ScenarioConfig:
-        """The same scenario with other settings.
+        """Return the scenario with other settings.
+
+        Args:
+            settings: settings to replace, by name.
 
         Raises:
-            ConfigError: they cannot be used.
+            ConfigError: a setting is unknown or invalid.
         """
         try:
             return ScenarioConfig(**{**self.settings(), **settings})
@@ -174,5 +187,5 @@ class ScenarioConfig(Settings):
             raise ConfigError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None
 
     def settings(self) -> dict[str, Any]:
-        """All settings, resolved, as JSON holds them; `ScenarioConfig(**settings)` is the same scenario again."""
+        """Return all settings, with defaults, as JSON values; `ScenarioConfig(**settings)` restores the scenario."""
         return self.model_dump(mode="json")

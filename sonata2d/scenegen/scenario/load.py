@@ -1,4 +1,4 @@
-"""Scenarios by name or from a file (YAML, JSON, TOML), with errors that say where."""
+"""Loading scenarios: presets by name, and YAML, JSON or TOML files. Errors name file, line, key and value."""
 
 from __future__ import annotations
 
@@ -11,85 +11,97 @@ from pydantic import ValidationError
 
 from ...errors import ConfigError
 from ...registry import did_you_mean
+from .base import Settings
 from .config import ScenarioConfig
-from .ranges import Settings
 
 _PRESETS = Path(__file__).parents[1] / "presets"
 _SUFFIXES = (".yaml", ".yml", ".json", ".toml")
 
 
 def scenario_names() -> dict[str, str]:
-    """The presets: name to one-line description."""
-    return {name: str(_read(_PRESETS / f"{name}.yaml")["description"]) for name in _presets()}
+    """Return the names of the presets, each with its one-line description."""
+    return {name: str(_read(_PRESETS / f"{name}.yaml")["description"]) for name in _preset_names()}
 
 
 def load_scenario(name_or_path: str | Path) -> ScenarioConfig:
-    """A preset by name, or a scenario from a file.
+    """Load a preset by name, or a scenario from a YAML, JSON or TOML file.
 
-    A file may say `extends: sonata-2020`, or a path beside it, to change only some settings of another scenario. Its
-    name is the file's own unless it gives one.
+    A file may contain `extends: sonata-2020`, or a path relative to its own folder instead of the name, to change only
+    some settings of another scenario. The name of the scenario is that of the file unless the file sets `name`.
+
+    Args:
+        name_or_path: name of a preset, or path of a file. A preset takes precedence over a file of the same name.
 
     Raises:
-        ConfigError: there is no such preset or file, or it says something that cannot be used; one line that names
-            file, line, key and value.
+        ConfigError: there is no such preset or file, or the file is invalid; one line with file, line, key and value.
     """
-    return _validated(_found(str(name_or_path), Path()), ())[0]
+    return _load(_find(str(name_or_path), Path()), ())[0]
 
 
-def _presets() -> list[str]:
+def _preset_names() -> list[str]:
     return sorted(path.stem for path in _PRESETS.glob("*.yaml"))
 
 
-def _found(name: str, folder: Path) -> Path:
-    """The file of a preset's name or of a path, which may be relative to a folder."""
+def _find(name: str, folder: Path) -> Path:
+    """Return the file of a preset name, or of a path relative to `folder`."""
     path = folder / name
-    if name in _presets():
+    if name in _preset_names():
         return _PRESETS / f"{name}.yaml"
     if path.is_file():
         return path
-    beside = [str(other) for other in sorted(path.parent.glob("*")) if other.suffix in _SUFFIXES]
-    hint = did_you_mean(name, [*_presets(), *beside]) or f"; presets are {', '.join(_presets())}"
+    neighbours = [str(other) for other in sorted(path.parent.glob("*")) if other.suffix in _SUFFIXES]
+    hint = did_you_mean(name, [*_preset_names(), *neighbours]) or f"; presets are {', '.join(_preset_names())}"
     raise ConfigError(f"no scenario file or preset {name!r}{hint}")
 
 
-def _validated(path: Path, below: tuple[Path, ...]) -> tuple[ScenarioConfig, dict[str, Any]]:
-    """A file's scenario, and its settings as given, on top of those that it extends."""
-    if path.resolve() in below:
+def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, dict[str, Any]]:
+    """Load a file.
+
+    Args:
+        path: of the file.
+        extended_by: chain of files that extend this one, to detect a cycle.
+
+    Returns:
+        The scenario, and its settings as written in the file, merged into those of the scenario that it extends.
+    """
+    if path.resolve() in extended_by:
         raise ConfigError(f"{path.name} extends itself")
-    given = _read(path)
-    if "extends" in given:
-        under = _extended(path, str(given.pop("extends")), below)
-        given = _laid_over({k: v for k, v in under.items() if k not in ("name", "description")}, given, ScenarioConfig)
-    given = {"name": path.stem} | given
+    settings = _read(path)
+    if "extends" in settings:
+        base = _load_base(path, str(settings.pop("extends")), extended_by)
+        base = {key: value for key, value in base.items() if key not in ("name", "description")}
+        settings = _merge(base, settings, ScenarioConfig)
+    settings = {"name": path.stem} | settings
     try:
-        return ScenarioConfig.model_validate(given), given
+        return ScenarioConfig.model_validate(settings), settings
     except ValidationError as error:
-        raise ConfigError(_message(path, given, error)) from None
+        raise ConfigError(_error_message(path, settings, error)) from None
 
 
-def _extended(path: Path, base: str, below: tuple[Path, ...]) -> dict[str, Any]:
-    """The settings of the scenario that a file extends."""
+def _load_base(path: Path, base: str, extended_by: tuple[Path, ...]) -> dict[str, Any]:
+    """Return the settings of the scenario `base` that the file `path` extends."""
     try:
-        return _validated(_found(base, path.parent), (*below, path.resolve()))[1]
+        return _load(_find(base, path.parent), (*extended_by, path.resolve()))[1]
     except ConfigError as error:
-        raise ConfigError(f"{path.name}{_line(path, ['extends'])}: extends: {error}") from None
+        raise ConfigError(f"{path.name}{_line_of(path, ['extends'])}: extends: {error}") from None
 
 
-def _laid_over(under: dict[str, Any], over: dict[str, Any], model: type[Settings]) -> dict[str, Any]:
-    """Settings on top of others, section by section; who is counted as humans is not counted again."""
-    counted = {"standing", "wandering"}
-    hidden = counted if "humans" in over else {"humans"} if counted & over.keys() else set()
-    merged = {key: value for key, value in under.items() if key not in hidden}
-    for key, value in over.items():
+def _merge(base: dict[str, Any], changes: dict[str, Any], model: type[Settings]) -> dict[str, Any]:
+    """Replace settings of `base` by `changes`, recursively in each section."""
+    # `humans` replaces `standing` and `wandering`, and the other way round: both together would be an error
+    counts = {"standing", "wandering"}
+    replaced = counts if "humans" in changes else {"humans"} if counts & changes.keys() else set()
+    merged = {key: value for key, value in base.items() if key not in replaced}
+    for key, value in changes.items():
         section = model.model_fields[key].annotation if key in model.model_fields else None
         if isinstance(value, dict) and isinstance(section, type) and issubclass(section, Settings):
-            value = _laid_over(merged.get(key) or {}, value, section)
+            value = _merge(merged.get(key) or {}, value, section)
         merged[key] = value
     return merged
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """What a file says, as Python values."""
+    """Parse a file."""
     import yaml
 
     try:
@@ -110,44 +122,49 @@ def _read(path: Path) -> dict[str, Any]:
     return content
 
 
-def _message(path: Path, given: dict[str, Any], error: ValidationError) -> str:
-    """The first thing wrong, on one line: file, line, key, what is wrong, value."""
+def _error_message(path: Path, settings: dict[str, Any], error: ValidationError) -> str:
+    """Format the first validation error as one line: file, line, key, message, value."""
     first, *others = error.errors(include_url=False)
-    further = first.get("ctx", {}).get("path", ())
-    keys, value = _walked(given, (*first["loc"], *further))
-    where = ".".join(str(key) for key in keys) + ": " if keys else ""
-    got = f" (got {_short(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
+    inner_path = first.get("ctx", {}).get("path", ())  # model validators put the key that is wrong there
+    keys, value = _follow(settings, (*first["loc"], *inner_path))
+    key_path = ".".join(str(key) for key in keys) + ": " if keys else ""
+    got = f" (got {_shortened(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
     more = f" (and {len(others)} more)" if others else ""
-    return f"{path.name}{_line(path, keys)}: {where}{first['msg']}{got}{more}"
+    return f"{path.name}{_line_of(path, keys)}: {key_path}{first['msg']}{got}{more}"
 
 
-def _walked(given: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
-    """The keys that lead to a setting, without those that only pydantic knows, and its value."""
+def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
+    """Follow the location that pydantic reports through the settings.
+
+    Returns:
+        The keys that exist in the settings, and the value there. pydantic's names of union members and validators are
+        left out; a missing setting is kept as the last key.
+    """
     known: list[int | str] = []
     for key in keys:
-        is_item = isinstance(given, list) and isinstance(key, int) and key < len(given)
-        if is_item or (isinstance(given, dict) and key in given):
+        is_item = isinstance(settings, list) and isinstance(key, int) and key < len(settings)
+        if is_item or (isinstance(settings, dict) and key in settings):
             known.append(key)
-            given = given[key]
-        elif key == keys[-1] and isinstance(given, dict):  # a setting that is missing
+            settings = settings[key]
+        elif key == keys[-1] and isinstance(settings, dict):  # a missing setting
             known.append(key)
-    return known, given
+    return known, settings
 
 
-def _short(value: Any) -> str:
+def _shortened(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _line(path: Path, keys: list[int | str]) -> str:
-    """`, line 3`, if the file's format tells: the line of the last of the keys that the file has."""
+def _line_of(path: Path, keys: list[int | str]) -> str:
+    """Return `, line 3` for the last of the keys that the file contains; empty where the line cannot be determined."""
     import yaml
 
     if path.suffix == ".toml":
         return ""
     try:
-        node = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
-    except yaml.YAMLError:  # JSON that is indented by tabs
+        node = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)  # reads JSON as well
+    except yaml.YAMLError:  # JSON indented with tabs
         return ""
     line = None
     for key in keys:

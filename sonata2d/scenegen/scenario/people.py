@@ -1,4 +1,4 @@
-"""The section `people` of a scenario: where each starts, where they go, when they come and leave, or their track."""
+"""The section `people` of a scenario: pedestrians that are specified one by one."""
 
 from __future__ import annotations
 
@@ -10,34 +10,36 @@ from pydantic_core import PydanticCustomError
 
 from ...core.entities import Behaviour, Reaction
 from ...core.geometry import Barriers, Point
-from ..track import Sighting
-from .ranges import Jitter, Range, Settings, Share
+from .base import Fraction, Jitter, Range, Settings
 
-Track = Annotated[tuple[Sighting, ...], Field(min_length=2)]
+TrackPoint = tuple[float, float, float]  # t, x, y: s, m
+Track = Annotated[tuple[TrackPoint, ...], Field(min_length=2)]
 
 
 class PersonSpec(Settings):
-    """One person of `people`, who are there besides those who are drawn.
+    """A pedestrian of `people`, in addition to the drawn pedestrians.
 
     Attributes:
-        id: 1 or more; unless given, the next free number. Drawn people and things take the numbers that are left.
-        x, y: m, where they start, or come in; with a track it is its first place.
-        jitter: m, m, rad: how far from there a scene may move them, either way; their goals move along.
-        theta: rad; unless given, the way they are going at the start.
+        id: 1 or more; default: the lowest free number. Drawn pedestrians and furniture get the remaining numbers.
+        x, y: m, position at the start or on entering; with a track: its first point.
+        jitter: maximum random offset of x, y (m) and theta (rad), in both directions, drawn for each scene; `goals`
+            get the same offset.
+        theta: rad; default: direction of the velocity, else of the first goal, else 0. By default, the members of a
+            talking group face its centre.
         velocity: m/s, world frame, at the start.
-        behaviour: `standing`, `wandering`, `walking` to their `goals`, or `recorded`: carried along their `track`.
-            Unless given, what track or goals tell, else standing.
-        goals: x, y, m; one after the other.
-        exits: whether they leave the scene on reaching the last of their goals, instead of staying there.
-        enters, leaves: s, when they come in, as soon as there is room, and when they are gone; with a track, they are
-            there from its first moment to its last.
-        track: t, x, y, s and m, t rising: places on their way, which is a smooth curve through them. Nothing holds up
-            who is recorded: they go through walls and shove others aside.
-        group: a number; those of the same number belong together: they talk if they stand, else they walk together,
-            and the first one leads.
-        desired_speed, radius, reacts_to_robot: m/s, m, and from 0 (ignores the robot) to 1; unless given, drawn as
-            `person` says.
-        reaction: how they behave towards the robot; unless given, drawn as well.
+        behaviour: `standing`, `wandering`, `walking` (to `goals`) or `recorded` (moved along `track`). Default:
+            recorded with a track, walking with goals, else standing.
+        goals: x, y, m; visited in order.
+        exits: whether the pedestrian leaves the scene at its last goal instead of staying there.
+        enters, leaves: s. The pedestrian enters at `enters`, or as soon after it as there is free space, and is removed
+            at `leaves`. With a track, it is present from the first to the last track point.
+        track: t (s), x, y (m) with rising t: points of a smooth path. A recorded pedestrian follows it exactly, through
+            walls, and pushes others aside.
+        group: number of the group. The members of a group talk if they stand; else they walk together, and the first
+            member leads.
+        desired_speed, radius: m/s, m; default: drawn from the section `person`.
+        reacts_to_robot: 0 (ignores the robot) to 1; default: drawn from the section `person`.
+        reaction: kind of reaction to the robot; default: drawn from the section `person`.
     """
 
     id: PositiveInt | None = None
@@ -55,45 +57,49 @@ class PersonSpec(Settings):
     group: PositiveInt | None = None
     desired_speed: Range | None = None
     radius: Range | None = None
-    reacts_to_robot: Share | None = None
+    reacts_to_robot: Fraction | None = None
     reaction: Reaction | None = None
 
     @property
-    def does(self) -> Behaviour:
-        """What they do."""
+    def resolved_behaviour(self) -> Behaviour:
+        """`behaviour`, or its default."""
         return self.behaviour or ("recorded" if self.track else "walking" if self.goals else "standing")
 
     @model_validator(mode="after")
-    def _have_a_place(self) -> Self:
+    def _check_start(self) -> Self:
+        """Check that start, jitter and times come either from their own keys or from the track."""
         for key in ("x", "y"):
             if (getattr(self, key) is None) == (self.track is None):
                 hint = (
-                    "give a start (x, y), or a track" if self.track is None else "a track tells the start: leave it out"
+                    "give a start (x, y), or a track"
+                    if self.track is None
+                    else "the track gives the start: omit x and y"
                 )
                 raise PydanticCustomError("place", "{hint}", {"hint": hint, "path": (key,)})
         if self.track is not None and (self.enters or self.leaves is not None):
-            raise PydanticCustomError("track", "a track tells when somebody enters and leaves: leave these out")
+            raise PydanticCustomError("track", "the track gives the times: omit enters and leaves")
         if self.track is not None and any(self.jitter):
-            said = {"path": ("jitter",)}
-            raise PydanticCustomError("track", "who is on a track is not moved: leave jitter out", said)
+            raise PydanticCustomError("track", "a track cannot be moved: omit jitter", {"path": ("jitter",)})
         if self.leaves is not None and self.leaves <= self.enters:
-            raise PydanticCustomError("leaves", "they would leave before they enter", {"path": ("leaves",)})
+            raise PydanticCustomError("leaves", "leaves must be later than enters", {"path": ("leaves",)})
         return self
 
     @model_validator(mode="after")
-    def _do_what_they_can(self) -> Self:
-        needs: dict[Behaviour, str] = {"walking": "goals", "recorded": "track"}
-        for behaviour, key in needs.items():
-            if (self.does == behaviour) != bool(getattr(self, key)):
-                told = {"behaviour": behaviour, "key": key, "path": (key,)}
-                raise PydanticCustomError("behaviour", "who is {behaviour} has {key}, and nobody else", told)
+    def _check_behaviour(self) -> Self:
+        """Check that the behaviour agrees with the other keys, and that speed and radius are in their ranges."""
+        required_keys: dict[Behaviour, str] = {"walking": "goals", "recorded": "track"}
+        for behaviour, key in required_keys.items():
+            if (self.resolved_behaviour == behaviour) != bool(getattr(self, key)):
+                context = {"behaviour": behaviour, "key": key, "path": (key,)}
+                message = "{key} must be given with behaviour {behaviour}, and with no other behaviour"
+                raise PydanticCustomError("behaviour", message, context)
         if None not in (self.reaction, self.reacts_to_robot) and (self.reaction == "ignores") != (
             not self.reacts_to_robot
         ):
-            said = {"path": ("reaction",)}
-            raise PydanticCustomError("reaction", "who ignores the robot has reacts_to_robot 0, and nobody else", said)
+            message = "reacts_to_robot must be 0 with reaction ignores, and above 0 with any other reaction"
+            raise PydanticCustomError("reaction", message, {"path": ("reaction",)})
         if self.exits and not self.goals:
-            raise PydanticCustomError("exits", "they have no goals to leave at", {"path": ("exits",)})
+            raise PydanticCustomError("exits", "exits needs goals to leave at", {"path": ("exits",)})
         if self.desired_speed is not None and not self.desired_speed.min > 0.0:
             raise PydanticCustomError("speed", "a desired speed must be above 0", {"path": ("desired_speed",)})
         if self.radius is not None and not self.radius.min >= 0.1:
@@ -101,7 +107,7 @@ class PersonSpec(Settings):
         return self
 
     @model_validator(mode="after")
-    def _keep_time(self) -> Self:
+    def _check_times(self) -> Self:
         times = [row[0] for row in self.track or ()]
         if times and (times[0] < 0.0 or any(b <= a for a, b in pairwise(times))):
             raise PydanticCustomError("track", "times of a track must rise, from 0 or later", {"path": ("track",)})
@@ -109,7 +115,7 @@ class PersonSpec(Settings):
 
     @property
     def start(self) -> Point:
-        """m, where they start or come in."""
+        """Position at the start or on entering, m."""
         if self.track is not None:
             return self.track[0][1], self.track[0][2]
         assert self.x is not None
@@ -117,37 +123,41 @@ class PersonSpec(Settings):
         return self.x, self.y
 
     @property
-    def way(self) -> tuple[Point, ...]:
-        """m, their track, or their start and their goals."""
+    def path(self) -> tuple[Point, ...]:
+        """Points of the track, or the start and the goals, m."""
         return tuple((x, y) for _, x, y in self.track) if self.track else (self.start, *self.goals)
 
 
-def ways_of(people: tuple[PersonSpec, ...]) -> Barriers:
-    """The ways of people as thin segments; a point for who goes nowhere."""
-    legs = (leg for person in people for leg in pairwise((person.start, *person.way)))  # from start to start first
+def path_segments(people: tuple[PersonSpec, ...]) -> Barriers:
+    """Return the paths of all people as segments of radius 0; a person without goals gives a single point."""
+    # the extra leg from the start to the start is the point that represents a person without goals
+    legs = (leg for person in people for leg in pairwise((person.start, *person.path)))
     return Barriers.of((a, b, 0.0) for a, b in legs)
 
 
-def refuse_twins(people: tuple[PersonSpec, ...]) -> None:
-    """Ids are given once; members of a group all stand or all go, and are together throughout if they choose their way.
+def check_people(people: tuple[PersonSpec, ...]) -> None:
+    """Check ids and groups of all people.
 
     Raises:
-        PydanticCustomError: they are not.
+        PydanticCustomError: an id is not unique; a group has standing and moving members; or a wandering member of a
+            group enters later or leaves.
     """
     ids = [person.id for person in people if person.id is not None]
     for k, person in enumerate(people):
         if person.id is not None and ids.count(person.id) > 1:
-            said = {"id": person.id, "path": ("people", k, "id")}
-            raise PydanticCustomError("people", "id {id} is given to more than one", said)
-        comes_and_goes = person.enters > 0.0 or person.leaves is not None
-        if person.group is not None and person.does == "wandering" and comes_and_goes:
-            said = {"path": ("people", k, "group")}
-            raise PydanticCustomError("people", "who wanders in a group can neither enter nor leave; give goals", said)
-    standing: dict[int, bool] = {}
+            context = {"id": person.id, "path": ("people", k, "id")}
+            raise PydanticCustomError("people", "id {id} is given to more than one person", context)
+        enters_or_leaves = person.enters > 0.0 or person.leaves is not None
+        if person.group is not None and person.resolved_behaviour == "wandering" and enters_or_leaves:
+            context = {"path": ("people", k, "group")}
+            raise PydanticCustomError(
+                "people", "a wandering member of a group can neither enter nor leave; give goals", context
+            )
+    group_stands: dict[int, bool] = {}
     for k, person in enumerate(people):
         if (
             person.group is not None
-            and standing.setdefault(person.group, stands := person.does == "standing") != stands
+            and group_stands.setdefault(person.group, stands := person.resolved_behaviour == "standing") != stands
         ):
-            said = {"group": person.group, "path": ("people", k, "group")}
-            raise PydanticCustomError("people", "group {group} has members who stand and others who walk", said)
+            context = {"group": person.group, "path": ("people", k, "group")}
+            raise PydanticCustomError("people", "group {group} has standing and moving members", context)

@@ -1,4 +1,4 @@
-"""The sections of a scenario: room, furniture, people, robot, goal, rules."""
+"""The sections of a scenario: furniture, pedestrians, groups, social behaviour, robot, goal, label, rules."""
 
 from __future__ import annotations
 
@@ -16,17 +16,16 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ...core.entities import DEFAULT_MODEL, PERSON_RADIUS, EndsOn, Kinematics, Limits, Reaction
+from ...core.entities import DEFAULT_MODEL, PERSON_RADIUS, EndsOn, Formation, Kinematics, Limits, Reaction
 from ...core.geometry import Disc, Point, Rectangle, Shape, quantised
 from ...core.labels import Kind, LabelSpec, When
-from ...core.scene import Rules
+from ...core.scene import Rules, Social
 from ...registry import PEDESTRIAN_MODELS
-from .groups import GroupConfig
-from .ranges import Jitter, Normal, Range, Settings, Share, registered, weighed
+from .base import Fraction, IntRange, Jitter, Normal, Range, Settings, parse_weights, require_registered
 from .rooms import RoomConfig
-from .social import ClearanceConfig
 
-__all__ = [  # every section, in the order of docs/scenario.md
+__all__ = [  # every section, as docs/scenario.md lists them
+    "ClearanceConfig",
     "FurnitureConfig",
     "GoalConfig",
     "GroupConfig",
@@ -36,10 +35,11 @@ __all__ = [  # every section, in the order of docs/scenario.md
     "RobotConfig",
     "RoomConfig",
     "RulesConfig",
+    "SocialConfig",
     "SpeedConfig",
 ]
 
-ModelName = Annotated[str, AfterValidator(partial(registered, PEDESTRIAN_MODELS))]
+ModelName = Annotated[str, AfterValidator(partial(require_registered, PEDESTRIAN_MODELS))]
 Size = PositiveFloat | tuple[PositiveFloat, PositiveFloat]  # radius of a disc, or length (x) and width (y), m
 
 SIZES: dict[str, Size] = {
@@ -49,20 +49,29 @@ SIZES: dict[str, Size] = {
     "chair": (0.45, 0.45),
     "shelf": (1.0, 0.35),
     "tv": (1.0, 0.1),
-}  # m; the table as SocNav3 draws it, the rest as one finds them in shops
+}  # m; the table as in SocNav3, the others typical commercial sizes
+
+WALKING_FORMATIONS: tuple[Formation, ...] = ("abreast", "v")
+PAIR_FORMATIONS: tuple[Formation, ...] = ("face_to_face", "l", "side_by_side")
+CIRCLE_FORMATIONS: tuple[Formation, ...] = ("circle", "semicircle")
+TALKING_FORMATIONS = (*PAIR_FORMATIONS, *CIRCLE_FORMATIONS)
+MAX_GROUP_SIZE = 6
 
 
-def outline_of(size: Size) -> Shape:
-    """The outline that a size stands for."""
+def shape_of_size(size: Size) -> Shape:
+    """Create the outline of a `Size`: a disc for one number, a rectangle for two."""
     return Rectangle(quantised(size[0]), quantised(size[1])) if isinstance(size, tuple) else Disc(quantised(size))
 
 
 class FurnitureConfig(Settings):
-    """A piece of furniture at a fixed place. A laptop over a table lies on it.
+    """A piece of furniture at a fixed position. A laptop that overlaps a table lies on it.
 
     Attributes:
-        size: m, if not that of its type.
-        attracts: whether `at_laptop`, `at_plant` or `at_object` may put somebody on its right side (-y), facing it.
+        type: a key of `sizes`, or any name if `size` is given.
+        x, y: m, world frame.
+        theta: rad, world frame.
+        size: m; default: the size of its type.
+        attracts: whether `at_laptop`, `at_plant` or `at_object` may place a pedestrian at its front (-y), facing it.
     """
 
     type: str
@@ -74,7 +83,7 @@ class FurnitureConfig(Settings):
 
 
 class SpeedConfig(Normal):
-    """A normal distribution cut off at both ends, m/s."""
+    """Distribution of the desired speed, m/s: a normal distribution truncated at min and max."""
 
     mean: PositiveFloat = 1.3
     sd: PositiveFloat = 0.2
@@ -82,50 +91,182 @@ class SpeedConfig(Normal):
     max: PositiveFloat = 1.8
 
 
+class ClearanceConfig(Normal):
+    """Distribution of the clearance to the robot, m, between outlines: a normal distribution truncated at min and max.
+
+    The default is the clearance that pedestrians kept from a robot crossing their path (Vassallo et al., Gait & Posture
+    51 (2017) 97), truncated at two standard deviations.
+    """
+
+    mean: PositiveFloat = 0.83
+    sd: PositiveFloat = 0.27
+    min: NonNegativeFloat = 0.29
+    max: PositiveFloat = 1.37
+
+
 class PersonConfig(Settings):
-    """What people are like.
+    """Properties of the pedestrians.
 
     Attributes:
         radius: of the solid outline, m.
-        wall_distance: of a person's centre from walls at the start, m.
-        model: of walking, one for everybody: sonata2026, moussaid2009, helbing1995, helbing2000, farina2017 or
+        wall_distance: minimum distance of a pedestrian's centre from walls at the start, m.
+        model: pedestrian model of all pedestrians: sonata2026, moussaid2009, helbing1995, helbing2000, farina2017 or
             orca2011; see models.md.
-        ignores_robot: the chance, drawn for each person, that they take no notice of the robot.
-        reactions: weights of how the others behave towards it: avoids, stops, curious, scared, ignores; a list of
-            names weighs them alike.
-        robot_clearance: m, that they want to pass it at.
+        desired_speed: distribution of the desired speed, m/s.
+        ignores_robot: probability that a pedestrian does not react to the robot, drawn for each pedestrian.
+        reactions: weight of each reaction of the other pedestrians to the robot: avoids, stops, curious, scared,
+            ignores; a list of names gives equal weights.
+        robot_clearance: distribution of the clearance at which a pedestrian wants to pass the robot, m.
     """
 
     radius: Range = Range(PERSON_RADIUS, PERSON_RADIUS)
     wall_distance: NonNegativeFloat = 0.4
     desired_speed: SpeedConfig = SpeedConfig()
     model: ModelName = DEFAULT_MODEL
-    ignores_robot: Share = 0.0
+    ignores_robot: Fraction = 0.0
     reactions: dict[Reaction, NonNegativeFloat] = Field(default={"avoids": 1.0})
     robot_clearance: ClearanceConfig = ClearanceConfig()
 
     @field_validator("reactions", mode="before")
     @classmethod
-    def _weigh_reactions(cls, given: Any) -> Any:
-        return weighed(given)
+    def _parse_weights(cls, value: Any) -> Any:
+        return parse_weights(value)
 
     @field_validator("reactions", mode="after")
     @classmethod
-    def _have_a_reaction(cls, reactions: dict[Reaction, float]) -> dict[Reaction, float]:
+    def _require_weight(cls, reactions: dict[Reaction, float]) -> dict[Reaction, float]:
         if not sum(reactions.values()) > 0.0:
             raise PydanticCustomError("reactions", "at least one reaction needs a weight above 0")
         return reactions
 
     @field_validator("radius", mode="after")
     @classmethod
-    def _have_a_body(cls, radius: Range) -> Range:
+    def _check_radius(cls, radius: Range) -> Range:
         if not radius.min >= 0.1:
             raise PydanticCustomError("radius", "a person's radius must be 0.1 m or more")
         return radius
 
 
+class GroupConfig(Settings):
+    """Size and formation of the groups of `walking_groups` and `talking_groups` at the start.
+
+    Walking groups move abreast, or in a V with the middle members behind (Moussaïd et al., PLoS ONE 5 (2010) e10047).
+    The members of a talking group stand around a shared space, the o-space, and face its centre (Kendon, Conducting
+    Interaction, 1990): two members face to face, in an L or side by side; three and more in a circle or a semicircle.
+    No other pedestrian and no furniture is placed in an o-space.
+
+    Attributes:
+        walking_size, talking_size: number of members, 2 to 6.
+        walking_formations, formations: weight of each formation of walking and of talking groups; a name or a list of
+            names gives equal weights. Formations that do not fit the group's size are skipped.
+        walking_spacing, talking_spacing: m, between the centres of neighbours.
+        v_angle: rad, between the walking direction and the line to the neighbour in a V.
+        places: x, y, m, world frame, of the o-space centres of the first talking groups; the others are drawn.
+    """
+
+    walking_size: IntRange = IntRange(2, 5)
+    walking_formations: dict[Formation, NonNegativeFloat] = Field(default=dict.fromkeys(WALKING_FORMATIONS, 1.0))
+    walking_spacing: Range = Range(0.7, 1.1)
+    v_angle: Range = Range(1.1, 1.33)
+    talking_size: IntRange = IntRange(2, 6)
+    formations: dict[Formation, NonNegativeFloat] = Field(default=dict.fromkeys(TALKING_FORMATIONS, 1.0))
+    talking_spacing: Range = Range(0.9, 1.2)
+    places: tuple[Point, ...] = ()
+
+    @field_validator("walking_formations", "formations", mode="before")
+    @classmethod
+    def _parse_weights(cls, value: Any) -> Any:
+        return parse_weights(value)
+
+    @field_validator("walking_size", "talking_size", mode="after")
+    @classmethod
+    def _check_size(cls, size: IntRange) -> IntRange:
+        if not 2 <= size.min <= size.max <= MAX_GROUP_SIZE:
+            raise PydanticCustomError("size", "a group has 2 to {maximum} people", {"maximum": MAX_GROUP_SIZE})
+        return size
+
+    @field_validator("walking_spacing", "talking_spacing", mode="after")
+    @classmethod
+    def _check_spacing(cls, spacing: Range) -> Range:
+        if not spacing.min >= 0.5:
+            raise PydanticCustomError("spacing", "neighbours in a group need 0.5 m or more between their centres")
+        return spacing
+
+    @field_validator("v_angle", mode="after")
+    @classmethod
+    def _check_angle(cls, angle: Range) -> Range:
+        if not 0.5 <= angle.min <= angle.max <= 1.5708:
+            raise PydanticCustomError("v_angle", "the angle of a V must be within 0.5..1.5708 rad")
+        return angle
+
+    @model_validator(mode="after")
+    def _check_formations(self) -> Self:
+        """Check that every formation is of the right kind, and that every group size in the range has a formation."""
+        for key, known in (("walking_formations", WALKING_FORMATIONS), ("formations", TALKING_FORMATIONS)):
+            unknown = [name for name in getattr(self, key) if name not in known]
+            if unknown:
+                context = {"name": unknown[0], "known": ", ".join(known), "path": (key,)}
+                raise PydanticCustomError("formation", "'{name}' is not one of {known}", context)
+        # every size from three up has the same formations, so that two and three stand for all sizes
+        sizes = {min(size, 3) for size in range(self.talking_size.min, self.talking_size.max + 1)}
+        for size in sizes:
+            if not sum(self.formation_weights(size).values()) > 0.0:
+                context = {"size": "two" if size == 2 else "three and more", "path": ("formations",)}
+                raise PydanticCustomError("formation", "no formation for {size} people has a weight above 0", context)
+        if not sum(self.walking_formations.values()) > 0.0:
+            context = {"path": ("walking_formations",)}
+            raise PydanticCustomError("formation", "at least one formation needs a weight above 0", context)
+        return self
+
+    def formation_weights(self, size: int) -> dict[Formation, float]:
+        """Return the weights of the formations of a talking group with `size` members."""
+        fitting = PAIR_FORMATIONS if size == 2 else CIRCLE_FORMATIONS
+        return {name: weight for name, weight in self.formations.items() if name in fitting}
+
+
+class SocialConfig(Settings):
+    """Social behaviour during the episode; off by default. `visits` + `joins` must not exceed 1.
+
+    Attributes:
+        visits: probability that a wandering pedestrian, on reaching its goal, goes to a free plant, laptop, shelf, TV
+            or other object and attends to it for `visit_time`.
+        joins: probability that a wandering pedestrian, on reaching its goal, joins a standing pedestrian or a talking
+            group for `talk_time`.
+        meets: probability that two wandering pedestrians that approach each other stop and talk for `talk_time`.
+        leaves: probability that a pedestrian that attends to a pedestrian or an object at the start leaves after that
+            time.
+        visit_time, talk_time: s.
+    """
+
+    visits: Fraction = 0.0
+    joins: Fraction = 0.0
+    meets: Fraction = 0.0
+    leaves: Fraction = 0.0
+    visit_time: Range = Range(5, 20)
+    talk_time: Range = Range(10, 40)
+
+    @model_validator(mode="after")
+    def _check_sum(self) -> SocialConfig:
+        if self.visits + self.joins > 1.0:
+            context = {"sum": round(self.visits + self.joins, 4)}
+            raise PydanticCustomError("social", "visits + joins is {sum}; the sum must not exceed 1", context)
+        return self
+
+    @field_validator("visit_time", "talk_time", mode="after")
+    @classmethod
+    def _require_positive(cls, time: Range) -> Range:
+        if not time.min > 0.0:
+            raise PydanticCustomError("time", "a time must be above 0")
+        return time
+
+    def social(self) -> Social:
+        """Convert to the `Social` of a scene."""
+        times = {key: (getattr(self, key).min, getattr(self, key).max) for key in ("visit_time", "talk_time")}
+        return Social(self.visits, self.joins, self.meets, self.leaves, **times)
+
+
 class LimitsConfig(Settings):
-    """What the robot's drive can do: m/s, rad/s, m/s², rad/s²."""
+    """Limits of the robot's drive: speeds in m/s and rad/s, accelerations in m/s² and rad/s²."""
 
     ahead: PositiveFloat = Limits().ahead
     back: PositiveFloat = Limits().back
@@ -136,14 +277,17 @@ class LimitsConfig(Settings):
 
 
 class RobotConfig(Settings):
-    """The robot's drive and outline.
+    """The robot's drive, outline and start.
 
     Attributes:
-        clearance: of a drawn start from everything, m.
-        pose: x, y, theta of the start, if it is not to be drawn.
-        jitter: how far from that pose a scene may move it, in x, y and theta, either way; m, rad.
-        on_ways: m: a drawn start and a drawn goal lie no farther than this from a way of `people`: their track, or the
-            line from their start through their goals. Unless given, anywhere.
+        kinematics: holonomic, or unicycle (no sideways velocity).
+        radius: m.
+        limits: of the drive.
+        clearance: minimum clearance of a drawn start from walls, furniture and pedestrians, m.
+        pose: x, y (m), theta (rad) of the start, world frame; default: drawn.
+        jitter: maximum random offset of `pose` in x, y (m) and theta (rad), in both directions, drawn for each scene.
+        on_ways: maximum distance of a drawn start and goal, m, from the path of one of `people`: its track, or the line
+            from its start through its goals. Default: no limit.
     """
 
     kinematics: Kinematics = "holonomic"
@@ -156,14 +300,14 @@ class RobotConfig(Settings):
 
 
 class GoalConfig(Settings):
-    """Where the robot shall go, and when it is there.
+    """The robot's goal, and the condition for reaching it.
 
     Attributes:
-        distance, angle: of the robot from the goal's centre (m) and heading (rad) that count as reached.
-        min_distance: from the robot's start, m, of a drawn goal.
-        position: x, y, m, if the goal is not to be drawn.
-        jitter: how far from that position a scene may move it, in x and y, either way; m.
-        theta: rad, if the heading is not to be drawn.
+        distance, angle: largest distance (m) and heading error (rad) of the robot at which the goal counts as reached.
+        min_distance: minimum distance of a drawn goal from the robot's start, m.
+        position: x, y, m, world frame; default: drawn.
+        jitter: maximum random offset of `position` in x and y (m), in both directions, drawn for each scene.
+        theta: rad, world frame; default: drawn.
     """
 
     distance: PositiveFloat = 0.40
@@ -175,15 +319,16 @@ class GoalConfig(Settings):
 
 
 class LabelConfig(Settings):
-    """What a person who drives, or rates, is asked for; see `labels.LabelSpec`.
+    """The label that a driver or rater is asked for; see `labels.LabelSpec`.
 
     Attributes:
-        kind: `command`, which asks nothing, `yes_no`, `classes`, `slider` from 0 to 1, or `text`.
-        when: `frame`, while driving, or `run`, once afterwards; text is asked for afterwards only.
-        name: its key in frames.
-        question: what the person is asked.
-        classes: their names, or how many there are; 2 to 9.
-        ends: what 0 and 1 of the slider mean.
+        kind: `command` (the recorded command is the label; no question), `yes_no`, `classes`, `slider` from 0 to 1, or
+            `text`.
+        when: `frame`: at every frame while driving; `run`: once after the run. `text` requires `run`.
+        name: key of the label in frames.
+        question: text shown to the driver or rater.
+        classes: names of the classes, or their number; 2 to 9.
+        ends: meaning of 0 and of 1 on the slider.
     """
 
     kind: Kind = "command"
@@ -195,27 +340,29 @@ class LabelConfig(Settings):
 
     @field_validator("classes", mode="before")
     @classmethod
-    def _number_them(cls, given: Any) -> Any:
-        if isinstance(given, int) and not isinstance(given, bool):
-            return tuple(str(k) for k in range(1, min(given, 10) + 1))
-        return given
+    def _name_classes(cls, value: Any) -> Any:
+        """Convert a number of classes to the names "1", "2", …"""
+        if isinstance(value, int) and not isinstance(value, bool):
+            return tuple(str(k) for k in range(1, min(value, 10) + 1))  # 10 names are one too many: an error follows
+        return value
 
     @model_validator(mode="after")
-    def _fit_together(self) -> Self:
+    def _check_combination(self) -> Self:
         if (self.kind == "classes") != (self.classes is not None):
-            hint = "name the classes, or say how many" if self.kind == "classes" else "classes go with kind: classes"
+            needs_classes = self.kind == "classes"
+            hint = "give the names of the classes, or their number" if needs_classes else "classes need kind: classes"
             raise PydanticCustomError("label", "{hint}", {"hint": hint, "path": ("classes",)})
         if self.kind == "text" and self.when == "frame":
             raise PydanticCustomError("label", "text is asked for after the run; set when: run", {"path": ("when",)})
         return self
 
     def spec(self) -> LabelSpec:
-        """As the rest of sonata2d knows it."""
+        """Convert to a `LabelSpec`."""
         return LabelSpec(self.kind, self.when, self.name, self.question, self.classes or (), self.ends)
 
 
 class RulesConfig(Settings):
-    """How an episode is run; see `entities.Rules`."""
+    """Rules of the episode; see `scene.Rules`."""
 
     dt: PositiveFloat = Rules().dt
     substeps: PositiveInt = Rules().substeps

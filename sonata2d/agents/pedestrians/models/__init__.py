@@ -1,1 +1,1 @@
-"""Pedestrian models, one file each: how walkers accelerate."""
+"""Pedestrian models, one module each: accelerations of pedestrians from positions, velocities and intentions."""

@@ -1,4 +1,4 @@
-"""`moussaid2009`: the interaction law of Moussaïd et al. (2009), with the group forces of their paper of 2010."""
+"""`moussaid2009`: the interaction model of Moussaïd et al. (2009), with the group forces of their paper of 2010."""
 
 from __future__ import annotations
 
@@ -8,47 +8,53 @@ import numpy as np
 
 from ....core.portable_math import Array, arctan2, exp
 from ....core.scene import Scene
-from .base import Walkers, desired_acceleration, wall_acceleration
+from .base import Walkers, desired_acceleration, pair_weights, wall_acceleration
 
 
 @dataclass(frozen=True, slots=True)
 class Moussaid2010:
-    """Source: Moussaïd et al., PLoS ONE 5 (2010) e10047, eqs 4-7; the distance of repulsion from the bodies' size."""
+    """Parameters of the group forces.
+
+    Source: Moussaïd et al., PLoS ONE 5 (2010) e10047, eqs 4-7; the distance of repulsion from the bodies' size.
+    """
 
     gaze: float = 4.0  # β1, 1/(rad s)
-    cohesion: float = 3.0  # β2, m/s2
-    repulsion: float = 1.0  # β3, m/s2
+    cohesion: float = 3.0  # β2, m/s^2
+    repulsion: float = 1.0  # β3, m/s^2
     repulsion_distance: float = 0.55  # d0, m
 
 
-def group_acceleration(position: Array, velocity: Array, looking: Array, member: Array, law: Moussaid2010) -> Array:
-    """Keep groups together: slow down for those behind, close up, but not too near.
+def group_acceleration(
+    position: Array, velocity: Array, direction: Array, member: Array, parameters: Moussaid2010
+) -> Array:
+    """Keep walking groups together: brake for members behind, approach the centre, keep a minimum distance.
 
     Args:
-        position: (N, 2), m.
-        velocity: (N, 2), m/s.
-        looking: (N, 2), unit vectors where people want to go.
-        member: (N, N), 1 where row j walks in column i's group (not i itself), else 0.
-        law: the parameters.
+        position: (M, 2), m.
+        velocity: (M, 2), m/s.
+        direction: (M, 2), desired directions, unit vectors.
+        member: (M, M), 1 where two agents walk in one group, else 0; 0 on the diagonal.
+        parameters: of the group forces.
 
     Returns:
-        (N, 2), m/s2; zero for who walks alone.
+        (M, 2), m/s^2; zero for agents without a group.
 
-    Source: Moussaïd et al. (2010), eqs 4-7. The angle that the head must turn to see the group's centre beyond
-    90° is taken as the part of the unit vector to it that points backwards, which equals its sine.
+    Source: Moussaïd et al. (2010), eqs 4-7. The angle by which the head must turn beyond 90° to see the group's centre
+    is replaced by the backward component of the unit vector to the centre, which equals the sine of that angle.
     """
     others = np.add.reduce(member, axis=0)
     count = np.maximum(others, 1.0)
     dx, dy = (position[:, None, k] - position[None, :, k] for k in (0, 1))
     cx, cy = (np.add.reduce(member * d, axis=0) / count for d in (dx, dy))  # to the centre of the others
-    apart = np.maximum(np.sqrt(cx * cx + cy * cy), 1e-6)
-    ux, uy = cx / apart, cy / apart
-    behind = np.maximum(-(ux * looking[:, 0] + uy * looking[:, 1]), 0.0)
-    # the threshold of eq. 5, (N - 1) / 2, is measured to the centre of all N, itself included
-    pull = np.where((others > 0.0) & (apart * others / (others + 1.0) > others / 2.0), law.cohesion, 0.0)
+    distance = np.maximum(np.sqrt(cx * cx + cy * cy), 1e-6)
+    ux, uy = cx / distance, cy / distance
+    behind = np.maximum(-(ux * direction[:, 0] + uy * direction[:, 1]), 0.0)
+    # The threshold of eq. 5, (N - 1) / 2, applies to the distance from the centre of all N, the agent included.
+    is_far = (others > 0.0) & (distance * others / (others + 1.0) > others / 2.0)
+    pull = np.where(is_far, parameters.cohesion, 0.0)
     d = np.sqrt(dx * dx + dy * dy)
-    push = member * np.where(d < law.repulsion_distance, -law.repulsion, 0.0) / np.maximum(d, 1e-6)
-    brake = -law.gaze * np.where(others > 0.0, behind, 0.0)
+    push = member * np.where(d < parameters.repulsion_distance, -parameters.repulsion, 0.0) / np.maximum(d, 1e-6)
+    brake = -parameters.gaze * np.where(others > 0.0, behind, 0.0)
     return np.stack(
         (
             brake * velocity[:, 0] + pull * ux + np.add.reduce(push * dx, axis=0),
@@ -58,63 +64,63 @@ def group_acceleration(position: Array, velocity: Array, looking: Array, member:
     )
 
 
-PERSON_RADIUS = 0.20  # m, of those for whom the law holds as it stands
+MEASURED_RADIUS = 0.20  # m, of the people that the model was fitted to
 
 
 @dataclass(frozen=True, slots=True)
 class Moussaid2009:
-    """The law's parameters, fitted to pairs who meet in a corridor (free walking, two people at a time).
+    """Parameters, fitted to pairs that meet in a corridor (free walking, two people at a time).
 
-    Its forces change over decimetres, so once a tick of 0.1 s is often enough.
+    The forces vary over decimetres, so one evaluation per tick of 0.1 s suffices.
 
     Source: Moussaïd et al., Proc. R. Soc. B 276 (2009) 2755 (PMC2839952), table 1 and eqs 3-7.
     """
 
-    strength: float = 4.5  # A, m/s2
-    relative_velocity: float = 2.0  # λ, weight of the relative velocity in the interaction's direction
-    reach: float = 0.35  # γ, s: range B = γ |D|
+    strength: float = 4.5  # A, m/s^2
+    relative_velocity: float = 2.0  # λ, weight of the relative velocity in the interaction direction
+    range_time: float = 0.35  # γ, s: range B = γ |D|
     angular_sideways: float = 2.0  # n
     angular_braking: float = 3.0  # n'
-    side_bias: float = 0.005  # ε, 1/m: head-on, evade to the biased side
+    side_bias: float = 0.005  # ε, 1/m: head-on encounters are evaded to the biased side
     relaxation_time: float = 0.54  # τ, s
-    wall_strength: float = 3.0  # a, m/s2
-    wall_reach: float = 0.1  # b, m
+    wall_strength: float = 3.0  # a, m/s^2
+    wall_decay_length: float = 0.1  # b, m
 
 
 def interaction_acceleration(
-    position: Array, velocity: Array, weight: Array, bulk: Array, side: int, law: Moussaid2009
+    position: Array, velocity: Array, weight: Array, excess_radius: Array, side: int, parameters: Moussaid2009
 ) -> Array:
-    """Give way to one another.
+    """Braking and sideways evasion in response to the other agents.
 
     Args:
         position: (M, 2), m.
         velocity: (M, 2), m/s.
-        weight: (M, M), how much column i minds row j, 0..1; zero on the diagonal.
-        bulk: (M, M), m, from `bulk_of`: how much nearer than their centres tell two are, for their size.
+        weight: (M, M), row j, column i: how much i attends to j, in [0, 1]; zero on the diagonal.
+        excess_radius: (M, M), m, from `pair_excess_radius`; subtracted from the distance of centres.
         side: +1 evades to the right when head-on, -1 to the left.
-        law: the parameters.
+        parameters: of the model.
 
     Returns:
-        (M, 2), m/s2, on column i from all rows j, summed in the order of j.
+        (M, 2), m/s^2, on agent i from all agents j, summed in the order of j.
 
-    Source: Moussaïd et al. (2009), eqs 3-7, d from centre to centre; the bulk is ours, zero among people.
+    Source: Moussaïd et al. (2009), eqs 3-7, d from centre to centre; the excess radius is ours, zero among people.
     """
     ex, ey = (position[:, None, k] - position[None, :, k] for k in (0, 1))  # from i (column) to j (row)
     d = np.sqrt(ex * ex + ey * ey)
     d = np.where(d > 1e-6, d, 1.0)
     ex, ey = ex / d, ey / d
-    lam = law.relative_velocity  # λ
+    lam = parameters.relative_velocity  # λ
     tx, ty = (lam * (velocity[None, :, k] - velocity[:, None, k]) + e for k, e in ((0, ex), (1, ey)))  # D
     size = np.maximum(np.sqrt(tx * tx + ty * ty), 1e-6)
     tx, ty = tx / size, ty / size
-    reach = law.reach * size  # B
-    theta = arctan2(tx * ey - ty * ex, tx * ex + ty * ey) + (side * law.side_bias) * reach  # θ + Bε
-    spread = reach * theta
-    decay = np.maximum(d - bulk, 0.0) / reach
-    braking = exp(-decay - (law.angular_braking * spread) * (law.angular_braking * spread))
-    sideways = exp(-decay - (law.angular_sideways * spread) * (law.angular_sideways * spread))
-    braking = weight * (-law.strength) * braking
-    sideways = weight * np.where(theta < 0.0, law.strength, -law.strength) * sideways  # -A K, K = sign θ
+    b = parameters.range_time * size  # B
+    theta = arctan2(tx * ey - ty * ex, tx * ex + ty * ey) + (side * parameters.side_bias) * b  # θ + Bε
+    spread = b * theta
+    decay = np.maximum(d - excess_radius, 0.0) / b
+    braking = exp(-decay - (parameters.angular_braking * spread) * (parameters.angular_braking * spread))
+    sideways = exp(-decay - (parameters.angular_sideways * spread) * (parameters.angular_sideways * spread))
+    braking = weight * (-parameters.strength) * braking
+    sideways = weight * np.where(theta < 0.0, parameters.strength, -parameters.strength) * sideways  # -A K, K = sign θ
     return np.stack(
         (
             np.add.reduce(braking * tx - sideways * ty, axis=0),
@@ -124,16 +130,16 @@ def interaction_acceleration(
     )
 
 
-def bulk_of(radius: Array) -> Array:
-    """(M, M), m, by how much the radii (M,) of two together exceed those of two people."""
-    bulk: Array = np.maximum(radius[:, None] + radius[None, :] - 2.0 * PERSON_RADIUS, 0.0)
-    return bulk
+def pair_excess_radius(radius: Array) -> Array:
+    """How much the radii of each pair exceed those of the people that the model was fitted to, m; (M,) to (M, M)."""
+    excess: Array = np.maximum(radius[:, None] + radius[None, :] - 2.0 * MEASURED_RADIUS, 0.0)
+    return excess
 
 
 class Moussaid2009Model:
-    """Drive, giving way, walls and groups, as published.
+    """Driving force, interaction, walls and groups, as published.
 
-    Valid where it was measured: few people with room to give way. In a crowd it is an extrapolation.
+    Valid for the conditions of the measurements: few people with room to evade. For crowds it is an extrapolation.
 
     Source: Moussaïd et al., Proc. R. Soc. B 276 (2009) 2755; Moussaïd et al., PLoS ONE 5 (2010) e10047.
     """
@@ -143,18 +149,26 @@ class Moussaid2009Model:
 
     def __init__(self, scene: Scene) -> None:
         self._barriers, self._side = scene.barriers, scene.rules.side
-        self._law, self._group_law = Moussaid2009(), Moussaid2010()
-        self._bulk = bulk_of(np.array([*(human.radius for human in scene.humans), scene.robot.radius], dtype=float))
+        self._parameters, self._group_parameters = Moussaid2009(), Moussaid2010()
+        radius = np.array([*(human.radius for human in scene.humans), scene.robot.radius], dtype=float)
+        self._excess_radius = pair_excess_radius(radius)
 
     def acceleration(self, walkers: Walkers) -> Array:
-        law, position, velocity = self._law, walkers.position, walkers.velocity
-        total = interaction_acceleration(position, velocity, walkers.weight, self._bulk, self._side, law)
+        parameters, position, velocity = self._parameters, walkers.position, walkers.velocity
+        total = interaction_acceleration(
+            position, velocity, pair_weights(walkers), self._excess_radius, self._side, parameters
+        )
         total += wall_acceleration(
-            position, walkers.radius, self._barriers, strength=law.wall_strength, reach=law.wall_reach
+            position,
+            walkers.radius,
+            self._barriers,
+            strength=parameters.wall_strength,
+            decay_length=parameters.wall_decay_length,
         )
         total += desired_acceleration(
-            velocity, walkers.desired_direction, walkers.desired_speed, relaxation_time=law.relaxation_time
+            velocity, walkers.desired_direction, walkers.desired_speed, relaxation_time=parameters.relaxation_time
         )
         if walkers.member is not None:
-            total += group_acceleration(position, velocity, walkers.desired_direction, walkers.member, self._group_law)
+            direction, member = walkers.desired_direction, walkers.member
+            total += group_acceleration(position, velocity, direction, member, self._group_parameters)
         return total

@@ -1,4 +1,7 @@
-"""`sonata2026`: the default pedestrian model, calibrated on recorded pedestrians."""
+"""`sonata2026`: the default pedestrian model, calibrated on recorded pedestrians; `docs/models.md` gives the formulas.
+
+Pair matrices have row j for the neighbour and column i for the pedestrian that the force acts on, see `base`.
+"""
 
 from __future__ import annotations
 
@@ -8,40 +11,40 @@ import numpy as np
 
 from ....core.portable_math import PI, Array, exp, unit_vectors
 from ....core.scene import Scene
-from .base import Gait, Walkers, paced_acceleration, wall_acceleration
+from .base import TimeConstants, Walkers, adaptive_acceleration, pair_weights, wall_acceleration
 
 
-def nearness_acceleration(
+def proximity_acceleration(
     dx: Array,
     dy: Array,
-    looking: Array,
+    direction: Array,
     weight: Array,
-    touching: Array,
+    contact_distance: Array,
     *,
     strength: float,
-    reach: float,
+    decay_length: float,
     anisotropy: float,
 ) -> Array:
-    """Push away from who is near now.
+    """Repulsion from the present positions of neighbours.
 
     Args:
         dx, dy: (M, M), m, from column i to row j.
-        looking: (M, 2), unit vectors that say where ahead is, or zero: then all sides weigh alike.
-        weight: (M, M), how much column i minds row j.
-        touching: (M, M), m, distance of their centres when they touch.
-        strength: m/s2, at touch.
-        reach: m, in which the push falls to 1/e.
-        anisotropy: 0..1, how much those behind still count.
+        direction: (M, 2), forward directions, unit vectors; zero: all directions have equal weight.
+        weight: (M, M), how much i (column) attends to j (row), in [0, 1].
+        contact_distance: (M, M), m, distance of centres at contact.
+        strength: m/s^2, at contact.
+        decay_length: distance over which the repulsion falls to 1/e, m.
+        anisotropy: weight of neighbours behind, in [0, 1]; 1 ahead.
 
     Returns:
-        (M, 2), m/s2, on column i.
+        (M, 2), m/s^2, on i.
 
     Source: Helbing & Johansson, Encyclopedia of Complexity (2009), Pedestrian, Crowd and Evacuation Dynamics, eqs 5-7.
     """
     d = np.maximum(np.sqrt(dx * dx + dy * dy), 0.01)
-    cosine = (dx * looking[:, 0] + dy * looking[:, 1]) / d
-    seen = anisotropy + (1.0 - anisotropy) * (0.5 + 0.5 * cosine)
-    push = weight * seen * (-strength) * exp(np.minimum(touching - d, 0.0) / reach) / d
+    cosine = (dx * direction[:, 0] + dy * direction[:, 1]) / d
+    sight = anisotropy + (1.0 - anisotropy) * (0.5 + 0.5 * cosine)
+    push = weight * sight * (-strength) * exp(np.minimum(contact_distance - d, 0.0) / decay_length) / d
     return np.stack((np.add.reduce(push * dx, axis=0), np.add.reduce(push * dy, axis=0)), axis=1)
 
 
@@ -50,291 +53,316 @@ def anticipation_acceleration(
     dy: Array,
     velocity: Array,
     weight: Array,
-    touching: Array,
+    contact_distance: Array,
     *,
     strength: float,
-    reach: float,
-    horizon: float,
-    side: float,
+    decay_length: float,
+    decay_time: float,
+    offset: float,
 ) -> Array:
-    """Push away from where each other will be when both are nearest, if they go on as they do.
+    """Repulsion between the positions of a pair at its closest approach, predicted with constant velocities.
 
-    Whom one does not come nearer to counts for nothing, and who is closed in on slowly for little.
+    Pairs that do not approach contribute nothing; the force scales with the closing speed, up to 1 m/s.
 
     Args:
         dx, dy: (M, M), m, from column i to row j.
         velocity: (M, 2), m/s.
-        weight: (M, M), how much column i minds row j.
-        touching: (M, M), m, distance of their centres when they touch.
-        strength: m/s2, where the outlines would touch.
-        reach: m, in which the push falls to 1/e.
-        horizon: s until then, in which it falls to 1/e.
-        side: m, by which the others are seen off to one side, + for the left: who meets head-on evades to the right.
+        weight: (M, M), how much i (column) attends to j (row), in [0, 1].
+        contact_distance: (M, M), m, distance of centres at contact.
+        strength: m/s^2, where the outlines would touch.
+        decay_length: predicted gap over which the force falls to 1/e, m.
+        decay_time: time to the closest approach over which the force falls to 1/e, s.
+        offset: m, by which others are perceived to one side, positive to the left: head-on encounters are then evaded
+            to the right.
 
     Returns:
-        (M, 2), m/s2, on column i.
+        (M, 2), m/s^2, on i.
 
-    Source: Zanlungo, Ikeda & Kanda, EPL 93 (2011) 68005, eqs 5-7, with a time to the nearest approach for each pair.
+    Source: Zanlungo, Ikeda & Kanda, EPL 93 (2011) 68005, eqs 5-7, with a separate time of closest approach per pair.
     """
-    ux, uy = (velocity[:, None, k] - velocity[None, :, k] for k in (0, 1))  # of j as seen from i
+    ux, uy = (velocity[:, None, k] - velocity[None, :, k] for k in (0, 1))  # velocity of j relative to i
     square = ux * ux + uy * uy
     closing = np.maximum(-(dx * ux + dy * uy), 0.0)
     t = np.minimum(closing / np.maximum(square, 1e-4), 10.0)
-    closing = np.minimum(closing / np.maximum(np.sqrt(dx * dx + dy * dy), 0.01), 1.0)  # m/s, 1 counts in full
-    fx, fy = dx + ux * t, dy + uy * t  # from i to j at the nearest approach
-    if side:
+    closing = np.minimum(closing / np.maximum(np.sqrt(dx * dx + dy * dy), 0.01), 1.0)  # m/s
+    fx, fy = dx + ux * t, dy + uy * t  # from i to j at the closest approach
+    if offset:
         speed = np.sqrt(np.maximum(square, 1e-6))
-        off = side * np.where(t > 0.0, 1.0, 0.0) / speed
-        fx, fy = fx + uy * off, fy - ux * off  # to the left of the way on which j is met
+        scale = offset * np.where(t > 0.0, 1.0, 0.0) / speed
+        fx, fy = fx + uy * scale, fy - ux * scale  # perpendicular to the relative velocity
     d = np.maximum(np.sqrt(fx * fx + fy * fy), 0.01)
-    near = exp(np.minimum(touching - d, 0.0) / reach - t / horizon)
+    near = exp(np.minimum(contact_distance - d, 0.0) / decay_length - t / decay_time)
     push = weight * closing * (-strength) * near / d
     return np.stack((np.add.reduce(push * fx, axis=0), np.add.reduce(push * fy, axis=0)), axis=1)
 
 
-FURTHEST = 1.0  # m, beyond which a lag or a distance pulls no harder
+MAXIMUM_GROUP_DISTANCE = 1.0  # m; a larger lag, or a larger excess distance from the group, pulls no harder
 
 
-def company_acceleration(
+def group_cohesion_acceleration(
     dx: Array, dy: Array, direction: Array, member: Array, bond: Array,
     *, cohesion: float, spacing: float, abreast: float,
 ) -> Array:  # fmt: skip
-    """Draw level with the others of one's group, and close up to them.
+    """Keep walking groups abreast and close together.
+
+    Members behind speed up as much as members ahead slow down, so that a group keeps its pace.
 
     Args:
         dx, dy: (M, M), m, from column i to row j.
-        direction: (M, 2), unit vectors to where each wants to go, or zero.
-        member: (M, M), 1 where row j walks in column i's group (not i itself), else 0.
-        bond: (M,), 0..1, how much each keeps to the group.
-        cohesion: 1/s2, pull to the centre of the others for each metre beyond where it would be if all were abreast.
-        spacing: m, between neighbours abreast.
-        abreast: 1/s2, pull along the way for each metre that they are ahead, or behind.
+        direction: (M, 2), desired directions, unit vectors or zero.
+        member: (M, M), 1 where two agents walk in one group, else 0; 0 on the diagonal.
+        bond: (M,), in [0, 1], how closely each agent keeps to its group.
+        cohesion: pull towards the centre of the other members, per metre beyond its distance in an abreast formation,
+            1/s^2.
+        spacing: between neighbours abreast, m.
+        abreast: pull along the desired direction, per metre that the other members are ahead (or behind), 1/s^2.
 
     Returns:
-        (M, 2), m/s2, zero for who walks alone.
+        (M, 2), m/s^2; zero for agents without a group.
 
-    Source: the aims are those of Moussaïd et al., PLoS ONE 5 (2010) e10047; the law is ours: who is behind hurries as
-    much as who is ahead waits, so that a group keeps its pace.
+    Source: the aims are those of Moussaïd et al., PLoS ONE 5 (2010) e10047; the formula is ours.
     """
     count = np.maximum(np.add.reduce(member, axis=0), 1.0)
-    wide = spacing * 0.5 * (count + 1.0)
+    width = spacing * 0.5 * (count + 1.0)
     cx, cy = np.add.reduce(member * dx, axis=0) / count, np.add.reduce(member * dy, axis=0) / count
     ex, ey = direction[:, 0], direction[:, 1]
-    lag = bond * abreast * np.minimum(np.maximum(cx * ex + cy * ey, -FURTHEST), FURTHEST)
-    apart = np.sqrt(cx * cx + cy * cy)
-    pull = bond * cohesion * np.minimum(np.maximum(apart - wide, 0.0), FURTHEST) / np.maximum(apart, 1e-6)
+    limit = MAXIMUM_GROUP_DISTANCE
+    lag = bond * abreast * np.minimum(np.maximum(cx * ex + cy * ey, -limit), limit)
+    distance = np.sqrt(cx * cx + cy * cy)
+    pull = bond * cohesion * np.minimum(np.maximum(distance - width, 0.0), limit) / np.maximum(distance, 1e-6)
     return np.stack((lag * ex + pull * cx, lag * ey + pull * cy), axis=1)
 
 
 @dataclass(frozen=True, slots=True)
-class Strip:
-    """What a walker needs ahead.
+class Headway:
+    """The free space that a pedestrian needs ahead.
 
     Attributes:
-        breadth: m, half of its width for two of a person's size.
-        distance: m, gap that is left when all stand; below 0: they would touch before they stop.
-        time: s, in which the gap beyond that would be walked.
+        half_width: half the width of the strip ahead in which others count, m.
+        standstill_gap: gap at which the permitted speed is 0, m; below 0, bodies would touch first.
+        time_gap: time in which the gap beyond `standstill_gap` would be walked, s.
     """
 
-    breadth: float
-    distance: float
-    time: float
+    half_width: float
+    standstill_gap: float
+    time_gap: float
 
 
-def free_speed(ahead: Array, aside: Array, touching: Array, weight: Array, strip: Strip) -> Array:
-    """The speed at which nobody ahead is run into: the least over all of (gap - distance) / time.
+def headway_speed(ahead: Array, aside: Array, contact_distance: Array, weight: Array, headway: Headway) -> Array:
+    """The speed that the pedestrians ahead permit: the minimum over all of (gap - standstill_gap) / time_gap.
 
-    The gap is from outline to outline along the way; it grows without bound towards the edge of the strip, so that
-    nobody counts of a sudden.
+    The gap is the clearance along the path. It grows without bound towards the edge of the strip, so that the speed
+    changes continuously when a pedestrian enters the strip.
 
     Args:
-        ahead, aside: (M, M), m, of row j from column i, along and across the way that i wants to go.
-        touching: (M, M), m, how far apart their centres are when they touch.
-        weight: (M, M), how much column i minds row j: gaps to those who count less seem wider.
-        strip: what is needed ahead.
+        ahead, aside: (M, M), m, of j (row) relative to i (column), along and across i's path.
+        contact_distance: (M, M), m, distance of centres at contact.
+        weight: (M, M), how much i (column) attends to j (row), in [0, 1]; smaller weights enlarge the gap.
+        headway: the space needed ahead.
 
     Returns:
-        (M,), m/s, 0 or more; inf where nobody is ahead.
+        (M,), m/s, not negative; inf where the strip is empty.
 
     Source: Tordeux, Chraibi & Seyfried, Traffic and Granular Flow '15 (2016) 225, eq. 2; the soft edge is ours.
     """
-    edge = (aside * aside) / (strip.breadth * strip.breadth)
-    share = weight * (1.0 - edge * edge)
-    counts = (ahead > 0.0) & (share > 0.0)
-    gap = (ahead - touching - strip.distance) / (np.where(counts, share, 1.0) * strip.time)
-    least: Array = np.minimum.reduce(np.where(counts, gap, np.inf), axis=0)
-    return np.maximum(least, 0.0)
+    edge = (aside * aside) / (headway.half_width * headway.half_width)
+    effect = weight * (1.0 - edge * edge)
+    counts = (ahead > 0.0) & (effect > 0.0)
+    gap = ahead - contact_distance - headway.standstill_gap
+    speed = gap / (np.where(counts, effect, 1.0) * headway.time_gap)
+    minimum: Array = np.minimum.reduce(np.where(counts, speed, np.inf), axis=0)
+    return np.maximum(minimum, 0.0)
 
 
-ANGLES = (0.0, 25.0, -25.0, 50.0, -50.0, 75.0, -75.0)  # degrees from the way that one wants to go, left positive
+ANGLES = (0.0, 25.0, -25.0, 50.0, -50.0, 75.0, -75.0)  # degrees from the desired direction, positive to the left
 _TURNS = unit_vectors(np.array(ANGLES) * (PI / 180.0))  # (K, 2)
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
-    """How a way is chosen.
+class Steering:
+    """How a walking direction is chosen.
 
     Attributes:
-        outlook: s, that one looks ahead for a way.
-        side: m/s, by which directions to the right promise more.
-        habit: m/s, by which the direction that one goes already promises more: a side once taken is kept.
-        decision: m/s, the loss of promise at which a direction counts 1/e.
-        queueing: 0..1, how little those who go the same way are walked round: 1 follows them, 0 overtakes.
+        look_ahead_time: time for which the motion of others is predicted, s.
+        side_bonus: additional value of directions to the right, m/s; negative: to the left.
+        habit_bonus: additional value of the current direction, m/s, so that a chosen side is kept.
+        temperature: difference of values at which the weight of a direction falls to 1/e, m/s.
+        queueing: in [0, 1]; 1 follows pedestrians that walk in the same direction, 0 overtakes them.
     """
 
-    outlook: float
-    side: float
-    habit: float
-    decision: float
+    look_ahead_time: float
+    side_bonus: float
+    habit_bonus: float
+    temperature: float
     queueing: float
 
 
-def steered(
-    dx: Array, dy: Array, velocity: Array, direction: Array, desired_speed: Array, touching: Array, weight: Array,
-    *, choice: Choice, strip: Strip,
+def steer(
+    dx: Array, dy: Array, velocity: Array, direction: Array, desired_speed: Array, contact_distance: Array,
+    weight: Array, *, steering: Steering, headway: Headway,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Where to walk, and how fast, so as to get on best.
+    """Choose the direction and speed with the best progress.
 
-    Each direction promises the speed that its gap allows, times its cosine with the way; who comes against one counts
-    as so much nearer, and who goes away as so much farther off, as they walk in the outlook. Directions are mixed by
-    their promises, so that a small change of the world is a small change of the way.
+    The value of a direction is the speed that its headway permits, times its cosine with the desired direction.
+    Oncoming pedestrians count as nearer, and receding ones as farther, by the distance that they walk within the
+    look-ahead time. The result is the mean of the directions weighted by their values, so that a small change of the
+    positions changes the direction by little.
 
     Args:
         dx, dy: (M, M), m, from column i to row j.
         velocity: (M, 2), m/s.
-        direction: (M, 2), unit vectors, or zero for who does not walk.
+        direction: (M, 2), desired directions, unit vectors; zero for agents that stand.
         desired_speed: (M,), m/s.
-        touching, weight, strip: as in `free_speed`.
-        choice: how they choose.
+        contact_distance, weight, headway: as in `headway_speed`.
+        steering: the parameters of the choice.
 
     Returns:
-        Unit vectors (M, 2), or zero; and (M,), m/s.
+        Directions (M, 2), unit vectors or zero, and speeds (M,), m/s.
 
     Source: the idea is that of Moussaïd, Helbing & Theraulaz, PNAS 108 (2011) 6884; gaps instead of lines of sight.
     """
     ex, ey = direction[:, 0], direction[:, 1]
     ahead, aside = dx * ex + dy * ey, dx * ey - dy * ex
-    vx, vy = velocity[:, 0, None] * choice.outlook, velocity[:, 1, None] * choice.outlook
-    later, off = vx * ex + vy * ey, vx * ey - vy * ex  # m, that row j walks along and across the way of column i
-    free = free_speed(ahead, aside, touching, weight, strip)
-    soon = free_speed(_later(ahead, later), aside, touching, weight, strip)
-    held = np.flatnonzero((np.minimum(free, soon) < desired_speed) & (direction != 0.0).any(axis=1))
+    vx, vy = velocity[:, 0, None] * steering.look_ahead_time, velocity[:, 1, None] * steering.look_ahead_time
+    move_ahead, move_aside = vx * ex + vy * ey, vx * ey - vy * ex  # m, displacement of j along and across i's path
+    free_speed = headway_speed(ahead, aside, contact_distance, weight, headway)
+    future_speed = headway_speed(_predicted(ahead, move_ahead), aside, contact_distance, weight, headway)
+    # Only pedestrians that are held up choose a direction; the others keep the desired one.
+    is_held = (np.minimum(free_speed, future_speed) < desired_speed) & (direction != 0.0).any(axis=1)
+    held = np.flatnonzero(is_held)
     if len(held) == 0:
-        return direction, np.minimum(free, desired_speed)
-    held = np.append(held, held[:1])  # an array one wide would be summed in another order
-    promise = np.empty((len(ANGLES), len(held)))
-    own, wanted = direction[held], desired_speed[held]
-    ahead, aside, touching, weight = ahead[:, held], aside[:, held], touching[:, held], weight[:, held]
-    later, off = later[:, held], off[:, held]
-    alike = direction[:, 0, None] * own[:, 0] + direction[:, 1, None] * own[:, 1]
-    in_the_way = weight * (1.0 - choice.queueing * np.minimum(np.maximum(2.0 * alike, 0.0), 1.0))
-    goes = _going(velocity[held], own)
+        return direction, np.minimum(free_speed, desired_speed)
+    held = np.append(held, held[:1])  # NumPy sums a single column pairwise; duplicate it to keep the sequential order
+    value = np.empty((len(ANGLES), len(held)))
+    held_direction, held_speed = direction[held], desired_speed[held]
+    ahead, aside, contact_distance = ahead[:, held], aside[:, held], contact_distance[:, held]
+    move_ahead, move_aside, weight = move_ahead[:, held], move_aside[:, held], weight[:, held]
+    alignment = direction[:, 0, None] * held_direction[:, 0] + direction[:, 1, None] * held_direction[:, 1]
+    obstruction = weight * (1.0 - steering.queueing * np.minimum(np.maximum(2.0 * alignment, 0.0), 1.0))
+    current = _relative_direction(velocity[held], held_direction)
     for k, (c, s) in enumerate(_TURNS.tolist()):
-        there = _later(ahead * c - aside * s, later * c - off * s)
-        speed = free_speed(there, ahead * s + aside * c, touching, in_the_way, strip)
-        promise[k] = np.minimum(speed, wanted) * c - choice.side * s + choice.habit * (goes[:, 0] * c + goes[:, 1] * s)
-    share = exp((promise - np.maximum.reduce(promise, axis=0)) / choice.decision)
-    x, y = (np.add.reduce(share * _TURNS[:, k, None], axis=0) for k in (0, 1))
+        future = _predicted(ahead * c - aside * s, move_ahead * c - move_aside * s)
+        speed = headway_speed(future, ahead * s + aside * c, contact_distance, obstruction, headway)
+        habit = steering.habit_bonus * (current[:, 0] * c + current[:, 1] * s)
+        value[k] = np.minimum(speed, held_speed) * c - steering.side_bonus * s + habit
+    mix = exp((value - np.maximum.reduce(value, axis=0)) / steering.temperature)
+    x, y = (np.add.reduce(mix * _TURNS[:, k, None], axis=0) for k in (0, 1))
     size = np.maximum(np.sqrt(x * x + y * y), 1e-6)
     x, y = x / size, y / size
-    way, pace = direction.copy(), np.minimum(free, desired_speed)
-    way[held, 0], way[held, 1] = own[:, 0] * x - own[:, 1] * y, own[:, 1] * x + own[:, 0] * y
-    there, across = ahead * x - aside * y, ahead * y + aside * x
-    pace[held] = np.minimum(free_speed(there, across, touching, weight, strip), wanted)
-    return way, pace
+    chosen, speed = direction.copy(), np.minimum(free_speed, desired_speed)
+    chosen[held, 0] = held_direction[:, 0] * x - held_direction[:, 1] * y
+    chosen[held, 1] = held_direction[:, 1] * x + held_direction[:, 0] * y
+    along, across = ahead * x - aside * y, ahead * y + aside * x
+    speed[held] = np.minimum(headway_speed(along, across, contact_distance, weight, headway), held_speed)
+    return chosen, speed
 
 
-def _going(velocity: Array, own: Array) -> Array:
-    """(B, 2): the way they go now, ahead and left of the way they want to go; below 1 m/s less than a unit vector."""
+def _relative_direction(velocity: Array, direction: Array) -> Array:
+    """The current direction of motion (B, 2) in the frame of the desired one: ahead, left.
+
+    A unit vector; below 1 m/s shorter in proportion to the speed.
+    """
     x, y = velocity[:, 0], velocity[:, 1]
     size = np.maximum(np.sqrt(x * x + y * y), 1.0)
-    return np.stack(((x * own[:, 0] + y * own[:, 1]) / size, (y * own[:, 0] - x * own[:, 1]) / size), axis=1)
+    return np.stack(
+        ((x * direction[:, 0] + y * direction[:, 1]) / size, (y * direction[:, 0] - x * direction[:, 1]) / size), axis=1
+    )
 
 
-def _later(ahead: Array, by: Array) -> Array:
-    """How far ahead others count as being, m: those ahead stay ahead."""
-    later: Array = np.where(ahead > 0.0, np.maximum(ahead + by, 1e-3), ahead)
-    return later
+def _predicted(ahead: Array, displacement: Array) -> Array:
+    """Distance ahead after a displacement, m; others that are ahead stay ahead, and others behind are unchanged."""
+    predicted: Array = np.where(ahead > 0.0, np.maximum(ahead + displacement, 1e-3), ahead)
+    return predicted
 
 
-BACKWARDS = 0.2  # of the speed ahead, that is gone backwards
+BACKWARDS_SPEED = 0.2  # backward speed as a fraction of the forward speed
 
 
 @dataclass(frozen=True, slots=True)
 class Sonata2026:
-    """Its parameters, found by `benchmarks/calibrate.py` and by hand: docs/models.md says which."""
+    """Parameters, found by `benchmarks/calibrate.py` and set by hand; `docs/models.md` says which.
+
+    The terms that use them describe them: `TimeConstants`, `Headway`, `Steering`, `anticipation_acceleration`,
+    `proximity_acceleration`, `wall_acceleration` and `group_cohesion_acceleration`.
+    """
 
     relaxation_time: float = 0.61  # s
     following_time: float = 2.0  # s
     starting_time: float = 0.16  # s
     turning_time: float = 0.36  # s
-    breadth: float = 0.3  # m
-    standstill: float = -0.13  # m
-    headway: float = 0.95  # s
-    decision: float = 0.08  # m/s
-    habit: float = 0.5  # m/s
-    outlook: float = 1.18  # s
+    headway_half_width: float = 0.3  # m
+    standstill_gap: float = -0.13  # m
+    time_gap: float = 0.95  # s
+    temperature: float = 0.08  # m/s
+    habit_bonus: float = 0.5  # m/s
+    look_ahead_time: float = 1.18  # s
     queueing: float = 1.0
-    bias: float = 0.08  # m/s
-    foresight: float = 1.01  # m/s2
-    foresight_reach: float = 0.47  # m
-    horizon: float = 0.9  # s
-    side: float = 0.1  # m
-    nearness: float = 0.45  # m/s2
-    nearness_reach: float = 0.22  # m
+    side_bonus: float = 0.08  # m/s
+    anticipation_strength: float = 1.01  # m/s^2
+    anticipation_decay_length: float = 0.47  # m
+    anticipation_decay_time: float = 0.9  # s
+    anticipation_offset: float = 0.1  # m
+    proximity_strength: float = 0.45  # m/s^2
+    proximity_decay_length: float = 0.22  # m
     anisotropy: float = 0.47
-    wall_strength: float = 0.2  # m/s2
-    wall_reach: float = 0.05  # m
-    abreast: float = 0.25  # 1/s2
-    cohesion: float = 0.4  # 1/s2
+    wall_strength: float = 0.2  # m/s^2
+    wall_decay_length: float = 0.05  # m
+    abreast: float = 0.25  # 1/s^2
+    cohesion: float = 0.4  # 1/s^2
     spacing: float = 0.85  # m
-    among_group: float = 0.42  # how much members mind each other who have goals of their own
+    group_attention: float = 0.42  # attention between members of a group with goals of their own
 
 
 class Sonata2026Model:
-    """Walk at the speed that the gap ahead allows, keep off where others will be, and a little off who is near."""
+    """Headway, steering, anticipation, proximity, walls and group cohesion; parameters in `Sonata2026`."""
 
     evaluations = 1
     headed = False
 
     def __init__(self, scene: Scene) -> None:
-        law = PARAMETERS
-        self._barriers, self._side, self._law = scene.barriers, scene.rules.side, law
+        p = PARAMETERS  # read here, so that `benchmarks/calibrate.py` can replace it
+        self._barriers, self._side, self._parameters = scene.barriers, scene.rules.side, p
         radius = np.array([*(human.radius for human in scene.humans), scene.robot.radius], dtype=float)
-        self._gait = Gait(law.relaxation_time, law.following_time, law.starting_time, law.turning_time)
-        self._strip = Strip(law.breadth, law.standstill, law.headway)
-        self._choice = Choice(law.outlook, self._side * law.bias, law.habit, law.decision, law.queueing)
-        self._touching = radius[:, None] + radius[None, :]
+        self._times = TimeConstants(p.relaxation_time, p.following_time, p.starting_time, p.turning_time)
+        self._headway = Headway(p.headway_half_width, p.standstill_gap, p.time_gap)
+        self._steering = Steering(
+            p.look_ahead_time, self._side * p.side_bonus, p.habit_bonus, p.temperature, p.queueing
+        )
+        self._contact_distance = radius[:, None] + radius[None, :]
 
     def acceleration(self, walkers: Walkers) -> Array:
-        law, position, velocity, touching = self._law, walkers.position, walkers.velocity, self._touching
+        p, contact_distance = self._parameters, self._contact_distance
+        position, velocity = walkers.position, walkers.velocity
         dx, dy = (position[:, None, k] - position[None, :, k] for k in (0, 1))  # from i (column) to j (row)
-        weight = walkers.weight
+        weight = pair_weights(walkers)
         if walkers.member is not None and walkers.bond is not None:
-            less = (1.0 - law.among_group) * (1.0 - walkers.bond)
-            weight = weight * (1.0 - less * walkers.member)
-        way, speed = steered(
-            dx, dy, velocity, walkers.desired_direction, walkers.desired_speed, touching, weight,
-            choice=self._choice, strip=self._strip,
+            # Members that keep less to their group (bond < 1) attend less to the other members.
+            reduction = (1.0 - p.group_attention) * (1.0 - walkers.bond)
+            weight = weight * (1.0 - reduction * walkers.member)
+        direction, speed = steer(
+            dx, dy, velocity, walkers.desired_direction, walkers.desired_speed, contact_distance, weight,
+            steering=self._steering, headway=self._headway,
         )  # fmt: skip
-        faces = walkers.body_direction[:, 0] * way[:, 0] + walkers.body_direction[:, 1] * way[:, 1]
-        speed = speed * np.minimum(np.maximum(1.0 + faces, BACKWARDS), 1.0)  # who faces away turns before they walk
-        total = paced_acceleration(velocity, way, speed, walkers.desired_speed, self._gait)
+        # Pedestrians that face away from their direction turn before they walk.
+        facing = walkers.body_direction[:, 0] * direction[:, 0] + walkers.body_direction[:, 1] * direction[:, 1]
+        speed = speed * np.minimum(np.maximum(1.0 + facing, BACKWARDS_SPEED), 1.0)
+        total = adaptive_acceleration(velocity, direction, speed, walkers.desired_speed, self._times)
         if walkers.member is not None and walkers.bond is not None:
-            total += company_acceleration(
-                dx, dy, walkers.desired_direction, walkers.member, walkers.bond, cohesion=law.cohesion,
-                spacing=law.spacing, abreast=law.abreast,
+            total += group_cohesion_acceleration(
+                dx, dy, walkers.desired_direction, walkers.member, walkers.bond, cohesion=p.cohesion,
+                spacing=p.spacing, abreast=p.abreast,
             )  # fmt: skip
         total += anticipation_acceleration(
-            dx, dy, velocity, weight, touching, strength=law.foresight, reach=law.foresight_reach,
-            horizon=law.horizon, side=self._side * law.side,
+            dx, dy, velocity, weight, contact_distance, strength=p.anticipation_strength,
+            decay_length=p.anticipation_decay_length, decay_time=p.anticipation_decay_time,
+            offset=self._side * p.anticipation_offset,
         )  # fmt: skip
-        total += nearness_acceleration(
-            dx, dy, walkers.desired_direction, weight, touching, strength=law.nearness, reach=law.nearness_reach,
-            anisotropy=law.anisotropy,
+        total += proximity_acceleration(
+            dx, dy, walkers.desired_direction, weight, contact_distance, strength=p.proximity_strength,
+            decay_length=p.proximity_decay_length, anisotropy=p.anisotropy,
         )  # fmt: skip
         total += wall_acceleration(
-            position, walkers.radius, self._barriers, strength=law.wall_strength, reach=law.wall_reach
+            position, walkers.radius, self._barriers, strength=p.wall_strength, decay_length=p.wall_decay_length
         )
         return total
 

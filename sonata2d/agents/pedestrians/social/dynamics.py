@@ -1,4 +1,4 @@
-"""Social life: people go to things and to each other, talk a while and part, and leave what they were about."""
+"""`SocialDynamics`: pedestrians visit objects, join groups, stop to talk, and leave again."""
 
 from __future__ import annotations
 
@@ -13,225 +13,260 @@ from ....core.humans import Humans
 from ....core.portable_math import Array
 from ....core.rng import RandomStream
 from ....core.scene import Scene
-from ..wayfinding import Wanderers
-from .f_formations import LARGEST, MEETING, apart, free_places, widened
+from ..wayfinding import Wayfinding
+from .f_formations import MAXIMUM_MEMBERS, PAIR_DISTANCE, distance, joining_positions, widen
 from .state import SocialState
 
-USES = {"laptop": AT_LAPTOP, "plant": AT_PLANT}
-DULL = ("table", "chair")  # nobody goes to see these
-BEFORE = 0.45  # m, between the outlines of a person and of the thing they attend to
-THERE = 0.4  # m, from the place that one goes to, when one is there
-ON_THE_WAY = 25.0  # s, after which who has not got there gives up
-MEET, APART = 2.2, 3.5  # m: who comes so near may stop to talk; and is asked again when they were so far apart
-ELBOW = 0.7  # m, between places that people go to
-ALONE = 2.0  # s, that who talked stays when the others are gone
+OBJECT_RELATIONS = {"laptop": AT_LAPTOP, "plant": AT_PLANT}  # AT_OBJECT for all other types
+NOT_VISITED = ("table", "chair")
+OBJECT_CLEARANCE = 0.45  # m, between the outlines of a pedestrian and the object that it attends to
+ARRIVAL_DISTANCE = 0.4  # m, from the position of a task
+APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
+MEETING_DISTANCE, SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
+POSITION_SPACING = 0.7  # m, between the positions of two tasks
+LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
 
 
 @dataclass(slots=True)
 class _Task:
-    """What somebody has in mind: a place to go to, for a thing (id) or a person (index); or until when to stay."""
+    """An object visit or a conversation of one pedestrian, from its choice to its end.
 
-    place: Point
-    front: Point
-    thing: int | None = None
-    person: int | None = None
-    until: int = 0  # tick: while on the way, when to give up
-    is_there: bool = False
-
-
-class SocialLife:
-    """Changes the company from tick to tick, as `Scene.social` says. Nobody is moved: all walk to their places.
-
-    Each person decides by a stream of chance of their own. Who walks in a group stays with it.
-
-    Args:
-        scene: the chances, the things and the people.
-        company: is kept up to date.
-        wanderers: are sent and let go.
+    Attributes:
+        position: where to stand, m.
+        facing_point: what to face, m.
+        object_id: the object to attend to, if any.
+        partner: index of a pedestrian to join, if any.
+        until: tick at which the task ends, or, on the way there, at which it is given up.
+        has_arrived: False on the way to the position.
     """
 
-    def __init__(self, scene: Scene, social: SocialState, wanderers: Wanderers) -> None:
-        self._scene, self._state, self._wanderers = scene, social, wanderers
+    position: Point
+    facing_point: Point
+    object_id: int | None = None
+    partner: int | None = None
+    until: int = 0
+    has_arrived: bool = False
+
+
+class SocialDynamics:
+    """Changes the social state from tick to tick, with the probabilities of `Scene.social`.
+
+    Positions are never set: pedestrians walk to where they will stand. Each pedestrian's choices are drawn from its own
+    random stream. Members of walking groups stay with their group.
+
+    Args:
+        scene: the probabilities, objects and pedestrians.
+        social: the social state, which is updated.
+        wayfinding: receives the destinations of pedestrians with a task.
+    """
+
+    def __init__(self, scene: Scene, social: SocialState, wayfinding: Wayfinding) -> None:
+        humans = scene.humans
+        self._scene, self._social, self._wayfinding = scene, social, wayfinding
         self._settings, self._dt = scene.social, scene.rules.dt
-        self._rng = [RandomStream(scene.seed, scene.episode, "company", human.id) for human in scene.humans]
+        self._rng = [RandomStream(scene.seed, scene.episode, "company", human.id) for human in humans]
         grouped = {member for group in scene.groups if group.kind == "walking" for member in group.members}
-        own_way = ("walking", "recorded")
-        self._free = [h.id not in grouped and h.behaviour not in own_way for h in scene.humans]
-        self._free = [free and stays for free, stays in zip(self._free, social.stays, strict=True)]
+        has_own_path = ("walking", "recorded")
+        self._may_take_part = [
+            h.id not in grouped and h.behaviour not in has_own_path and is_always_present
+            for h, is_always_present in zip(humans, social.is_always_present, strict=True)
+        ]
         self._tasks: dict[int, _Task] = {}
-        self._rested = set(range(len(scene.humans)))  # who may take up something when they next choose a way
-        self._met = np.ones((len(scene.humans), len(scene.humans)), dtype=bool)
-        self._tick, self._position = 0, social.home
+        self._has_walked = set(range(len(humans)))  # no task since the last walk: may take one on the next arrival
+        self._have_met = np.ones((len(humans), len(humans)), dtype=bool)  # since they were last SEPARATION apart
+        self._tick, self._position = 0, social.standing_position
         if self._settings.is_lively:
-            wanderers.errand = self._take_up
-            self._plan_to_leave()
+            wayfinding.choose_task = self._choose_task
+            self._plan_initial_departures()
 
     def update(self, tick: int, humans: Humans) -> None:
-        """Who has arrived stays, whose time is over goes, who meets may stop; before the wanderers are asked."""
+        """Advance by one tick: arrivals, ends of tasks and meetings. Call it before `Wayfinding.update`.
+
+        Args:
+            tick: that begins.
+            humans: one row for each human of the scene.
+        """
         if not self._settings.is_lively:
             return
         self._tick, self._position = tick, humans.position
-        before = self._state.walks.copy()
+        was_walking = self._social.is_walking.copy()
         for k, task in list(self._tasks.items()):
-            self._go_on(k, task)
+            self._advance_task(k, task)
         if self._settings.meets > 0.0:
-            self._meet(humans)
-        if (before != self._state.walks).any():
-            self._wanderers.go_round(self._state.standing(), self._state.shared())
+            self._start_meetings(humans)
+        if (was_walking != self._social.is_walking).any():
+            self._wayfinding.set_obstacles(self._social.standing_humans(), self._social.shared_spaces())
 
-    def _plan_to_leave(self) -> None:
-        """Some of those who attend to somebody or something at the start will go; who comes and goes has no time."""
-        for k in np.flatnonzero(~self._state.walks).tolist():
-            busy = self._state.has_thing[k] or self._state.partners[k]
-            if busy and self._state.stays[k] and self._rng[k].uniform() < self._settings.leaves:
-                is_talk = not self._state.has_thing[k]
-                home = _point(self._state.home[k])
-                self._tasks[k] = _Task(home, home, until=self._time(k, is_talk), is_there=True)
+    def _plan_initial_departures(self) -> None:
+        """Choose which pedestrians with an interaction at the start will leave it, and when."""
+        for k in np.flatnonzero(~self._social.is_walking).tolist():
+            has_object = self._social.has_object[k]
+            has_interaction = has_object or self._social.partners[k]
+            # Pedestrians with a limited presence draw nothing: they arrive and leave by their own schedule.
+            if has_interaction and self._social.is_always_present[k] and self._rng[k].uniform() < self._settings.leaves:
+                position = _point(self._social.standing_position[k])
+                until = self._draw_end(k, is_talk=not has_object)
+                self._tasks[k] = _Task(position, position, until=until, has_arrived=True)
 
-    def _time(self, k: int, is_talk: bool) -> int:
-        """The tick until which somebody stays."""
+    def _draw_end(self, k: int, *, is_talk: bool) -> int:
+        """The tick until which pedestrian k stays."""
         low, high = self._settings.talk_time if is_talk else self._settings.visit_time
         return self._tick + int(self._rng[k].uniform(low, high) / self._dt)
 
-    def _go_on(self, k: int, task: _Task) -> None:
-        """What somebody with something in mind does now."""
-        if task.is_there:
+    def _advance_task(self, k: int, task: _Task) -> None:
+        """End the task of pedestrian k if it is over or has become impossible; start its activity on arrival."""
+        if task.has_arrived:
             if self._tick >= task.until:
                 self._leave(k)
             return
-        gone = task.person is not None and self._state.walks[task.person]
-        if gone or self._tick >= task.until:
+        partner_left = task.partner is not None and self._social.is_walking[task.partner]
+        if partner_left or self._tick >= task.until:
             self._leave(k)
-        elif apart(_point(self._position[k]), task.place) < THERE:
+        elif distance(_point(self._position[k]), task.position) < ARRIVAL_DISTANCE:
             self._arrive(k, task)
 
     def _leave(self, k: int) -> None:
-        """Somebody goes off to wander; who is left alone by that, and came to talk, soon goes as well."""
-        left = self._state.partners[k]
+        """Pedestrian k wanders off; newcomers that are left alone by this leave soon after."""
+        partners = self._social.partners[k]
         del self._tasks[k]
-        self._state.walk(k)
-        self._wanderers.let_go(k, _point(self._position[k]))
-        for other in left:
-            if other in self._tasks and not self._state.partners[other]:
-                self._tasks[other].until = min(self._tasks[other].until, self._tick + int(ALONE / self._dt))
+        self._social.start_walking(k)
+        self._wayfinding.start_wandering(k, _point(self._position[k]))
+        for partner in partners:
+            if partner in self._tasks and not self._social.partners[partner]:
+                end = self._tick + int(LEFT_ALONE_TIME / self._dt)
+                self._tasks[partner].until = min(self._tasks[partner].until, end)
 
     def _arrive(self, k: int, task: _Task) -> None:
-        """Somebody is where they wanted to be: with whom or with what, from this moment on."""
-        me = self._scene.humans[k].id
-        if task.person is None:
-            thing = next(thing for thing in self._scene.furniture if thing.id == task.thing)
-            ties = [Interaction(me, USES.get(thing.type, AT_OBJECT), thing.id)]
+        """Pedestrian k has reached the position of its task: its interactions begin."""
+        own_id = self._scene.humans[k].id
+        if task.partner is None:
+            thing = next(thing for thing in self._scene.furniture if thing.id == task.object_id)
+            interactions = [Interaction(own_id, OBJECT_RELATIONS.get(thing.type, AT_OBJECT), thing.id)]
         else:
-            others = sorted([task.person, *self._state.partners[task.person]])
-            ties = self._state.talk(k, others)
-            self._make_room(others, task.front, len(others) + 1)
-        self._wanderers.rest(k)
-        self._state.stand(k, task.place, task.front, ties)
-        task.is_there, task.until = True, self._time(k, task.person is not None)
+            members = sorted([task.partner, *self._social.partners[task.partner]])
+            interactions = self._social.talking_interactions(k, members)
+            self._widen_formation(members, task.facing_point, len(members) + 1)
+        self._wayfinding.stop(k)
+        self._social.start_standing(k, task.position, task.facing_point, interactions)
+        task.has_arrived, task.until = True, self._draw_end(k, is_talk=task.partner is not None)
 
-    def _make_room(self, members: list[int], centre: Point, count: int) -> None:
-        """Those in a circle step back where one of that many wants a larger one, as far as there is room."""
+    def _widen_formation(self, members: list[int], centre: Point, count: int) -> None:
+        """Move members outwards to the radius of a formation of `count`, as far as there is room."""
         for member in members:
-            place = widened(_point(self._state.home[member]), centre, count)
-            if self._wanderers.is_open(centre, place):
-                self._state.home[member] = place
+            position = widen(_point(self._social.standing_position[member]), centre, count)
+            if self._wayfinding.is_open(centre, position):
+                self._social.standing_position[member] = position
 
-    def _take_up(self, k: int, place: Point) -> bool:
-        """Whether a wanderer who would choose a way goes to a thing, or to somebody, instead."""
-        if not self._free[k] or self._tick == 0 or k not in self._rested:
-            self._rested.add(k)
+    def _choose_task(self, k: int, position: Point) -> bool:
+        """Called when wandering pedestrian k needs a destination: whether it is sent to a task instead.
+
+        After a task a pedestrian wanders to another place before it may take the next one.
+        """
+        if not self._may_take_part[k] or self._tick == 0 or k not in self._has_walked:
+            self._has_walked.add(k)
             return False
-        share = self._rng[k].uniform()
-        if share < self._settings.visits:
-            found = self._things(k, place)
-        elif share < self._settings.visits + self._settings.joins:
-            found = self._people(k, place)
+        draw = self._rng[k].uniform()
+        if draw < self._settings.visits:
+            found = self._object_tasks(k, position)
+        elif draw < self._settings.visits + self._settings.joins:
+            found = self._joining_tasks(position)
         else:
             return False
-        tasks = [task for task in found if self._is_free(task.place)]
+        tasks = [task for task in found if self._is_unclaimed(task.position)]
         if not tasks:
             return False
         task = self._rng[k].choice(tasks)
-        task.until = self._tick + int(ON_THE_WAY / self._dt)
-        if not self._wanderers.lead(k, place, task.place):
+        task.until = self._tick + int(APPROACH_TIME / self._dt)
+        if not self._wayfinding.send_to(k, position, task.position):
             return False
         self._tasks[k] = task
-        self._rested.discard(k)
+        self._has_walked.discard(k)
         return True
 
-    def _things(self, k: int, place: Point) -> Iterator[_Task]:
-        """A place before each thing that is worth a look and free."""
-        sought = {task.thing for task in self._tasks.values()}
+    def _object_tasks(self, k: int, position: Point) -> Iterator[_Task]:
+        """A task for each object that is worth a visit and that no other pedestrian attends to or goes to."""
+        claimed = {task.object_id for task in self._tasks.values()}
         for thing in self._scene.furniture:
-            if thing.type in DULL or thing.id in sought or not self._state.is_free(thing.id):
+            if thing.type in NOT_VISITED or thing.id in claimed or not self._social.is_unattended(thing.id):
                 continue
-            spot = self._before(thing, place, self._scene.humans[k].radius)
-            if self._wanderers.is_open(spot, spot):
-                yield _Task(spot, thing.pose.position, thing=thing.id)
+            target = self._position_at(thing, position, self._scene.humans[k].radius)
+            if self._wayfinding.is_open(target, target):
+                yield _Task(target, thing.pose.position, object_id=thing.id)
 
-    def _before(self, thing: Furniture, place: Point, radius: float) -> Point:
-        """Where one stands at a thing: at its front, its right side (-y); at a round one on the side one comes from."""
+    def _position_at(self, thing: Furniture, position: Point, radius: float) -> Point:
+        """Where to stand at an object, m: in front of its right side (-y), at a disc on the side of the pedestrian.
+
+        Args:
+            thing: the object; it may lie on another one.
+            position: of the pedestrian, m.
+            radius: of the pedestrian, m.
+        """
         carrier = next((other for other in self._scene.furniture if other.id == thing.on), thing)
         if isinstance(thing.shape, Disc):
             x, y = thing.pose.position
-            share = (thing.shape.radius + BEFORE + radius) / max(apart(place, (x, y)), 1e-6)
-            return x + (place[0] - x) * share, y + (place[1] - y) * share
-        deep = carrier.shape.width / 2 if isinstance(carrier.shape, Rectangle) else carrier.shape.reach
+            gap = thing.shape.radius + OBJECT_CLEARANCE + radius
+            scale = gap / max(distance(position, (x, y)), 1e-6)
+            return x + (position[0] - x) * scale, y + (position[1] - y) * scale
+        depth = carrier.shape.width / 2 if isinstance(carrier.shape, Rectangle) else carrier.shape.circumradius
         dx, dy = carrier.pose.x - thing.pose.x, carrier.pose.y - thing.pose.y
         hx, hy = thing.pose.direction
-        out = dx * hy - dy * hx + deep + BEFORE + radius
-        return thing.pose.x + hy * out, thing.pose.y - hx * out
+        offset = dx * hy - dy * hx + depth + OBJECT_CLEARANCE + radius
+        return thing.pose.x + hy * offset, thing.pose.y - hx * offset
 
-    def _people(self, k: int, place: Point) -> Iterator[_Task]:
-        """A free place with everybody who stands and attends to nothing, in the best place of each circle."""
-        for other in np.flatnonzero(~self._state.walks & ~self._state.has_thing).tolist():
-            circle = [other, *self._state.partners[other]]
-            coming = sum(task.person in circle and not task.is_there for task in self._tasks.values())
-            if not self._state.stays[other] or other != min(circle) or len(circle) + coming >= LARGEST:
+    def _joining_tasks(self, position: Point) -> Iterator[_Task]:
+        """A task for each formation with room: the best open position beside pedestrians that stand or talk."""
+        for k in np.flatnonzero(~self._social.is_walking & ~self._social.has_object).tolist():
+            members = [k, *self._social.partners[k]]
+            coming = sum(task.partner in members and not task.has_arrived for task in self._tasks.values())
+            # Each formation is considered once, by its first member.
+            if not self._social.is_always_present[k] or k != min(members) or len(members) + coming >= MAXIMUM_MEMBERS:
                 continue
-            homes = [_point(self._state.home[member]) for member in circle]
-            for centre, spot in free_places(homes, _point(self._state.front[other]), place):
-                if self._wanderers.is_open(centre, spot) and self._is_free(spot):
-                    yield _Task(spot, centre, person=other)
+            places = [_point(self._social.standing_position[member]) for member in members]
+            for centre, target in joining_positions(places, _point(self._social.facing_point[k]), position):
+                if self._wayfinding.is_open(centre, target) and self._is_unclaimed(target):
+                    yield _Task(target, centre, partner=k)
                     break
 
-    def _is_free(self, place: Point) -> bool:
-        """Whether nobody else is on their way to there."""
-        return all(apart(place, task.place) > ELBOW for task in self._tasks.values() if not task.is_there)
+    def _is_unclaimed(self, position: Point) -> bool:
+        """Whether no other pedestrian is on its way to a position near this one."""
+        on_the_way = [task for task in self._tasks.values() if not task.has_arrived]
+        return all(distance(position, task.position) > POSITION_SPACING for task in on_the_way)
 
-    def _meet(self, humans: Humans) -> None:
-        """Wanderers who have come near each other may stop and talk."""
-        idle = [k for k in np.flatnonzero(self._state.walks).tolist() if self._free[k] and k not in self._tasks]
-        if len(idle) < 2:
+    def _start_meetings(self, humans: Humans) -> None:
+        """Let pairs of wandering pedestrians that come near each other stop and talk."""
+        walking = np.flatnonzero(self._social.is_walking).tolist()
+        candidates = [k for k in walking if self._may_take_part[k] and k not in self._tasks]
+        if len(candidates) < 2:
             return
-        place = humans.position
-        x, y = (place[:, None, axis] - place[None, :, axis] for axis in (0, 1))
+        position = humans.position
+        x, y = (position[:, None, axis] - position[None, :, axis] for axis in (0, 1))
         square = x * x + y * y
-        self._met &= square < APART * APART
-        near = (square < MEET * MEET) & ~self._met
-        self._met |= near
-        taken: set[int] = set()
-        for i in idle:
-            for j in np.flatnonzero(near[i, i + 1 :]).tolist():
+        self._have_met &= square < SEPARATION * SEPARATION
+        meets = (square < MEETING_DISTANCE * MEETING_DISTANCE) & ~self._have_met
+        self._have_met |= meets
+        stopped: set[int] = set()
+        for i in candidates:
+            for j in np.flatnonzero(meets[i, i + 1 :]).tolist():
                 j += i + 1
-                if j in idle and not {i, j} & taken and self._rng[i].uniform() < self._settings.meets:
-                    taken |= {i, j} if self._stop(i, j) else set()
+                is_possible = j in candidates and not {i, j} & stopped
+                if is_possible and self._rng[i].uniform() < self._settings.meets and self._stop_to_talk(i, j):
+                    stopped |= {i, j}
 
-    def _stop(self, i: int, j: int) -> bool:
-        """Two stop where they meet and talk, if there is room."""
-        (ax, ay), (bx, by) = _point(self._position[i]), _point(self._position[j])
-        middle, double = ((ax + bx) / 2, (ay + by) / 2), 2 * max(apart((ax, ay), (bx, by)), 1e-6)
-        ux, uy = (ax - bx) * MEETING / double, (ay - by) * MEETING / double
-        places = (middle[0] + ux, middle[1] + uy), (middle[0] - ux, middle[1] - uy)
-        if not all(self._wanderers.is_open(middle, place) for place in places):
+    def _stop_to_talk(self, i: int, j: int) -> bool:
+        """Let two pedestrians stop where they meet and talk; False if there is no room."""
+        (ax, ay), (bx, by) = a, b = _point(self._position[i]), _point(self._position[j])
+        middle, double = ((ax + bx) / 2, (ay + by) / 2), 2 * max(distance(a, b), 1e-6)
+        ux, uy = (ax - bx) * PAIR_DISTANCE / double, (ay - by) * PAIR_DISTANCE / double
+        positions = (middle[0] + ux, middle[1] + uy), (middle[0] - ux, middle[1] - uy)
+        if not all(self._wayfinding.is_open(middle, position) for position in positions):
             return False
-        until = self._time(i, True)
-        for k, place in zip((i, j), places, strict=True):
-            self._wanderers.rest(k)
-            self._tasks[k] = _Task(place, middle, until=until, is_there=True)
-            self._rested.discard(k)
-        self._state.stand(i, places[0], middle, [])
-        self._state.stand(j, places[1], middle, self._state.talk(j, [i]))
+        until = self._draw_end(i, is_talk=True)
+        for k, position in zip((i, j), positions, strict=True):
+            self._wayfinding.stop(k)
+            self._tasks[k] = _Task(position, middle, until=until, has_arrived=True)
+            self._has_walked.discard(k)
+        self._social.start_standing(i, positions[0], middle, [])
+        self._social.start_standing(j, positions[1], middle, self._social.talking_interactions(j, [i]))
         return True
 
 

@@ -1,109 +1,119 @@
-"""Who is about what: who walks, where who stands keeps to, who attends to whom or what. It may change in the run."""
+"""`SocialState`: which pedestrians walk, where the others stand, and which pedestrians and objects they attend to."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
 from ....core.entities import TALKING, Interaction
 from ....core.geometry import Barriers, Disc, Point, Pose
-from ....core.humans import activities
-from ....core.portable_math import Array, unit_vectors
-from ....core.scene import Scene, outlines
+from ....core.humans import activity_indices
+from ....core.portable_math import Array, IntArray, unit_vectors
+from ....core.scene import Scene, closed_outlines
 
 
 class SocialState:
-    """What each person is about now, in the scene's order.
+    """What each pedestrian is doing; it can change during an episode. Rows are in the scene's order.
 
     Args:
-        scene: how it is at the start.
+        scene: the initial state.
 
     Attributes:
-        walks: (N,) of bool.
-        home: (N, 2), m, where those who stand keep to.
-        front: (N, 2), m, what those who stand turn their bodies to if it is nobody.
-        has_thing: (N,) of bool, who attends to a thing, which is then their front.
-        keeps_facing: (N,) of bool, who stands in a formation as it was at the start, and faces what it shares.
-        interactions, activity: as they stand now, for the snapshot.
-        partners: of each person the indices of those they talk or walk with, and who are there.
-        stays: of each person whether they are there from the start to the end.
+        is_walking: (N,) of bool.
+        standing_position: (N, 2), m, where each pedestrian stands; meaningless for walking ones.
+        facing_point: (N, 2), m, the point that a standing pedestrian without a partner faces.
+        has_object: (N,) of bool, pedestrians that attend to an object, which is then their facing point.
+        keeps_facing: (N,) of bool, members of an unchanged initial formation: they keep their initial facing point.
+        interactions: the present ones, including those of absent pedestrians.
+        activity: (N,) of int, into `humans.ACTIVITIES`.
+        partners: for each pedestrian, the indices of the present pedestrians that it talks or walks with.
+        is_always_present: for each pedestrian, whether it is present from the start to the end.
     """
 
     def __init__(self, scene: Scene) -> None:
-        people = scene.humans
-        self._index = {human.id: k for k, human in enumerate(people)}
-        self._ids = [human.id for human in people]
-        self._radius = [human.radius for human in people]
-        self._things = {thing.id: thing.pose.position for thing in scene.furniture}
-        self.walks = np.array([human.behaviour != "standing" for human in people], dtype=bool)
-        self.home = np.array([human.pose.position for human in people], dtype=float).reshape(-1, 2)
-        self.front = self.home + 3.0 * unit_vectors(np.array([human.pose.theta for human in people]))
-        self.has_thing = np.zeros(len(people), dtype=bool)
-        self._circles = [
+        humans = scene.humans
+        self._index = {human.id: k for k, human in enumerate(humans)}
+        self._ids = [human.id for human in humans]
+        self._radius = [human.radius for human in humans]
+        self._object_positions = {thing.id: thing.pose.position for thing in scene.furniture}
+        self.is_walking = np.array([human.behaviour != "standing" for human in humans], dtype=bool)
+        self.standing_position = np.array([human.pose.position for human in humans], dtype=float).reshape(-1, 2)
+        theta = np.array([human.pose.theta for human in humans])
+        self.facing_point = self.standing_position + 3.0 * unit_vectors(theta)
+        self.has_object = np.zeros(len(humans), dtype=bool)
+        self._formations = [
             [self._index[m] for m in g.members] for g in scene.groups if g.kind == "talking" and g.formation
         ]
-        self.keeps_facing = np.zeros(len(people), dtype=bool)
-        self.keeps_facing[[k for circle in self._circles for k in circle]] = True
-        self.stays = [human.stays for human in people]
+        self.keeps_facing = np.zeros(len(humans), dtype=bool)
+        self.keeps_facing[[k for formation in self._formations for k in formation]] = True
+        self.is_always_present = [human.is_always_present for human in humans]
         self._absent: frozenset[int] = frozenset()
         self.interactions = scene.interactions
         self.partners: list[list[int]] = []
-        self.activity: Any = None
-        self._renew()
+        self.activity: IntArray
+        self._update()
 
-    def attend(self, there: Array | None) -> None:
-        """Only who is there is company for others; (N + 1,), 0 for who is absent; None: nobody is."""
-        away = [] if there is None else np.flatnonzero(there[:-1] == 0.0).tolist()
-        if self._absent != frozenset(away):
-            self._absent = frozenset(away)
-            self._renew()
+    def set_presence(self, presence: Array | None) -> None:
+        """Exclude absent pedestrians from `partners`.
 
-    def stand(self, k: int, place: Point, front: Point, ties: Iterable[Interaction]) -> None:
-        """Somebody stands from now on, and attends to what these say."""
-        self.walks[k], self.home[k], self.front[k] = False, place, front
-        ties = tuple(ties)
-        self.keeps_facing[[self._index[tie.src] for tie in ties]] = False
-        self.interactions += ties
-        self._renew()
+        Args:
+            presence: (N + 1,), 0 for absent pedestrians, the robot last; None: all are present.
+        """
+        absent = frozenset() if presence is None else frozenset(np.flatnonzero(presence[:-1] == 0.0).tolist())
+        if self._absent != absent:
+            self._absent = absent
+            self._update()
 
-    def walk(self, k: int) -> None:
-        """Somebody walks from now on, and is done with whom or what they attended to."""
-        me = self._ids[k]
-        self.walks[k] = True
+    def start_standing(self, k: int, position: Point, facing_point: Point, interactions: Iterable[Interaction]) -> None:
+        """Pedestrian k stands at a position from now on, m, with the given additional interactions."""
+        self.is_walking[k], self.standing_position[k], self.facing_point[k] = False, position, facing_point
+        interactions = tuple(interactions)
+        self.keeps_facing[[self._index[interaction.src] for interaction in interactions]] = False
+        self.interactions += interactions
+        self._update()
+
+    def start_walking(self, k: int) -> None:
+        """Pedestrian k walks from now on; its interactions end."""
+        own_id = self._ids[k]
+        self.is_walking[k] = True
         self.keeps_facing[[k, *self.partners[k]]] = False
-        self._circles = [[member for member in circle if member != k] for circle in self._circles]
-        self.interactions = tuple(tie for tie in self.interactions if me not in (tie.src, tie.dst))
-        self._renew()
+        self._formations = [[member for member in formation if member != k] for formation in self._formations]
+        self.interactions = tuple(i for i in self.interactions if own_id not in (i.src, i.dst))
+        self._update()
 
-    def talk(self, k: int, others: Iterable[int]) -> list[Interaction]:
-        """The ties of somebody who joins others: one with each."""
+    def talking_interactions(self, k: int, others: Iterable[int]) -> list[Interaction]:
+        """The interactions of pedestrian k when it joins others: one with each of them."""
         return [Interaction(self._ids[other], TALKING, self._ids[k]) for other in others]
 
-    def is_free(self, thing: int) -> bool:
-        """Whether nobody attends to a thing, told by its id."""
-        return all(tie.dst != thing for tie in self.interactions)
+    def is_unattended(self, object_id: int) -> bool:
+        """Whether no pedestrian attends to an object."""
+        return all(interaction.dst != object_id for interaction in self.interactions)
 
-    def standing(self) -> Barriers:
-        """All who stand now and are there to the end, as discs."""
-        stand = [k for k in np.flatnonzero(~self.walks).tolist() if self.stays[k]]
-        return Barriers.of([Disc(self._radius[k]).edges(Pose(*self.home[k].tolist()))[0] for k in stand])
+    def standing_humans(self) -> Barriers:
+        """Discs of all pedestrians that stand now and stay to the end."""
+        standing = [k for k in np.flatnonzero(~self.is_walking).tolist() if self.is_always_present[k]]
+        return Barriers.of(
+            [Disc(self._radius[k]).edges(Pose(*self.standing_position[k].tolist()))[0] for k in standing]
+        )
 
-    def shared(self) -> Barriers:
-        """The outlines of what is shared by those who have talked in formation from the start."""
-        return outlines([(float(x), float(y)) for x, y in self.home[circle].tolist()] for circle in self._circles)
+    def shared_spaces(self) -> Barriers:
+        """The outlines of the spaces between the members of initial talking formations."""
+        return closed_outlines(
+            [(float(x), float(y)) for x, y in self.standing_position[formation].tolist()]
+            for formation in self._formations
+        )
 
-    def _renew(self) -> None:
-        """Work out anew who does what with whom."""
-        walks = dict(zip(self._ids, self.walks.tolist(), strict=True))
-        self.activity = activities(walks, self.interactions)
+    def _update(self) -> None:
+        """Derive activities, partners and attended objects from the interactions."""
+        is_walking = dict(zip(self._ids, self.is_walking.tolist(), strict=True))
+        self.activity = activity_indices(is_walking, self.interactions)
         self.partners = [[] for _ in self._ids]
-        self.has_thing[:] = False
-        for tie in self.interactions:
-            src, dst = self._index[tie.src], self._index.get(tie.dst)
-            if dst is not None and not {src, dst} & self._absent:
+        self.has_object[:] = False
+        for interaction in self.interactions:
+            src, dst = self._index[interaction.src], self._index.get(interaction.dst)
+            if dst is None:  # not a pedestrian: an object
+                self.facing_point[src], self.has_object[src] = self._object_positions[interaction.dst], True
+            elif not {src, dst} & self._absent:
                 self.partners[src].append(dst)
                 self.partners[dst].append(src)
-            elif dst is None:
-                self.front[src], self.has_thing[src] = self._things[tie.dst], True

@@ -1,0 +1,174 @@
+"""Commands on whole data sets: `check`, `mirror`, `split`, `merge` and `card`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from .common import PATH, examples, json_option, progress, show_json, show_table, workers_option
+
+MAX_PROBLEMS = 20  # problems printed by `check` without --json
+DEFAULT_PARTS = "train=0.8,dev=0.1,test=0.1"
+
+
+@click.command(epilog=examples("check demo", "check demo --replay --workers 2", "check demo/000000.json"))
+@click.argument("path", type=PATH, metavar="DIR|FILE")
+@click.option("--replay", is_flag=True, help="Also run the recorded commands again and compare every byte.")
+@click.option("--rerun", is_flag=True, help="Also run the controller again and compare every byte.")
+@click.option("--controller", metavar="NAME", help="Controller for --rerun, if its name has changed.")
+@workers_option
+@json_option
+def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers: int, as_json: bool) -> None:
+    """Verify a data set or an episode file.
+
+    Checks the schema, hashes, finite numbers, ids and physical plausibility; with --replay and --rerun also that the
+    simulation reproduces the episodes. The exit code is 1 if there is a problem.
+    """
+    from sonata2d.datasets.manifest import files_of
+    from sonata2d.datasets.verification import verify
+
+    files = files_of(path)
+    with progress(len(files), "files") as advance:
+        problems = verify(
+            path, replay=replay, rerun=rerun or controller is not None, controller=controller, workers=workers,
+            advance=advance,
+        )  # fmt: skip
+    if as_json:
+        rows = [{"file": p.file, "place": p.place, "message": p.message} for p in problems]
+        show_json({"files": len(files), "problems": rows})
+    else:
+        for problem in problems[:MAX_PROBLEMS]:
+            click.echo(f"{problem.file}: {problem.place}: {problem.message}")
+        if len(problems) > MAX_PROBLEMS:
+            click.echo(f"... and {len(problems) - MAX_PROBLEMS} more; --json prints all")
+        done = "".join([", replayed" if replay else "", ", rerun" if rerun else ""])
+        click.echo(f"{path}: {len(files)} files checked{done}, {len(problems) or 'no'} problems")
+    if problems:
+        sys.exit(1)
+
+
+@click.command(
+    epilog=examples(
+        "mirror demo -o demo-mirrored",
+        "mirror demo/000000.json -o mirrored.json",
+        "mirror demo -o demo-mirrored --labels twist",
+    )
+)
+@click.argument("path", type=PATH, metavar="DIR|FILE")
+@click.option("-o", "--output", type=PATH, required=True, help="New folder, or new file.")
+@click.option(
+    "--labels",
+    type=click.Choice(["stay", "twist"]),
+    default="stay",
+    help="Keep labels unchanged, or mirror labels that are twists, [vx, vy, omega].",
+)
+@json_option
+def mirror(path: Path, output: Path, labels: str, as_json: bool) -> None:
+    """Mirror a data set or an episode file left to right.
+
+    Positions, headings and commands are mirrored exactly: mirroring twice with the same --labels gives the same bytes.
+    """
+    from sonata2d.datasets.manifest import read_manifest
+    from sonata2d.datasets.mirror import mirror_dataset, mirror_file, twist_image
+
+    label = twist_image if labels == "twist" else None
+    if path.is_dir():
+        with progress(len(read_manifest(path)["files"]), "episodes") as advance:
+            files = mirror_dataset(path, output, label=label, advance=advance)["files"]
+        episodes, frames = len(files), sum(file["ticks"] for file in files)
+    elif output.exists():
+        raise click.UsageError(f"{output} already exists; give a new file name")
+    else:
+        episodes, frames = 1, len(mirror_file(path, output, label=label))
+    if as_json:
+        show_json({"output": str(output), "episodes": episodes, "frames": frames})
+    else:
+        click.echo(f"{output}: {episodes} episodes mirrored, {frames} frames")
+
+
+def _fractions(ctx: click.Context, _: click.Parameter, text: str) -> dict[str, float]:
+    """Parse `train=0.8,test=0.2`."""
+    fractions: dict[str, float] = {}
+    for piece in text.split(","):
+        part, _equals, number = piece.partition("=")
+        try:
+            fraction = float(number)
+        except ValueError:
+            fraction = 0.0
+        if not part.strip() or part.strip() in fractions or not 0.0 < fraction < float("inf"):
+            raise click.BadParameter(
+                f"{piece!r} is not of the form part=fraction, or is given twice; e.g. {DEFAULT_PARTS}"
+            )
+        fractions[part.strip()] = fraction
+    return fractions
+
+
+@click.command(epilog=examples("split demo", "split demo --parts train=0.9,test=0.1 --whole-families"))
+@click.argument("folder", type=PATH, metavar="DIR")
+@click.option("--parts", callback=_fractions, default=DEFAULT_PARTS, help="Names and fractions of the parts.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of the assignment.")
+@click.option("--whole-families", is_flag=True, help="Keep all scenes of a family (one kind of room) in one part.")
+@json_option
+def split(folder: Path, parts: dict[str, float], seed: int, whole_families: bool, as_json: bool) -> None:
+    """Split a data set into parts, e.g. for training and testing.
+
+    The parts are written into the manifest; files are not moved. All episodes of one scene stay in one part: mirror
+    images, branches and runs of other controllers. The scenes of each family are distributed over all parts, unless
+    --whole-families is given.
+    """
+    from sonata2d.datasets.manifest import read_manifest
+    from sonata2d.datasets.split import split_dataset
+
+    with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
+        names = split_dataset(folder, parts, seed=seed, whole_families=whole_families, advance=advance)
+    if as_json:
+        show_json({"folder": str(folder), "split": names})
+    else:
+        show_table((part, f"{len(own)} episodes") for part, own in names.items())
+
+
+@click.command(epilog=examples("merge demo demo-mirrored -o both", "merge a b c -o all --json"))
+@click.argument("folders", type=PATH, metavar="DIR...", nargs=-1, required=True)
+@click.option("-o", "--output", type=PATH, required=True, help="New folder.")
+@json_option
+def merge(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
+    """Merge two or more data sets into a new one.
+
+    Episode files are copied unchanged; the manifest keeps settings and seed of each source.
+    """
+    from sonata2d.datasets.manifest import read_manifest
+    from sonata2d.datasets.merge import merge_datasets
+
+    with progress(sum(len(read_manifest(folder)["files"]) for folder in folders), "episodes") as advance:
+        manifest = merge_datasets(folders, output, advance=advance)
+    sources = [source["name"] for source in manifest["sources"]]
+    if as_json:
+        show_json({"output": str(output), "episodes": manifest["episodes"], "sources": sources})
+    else:
+        click.echo(f"{output}: {manifest['episodes']} episodes of {', '.join(sources)}")
+
+
+@click.command(epilog=examples("card demo", "card demo --no-figures --licence mit"))
+@click.argument("folder", type=PATH, metavar="DIR")
+@click.option("--figures/--no-figures", default=True, help="Draw statistics of the episodes.")
+@click.option("--licence", metavar="NAME", help="Licence of the data.  [default: cc-by-4.0; other for recorded people]")
+@json_option
+def card(folder: Path, figures: bool, licence: str | None, as_json: bool) -> None:
+    """Write the data card of a data set.
+
+    The card is README.md, with figures and the metadata that Hugging Face reads, and croissant.json, with Croissant
+    metadata.
+    """
+    from sonata2d.datasets.card import FIGURES, write_card
+    from sonata2d.datasets.manifest import CROISSANT, read_manifest
+
+    with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
+        path = write_card(folder, figures=figures, licence=licence, advance=advance)
+    written = {"card": str(path), "metadata": str(folder / CROISSANT)}
+    written |= {"figures": str(folder / FIGURES)} if figures else {}
+    if as_json:
+        show_json(written)
+    else:
+        click.echo(", ".join(written.values()))

@@ -1,0 +1,170 @@
+"""Base class of all scenario settings, and the types of their fields: ranges, distributions, fractions, weights."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Self
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    model_serializer,
+    model_validator,
+)
+from pydantic.dataclasses import dataclass
+from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError
+
+from ...core.rng import RandomStream
+from ...registry import Registry, did_you_mean
+
+Jitter = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]  # m, m, rad
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+def parse_weights(value: Any) -> Any:
+    """Convert a name, or a list of names, to a mapping with weight 1 for each name; other values are returned as is."""
+    names = [value] if isinstance(value, str) else value
+    return dict.fromkeys(names, 1.0) if isinstance(names, list | tuple) else names
+
+
+def require_registered(registry: Registry, name: str) -> str:
+    """Return `name` if the registry contains it.
+
+    Raises:
+        PydanticCustomError: it does not; the message suggests similar names.
+    """
+    if name not in registry:
+        raise PydanticCustomError("unknown_name", "{message}", {"message": registry.unknown(name)})
+    return name
+
+
+class Settings(BaseModel):
+    """Base class of scenario settings: immutable; unknown keys are errors with a suggestion; numbers are finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _reject_unknown_keys(cls, values: Any) -> Any:
+        # pydantic's own check (extra="forbid") runs later and has no suggestions
+        for key in values if isinstance(values, dict) else ():
+            if key not in cls.model_fields:
+                hint = did_you_mean(str(key), cls.model_fields)
+                context = {"key": str(key), "hint": hint, "path": (key,)}
+                raise PydanticCustomError("unknown_key", "unknown key '{key}'{hint}", context)
+        return values
+
+
+_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True, config=_STRICT)
+class _Interval:
+    """The interval min..max, written as `[2, 6]`, `{min: 2, max: 6}` or one number; in Python `Range(2, 6)`."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _normalise(cls, value: Any) -> Any:
+        """Convert each accepted form to a mapping of fields."""
+        if isinstance(value, ArgsKwargs):
+            return dict(zip(("min", "max", "step"), value.args, strict=False)) | (value.kwargs or {})
+        if isinstance(value, list | tuple) and len(value) == 2:
+            return {"min": value[0], "max": value[1]}
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return {"min": value, "max": value}
+        if not isinstance(value, dict | cls):
+            raise PydanticCustomError("range", "a range is a number, [min, max] or {min: …, max: …}")
+        return value
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        low, high = vars(self)["min"], vars(self)["max"]
+        if low > high:
+            raise PydanticCustomError(
+                "range", "min {low} is above max {high}", {"low": f"{low:g}", "high": f"{high:g}"}
+            )
+        return self
+
+    @model_serializer
+    def _serialise(self) -> Any:
+        """Write the shortest form that reads back equal."""
+        fields = {
+            key: value for key, value in vars(self).items() if key in ("min", "max", "step") and value is not None
+        }
+        if "step" in fields:
+            return fields
+        return fields["min"] if fields["min"] == fields["max"] else [fields["min"], fields["max"]]
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        number = {"type": "number" if cls is Range else "integer"}
+        keys = {"min": number, "max": number} | ({"step": {"type": "number"}} if cls is Range else {})
+        pair = {"type": "array", "items": number, "minItems": 2, "maxItems": 2}
+        mapping = {"type": "object", "properties": keys, "required": ["min", "max"], "additionalProperties": False}
+        return {"title": cls.__name__, "anyOf": [number, pair, mapping]}
+
+
+@dataclass(frozen=True, config=_STRICT)
+class Range(_Interval):
+    """A uniformly distributed number from min to max, both included; with a `step`: min plus a multiple of step.
+
+    >>> Range(6, 10, step=1)
+    Range(min=6.0, max=10.0, step=1.0)
+    """
+
+    min: float
+    max: float
+    step: PositiveFloat | None = None
+
+    def draw(self, rng: RandomStream) -> float:
+        """Draw a number."""
+        if self.step is None:
+            return rng.uniform(self.min, self.max)
+        return self.min + self.step * rng.integer(0, int((self.max - self.min) / self.step + 1e-9))
+
+    def at_least(self, low: float) -> Range:
+        """Return the part of the range from `low` up, or `low` alone where the whole range lies below it."""
+        start = max(low, self.min)
+        return Range(start, max(start, self.max), self.step)
+
+
+@dataclass(frozen=True, config=_STRICT)
+class IntRange(_Interval):
+    """A uniformly distributed count: an integer from min to max, both included.
+
+    >>> IntRange(2, 6)
+    IntRange(min=2, max=6)
+    """
+
+    min: NonNegativeInt
+    max: NonNegativeInt
+
+    def draw(self, rng: RandomStream) -> int:
+        """Draw a count."""
+        return rng.integer(self.min, self.max)
+
+
+class Normal(Settings):
+    """A normal distribution truncated at min and max."""
+
+    mean: PositiveFloat
+    sd: PositiveFloat
+    min: NonNegativeFloat
+    max: PositiveFloat
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if not self.min < self.max:
+            raise PydanticCustomError("range", "min {low} is not below max {high}", {"low": self.min, "high": self.max})
+        if not self.min <= self.mean <= self.max:
+            context = {"mean": self.mean, "low": self.min, "high": self.max}
+            raise PydanticCustomError("range", "mean {mean} is not within {low}..{high}", context)
+        return self
+
+    def draw(self, rng: RandomStream) -> float:
+        """Draw a number."""
+        return rng.normal(self.mean, self.sd, self.min, self.max)

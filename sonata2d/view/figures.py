@@ -1,0 +1,101 @@
+"""Pedestrians, the robot and the goal, seen from above.
+
+An activity shows in colour and in pose: a walking pedestrian strides, a talking one gestures with a hand, one that uses
+an object reaches for it with both hands, and one that looks at something holds its hands behind its back.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+from ..core.entities import Goal
+from ..core.humans import HumanState
+from ..core.snapshot import RobotState
+from .brush import Brush, Part
+from .palette import ACTIVITY, DARK, FLOOR, GOAL, HAIR, PAPER, ROBOT, mixed, shaded
+
+_LINE = 0.022  # m, outlines
+_STRIDE = 0.75  # s per step, half of a gait cycle
+_SWINGS = 24  # poses per half swing of the feet that are distinguished, so that they can be cached
+
+
+def human_parts(human: HumanState, time: float, *, ignores_robot: bool = False) -> tuple[Part, Part]:
+    """Body and head of a pedestrian inside its solid outline: a disc, dashed if the pedestrian ignores the robot."""
+    r, activity, swing = human.radius, human.activity, 0.0
+    if activity.startswith("walking"):
+        swing = round(math.sin(math.pi * time / _STRIDE + human.id) * _SWINGS) / _SWINGS
+    body = partial(draw_body, activity=activity, r=r, swing=swing, ignores_robot=ignores_robot)
+    return (
+        (("person", activity, r, swing, ignores_robot), body, human.pose.direction),
+        (("head", r), partial(draw_head, r=r), (math.cos(human.head), math.sin(human.head))),
+    )
+
+
+def draw_body(brush: Brush, activity: str, r: float, swing: float, *, ignores_robot: bool = False) -> None:
+    """Draw a pedestrian without its head.
+
+    Args:
+        r: radius, m.
+        swing: position of a walking pedestrian's left foot, from -1 (behind) to 1 (ahead).
+    """
+    colour = ACTIVITY[activity]
+    brush.disc(mixed(FLOOR, colour, 0.28), (0.0, 0.0), r)
+    if ignores_robot:
+        brush.dashed_ring(shaded(colour), (0.0, 0.0), r, 1.5 * _LINE, 9)
+    else:
+        brush.ring(shaded(colour, 0.25), (0.0, 0.0), r, _LINE)
+    _draw_limbs(brush, activity, r, swing)
+    brush.ellipse(colour, (0.0, 0.0), (0.46 * r, 0.9 * r), shaded(colour), _LINE)
+
+
+def draw_head(brush: Brush, r: float) -> None:
+    """Draw a head whose nose points ahead; r is the pedestrian's radius, m."""
+    nose = [(0.3 * r, 0.2 * r), (0.66 * r, 0.0), (0.3 * r, -0.2 * r)]
+    brush.polygon(HAIR, nose, HAIR, 0.01)
+    brush.disc(HAIR, (0.05 * r, 0.0), 0.4 * r)
+    brush.disc(mixed(HAIR, PAPER, 0.18), (0.02 * r, 0.0), 0.24 * r)
+
+
+def _draw_limbs(brush: Brush, activity: str, r: float, swing: float) -> None:
+    """Draw feet or arms, depending on the activity."""
+    colour = ACTIVITY[activity]
+    sleeve = mixed(shaded(colour), colour, 0.5)
+    if activity.startswith("walking"):
+        for side in (-1, 1):
+            brush.ellipse(shaded(colour, 0.6), (side * swing * 0.5 * r, side * 0.38 * r), (0.36 * r, 0.17 * r))
+    elif activity == "talking":
+        brush.stroke(sleeve, [(0.1 * r, -0.78 * r), (0.62 * r, -0.62 * r), (0.8 * r, -0.28 * r)], 0.22 * r)
+    elif activity == "using":
+        for side in (-1, 1):
+            arm = [(0.1 * r, side * 0.78 * r), (0.5 * r, side * 0.7 * r), (0.85 * r, side * 0.25 * r)]
+            brush.stroke(sleeve, arm, 0.2 * r)
+    elif activity == "looking":
+        brush.stroke(sleeve, [(0.0, 0.75 * r), (-0.6 * r, 0.35 * r), (-0.6 * r, -0.35 * r), (0.0, -0.75 * r)], 0.22 * r)
+
+
+def robot_part(robot: RobotState, *, touches: bool = False) -> Part:
+    """A robot at its pose; see `draw_chassis`."""
+    return ("robot", robot.radius, touches), partial(draw_chassis, r=robot.radius, touches=touches), robot.direction
+
+
+def draw_chassis(brush: Brush, r: float, *, touches: bool = False) -> None:
+    """Draw a disc of radius r (m) with an arrow that points ahead; its rim is thick and dark during a contact."""
+    brush.disc(ROBOT, (0.0, 0.0), r)
+    brush.ring(DARK if touches else shaded(ROBOT), (0.0, 0.0), r, 0.07 if touches else 0.035)
+    for side in (-1, 1):
+        brush.box(DARK, (-0.35 * r, side * 0.72 * r - 0.09 * r), (0.35 * r, side * 0.72 * r + 0.09 * r))
+    brush.polygon(PAPER, [(0.78 * r, 0.0), (-0.42 * r, 0.48 * r), (-0.18 * r, 0.0), (-0.42 * r, -0.48 * r)])
+
+
+def goal_part(goal: Goal) -> Part:
+    """A goal; see `draw_target`."""
+    return ("goal", goal.distance), partial(draw_target, radius=goal.distance), (1.0, 0.0)
+
+
+def draw_target(brush: Brush, radius: float) -> None:
+    """Draw a target; its dashed rim is the distance (m) at which the goal counts as reached."""
+    brush.disc(mixed(FLOOR, GOAL, 0.16), (0.0, 0.0), radius)
+    brush.dashed_ring(GOAL, (0.0, 0.0), radius, 0.025, 16)
+    brush.ring(GOAL, (0.0, 0.0), 0.6 * radius, 0.03)
+    brush.disc(GOAL, (0.0, 0.0), 0.22 * radius)

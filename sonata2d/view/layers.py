@@ -1,0 +1,227 @@
+"""Layers on top of the room: fields of view, Hall's zones, interactions and velocities."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from ..core.entities import ROBOT_ID, Interaction
+from ..core.geometry import Barriers, Point
+from ..core.humans import HumanState
+from ..core.portable_math import Array
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
+from .brush import Brush
+from .furniture import half_size
+from .palette import ACTIVITY, BLUE, FAINT, FLOOR, INK, PURPLE, ROBOT, Colour, mixed, shaded
+
+_RAYS = tuple((math.cos(0.38 * k / 3), math.sin(0.38 * k / 3)) for k in range(-3, 4))  # unit vectors around the gaze
+_FAN_RANGE = 0.75  # m beyond the pedestrian's outline
+_CIRCLE = tuple((math.cos(k * math.pi / 32), math.sin(k * math.pi / 32)) for k in range(65))  # closed
+_MARGIN = 0.05  # m, between the end of a link and the outline of its entity
+
+Ends = dict[int, tuple[Point, float]]  # by id: position and radius of the entities that a link can join, m
+
+
+# Fields of view
+
+
+def thin_walls(scene: Scene) -> Barriers:
+    """All walls as segments without thickness."""
+    return Barriers.of([(wall.start, wall.end, 0.0) for wall in scene.walls])
+
+
+def _blocked_rays(humans: Sequence[HumanState], walls: Barriers) -> dict[int, list[float]]:
+    """Distances to the next wall along the rays of each field of view that a wall may cut off.
+
+    Returns:
+        By id of the pedestrian: one distance per ray, m; infinite without a wall. Pedestrians far from walls are left
+        out.
+    """
+    if not humans or not len(walls):
+        return {}
+    places = np.array([human.pose.position for human in humans], dtype=float)
+    ranges = np.array([human.radius + _FAN_RANGE for human in humans])
+    near = np.flatnonzero(walls.gaps(places).min(axis=0) < ranges)
+    return {humans[int(k)].id: _ray_lengths(places[k], humans[int(k)].head, walls).tolist() for k in near}
+
+
+def _ray_lengths(place: Array, head: float, walls: Barriers) -> Array:
+    """Distance to the next wall along each ray, (rays,), m; infinite without a wall."""
+    c, s = np.cos(head), np.sin(head)
+    rays = np.array([(x * c - y * s, x * s + y * c) for x, y in _RAYS])[:, None, :]
+    along, offset = walls.end - walls.start, walls.start - place
+    cross = rays[..., 0] * along[:, 1] - rays[..., 1] * along[:, 0]
+    cross = np.where(cross == 0.0, 1e-12, cross)  # a ray parallel to a wall
+    distance = (offset[:, 0] * along[:, 1] - offset[:, 1] * along[:, 0]) / cross
+    fraction = (offset[:, 0] * rays[..., 1] - offset[:, 1] * rays[..., 0]) / cross  # of the wall, from its start
+    hits = (distance > 0.0) & (fraction >= 0.0) & (fraction <= 1.0)
+    nearest: Array = np.where(hits, distance, np.inf).min(axis=1)
+    return nearest
+
+
+def draw_gazes(brush: Brush, humans: Sequence[HumanState], walls: Barriers) -> None:
+    """Draw the pedestrians' fields of view, which end at walls."""
+    rays = _blocked_rays(humans, walls)
+    for human in humans:
+        r, activity = human.radius, human.activity
+        position, gaze = human.pose.position, (math.cos(human.head), math.sin(human.head))
+        if human.id in rays:  # the shape is unique, so that a cache would not help
+            _draw_fan(brush.at(position, gaze), activity, r, rays[human.id])
+        else:
+            brush.stamp(position, (("gaze", activity, r), partial(_draw_fan, activity=activity, r=r), gaze))
+
+
+def _draw_fan(brush: Brush, activity: str, r: float, ray_lengths: Sequence[float] | None = None) -> None:
+    """Draw a translucent fan ahead of a pedestrian of radius r (m), paler at its far end.
+
+    Args:
+        ray_lengths: upper limits of the fan's rays, m from the brush's position; by default none.
+    """
+    far = [r + _FAN_RANGE] * len(_RAYS) if ray_lengths is None else [min(d, r + _FAN_RANGE) for d in ray_lengths]
+    near = [min(distance, r + 0.66 * _FAN_RANGE) for distance in far]
+    rim, middle = ([(d * c, d * s) for d, (c, s) in zip(ends, _RAYS, strict=True)] for ends in (far, near))
+    colour = ACTIVITY[activity]
+    brush.wash(colour, 24, [*rim, *middle[::-1]])
+    brush.wash(colour, 55, [(0.0, 0.0), *middle])
+
+
+# Zones and velocities
+
+
+def draw_zones(brush: Brush, humans: Sequence[HumanState]) -> None:
+    """Draw Hall's intimate zone and personal zone (dashed) around each pedestrian."""
+    for human in humans:
+        part = ("zones", human.radius), partial(_draw_zones_of, r=human.radius), brush.camera.up
+        brush.stamp(human.pose.position, part, whole=True)
+
+
+def _draw_zones_of(brush: Brush, r: float) -> None:
+    intimate, personal = r + INTIMATE_DISTANCE, r + PERSONAL_DISTANCE
+    inner, outer = ([(radius * c, radius * s) for c, s in _CIRCLE] for radius in (intimate, personal))
+    brush.wash(BLUE, 13, [*outer, *inner[::-1]])
+    brush.wash(BLUE, 30, inner)
+    brush.ring(mixed(FLOOR, INK, 0.35), (0.0, 0.0), intimate, 0.012)
+    brush.dashed_ring(mixed(FLOOR, INK, 0.28), (0.0, 0.0), personal, 0.012, 48)
+
+
+def _draw_velocity(brush: Brush, position: Point, velocity: Point, colour: Colour) -> None:
+    """Draw an arrow as long as the distance covered in one second; nothing below 0.05 m/s."""
+    speed = math.hypot(*velocity)
+    if speed < 0.05:
+        return
+    arrow = brush.at(position, (velocity[0] / speed, velocity[1] / speed))
+    arrow.stroke(colour, [(0.0, 0.0), (max(speed - 0.1, 0.0), 0.0)], 0.03)
+    arrow.polygon(colour, [(speed, 0.0), (speed - 0.14, 0.07), (speed - 0.14, -0.07)])
+
+
+def draw_velocities(brush: Brush, snapshot: Snapshot, humans: Sequence[HumanState]) -> None:
+    """Draw the velocity of each pedestrian and of the robot as an arrow."""
+    for human in humans:
+        _draw_velocity(brush, human.pose.position, human.velocity, shaded(ACTIVITY[human.activity], 0.3))
+    _draw_velocity(brush, snapshot.robot.position, snapshot.robot.velocity, shaded(ROBOT, 0.3))
+
+
+# Interactions
+
+
+def draw_interactions(
+    brush: Brush, snapshot: Snapshot, humans: Sequence[HumanState], *, spaces: bool, links: bool
+) -> None:
+    """Draw the spaces shared by interacting pedestrians, and the links between interacting entities."""
+    ends = _link_ends(snapshot, humans)
+    groups = [members for members, _ in interacting_groups(snapshot, "talking")] if spaces else []
+    for members in groups:
+        _draw_group_space(brush, [ends[member][0] for member in members if member in ends])
+    grouped = {member for members in groups for member in members}
+    for link in snapshot.interactions if spaces else ():
+        if link.src not in grouped:  # members of a group share the space of the group
+            _draw_pair_space(brush, link, ends)
+    for link in visible_interactions(snapshot) if links else ():
+        _draw_link(brush, link, ends)
+
+
+def visible_interactions(snapshot: Snapshot) -> list[Interaction]:
+    """The interactions to draw: in a group of more than two, only those between neighbours, which keeps it legible."""
+    hidden = {pair for group, closed in interacting_groups(snapshot) for pair in _distant_pairs(group, closed=closed)}
+    return [link for link in snapshot.interactions if frozenset((link.src, link.dst)) not in hidden]
+
+
+def interacting_groups(snapshot: Snapshot, kind: str | None = None) -> list[tuple[list[int], bool]]:
+    """Groups of which at least three members interact with each other at this tick.
+
+    Args:
+        kind: of the groups; by default any.
+
+    Returns:
+        For each group the ids of these members in their order, and whether the last one stands next to the first.
+    """
+    pairs = {frozenset((link.src, link.dst)) for link in snapshot.interactions}
+    found = []
+    for group in snapshot.scene.groups:
+        if kind in (None, group.kind):
+            members = [a for a in group.members if any(a != b and frozenset((a, b)) in pairs for b in group.members)]
+            if len(members) > 2:
+                found.append((members, group.formation == "circle"))
+    return found
+
+
+def _distant_pairs(members: Sequence[int], *, closed: bool) -> set[frozenset[int]]:
+    """The pairs of a group that do not stand next to each other."""
+    adjacent = {frozenset(pair) for pair in pairwise([*members, members[0]] if closed else members)}
+    return {pair for a in members for b in members if a != b and (pair := frozenset((a, b))) not in adjacent}
+
+
+def _link_ends(snapshot: Snapshot, humans: Sequence[HumanState]) -> Ends:
+    """Position of every entity that a link can join, and the radius at which the link ends, m, by id."""
+    ends = {item.id: (item.pose.position, 0.8 * min(half_size(item))) for item in snapshot.objects}
+    ends |= {human.id: (human.pose.position, human.radius) for human in humans}
+    return ends | {ROBOT_ID: (snapshot.robot.position, snapshot.robot.radius)}
+
+
+def _draw_link(brush: Brush, link: Interaction, ends: Ends) -> None:
+    """Draw a dotted line between the outlines of two entities; nothing if either of them is absent."""
+    if link.src not in ends or link.dst not in ends:
+        return
+    (a, a_radius), (b, b_radius) = ends[link.src], ends[link.dst]
+    distance = math.hypot(b[0] - a[0], b[1] - a[1])
+    length = distance - a_radius - b_radius - 2 * _MARGIN
+    if length <= 0.0:
+        return
+    ux, uy = (b[0] - a[0]) / distance, (b[1] - a[1]) / distance
+    first, last = a_radius + _MARGIN, a_radius + _MARGIN + length
+    brush.dots(FAINT, (a[0] + ux * first, a[1] + uy * first), (a[0] + ux * last, a[1] + uy * last), 0.022, 0.1)
+
+
+def _draw_pair_space(brush: Brush, link: Interaction, ends: Ends) -> None:
+    """Draw the space between two entities that interact, which other pedestrians and the robot should not enter.
+
+    Source: A. Kendon's o-space (Conducting Interaction, 1990), as an ellipse from one entity to the other.
+    """
+    if link.src not in ends or link.dst not in ends:
+        return
+    (a, _), (b, _) = ends[link.src], ends[link.dst]
+    distance = math.hypot(b[0] - a[0], b[1] - a[1])
+    if distance > 0.0:
+        direction = (b[0] - a[0]) / distance, (b[1] - a[1]) / distance
+        centre = brush.at(((a[0] + b[0]) / 2, (a[1] + b[1]) / 2), direction)
+        half_width = min(max(0.35 * distance, 0.3), 0.7)
+        for factor in (1.0, 0.72):
+            centre.wash(PURPLE, 26, [(factor * distance / 2 * c, factor * half_width * s) for c, s in _CIRCLE])
+
+
+def _draw_group_space(brush: Brush, places: Sequence[Point]) -> None:
+    """Draw the o-space of a talking group: the polygon of its members' positions; nothing for fewer than three.
+
+    Source: A. Kendon, Conducting Interaction, 1990.
+    """
+    if len(places) < 3:
+        return
+    x, y = (sum(place[k] for place in places) / len(places) for k in (0, 1))
+    for factor in (1.0, 0.72):
+        brush.wash(PURPLE, 26, [(x + factor * (px - x), y + factor * (py - y)) for px, py in places])

@@ -1,0 +1,145 @@
+"""Draws a world many times per second: for the window, and as the camera image of a controller."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pygame
+
+from ..core.devices import ImageRequest, View
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
+from ..errors import RenderError
+from .brush import Brush
+from .camera import MAX_SIDE, MIN_SIDE, Camera
+from .canvas import PixelCanvas
+from .draw import Layers, backdrop, camera_for, draw_annotations, draw_moving
+from .furniture import draw_furniture
+from .palette import OUTSIDE
+from .room import FloorPlan, draw_room
+from .sprites import SpriteCache
+from .trails import Trails, draw_fast_trails
+
+_VIEW_RANGE = 5.0  # m, from the robot to the upper edge of the follow view
+_MAX_PAINTERS = 4  # scenes for which `image_of` keeps a painter
+_SMALL_IMAGE = 40_000  # px; images up to this size are supersampled, because their lines are thin
+
+
+class Painter:
+    """Draws snapshots of one scene on surfaces, and caches what several pictures need.
+
+    Args:
+        scene: the scene of all snapshots.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._plan, self._sprites = scene, FloorPlan.of(scene), SpriteCache()
+        self._room: tuple[tuple[Any, ...], pygame.Surface] | None = None
+
+    def draw(
+        self,
+        surface: pygame.Surface,
+        snapshot: Snapshot,
+        *,
+        view: View = "follow",
+        layers: Layers = Layers(caption=False),  # noqa: B008  frozen
+        zoom: float = 1.0,
+        trails: Trails | None = None,
+        view_range: float = _VIEW_RANGE,
+    ) -> Camera:
+        """Fill the surface with a snapshot.
+
+        Args:
+            view: `follow`, from above and behind the robot, whose direction points up in the picture; or `top`, the
+                whole room.
+            layers: what to show; a caption is never drawn.
+            zoom: magnification.
+            trails: past paths of robot and pedestrians.
+            view_range: distance from the robot to the upper edge of the follow view at zoom 1, m.
+
+        Returns:
+            The camera, with which callers can place further drawings.
+
+        Raises:
+            RenderError: the surface's size, the zoom or the view range is out of range.
+        """
+        size, robot = surface.get_size(), snapshot.robot
+        if view == "follow":
+            camera = Camera.behind(robot.position, robot.direction, size=size, view_range=view_range / zoom)
+        else:
+            camera = camera_for(self._scene, size=size)
+            camera = camera if zoom == 1.0 else camera.zoomed(zoom, robot.position)
+        brush = Brush(PixelCanvas(surface), camera, cache=partial(self._sprites.put, surface))
+        if view == "top" and zoom <= 1.0:
+            surface.blit(self._fixed_room(camera, layers), (0, 0))
+        else:
+            surface.fill(OUTSIDE)
+            draw_room(brush, self._plan, grid=layers.grid)
+            draw_furniture(brush, self._scene)
+        draw_moving(brush, snapshot, layers, partial(draw_fast_trails, surface=surface, trails=trails))
+        draw_annotations(brush, snapshot, layers)
+        return camera
+
+    def _fixed_room(self, camera: Camera, layers: Layers) -> pygame.Surface:
+        """The picture of the room for a camera that does not move; cached."""
+        key = (camera, layers.grid)
+        if self._room is None or self._room[0] != key:
+            large = backdrop(self._scene, camera, layers, outside=OUTSIDE)
+            room = pygame.Surface(camera.size, 0, 32)
+            self._room = key, pygame.transform.smoothscale(large, camera.size, room)
+        return self._room[1]
+
+
+_painters: list[tuple[Scene, Painter]] = []  # most recently used last
+
+
+def image_of(snapshot: Snapshot, request: ImageRequest) -> Any:
+    """Draw the camera image that a controller requests, as the window would; needs no display.
+
+    Returns:
+        (height, width, 3) of uint8: red, green, blue; the upper row first; a new array.
+
+    Raises:
+        RenderError: the requested size, view or view range is out of range.
+
+    Example:
+        image_of(snapshot, ImageRequest(160, 120, view="follow")).shape  # (120, 160, 3)
+    """
+    _check(request)
+    size = request.width, request.height
+    fine = 2 if request.width * request.height <= _SMALL_IMAGE else 1
+    surface = pygame.Surface((fine * size[0], fine * size[1]), 0, 32)
+    _painter_of(snapshot.scene).draw(surface, snapshot, view=request.view, view_range=request.view_range)
+    if fine > 1:
+        surface = pygame.transform.smoothscale(surface, size)
+    image = np.frombuffer(pygame.image.tobytes(surface, "RGB"), dtype=np.uint8)
+    return image.reshape(request.height, request.width, 3).copy()
+
+
+def _check(request: ImageRequest) -> None:
+    sizes = (request.width, request.height)
+    if not all(MIN_SIDE <= side <= MAX_SIDE for side in sizes):
+        raise RenderError(
+            f"cannot draw an image of {request.width} x {request.height} pixels; "
+            f"a side must have {MIN_SIDE} to {MAX_SIDE} pixels"
+        )
+    if request.view not in ("follow", "top"):
+        raise RenderError(f"cannot draw an image with view {request.view!r}; use 'follow' or 'top'")
+    if not 0.0 < request.view_range < math.inf:
+        raise RenderError(
+            f"cannot draw an image with a view range of {request.view_range:g} m; use a positive, finite range"
+        )
+
+
+def _painter_of(scene: Scene) -> Painter:
+    """The cached painter of a scene; scenes are compared by identity, because comparing values would be slow."""
+    for k, (known, painter) in enumerate(_painters):
+        if known is scene:
+            _painters.append(_painters.pop(k))
+            return painter
+    del _painters[: max(len(_painters) - _MAX_PAINTERS + 1, 0)]
+    _painters.append((scene, Painter(scene)))  # holding the scene keeps its identity unique
+    return _painters[-1][1]

@@ -1,0 +1,332 @@
+"""Still pictures: PNG and SVG files, contact sheets of scenes, and moments of an episode side by side or for a page."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pygame
+
+from ..core.devices import View
+from ..core.geometry import Twist
+from ..core.humans import BODY_X, GAZE_Y, Humans, X, Y, activities_of_present, frozen, human_ids, initial_activities
+from ..core.portable_math import unit_vector
+from ..core.scene import Scene
+from ..core.snapshot import RobotState, Snapshot
+from ..errors import RenderError
+from .annotations import STRIP, TEXT, draw_strip, origin, summary
+from .brush import Brush
+from .camera import Camera
+from .canvas import PixelCanvas
+from .draw import Layers, backdrop, camera_for, draw_annotations, draw_moving, draw_on_backdrop, picture
+from .fonts import shortened
+from .furniture import draw_furniture
+from .palette import FAINT, PAPER
+from .room import FloorPlan, draw_room
+from .svg import SvgCanvas
+from .trails import Trails, draw_trails
+
+_GAP, _TITLE = 10, 26  # px: between pictures, and height of a title
+_SHEET_WIDTH, _MAX_SCALE = 1600.0, 80.0  # px, px/m: of a sheet by default
+MOMENT_SIDE = 230  # px, width and height of a moment on a page
+_MOMENT_MARGIN, _MIN_MOMENT_SIDE = 1.5, 5.0  # m: around the robot's path, and the smallest visible width
+
+
+# Files
+
+
+def save_surface(surface: pygame.Surface, path: str | Path) -> None:
+    """Write a surface as PNG.
+
+    Raises:
+        RenderError: the name does not end in .png, or the file cannot be written.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise RenderError(f"{path}: a picture is written as PNG; end the name in .png")
+    try:
+        with open(path, "wb") as file:
+            pygame.image.save(surface, file, "picture.png")
+    except (OSError, pygame.error) as error:
+        raise RenderError(f"cannot write {path}: {error}") from error
+
+
+def url_of(surface: pygame.Surface) -> str:
+    """A data URL that holds a surface as PNG, for pages that consist of one file."""
+    file = io.BytesIO()
+    pygame.image.save(surface, file, "picture.png")
+    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode("ascii")
+
+
+def save_picture(
+    path: str | Path,
+    snapshots: Sequence[Snapshot],
+    *,
+    size: tuple[int, int] | None = None,
+    scale: float | None = None,
+    layers: Layers | None = None,
+    strip: int | None = None,
+    caption: str | None = None,
+    outcome: str | None = None,
+) -> None:
+    """Write a PNG of an episode: its last snapshot with the paths up to it, or several moments side by side.
+
+    Args:
+        strip: number of moments side by side, evenly spaced in time; None for the last snapshot only.
+        size, scale, layers, caption, outcome: as for `picture`; `size` has no effect on a strip.
+
+    Raises:
+        RenderError: the size is out of range, or the file cannot be written.
+    """
+    if strip is not None:
+        drawn = moments(snapshots, strip, scale=scale, layers=layers, caption=caption, outcome=outcome)
+    else:
+        drawn = picture(
+            snapshots[-1],
+            size=size,
+            scale=scale,
+            layers=layers,
+            trails=Trails.of(snapshots),
+            caption=caption,
+            outcome=outcome,
+        )
+    save_surface(drawn, path)
+
+
+def save_moment(
+    path: str | Path,
+    snapshot: Snapshot,
+    *,
+    view: View = "top",
+    size: tuple[int, int] | None = (1280, 800),
+    scale: float | None = None,
+    layers: Layers | None = None,
+    trails: Trails | None = None,
+    caption: str | None = None,
+    outcome: str | None = None,
+) -> None:
+    """Write one snapshot as `.png` or `.svg`, selected by the suffix.
+
+    Args:
+        view: `top`, the whole room; or `follow`, from behind the robot, whose direction points up in the picture.
+        size: width and height, caption included, px; None to use `scale` (only for `top`).
+        scale: pixels per metre of the whole room, if no size is given.
+        layers, trails, caption, outcome: as for `picture`.
+
+    Raises:
+        RenderError: the suffix is another one, the size is out of range, or the file cannot be written.
+    """
+    suffix, layers = Path(path).suffix.lower(), layers or Layers()
+    if suffix not in (".png", ".svg"):
+        raise RenderError(f"{path}: a snapshot is written as PNG or SVG; end the name in .png or .svg")
+    strip = STRIP if layers.caption else 0
+    if view == "top":
+        camera = camera_for(snapshot.scene, size=size, scale=scale, strip=strip)
+    elif size is not None:
+        robot = snapshot.robot
+        camera = Camera.behind(robot.position, robot.direction, size=(size[0], size[1] - strip))
+    else:
+        raise RenderError("a picture from behind the robot needs a size; give width and height in pixels")
+    if suffix == ".png":
+        drawn = picture(snapshot, layers=layers, trails=trails, caption=caption, outcome=outcome, camera=camera)
+        save_surface(drawn, path)
+    else:
+        text = summary(snapshot, outcome) if caption is None else caption
+        _vectors(snapshot, camera, layers, trails, text).write(path)
+
+
+def _vectors(snapshot: Snapshot, camera: Camera, layers: Layers, trails: Trails | None, caption: str) -> SvgCanvas:
+    """The same as `picture`, as vectors."""
+    (width, height), strip = camera.size, STRIP if layers.caption else 0
+    canvas = SvgCanvas((width, height + strip))
+    canvas.rectangle(PAPER, pygame.Rect(0, 0, width, height + strip))
+    brush = Brush(canvas, camera)
+    with canvas.clip(camera.size):
+        draw_room(brush, FloorPlan.of(snapshot.scene), grid=layers.grid)
+        draw_furniture(brush, snapshot.scene)
+        draw_moving(brush, snapshot, layers, partial(draw_trails, trails=trails))
+        draw_annotations(brush, snapshot, layers)
+    if strip:
+        span = trails.span if trails and not trails.is_tail else None
+        draw_strip(canvas, (width, height + strip), caption, camera.scale, span)
+    return canvas
+
+
+# Scenes
+
+
+def snapshot_of(scene: Scene) -> Snapshot:
+    """The snapshot at tick 0: all agents at their initial poses and at rest, heads pointing ahead."""
+    robot = scene.robot
+    state = np.zeros((len(scene.humans), 9))
+    for row, human in zip(state, scene.humans, strict=True):
+        row[X : Y + 1] = human.pose.position
+        row[BODY_X : GAZE_Y + 1] = (*human.pose.direction, *human.pose.direction)
+    radius = np.array([human.radius for human in scene.humans], dtype=float)
+    at_rest = RobotState(robot.pose.position, unit_vector(robot.pose.theta), (0.0, 0.0), 0.0, Twist(), False, robot)
+    entering_later = {human.id for human in scene.humans if human.enters > 0}
+    interactions = tuple(
+        link for link in scene.interactions if link.src not in entering_later and link.dst not in entering_later
+    )
+    activity = initial_activities(scene)
+    if entering_later:
+        activity = activities_of_present(activity, human_ids(scene), interactions)
+    humans = Humans(frozen(state), human_ids(scene), frozen(radius), activity)
+    present = humans.select(np.flatnonzero([human.enters == 0 for human in scene.humans]))
+    return Snapshot(0, 0.0, scene, at_rest, present, interactions)
+
+
+def scene_picture(
+    *scenes: Scene,
+    columns: int | None = None,
+    scale: float | None = None,
+    layers: Layers | None = None,
+    titles: Sequence[str] | None = None,
+) -> pygame.Surface:
+    """Draw a contact sheet of scenes, each with a title, all at the same scale.
+
+    Args:
+        columns: pictures per row; by default about as many as rows.
+        scale: pixels per metre; by default the one that makes the sheet 1600 px wide, at most 80.
+        layers: what to show; by default everything but the caption.
+        titles: one per scene; by default name, seed and episode.
+
+    Raises:
+        RenderError: no scene is given, or a picture would be too large or too small at that scale.
+    """
+    if not scenes:
+        raise RenderError("there is no scene to draw; give at least one")
+    columns = columns or math.ceil(math.sqrt(len(scenes)))
+    layers, scale = layers or Layers(caption=False), scale or _common_scale(scenes, columns)
+    titles = titles or [f"{scene.name}   {origin(scene)}" for scene in scenes]
+    tiles = [
+        _with_title(picture(snapshot_of(scene), layers=layers, camera=camera_for(scene, scale=scale)), title)
+        for scene, title in zip(scenes, titles, strict=True)
+    ]
+    return _tiled(tiles, columns)
+
+
+# Moments of an episode
+
+
+def moments(
+    snapshots: Sequence[Snapshot],
+    count: int,
+    *,
+    scale: float | None = None,
+    layers: Layers | None = None,
+    caption: str | None = None,
+    outcome: str | None = None,
+) -> pygame.Surface:
+    """Draw moments of an episode side by side, evenly spaced from first to last, each with the paths up to it.
+
+    Args:
+        count: number of moments.
+        scale, layers, caption, outcome: as for `picture`.
+
+    Raises:
+        RenderError: the count is outside 1 to the number of snapshots.
+    """
+    if not 1 <= count <= len(snapshots):
+        raise RenderError(f"cannot show {count} moments of {len(snapshots)}; ask for 1 to {len(snapshots)}")
+    scene, layers = snapshots[0].scene, layers or Layers()
+    camera = camera_for(scene, scale=scale or _common_scale([scene], count))
+    without_caption = replace(layers, caption=False)
+    tiles = []
+    for k in (round(x) for x in np.linspace(0 if count > 1 else len(snapshots) - 1, len(snapshots) - 1, count)):
+        drawn = picture(snapshots[k], layers=without_caption, trails=Trails.of(snapshots[: k + 1]), camera=camera)
+        tiles.append(_with_title(drawn, f"{snapshots[k].time:.1f} s"))
+    row = _tiled(tiles, count)
+    if layers.caption:
+        sheet = _extended(row, below=STRIP)
+        text = summary(snapshots[-1], outcome) if caption is None else caption
+        draw_strip(PixelCanvas(sheet), sheet.get_size(), text, camera.scale, None)
+        return sheet
+    return row
+
+
+def filmstrip(snapshots: Sequence[Snapshot], indices: Sequence[int], *, layers: Layers | None = None) -> list[str]:
+    """Draw moments of an episode for a page, each with the paths up to it.
+
+    The pictures show the part of the room that contains the robot's path and its goal, transparent outside the room.
+
+    Args:
+        snapshots: of one episode, in order.
+        indices: of the snapshots to draw.
+        layers: what to show; a caption is never drawn.
+
+    Returns:
+        A data URL per index, each a square PNG of the same area.
+
+    Raises:
+        RenderError: `indices` is empty or contains an index out of range.
+    """
+    if not indices or not all(0 <= k < len(snapshots) for k in indices):
+        raise RenderError(
+            f"cannot show snapshots {[*indices]} of {len(snapshots)}; ask for some of 0..{len(snapshots) - 1}"
+        )
+    layers = layers or Layers()
+    camera = _path_camera(snapshots)
+    room = backdrop(snapshots[0].scene, camera, layers, outside=None)
+    urls = []
+    for k in indices:
+        surface = room.copy()
+        draw_on_backdrop(surface, camera, snapshots[k], layers, Trails.of(snapshots[: k + 1]))
+        urls.append(url_of(pygame.transform.smoothscale(surface, camera.size)))
+    return urls
+
+
+def _path_camera(snapshots: Sequence[Snapshot]) -> Camera:
+    """A square view of the robot's path and goal, at most the whole room."""
+    scene = snapshots[0].scene
+    places = np.array([scene.goal.position, *(snapshot.robot.position for snapshot in snapshots)])
+    low, high = places.min(axis=0), places.max(axis=0)
+    whole = camera_for(scene, size=(MOMENT_SIDE, MOMENT_SIDE))
+    side = max(float((high - low).max()) + 2.0 * _MOMENT_MARGIN, _MIN_MOMENT_SIDE)
+    x, y = ((low + high) / 2.0).tolist()
+    return whole.zoomed(max(MOMENT_SIDE / whole.scale / side, 1.0), (x, y))
+
+
+# Sheets
+
+
+def _tiled(pictures: Sequence[pygame.Surface], columns: int) -> pygame.Surface:
+    """Arrange pictures in rows from the upper left, each centred in its column."""
+    columns = min(columns, len(pictures))
+    rows = [pictures[k : k + columns] for k in range(0, len(pictures), columns)]
+    width = max(drawn.get_width() for drawn in pictures)
+    heights = [max(drawn.get_height() for drawn in row) for row in rows]
+    sheet = pygame.Surface((columns * (width + _GAP) - _GAP, sum(heights) + (len(rows) - 1) * _GAP), 0, 32)
+    sheet.fill(PAPER)
+    for k, row in enumerate(rows):
+        for column, drawn in enumerate(row):
+            left = column * (width + _GAP) + (width - drawn.get_width()) // 2
+            sheet.blit(drawn, (left, sum(heights[:k]) + k * _GAP))
+    return sheet
+
+
+def _common_scale(scenes: Sequence[Scene], columns: int) -> float:
+    """Pixels per metre at which the widest scene fills a column of a sheet; a room without outline counts as 10 m."""
+    widest = max(float(np.ptp(scene.outline[:, 0])) for scene in scenes) if all(s.polygon for s in scenes) else 10.0
+    return min(_MAX_SCALE, (_SHEET_WIDTH / columns - _GAP) / (widest + 0.6))
+
+
+def _with_title(drawn: pygame.Surface, title: str) -> pygame.Surface:
+    """The picture with a line of text above it."""
+    sheet, width = _extended(drawn, above=_TITLE), drawn.get_width()
+    PixelCanvas(sheet).text(FAINT, shortened(title, width - 12, TEXT), (width // 2, _TITLE // 2 + 4), TEXT)
+    return sheet
+
+
+def _extended(drawn: pygame.Surface, *, above: int = 0, below: int = 0) -> pygame.Surface:
+    """The picture with empty rows of pixels above and below it."""
+    width, height = drawn.get_size()
+    sheet = pygame.Surface((width, above + height + below), 0, 32)
+    sheet.fill(PAPER)
+    sheet.blit(drawn, (0, above))
+    return sheet

@@ -1,0 +1,74 @@
+"""Drawing of a scene that is driven: camera, zoom, personal space, readings, and the mouse joystick."""
+
+from __future__ import annotations
+
+import math
+
+import pygame
+
+from ..core.devices import View
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
+from ..view.draw import Layers
+from ..view.overlay import Hud, draw_hud
+from ..view.painter import Painter
+from ..view.palette import INK, PAPER
+from .actions import Action
+from .input import MouseJoystick
+
+_ZOOM_STEP, _MIN_ZOOM, _MAX_ZOOM = 1.25, 0.4, 3.0
+_TOP_MARGIN = 0.92  # zoom factor of the top view, so that the readings in the corners do not cover the room
+
+
+class SceneCamera:
+    """Draws one scene after another with the view, zoom and layers that the person selected.
+
+    Args:
+        view: initial view.
+    """
+
+    def __init__(self, view: View) -> None:
+        self.view: View = view
+        self._zoom, self._zones, self._hud = 1.0, False, True
+        self._painter: Painter | None = None
+        self._scene: Scene | None = None
+
+    def apply(self, action: Action) -> bool:
+        """Change the display; returns False if the action is not about the display."""
+        if action is Action.HUD:
+            self._hud = not self._hud
+        elif action is Action.ZONES:
+            self._zones = not self._zones
+        elif action is Action.VIEW:
+            self.view = "top" if self.view == "follow" else "follow"
+        elif action in (Action.ZOOM_IN, Action.ZOOM_OUT):
+            zoom = self._zoom * (_ZOOM_STEP if action is Action.ZOOM_IN else 1 / _ZOOM_STEP)
+            self._zoom = min(max(zoom, _MIN_ZOOM), _MAX_ZOOM)
+        else:
+            return False
+        return True
+
+    def draw(self, surface: pygame.Surface, snapshot: Snapshot, hud: Hud, *, scale: float, question: str = "") -> None:
+        """Draw the world, and the readings over it."""
+        if self._painter is None or self._scene is not snapshot.scene:
+            self._scene, self._painter = snapshot.scene, Painter(snapshot.scene)
+        layers = Layers(caption=False, zones=self._zones)
+        zoom = self._zoom * (_TOP_MARGIN if self.view == "top" else 1.0)
+        camera = self._painter.draw(surface, snapshot, view=self.view, layers=layers, zoom=zoom)
+        if self._hud:
+            draw_hud(surface, hud, snapshot, camera, scale=scale, question=question)
+
+
+def draw_mouse_joystick(surface: pygame.Surface, joystick: MouseJoystick) -> None:
+    """Draw a ring where the mouse was pressed, and a knob at the mouse, at most on the ring."""
+    (x, y), (to_x, to_y), radius = joystick
+    dx, dy = to_x - x, to_y - y
+    distance = math.hypot(dx, dy)
+    fraction = min(radius / distance, 1.0) if distance > 0.0 else 1.0
+    knob = (round(x + dx * fraction), round(y + dy * fraction))
+    side = round(2 * radius) + 4
+    disc = pygame.Surface((side, side), pygame.SRCALPHA, 32)
+    pygame.draw.aacircle(disc, (*PAPER, 70), (side // 2, side // 2), radius)
+    surface.blit(disc, (x - side // 2, y - side // 2))
+    pygame.draw.aacircle(surface, INK, (x, y), radius, 2)
+    pygame.draw.aacircle(surface, INK, knob, radius * 0.22)

@@ -1,0 +1,429 @@
+"""Input devices: pygame's events of keyboard, mouse and game pads become device events and actions."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import pygame
+from pygame._sdl2 import controller
+
+from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
+from ..core.devices import DeviceEvent
+from .actions import Action, key_name, key_with_modifiers
+from .profiles import Profile, Profiles
+
+logger = logging.getLogger(__name__)
+
+KEYBOARD, MOUSE = "keyboard", "mouse"
+HOTPLUG_EVENTS = (
+    pygame.JOYDEVICEADDED, pygame.JOYDEVICEREMOVED, pygame.CONTROLLERDEVICEADDED, pygame.CONTROLLERDEVICEREMOVED,
+)  # fmt: skip
+AXES = ("left_x", "left_y", "right_x", "right_y", "left_trigger", "right_trigger")  # index: SDL's number
+BUTTONS = (
+    "a", "b", "x", "y", "back", "guide", "start", "left_stick", "right_stick", "left_shoulder", "right_shoulder",
+    "dpad_up", "dpad_down", "dpad_left", "dpad_right", "misc1", "paddle1", "paddle2", "paddle3", "paddle4", "touchpad",
+)  # index: SDL's number  # fmt: skip
+_JITTER = 0.01  # smaller changes of an axis are noise
+_TRIGGER_REST = -0.9  # an unnamed axis that rests below this is a trigger
+_JOYSTICK_RADIUS = 0.22  # drag for a full deflection of the mouse joystick, as a fraction of the window's smaller side
+_PRESSED, _RELEASED = 0.55, 0.4  # an axis triggers its action above the first, and again after it was below the second
+_CENTRED = 0.25  # a stick closer to its centre counts as released
+_MOUSE_BUTTONS = {2: "middle_button", 3: "right_button"}  # the left button drags
+
+Key = tuple[str, str]  # device, control
+Reading = tuple[str, float, bool]  # control, value, whether it is a button
+
+
+class Move(NamedTuple):
+    """New value of one control, -1 to 1."""
+
+    slot: str
+    control: str
+    value: float
+    is_button: bool
+
+
+class MouseJoystick(NamedTuple):
+    """Virtual joystick of a mouse drag: where the drag started, the mouse position, the full deflection; px."""
+
+    anchor: tuple[int, int]
+    position: tuple[int, int]
+    radius: float
+
+
+class Device(NamedTuple):
+    """Connected device: its slot (`pad0`), readable name, and the key of its profile (the GUID of a pad)."""
+
+    slot: str
+    name: str
+    key: str
+
+
+class EventBuffer:
+    """Collects the values of controls between two polls; each control yields at most one event per poll."""
+
+    def __init__(self) -> None:
+        self._values: dict[Key, float] = {}
+        self._reported: dict[Key, float] = {}
+        self._changed: dict[Key, None] = {}  # in the order of the changes
+        self._taps: dict[Key, float] = {}
+
+    def put(self, device: str, control: str, value: float, *, is_button: bool) -> None:
+        """Store the new value of a control, -1 to 1."""
+        key = device, control
+        if is_button and value:
+            self._taps[key] = value
+        self._values[key] = value
+        self._changed.pop(key, None)
+        self._changed[key] = None
+
+    def poll(self) -> tuple[DeviceEvent, ...]:
+        """Changes since the previous poll, in order.
+
+        A button that was pressed and released in between is reported as pressed now and as released by the next poll.
+        """
+        events, again = [], []
+        for key in self._changed:
+            reported, value = self._reported.get(key, 0.0), self._values[key]
+            if value == reported == 0.0 and key in self._taps:
+                value = self._taps[key]
+                again.append(key)
+            # Jitter is suppressed, but the centre and the ends are always reported.
+            if value != reported and (abs(value - reported) >= _JITTER or value in (-1.0, 0.0, 1.0)):
+                events.append(DeviceEvent(*key, value))
+                self._reported[key] = value
+        self._changed, self._taps = dict.fromkeys(again), {}
+        return tuple(events)
+
+    def release(self, device: str | None = None) -> None:
+        """Set all controls, or those of one device, to zero."""
+        for key in [key for key in self._values if device in (None, key[0])]:
+            self._taps.pop(key, None)
+            if self._values[key] or self._reported.get(key, 0.0):
+                self.put(*key, 0.0, is_button=False)
+
+    def values(self, device: str) -> Mapping[str, float]:
+        """Current values of a device's controls."""
+        return {control: value for (owner, control), value in self._values.items() if owner == device}
+
+    def reported(self, device: str) -> Mapping[str, float]:
+        """Values of a device's controls as of the last poll."""
+        return {control: value for (owner, control), value in self._reported.items() if owner == device}
+
+    def active(self) -> tuple[DeviceEvent, ...]:
+        """Reported values other than zero: the initial events of a new episode."""
+        return tuple(DeviceEvent(*key, value) for key, value in self._reported.items() if value)
+
+
+@dataclass(slots=True)
+class Pad:
+    """A connected joystick or game pad.
+
+    Attributes:
+        instance: SDL's number of this connection; never reused.
+        guid: identifier of the model; the same for all devices of the model.
+        name: of the device.
+        is_controller: whether SDL has names for its controls; otherwise they are numbered.
+        rest: value of each axis when the pad was connected, -1 to 1; an axis that has not moved yet gives no input.
+        device: pygame's object; keeps the device open.
+    """
+
+    instance: int
+    guid: str
+    name: str
+    is_controller: bool
+    rest: dict[str, float] = field(default_factory=dict)
+    device: object = None
+    _moved: set[str] = field(default_factory=set)
+
+    def read(self, event: pygame.Event) -> tuple[Reading, ...]:
+        """Readings of the controls in an event of this device."""
+        # SDL reports a named pad twice: its joystick events repeat its controller events.
+        return self._read_named(event) if self.is_controller else self._read_numbered(event)
+
+    def _read_named(self, event: pygame.Event) -> tuple[Reading, ...]:
+        if event.type == pygame.CONTROLLERAXISMOTION and event.axis < len(AXES):
+            return self._read_axis(AXES[event.axis], _scaled(event.value))
+        if event.type in (pygame.CONTROLLERBUTTONDOWN, pygame.CONTROLLERBUTTONUP) and event.button < len(BUTTONS):
+            return ((BUTTONS[event.button], float(event.type == pygame.CONTROLLERBUTTONDOWN), True),)
+        return ()
+
+    def _read_numbered(self, event: pygame.Event) -> tuple[Reading, ...]:
+        if event.type == pygame.JOYAXISMOTION:
+            return self._read_axis(f"axis{event.axis}", _clipped(float(event.value)))
+        if event.type in (pygame.JOYBUTTONDOWN, pygame.JOYBUTTONUP):
+            return ((f"button{event.button}", float(event.type == pygame.JOYBUTTONDOWN), True),)
+        if event.type == pygame.JOYHATMOTION:
+            x, y = event.value
+            return ((f"hat{event.hat}_x", float(x), True), (f"hat{event.hat}_y", float(y), True))
+        return ()
+
+    def _read_axis(self, control: str, value: float) -> tuple[Reading, ...]:
+        """Reading of an axis; none until the axis has left its value at connection."""
+        rest = self.rest.setdefault(control, value)  # SDL reports the rest of an unnamed axis before its first move
+        if control not in self._moved and abs(value - rest) < _JITTER:
+            return ()
+        self._moved.add(control)
+        if rest < _TRIGGER_REST and not self.is_controller:
+            value = max((value - rest) / (1.0 - rest), 0.0)
+        return ((control, value, False),)
+
+
+class SdlPads:
+    """Finds the connected pads."""
+
+    def start(self) -> bool:
+        """Start looking for pads; False if this machine does not support them."""
+        try:
+            pygame.joystick.init()
+            controller.init()
+        except pygame.error as error:
+            logger.warning("joysticks cannot be used here (%s); drive with keyboard or mouse", error)
+            return False
+        return True
+
+    def open_new(self, known: Sequence[int]) -> list[Pad]:
+        """Open the connected pads whose instance is not among the known ones, in SDL's order."""
+        # The device index of an event is invalid once another device was added or removed, so check all devices.
+        found = []
+        for index in range(pygame.joystick.get_count()):
+            try:
+                pad = self._open(index, known)
+            except pygame.error as error:
+                logger.warning("joystick %d cannot be opened: %s", index, error)
+            else:
+                found += [pad] if pad else []
+        return found
+
+    @staticmethod
+    def _open(index: int, known: Sequence[int]) -> Pad | None:
+        """Open the pad at an index of SDL's list; None if it is known."""
+        joystick = pygame.joystick.Joystick(index)
+        instance, guid, name = joystick.get_instance_id(), joystick.get_guid(), joystick.get_name()
+        if instance in known:
+            return None
+        if not controller.is_controller(index):
+            return Pad(instance, guid, name, False, device=joystick)
+        pad = controller.Controller.from_joystick(joystick)
+        rest = {axis: _scaled(pad.get_axis(number)) for number, axis in enumerate(AXES)}
+        return Pad(instance, guid, name, True, rest, device=(joystick, pad))
+
+
+class InputDevices:
+    """Keyboard, mouse and all pads. Create it after the window is open.
+
+    Args:
+        profiles: control assignments; the user's saved profiles by default.
+        pads: finds pads; SDL by default.
+    """
+
+    def __init__(self, profiles: Profiles | None = None, pads: SdlPads | None = None) -> None:
+        self.profiles = profiles or Profiles()
+        self._source = pads or SdlPads()
+        self._buffer = EventBuffer()
+        self._guids: list[str] = []  # index: slot; GUID of the last pad in it
+        self._pads: dict[int, Pad] = {}  # by slot: connected pads
+        self._disconnected: list[str] = []
+        self._connected: list[str] = []
+        self._pressed: set[Key] = set()
+        self._joystick: MouseJoystick | None = None
+        self._ignored: set[Key] = set()  # controls of pads that were released by `release` while deflected
+        self._has_pads = self._source.start()
+        self._update_pads()
+        self._connected.clear()  # pads that are there from the start are not news
+
+    # Events
+
+    def handle(self, event: pygame.Event, size: tuple[int, int]) -> Action | None:
+        """Process an event of pygame; driving controls go to the buffer.
+
+        Args:
+            event: any event.
+            size: of the window, px.
+
+        Returns:
+            The action that the event requests, if any.
+        """
+        action = None
+        for move in self.moves(event, size):
+            profile = self.profile(move.slot)
+            if (move.slot, move.control) in self._ignored:
+                if abs(move.value) < _CENTRED:
+                    self._ignored.discard((move.slot, move.control))
+            elif move.control in profile.mapping.controls:
+                self._buffer.put(move.slot, move.control, move.value, is_button=move.is_button)
+            else:
+                action = self._triggered(move, profile) or action
+        return action
+
+    def moves(self, event: pygame.Event, size: tuple[int, int]) -> tuple[Move, ...]:
+        """Changes of controls in an event, assigned or not. Pass each event either to this or to `handle`."""
+        if event.type in HOTPLUG_EVENTS:
+            self._update_pads(getattr(event, "instance_id", None))
+        elif event.type == pygame.WINDOWFOCUSLOST:
+            self.release()
+        elif event.type in (pygame.KEYDOWN, pygame.KEYUP):
+            return self._key_moves(event)
+        elif event.type == pygame.MOUSEWHEEL and event.y:
+            wheel = "wheel_up" if event.y > 0 else "wheel_down"
+            return Move(MOUSE, wheel, 1.0, True), Move(MOUSE, wheel, 0.0, True)
+        elif event.type in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP, pygame.MOUSEMOTION):
+            return self._mouse_moves(event, size)
+        elif hasattr(event, "instance_id"):
+            pads = [(slot, pad) for slot, pad in self._pads.items() if pad.instance == event.instance_id]
+            return tuple(Move(f"pad{slot}", *reading) for slot, pad in pads for reading in pad.read(event))
+        return ()
+
+    def poll(self) -> tuple[DeviceEvent, ...]:
+        """Device events since the previous poll: one per control, in order; a short tap is not lost."""
+        return self._buffer.poll()
+
+    def active(self) -> tuple[DeviceEvent, ...]:
+        """Reported values other than zero: the initial events of an episode that starts now."""
+        return self._buffer.active()
+
+    def release(self) -> None:
+        """Set all controls to zero. A key counts again when it is pressed, a stick after it was centred."""
+        self._joystick = None
+        self._pressed.clear()
+        pads = [f"pad{slot}" for slot in self._pads]
+        self._ignored |= {
+            (pad, control) for pad in pads for control, value in self._buffer.values(pad).items() if value
+        }
+        self._buffer.release()
+
+    def is_driving(self, events: Iterable[DeviceEvent]) -> bool:
+        """Whether any of the events just polled drives: an assigned control beyond its dead zone, except the brake."""
+        values: dict[str, dict[str, float]] = {}
+        for event in events:
+            if event.value and self._has_slot(event.device):
+                values.setdefault(event.device, dict(self._buffer.reported(event.device)))[event.control] = event.value
+        demands = [self.profile(slot).mapping.read(controls) for slot, controls in values.items()]
+        return any(demand[axis] for demand in demands for axis in ("ahead", "left", "turn"))
+
+    # Devices
+
+    @property
+    def joystick(self) -> MouseJoystick | None:
+        """The mouse joystick to draw; None while the mouse is not dragged or dragging is not assigned."""
+        return self._joystick if {"drag_x", "drag_y"} & set(self.profile(MOUSE).mapping.controls) else None
+
+    @property
+    def mappings(self) -> Mapping[str, DeviceMapping]:
+        """Mapping of each device, for `Teleoperation`; `pad` is for devices that are connected later."""
+        pads = {f"pad{slot}": self.profiles.of(guid).mapping for slot, guid in enumerate(self._guids)}
+        fixed = {slot: self.profile(slot).mapping for slot in (KEYBOARD, MOUSE)}
+        return fixed | {"pad": DEFAULT_MAPPINGS["pad"]} | pads
+
+    def pads_match(self, mappings: Mapping[str, DeviceMapping]) -> bool:
+        """Whether other mappings read every connected pad in the same way."""
+        own = self.mappings
+        return all(mappings.get(f"pad{k}", mappings.get("pad")) == own[f"pad{k}"] for k in self._pads)
+
+    def devices(self) -> list[Device]:
+        """All devices, keyboard and mouse first."""
+        pads = [Device(f"pad{slot}", pad.name, pad.guid) for slot, pad in sorted(self._pads.items())]
+        return [Device(KEYBOARD, "Keyboard", KEYBOARD), Device(MOUSE, "Mouse", MOUSE), *pads]
+
+    def profile_key(self, slot: str) -> str:
+        """Key of a device's profile."""
+        return self._guids[int(slot[3:])] if slot.startswith("pad") else slot
+
+    def profile(self, slot: str) -> Profile:
+        """Profile of a device."""
+        return self.profiles.of(self.profile_key(slot))
+
+    def is_named(self, slot: str) -> bool:
+        """Whether the controls of a device have names; otherwise they are numbered."""
+        pad = self._pads.get(int(slot[3:])) if slot.startswith("pad") else None
+        return pad is None or pad.is_controller
+
+    def pop_disconnected(self) -> str | None:
+        """Name of a device that was disconnected; each is returned once."""
+        return self._disconnected.pop(0) if self._disconnected else None
+
+    def pop_connected(self) -> str | None:
+        """Name of a device that was connected; each is returned once."""
+        return self._connected.pop(0) if self._connected else None
+
+    # Internals
+
+    def _has_slot(self, slot: str) -> bool:
+        return slot in (KEYBOARD, MOUSE) or (slot.startswith("pad") and int(slot[3:]) < len(self._guids))
+
+    def _triggered(self, move: Move, profile: Profile) -> Action | None:
+        """Action of a control at the moment it is pressed, or its axis passes the threshold; None while it is held."""
+        action = None
+        for control, value in ((move.control, move.value), (f"-{move.control}", -move.value)):
+            key = move.slot, control
+            if value < _RELEASED:
+                self._pressed.discard(key)
+            elif value > _PRESSED and key not in self._pressed:
+                self._pressed.add(key)
+                action = profile.actions.get(control, action)
+        return action
+
+    def _key_moves(self, event: pygame.Event) -> tuple[Move, ...]:
+        """A key with Ctrl or Alt is a separate control; releasing the key releases all of its variants."""
+        if event.type == pygame.KEYDOWN:
+            pygame.key.set_repeat(0)  # a text field switches key repeat on, but text fields do not pass keys on
+            return (Move(KEYBOARD, key_with_modifiers(event), 1.0, True),)
+        return tuple(
+            Move(KEYBOARD, prefix + key_name(event), 0.0, True) for prefix in ("", "ctrl+", "alt+", "ctrl+alt+")
+        )
+
+    def _mouse_moves(self, event: pygame.Event, size: tuple[int, int]) -> tuple[Move, ...]:
+        """The left button drags the joystick; the other buttons are controls of their own."""
+        if event.type == pygame.MOUSEMOTION:
+            if self._joystick is None:
+                return ()
+            if not getattr(event, "buttons", (1,))[0]:  # the button was released outside the window
+                return self._move_joystick(None)
+            return self._move_joystick(self._joystick._replace(position=event.pos))
+        is_down = event.type == pygame.MOUSEBUTTONDOWN
+        if event.button == pygame.BUTTON_LEFT:
+            if is_down:
+                return self._move_joystick(MouseJoystick(event.pos, event.pos, max(_JOYSTICK_RADIUS * min(size), 1.0)))
+            return self._move_joystick(None) if self._joystick else ()
+        name = _MOUSE_BUTTONS.get(event.button)
+        return (Move(MOUSE, name, float(is_down), True),) if name else ()
+
+    def _move_joystick(self, joystick: MouseJoystick | None) -> tuple[Move, ...]:
+        """Store the mouse joystick; None releases it. Right and down are positive, as for the stick of a pad."""
+        self._joystick = joystick
+        x, y = ((joystick.position[i] - joystick.anchor[i]) / joystick.radius if joystick else 0.0 for i in (0, 1))
+        return Move(MOUSE, "drag_x", _clipped(x), False), Move(MOUSE, "drag_y", _clipped(y), False)
+
+    def _update_pads(self, removed: int | None = None) -> None:
+        """Release the pad whose instance was removed, and open new pads."""
+        for slot in [slot for slot, pad in self._pads.items() if pad.instance == removed]:
+            pad = self._pads.pop(slot)
+            self._buffer.release(f"pad{slot}")
+            self._pressed = {key for key in self._pressed if key[0] != f"pad{slot}"}
+            self._ignored = {key for key in self._ignored if key[0] != f"pad{slot}"}
+            self._disconnected.append(pad.name)
+        if not self._has_pads:
+            return
+        for pad in self._source.open_new([pad.instance for pad in self._pads.values()]):
+            self._pads[self._slot_for(pad)] = pad
+            self._connected.append(pad.name)
+
+    def _slot_for(self, pad: Pad) -> int:
+        """The free slot that a pad of the same model had, otherwise a new slot."""
+        for slot, guid in enumerate(self._guids):
+            if guid == pad.guid and slot not in self._pads:
+                return slot
+        self._guids.append(pad.guid)
+        return len(self._guids) - 1
+
+
+def _scaled(value: int) -> float:
+    """An axis of SDL, 16 bits, as -1 to 1."""
+    return _clipped(value / 32767.0)
+
+
+def _clipped(value: float) -> float:
+    return min(max(value, -1.0), 1.0)

@@ -1,0 +1,139 @@
+"""What covers the scene while a person drives: end of the run with its question, menu, help, scene settings."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import pygame
+import pygame_gui
+
+from ..collect.session import Session
+from ..scenegen.scenario.config import ScenarioConfig
+from .actions import HELP, Action
+from .answer import Answer, LabelSlider
+from .cards import ENDED, MENU, Card, outcome_text
+from .input import HOTPLUG_EVENTS
+from .scene_panel import ScenePanel
+from .stage import Stage
+
+Page = Literal["help", "menu", "scene"]
+_ANSWER_HEIGHT = 96  # px at scale 1
+_COMMAND_KEYS = (pygame.K_RETURN, pygame.K_KP_ENTER, pygame.K_ESCAPE, pygame.K_F1)  # not part of a typed text
+_PASSED_ON = (pygame.WINDOWFOCUSLOST, *HOTPLUG_EVENTS)  # reach the screen while the scene panel is open
+
+
+class Overlay:
+    """Widgets over the scene; call `rebuild` after every change of state, page, window or size.
+
+    Args:
+        session: its state decides what is shown.
+        runs: number of runs requested; None for no limit.
+
+    Attributes:
+        page: page that the person opened, shown instead of the card of the state.
+        answer: widgets of the question at the end of the run, while they are shown.
+        notice: extra message at the end of a run.
+    """
+
+    def __init__(self, session: Session, runs: int | None) -> None:
+        self._session, self._runs, self._drives_on = session, runs, False
+        self._label: Any = None
+        self.notice = ""
+        self.page: Page | None = None
+        self.answer: Answer | None = None
+        self._card: Card | None = None
+        self._panel: ScenePanel | None = None
+
+    @property
+    def label(self) -> Any:
+        """Answer about this run so far; it outlives its widgets."""
+        return self.answer.label if self.answer is not None else self._label
+
+    @label.setter
+    def label(self, label: Any) -> None:
+        if self.answer is not None:
+            self.answer.kill()
+        self._label, self.answer = label, None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all requested runs are kept and the person has not decided to drive on."""
+        done = self._runs is not None and self._session.kept >= self._runs
+        return done and self._session.state == "waiting" and not self._drives_on
+
+    def drive_on(self) -> None:
+        """Continue although all requested runs are kept."""
+        self._drives_on = True
+
+    def rebuild(self, stage: Stage) -> None:
+        """Replace the widgets by those of the current page or state."""
+        self._label = self.label
+        for widget in (self._card, self._panel, self.answer):
+            if widget is not None:
+                widget.kill()
+        self._card = self._panel = self.answer = None
+        session, ui, scale = self._session, stage.ui, stage.scale
+        if self.page == "scene":
+            self._panel = ScenePanel(ui, scale, session.config)
+        elif self.page == "help":
+            self._card = Card(ui, scale, "Keys and buttons", HELP, [("Close", Action.HELP)])
+        elif self.page == "menu":
+            self._card = Card(ui, scale, "Menu", [f"Runs kept: {session.kept}"], MENU, stacked=True)
+        elif session.state == "ended":
+            asks = session.label_spec.per_run
+            title, lines = outcome_text(session)
+            self.notice = ""
+            height = _ANSWER_HEIGHT if asks else 0
+            self._card = Card(ui, scale, title, lines, ENDED, free_height=height, high_up=True)
+            if asks:
+                self.answer = Answer(session.label_spec, ui, self._card.free, scale, self._label)
+        elif self.is_done:
+            buttons = [("Close the window", Action.QUIT), ("Drive on", Action.CONFIRM)]
+            lines = [f"{session.kept} runs are kept in {session.out}."]
+            self._card = Card(ui, scale, "All runs are done. Thank you!", lines, buttons)
+
+    def handle(self, event: pygame.Event) -> Action | ScenarioConfig | bool | None:
+        """Process an event.
+
+        Returns:
+            An action, new scene settings, True if the event was used otherwise, or a false value if it was not used.
+
+        Raises:
+            ConfigError: the counts of the scene panel contradict each other.
+        """
+        if self._panel is not None:
+            return self._panel.handle(event) or event.type not in _PASSED_ON
+        if self.answer is not None and event.type == pygame_gui.UI_TEXT_ENTRY_FINISHED:
+            return Action.CONFIRM
+        if self.answer is not None and (self.answer.handle(event) or self._types(event, self.answer)):
+            return True
+        if self._card is None:
+            return None
+        on_card = event.type == pygame.MOUSEBUTTONDOWN and self._card.box.collidepoint(event.pos)
+        return self._card.pressed(event) or on_card or None
+
+    def apply(self, stage: Stage, action: Action) -> None:
+        """Change the answer by a label action (wheel, trigger or button)."""
+        if self.answer is None or self.answer.spec.kind == "text":
+            return
+        slider = LabelSlider(self.answer.spec)
+        slider.set(self.answer.label)
+        slider.apply(action)
+        self.label = slider.label
+        self.rebuild(stage)
+
+    def draw(self, surface: pygame.Surface) -> None:
+        """Draw everything but the widgets."""
+        if self._card is not None:
+            self._card.draw(surface, self.notice if self._session.state == "ended" else "")
+        if self.answer is not None:
+            self.answer.draw(surface)
+
+    def _types(self, event: pygame.Event, answer: Answer) -> bool:
+        """Whether a key types a letter of a text answer, so that it does nothing else; the text gets it in any case."""
+        if event.type not in (pygame.KEYDOWN, pygame.KEYUP, pygame.TEXTINPUT) or answer.spec.kind != "text":
+            return False
+        if event.type != pygame.TEXTINPUT and event.key in _COMMAND_KEYS:
+            return False
+        answer.type_key(event)
+        return True

@@ -1,0 +1,138 @@
+"""The data card describes a data set for readers, for Hugging Face and, by Croissant metadata, for programs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+from sonata2d_cli import main
+
+from sonata2d.core.proxemics import clearance
+from sonata2d.datasets.card import card_text, write_card
+from sonata2d.datasets.card_figure import clearances, collect_statistics
+from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets.manifest import read_manifest
+from sonata2d.datasets.verification import verify
+from sonata2d.record.reader import read_episode
+from sonata2d.scenegen.scenario.config import ScenarioConfig
+
+from .test_manifest import dataset_in, spec
+
+
+def test_the_card_has_front_matter_and_the_command_that_reproduces_the_data_set(tmp_path: Path) -> None:
+    dataset_in(tmp_path, spec())
+    text = (tmp_path / "README.md").read_text("utf-8")
+    _, front, body = text.split("---\n", 2)
+    front_matter = yaml.safe_load(front)
+    assert (front_matter["license"], front_matter["task_categories"]) == ("cc-by-4.0", ["robotics"])
+    assert front_matter["size_categories"] == ["n<1K"]
+    assert "social-navigation" in front_matter["tags"]
+    assert "sonata2d generate" in body
+    assert "| stopped | 3 |" in body
+
+
+def test_the_card_counts_recorded_pedestrians_and_leaves_the_licence_open(tmp_path: Path) -> None:
+    people = [{"track": [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]}, {"x": 1.0, "y": 2.0, "track": None}]
+    dataset_in(tmp_path, spec())
+    manifest = read_manifest(tmp_path) | {"settings": {"people": people}}
+    _, front, body = card_text(manifest).split("---\n", 2)
+    front_matter = yaml.safe_load(front)
+    assert front_matter["license"] == "other"
+    assert "synthetic" not in front_matter["tags"]
+    assert "1 of the 2 pedestrians listed in the scenario follow recorded tracks" in body
+    assert "Pedestrians are simulated" not in body
+    simulated = card_text(manifest | {"settings": {"people": people[1:]}})
+    assert "- synthetic" in simulated
+    assert "recorded" not in simulated
+    assert "among recorded and simulated pedestrians" in card_text(manifest | {"collected": True})
+    assert "among simulated pedestrians" in card_text(manifest | {"collected": True, "settings": None})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A generated data set of four episodes."""
+    pytest.importorskip("matplotlib", reason="the figures of the card need sonata2d[plots]")
+    folder = tmp_path_factory.mktemp("sets") / "set"
+    config = ScenarioConfig(humans=(0, 5), rules={"time_limit": 4.0})
+    generate_dataset(folder, config, "straight-to-goal", episodes=4, seed=2)
+    return folder
+
+
+def test_every_frame_is_counted_once(folder: Path) -> None:
+    records = [read_episode(path) for path in sorted(folder.glob("0*.json"))]
+    statistics = collect_statistics(records)
+    frames = sum(len(record) for record in records)
+    pedestrians = sum(int(record.present.sum()) for record in records)
+    assert (statistics.robot.sum(), statistics.robot_speed.sum(), statistics.frames) == (frames, frames, frames)
+    assert (statistics.pedestrians.sum(), statistics.pedestrian_speed.sum()) == (pedestrians, pedestrians)
+    assert statistics.clearance.sum() == frames - statistics.empty_frames
+    assert sum(statistics.outcomes.values()) == 4
+
+
+def test_the_first_axis_of_the_map_is_x(folder: Path) -> None:
+    record = read_episode(folder / "000000.json")
+    (x, y), counts = record.robot[0, :2], collect_statistics([record]).robot
+    assert counts[int((x + 12.0) / 0.2), int((y + 12.0) / 0.2)] > 0
+
+
+def test_clearances_equal_those_of_snapshots(folder: Path) -> None:
+    for path in sorted(folder.glob("0*.json")):
+        record = read_episode(path)
+        expected = [max(clearance(record.snapshot(t)), 0.0) for t in range(len(record))]
+        assert clearances(record) == pytest.approx(np.array(expected), abs=1e-9)
+
+
+def test_a_card_with_figures_keeps_the_data_set_valid(folder: Path) -> None:
+    text = write_card(folder).read_text()
+    assert "![" in text
+    assert text.index("## Figures") < text.index("## Known limits")
+    assert (folder / "card.png").read_bytes().startswith(b"\x89PNG")
+    assert verify(folder) == []
+
+
+def test_metadata_names_the_manifest_by_its_hash(folder: Path) -> None:
+    write_card(folder, figures=False)
+    metadata = json.loads((folder / "croissant.json").read_text())
+    assert metadata["@type"] == "sc:Dataset"
+    assert metadata["conformsTo"] == "http://mlcommons.org/croissant/1.0"
+    manifest, episodes = metadata["distribution"]
+    assert manifest["sha256"] == hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+    assert episodes["includes"] == ["*.json"]
+    listed = json.loads((folder / "manifest.json").read_text())["files"][0]
+    paths = [field["source"]["extract"]["jsonPath"] for field in metadata["recordSet"][0]["field"]]
+    assert {path.removeprefix("$.files[*].") for path in paths} <= set(listed)
+
+
+def test_the_licence_of_recorded_pedestrians_is_other_unless_given(tmp_path: Path) -> None:
+    person = {"track": [[0.0, 0.0, 1.0], [2.0, 2.0, 1.0]]}
+    config = ScenarioConfig(humans=0, relations=0, tables=0, people=[person], rules={"time_limit": 1.0})
+    generate_dataset(tmp_path / "set", config, "straight-to-goal", episodes=1, seed=2)
+
+    def metadata(*options: str) -> tuple[str, str]:
+        result = CliRunner().invoke(main, ["card", str(tmp_path / "set"), "--no-figures", *options])
+        assert result.exit_code == 0, result.output
+        document = json.loads((tmp_path / "set" / "croissant.json").read_text())
+        return document["license"], document["description"]
+
+    assert metadata() == ("other", "1 episodes of a robot among recorded pedestrians, made with sonata2d.")
+    assert metadata("--licence", "cc-by-4.0")[0] == "https://creativecommons.org/licenses/by/4.0/"
+    assert "license: cc-by-4.0" in (tmp_path / "set" / "README.md").read_text()
+    assert CliRunner().invoke(main, ["card", str(tmp_path / "set"), "--licence", "My terms"]).exit_code == 1
+
+
+def test_the_same_data_give_the_same_card(folder: Path) -> None:
+    write_card(folder)
+    first = {name: (folder / name).read_bytes() for name in ("README.md", "croissant.json", "card.png")}
+    write_card(folder)
+    assert first == {name: (folder / name).read_bytes() for name in first}
+
+
+def test_the_command_reports_the_written_files(folder: Path) -> None:
+    written = json.loads(CliRunner().invoke(main, ["card", str(folder), "--json"]).output)
+    assert all(Path(path).is_file() for path in written.values())
+    assert CliRunner().invoke(main, ["card", "nowhere"]).exit_code == 1

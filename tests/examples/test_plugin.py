@@ -1,0 +1,86 @@
+"""The template plug-in package works as its README says, in an environment of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PLUGIN = ROOT / "examples" / "plugin"
+BLOCK = re.compile(r"^```(\w+)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The environment variables of a process in which the template package is installed."""
+    source, target = (tmp_path_factory.mktemp("plugin") / name for name in ("source", "target"))
+    shutil.copytree(PLUGIN, source)  # setuptools builds inside the source folder
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
+    subprocess.run([*pip, "--target", str(target), str(source)], check=True)
+    return {**os.environ, "PYTHONPATH": str(target)}
+
+
+def sonata2d(words: list[str], env: dict[str, str], cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "sonata2d_cli", *words], env=env, cwd=cwd, capture_output=True, text=True, check=False
+    )
+
+
+def test_the_five_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_path: Path) -> None:
+    outputs = {}
+    for language, file, text in BLOCK.findall((PLUGIN / "README.md").read_text()):
+        if file:
+            (tmp_path / file).write_text(text)
+        for line in text.splitlines() if language == "sh" else ():
+            program, *words = shlex.split(line)
+            if program == "sonata2d":
+                done = sonata2d(words, installed, tmp_path)
+                assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+                outputs[words[0]] = done.stdout
+    assert "cautious" in outputs["controllers"]
+    assert "mean_speed" in outputs["evaluate"]
+    episode = json.loads((tmp_path / "hexagons" / "000000.json").read_bytes())
+    assert len(episode["room"]["polygon"]) == 6
+    assert {human["model"] for human in episode["humans"]} == {"circular"}
+    assert episode["controller"]["path"] == "cautious"
+    rows = (tmp_path / "paths" / "000000.robot.csv").read_text().splitlines()
+    assert rows[0] == "time,x,y,theta"
+    assert len(rows) == len(episode["frames"]) + 1
+
+
+def test_episodes_with_plug_ins_replay_and_rerun_to_the_bit(installed: dict[str, str], tmp_path: Path) -> None:
+    scenario = "extends: sonata-2020\nroom: {kinds: hexagon}\nperson: {model: circular}\nrules: {time_limit: 4}\n"
+    (tmp_path / "quick.yaml").write_text(scenario)
+    words = ["generate", "out", "--scenario", "quick.yaml", "--controller", "cautious", "--episodes", "2"]
+    assert sonata2d([*words, "--no-picture", "--workers", "2"], installed, tmp_path).returncode == 0
+    done = sonata2d(["check", "out", "--replay", "--rerun"], installed, tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_broken_plug_in_is_named_and_skipped(installed: dict[str, str], tmp_path: Path) -> None:
+    broken = tmp_path / "broken-1.0.dist-info"
+    broken.mkdir()
+    (broken / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n")
+    points = "[sonata2d.controllers]\nlost = no_such_module:Lost\norca = no_such_module:Orca\n"
+    (broken / "entry_points.txt").write_text(points + "[sonata2d.metrics]\nwrong = math:pi\n")
+    env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
+    done = sonata2d(["controllers", "list"], env, tmp_path)
+    assert done.returncode == 0
+    assert "cautious" in done.stdout
+    assert "lost" not in done.stdout
+    assert "Warning: controller plug-in 'lost' (no_such_module:Lost) does not load" in done.stderr
+    assert "Warning: controller plug-in 'orca' (no_such_module:Orca) is skipped: the name is taken" in done.stderr
+    done = sonata2d(["generate", "out", "--controller", "lost"], env, tmp_path)
+    assert done.returncode == 1
+    assert (
+        done.stderr.startswith("Error: ControllerError: controller plug-in 'lost'") or "plug-in 'lost'" in done.stderr
+    )
+    assert "Traceback" not in done.stderr

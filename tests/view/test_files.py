@@ -1,0 +1,264 @@
+import base64
+import io
+import json
+import re
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+import numpy as np
+import pygame
+import pytest
+from PIL import Image
+
+from sonata2d.errors import RenderError
+from sonata2d.view.draw import Layers
+from sonata2d.view.files import render
+from sonata2d.view.film import paced, save_film
+from sonata2d.view.stills import MOMENT_SIDE, filmstrip, save_moment
+from sonata2d.view.trails import Trails
+
+from .conftest import pixels, snapshot_at
+
+SIZE = (240, 220)
+
+
+@pytest.mark.parametrize("suffix", ["png", "gif", "mp4", "html", "PNG"])
+def test_every_suffix_gives_a_reproducible_file(tmp_path, episode, suffix):
+    first, second = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
+    for path in (first, second):
+        render(episode, path, size=SIZE, outcome="goal")
+    assert first.stat().st_size > 1000
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_pictures_can_be_opened(tmp_path, episode):
+    render(episode, tmp_path / "a.png", size=SIZE)
+    render(episode, tmp_path / "strip.png", strip=3)
+    with Image.open(tmp_path / "a.png") as single, Image.open(tmp_path / "strip.png") as strip:
+        assert single.size == SIZE
+        assert strip.width > 2 * strip.height
+
+
+def test_a_gif_shows_every_tick_at_the_given_rate(tmp_path, episode):
+    render(episode, tmp_path / "a.gif", size=SIZE)
+    with Image.open(tmp_path / "a.gif") as film:
+        assert film.size == SIZE
+        assert film.n_frames >= len(episode)
+        assert film.info["duration"] == 100
+        assert film.convert("RGB").getpixel((0, 0)) == (255, 255, 255)
+
+
+def test_an_mp4_has_even_sides_and_the_length_of_the_episode(tmp_path, episode):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    render(episode, tmp_path / "a.mp4", size=(241, 219), fps=20)
+    assert next(ffmpeg.read_frames(str(tmp_path / "a.mp4")))["size"] == (240, 218)
+    frames, _ = ffmpeg.count_frames_and_secs(str(tmp_path / "a.mp4"))
+    assert frames == 22 + 1 + 30  # every half tick, the last snapshot, and the hold at the end
+
+
+def test_a_film_accepts_an_iterator(tmp_path, episode):
+    save_film(tmp_path / "a.gif", iter(episode), size=SIZE, speed=3.0)
+    with Image.open(tmp_path / "a.gif") as film:
+        assert 4 <= film.n_frames <= 6
+
+
+def test_pictures_between_ticks_are_interpolated(episode):
+    fine = list(paced(episode, 0.05))
+    assert [round(s.time, 6) for s in fine] == [round(0.05 * k, 6) for k in range(23)]
+    assert fine[3].robot.position[0] == pytest.approx(1.15)
+    assert np.hypot(*fine[3].humans.direction.T) == pytest.approx(1.0)
+    coarse = list(paced(episode, 0.05, interpolate=False))
+    assert coarse[3].robot.position == episode[1].robot.position
+
+
+class ScriptParser(HTMLParser):
+    """Collects the scripts and all attributes of a page."""
+
+    def __init__(self):
+        super().__init__()
+        self.scripts, self.attributes, self.inside = [], [], False
+
+    def handle_starttag(self, tag, attrs):
+        self.attributes += attrs
+        self.inside = tag == "script"
+        self.scripts += [""] if self.inside else []
+
+    def handle_data(self, data):
+        if self.inside:
+            self.scripts[-1] += data
+
+    def handle_endtag(self, tag):
+        self.inside = False
+
+
+def test_a_page_needs_no_network_and_escapes_texts(tmp_path, scene, episode):
+    nasty = "</script><script>alert(1)</script>\u2028&\"'"
+    named = [replace(snapshot, scene=replace(scene, name=nasty)) for snapshot in episode]
+    labels = [{"note": nasty}, None, *["calm"] * 10]
+    render(named, tmp_path / "a.html", outcome=nasty, labels=labels, commands=np.full((12, 3), 0.5))
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert not re.search(r"https?:|//[a-z0-9.]+\.[a-z]{2}|@import|\bfetch\(|XMLHttpRequest", text)
+    parser = ScriptParser()
+    parser.feed(text)
+    assert not {"src", "href"} & {name for name, _ in parser.attributes}
+    assert len(parser.scripts) == 2
+    data = json.loads(parser.scripts[0])
+    assert data["outcome"] == nasty
+    assert data["labelTexts"] == [f"note {nasty}", "", "calm"]
+    assert data["labels"] == [0, 1, *[2] * 10]
+
+
+def test_a_page_holds_the_episode(tmp_path, episode):
+    changed = list(episode)
+    others = np.delete(np.arange(len(episode[5].humans)), 1)
+    changed[5] = replace(changed[5], humans=changed[5].humans.select(others))
+    changed[7] = replace(changed[7], interactions=())
+    render(changed, tmp_path / "a.html", commands=[(1.0, 0.0, 0.1)] * 12)
+    parser = ScriptParser()
+    parser.feed((tmp_path / "a.html").read_text(encoding="utf-8"))
+    data = json.loads(parser.scripts[0])
+    assert data["people"][1][5] is None
+    assert data["people"][0][5][:2] == [1.2, 1.6]
+    assert [row[0] for row in data["robot"]] == pytest.approx([1.0 + 0.1 * k for k in range(12)])
+    assert [tick for tick, _ in data["links"]] == [0, 7, 8]
+    assert data["commands"][3] == [1.0, 0.0, 0.1]
+    assert data["clearance"][0] == pytest.approx(np.hypot(0.2, 1.1) - 0.5, abs=1e-3)
+
+
+def test_an_unknown_suffix_lists_the_known_ones(tmp_path, episode):
+    with pytest.raises(RenderError, match=r"\.png, \.gif, \.mp4, \.html"):
+        render(episode, tmp_path / "a.jpeg")
+
+
+@pytest.mark.parametrize("suffix", ["png", "gif", "mp4", "html"])
+def test_an_empty_episode_and_a_missing_folder_are_rejected(tmp_path, episode, suffix):
+    with pytest.raises(RenderError, match="no frame"):
+        render([], tmp_path / f"a.{suffix}")
+    with pytest.raises(RenderError, match="cannot write"):
+        render(episode[:2], tmp_path / "nowhere" / f"a.{suffix}", size=SIZE)
+
+
+@pytest.mark.parametrize(("suffix", "module"), [("gif", "PIL.Image"), ("mp4", "imageio_ffmpeg")])
+def test_a_missing_package_gives_a_message_of_one_line(tmp_path, episode, monkeypatch, suffix, module):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(RenderError, match=r"pip install 'sonata2d\[video\]'") as error:
+        render(episode, tmp_path / f"a.{suffix}", size=SIZE)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("strip", [0, -1, 13])
+def test_a_strip_has_at_most_as_many_moments_as_snapshots(tmp_path, episode, strip):
+    with pytest.raises(RenderError, match="ask for 1 to 12"):
+        render(episode, tmp_path / "a.png", strip=strip)
+
+
+@pytest.mark.parametrize("settings", [{"fps": 0.0}, {"speed": -1.0}, {"fps": 500.0}, {"speed": 0.0}])
+def test_fps_and_speed_out_of_range_are_rejected(tmp_path, episode, settings):
+    with pytest.raises(RenderError, match="cannot film"):
+        render(episode, tmp_path / "a.gif", **settings)
+
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def of_kind(root, kind):
+    return [group for group in root.iter(f"{SVG}g") if group.get("class") == kind]
+
+
+@pytest.mark.parametrize("view", ["top", "follow"])
+def test_an_svg_holds_every_entity_as_shapes(tmp_path, scene, view):
+    snapshot = snapshot_at(scene)
+    snapshot = replace(snapshot, humans=snapshot.humans.select(np.delete(np.arange(len(scene.humans)), 4)))
+    layers = Layers(zones=True, velocities=True, ids=True)
+    save_moment(tmp_path / "a.svg", snapshot, view=view, size=(500, 400), layers=layers)
+    root = ElementTree.parse(tmp_path / "a.svg").getroot()
+    assert (root.tag, root.get("width"), root.get("height")) == (f"{SVG}svg", "500", "400")
+    assert root.get("viewBox") == "0 0 500 400"
+    assert len(of_kind(root, "person")) == 5
+    assert len(of_kind(root, "thing")) == len(scene.furniture)
+    assert len(of_kind(root, "robot")) == len(of_kind(root, "goal")) == 1
+    assert not list(root.iter(f"{SVG}image"))
+
+
+def test_text_in_an_svg_is_text(tmp_path, scene):
+    nasty = "</text> & \"<script>\" \0 'x'"
+    save_moment(tmp_path / "a.svg", snapshot_at(scene), caption=nasty)
+    root = ElementTree.parse(tmp_path / "a.svg").getroot()
+    texts = [element.text for element in root.iter(f"{SVG}text")]
+    assert nasty.replace("\0", "") in texts
+    assert not list(root.iter(f"{SVG}script"))
+
+
+def test_svg_and_png_are_nearly_equal(tmp_path, scene, episode):
+    layers = Layers(caption=False, ids=False, legend=False)
+    furniture = tuple(item for item in scene.furniture if item.type != "crate")  # its name is text; fonts differ
+    snapshot = replace(episode[-1], scene=replace(scene, furniture=furniture))
+    for name in ("a.svg", "a.png"):
+        save_moment(tmp_path / name, snapshot, size=(600, 500), layers=layers, trails=Trails.of(episode))
+    try:
+        vectors = pygame.image.load(tmp_path / "a.svg")
+    except pygame.error:
+        pytest.skip("this pygame reads no SVG")
+    a, b = (pixels(drawn) for drawn in (vectors, pygame.image.load(tmp_path / "a.png")))
+    assert a.shape == b.shape
+    assert np.abs(a - b).mean() < 2.5
+    assert np.abs(a[::-1] - b).mean() > 5.0
+
+
+def test_an_svg_of_an_episode_holds_outcome_and_paths(tmp_path, episode):
+    render(episode, tmp_path / "a.svg", size=(400, 300), outcome="goal")
+    root = ElementTree.parse(tmp_path / "a.svg").getroot()
+    texts = [element.text or "" for element in root.iter(f"{SVG}text")]
+    assert any("goal" in text for text in texts)
+    render(episode[-1:], tmp_path / "b.svg", size=(400, 300))
+    other = ElementTree.parse(tmp_path / "b.svg").getroot()
+    assert len(list(root.iter(f"{SVG}polyline"))) > len(list(other.iter(f"{SVG}polyline"))) + 5
+
+
+def test_a_legend_lists_each_activity_that_occurs_once(tmp_path, scene):
+    snapshot = snapshot_at(scene)
+    few = replace(snapshot, humans=replace(snapshot.humans, activity_index=np.array([1, 1, 1, 3, 3, 1])))
+    save_moment(tmp_path / "a.svg", few, layers=Layers(legend=True))
+    legend = of_kind(ElementTree.parse(tmp_path / "a.svg").getroot(), "legend")
+    assert [element.text for element in legend[0].iter(f"{SVG}text")] == ["walking", "talking", "robot", "goal"]
+
+
+def test_pictures_that_cannot_be_written_are_rejected(tmp_path, scene, episode):
+    with pytest.raises(RenderError, match=r"end the name in \.png or \.svg"):
+        save_moment(tmp_path / "a.gif", snapshot_at(scene))
+    with pytest.raises(RenderError, match="cannot write"):
+        save_moment(tmp_path / "nowhere" / "a.svg", snapshot_at(scene))
+    with pytest.raises(RenderError, match="needs a size"):
+        save_moment(tmp_path / "a.svg", snapshot_at(scene), view="follow", size=None)
+    with pytest.raises(RenderError, match="side by side"):
+        render(episode, tmp_path / "a.svg", strip=3)
+
+
+def url_pixels(url):
+    """(height, width, 4) of int, from a data URL."""
+    kind, data = url.split(",")
+    assert kind == "data:image/png;base64"
+    with Image.open(io.BytesIO(base64.b64decode(data))) as image:
+        return np.asarray(image.convert("RGBA")).astype(int)
+
+
+def test_moments_are_squares_that_differ_only_where_agents_move(episode):
+    first, again, last = (url_pixels(url) for url in filmstrip(episode, [0, 0, 11]))
+    assert first.shape == (MOMENT_SIDE, MOMENT_SIDE, 4)
+    assert (first == again).all()
+    changed = (first != last).any(axis=2)
+    assert 0.002 < changed.mean() < 0.1  # only the robot and its path
+
+
+def test_moments_are_transparent_outside_the_room(episode):
+    (only,) = (url_pixels(url) for url in filmstrip(episode, [3]))
+    assert only[5, -5, 3] == 0  # beyond the corner of the L
+    assert (only[MOMENT_SIDE // 2 + 10 : MOMENT_SIDE // 2 + 70, 40:-40, 3] == 255).all()  # the foot of the L
+
+
+@pytest.mark.parametrize("indices", [[], [12], [0, -1]])
+def test_indices_out_of_range_are_rejected(episode, indices):
+    with pytest.raises(RenderError, match=r"ask for some of 0\.\.11"):
+        filmstrip(episode, indices)

@@ -1,0 +1,139 @@
+from dataclasses import replace
+
+import numpy as np
+import pygame
+import pytest
+
+from sonata2d.core.geometry import Pose
+from sonata2d.view.camera import Camera
+from sonata2d.view.fonts import font, printable, shortened, width_of
+from sonata2d.view.overlay import Hud, Pen, draw_hud, draw_tint, draw_veil, zone_of
+from sonata2d.view.palette import FLOOR, GOAL, shaded
+
+from .conftest import pixels, snapshot_at
+
+ARROW = shaded(GOAL, 0.35)
+PLAIN = Hud()
+FULL = Hud(
+    run=12, runs=200, kept=11, contributor="Wilhelmina Featherstonehaugh-Cholmondeley", light="recording",
+    label="fairly well (3 of 4)", notice="The robot is near to a person who does not see it at all, please be careful",
+    keys=(("W A S D", "drive"), ("Q E", "turn"), ("Space", "stop"), ("Esc", "pause"), ("Tab", "view"), ("F1", "help")),
+)  # fmt: skip
+
+
+def floor(size=(1280, 800)):
+    surface = pygame.Surface(size, 0, 32)
+    surface.fill(FLOOR)
+    return surface
+
+
+def shown(snapshot, hud=PLAIN, size=(1280, 800), scale=1.0, **texts):
+    surface = floor(size)
+    camera = Camera.behind(snapshot.robot.position, snapshot.robot.direction, size=size)
+    draw_hud(surface, hud, snapshot, camera, scale=scale, **texts)
+    return surface
+
+
+def arrow_of(surface):
+    hits = np.argwhere((pixels(surface) == ARROW).all(axis=2))
+    return hits.mean(axis=0) if len(hits) > 100 else None
+
+
+@pytest.mark.parametrize(
+    ("ahead", "left", "side"),
+    [(2, 0, None), (-0.5, 4, None), (-6, 0, "low"), (0, 9, "left"), (0, -9, "right"), (9, 1, "up")],
+)
+def test_an_arrow_points_to_the_goal_only_while_the_goal_is_out_of_view(scene, ahead, left, side):
+    pose = Pose(2.0, 1.0, 0.8)
+    x, y = pose.to_world((float(ahead), float(left)))
+    place = arrow_of(shown(snapshot_at(replace(scene, goal=replace(scene.goal, x=x, y=y)), robot=pose)))
+    if side is None:
+        assert place is None
+    else:
+        assert {"low": place[1] > 600, "up": place[1] < 200, "left": place[0] < 200, "right": place[0] > 1080}[side]
+
+
+@pytest.mark.parametrize("light", ["waiting", "recording", "paused", "frozen", "replay", "watching"])
+def test_each_light_has_its_own_sign_even_in_greyscale(scene, light):
+    grey = pixels(shown(snapshot_at(scene), Hud(light=light))).mean(axis=2)
+    for other in {"waiting", "recording", "paused", "frozen", "replay", "watching"} - {light}:
+        assert (np.abs(grey - pixels(shown(snapshot_at(scene), Hud(light=other))).mean(axis=2)) > 60).sum() > 20
+
+
+def test_zones_change_name_and_sign_at_halls_distances():
+    zones = [zone_of(gap) for gap in (0.44, 0.46, 1.19, 1.21)]
+    assert [word for word, _, _ in zones] == ["intimate", "personal", "personal", "clear"]
+    assert len({sign for _, sign, _ in zones}) == 3
+
+
+@pytest.mark.parametrize("size", [(640, 480), (1280, 800), (900, 1400), (2560, 1600)])
+@pytest.mark.parametrize("scale", [0.75, 1.0, 2.0, 3.0])
+def test_texts_do_not_overlap_and_stay_inside_the_picture(scene, size, scale, monkeypatch):
+    boxes = []
+    write = Pen.write
+
+    def record(self, *arguments, **settings):
+        boxes.append(write(self, *arguments, **settings))
+        return boxes[-1]
+
+    monkeypatch.setattr(Pen, "write", record)
+    for pose in (Pose(5.0, 1.0, 3.0), Pose(1.0, 0.5, 0.0), Pose(4.6, 0.6, 1.0)):
+        boxes.clear()
+        snapshot = snapshot_at(scene, robot=pose)
+        surface = shown(snapshot, FULL, size, scale, title="A kitchen " * 6, question="How does the robot drive? " * 5)
+        assert len(boxes) > 8
+        for k, box in enumerate(boxes):
+            assert surface.get_rect().contains(box)
+            assert box.collidelist(boxes[k + 1 :]) == -1
+
+
+def test_characters_that_the_font_lacks_are_accepted(scene):
+    nasty = Hud(contributor="\0\ud800\u202e😀\n" * 30, label="\0", notice="\x1b[31m\u200b" * 3000, keys=(("\0", ""),))
+    shown(snapshot_at(scene), nasty, title="\0" * 9, question="\ufffe")
+    draw_veil(floor(), "\0", ["\ud800", ""])
+    assert printable("a\0b\u200bc\n") == "abc "
+
+
+def test_the_hud_shows_that_no_pedestrians_are_present(scene):
+    snapshot = snapshot_at(scene)
+    snapshot.humans.state[:] = np.nan
+    with_humans, without = pixels(shown(snapshot_at(scene))), pixels(shown(snapshot))
+    assert (with_humans != without).any()
+
+
+def test_every_reading_changes_the_picture(scene):
+    plain = pixels(shown(snapshot_at(scene)))
+    for hud in (Hud(run=2), Hud(runs=3), Hud(contributor="Ann"), Hud(kept=1), Hud(label="fair"), Hud(notice="Look")):
+        assert (pixels(shown(snapshot_at(scene), hud)) != plain).any()
+
+
+def test_a_veil_dims_the_picture_and_its_card_stays_inside(scene):
+    surface = floor((640, 480))
+    draw_veil(surface, "Help " * 40, [f"line {k} " * 30 for k in range(40)], scale=3.0)
+    shades = pixels(surface)
+    dimmed = shades[0, 0]
+    assert dimmed.sum() < sum(FLOOR)
+    assert (shades[[0, -1]] == dimmed).all()
+    assert (shades[:, [0, -1]] == dimmed).all()
+    assert (shades[320, 240] > dimmed).any()
+
+
+def test_a_tint_ranges_from_no_effect_to_its_colour():
+    for alpha, expected in ((0, FLOOR), (255, (200, 30, 30))):
+        surface = floor((64, 48))
+        draw_tint(surface, (200, 30, 30), alpha)
+        assert np.abs(pixels(surface) - expected).max() <= 1
+
+
+def test_fonts_work_after_pygame_was_closed():
+    before = width_of("Anna", 20)
+    pygame.font.quit()
+    pygame.font.init()
+    assert font(20).size("Anna")[0] == before
+
+
+def test_a_text_is_shortened_to_a_width():
+    assert shortened("Anna", 500, 20) == "Anna"
+    assert shortened("Anna" * 50, 100, 20).endswith("…")
+    assert width_of(shortened("Anna" * 50, 100, 20), 20) <= 100
+    assert shortened("Anna", 0, 20) == ""
