@@ -28,8 +28,8 @@ from sonata2d.agents.controllers.teleoperation import Teleoperation
 from sonata2d.collect.session import Session
 from sonata2d.core.devices import DeviceEvent, View
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.view.overlay import Hud, draw_hud
 from sonata2d.view.interpolation import between
+from sonata2d.view.overlay import Hud, draw_hud
 from sonata2d.view.painter import Painter
 from sonata2d.window.collect_screen import CollectScreen
 from sonata2d.window.input import InputDevices

@@ -16,8 +16,7 @@ from sonata2d.scenegen.scenario.rooms import RoomConfig
 from sonata2d.view.draw import Layers
 from sonata2d.view.files import render
 from sonata2d.view.film import save_film
-from sonata2d.view.stills import scene_picture
-from sonata2d.view.stills import save_surface
+from sonata2d.view.stills import save_surface, scene_picture
 
 ROOT = Path(__file__).parent.parent
 

@@ -92,8 +92,23 @@ def modules_with_examples() -> list[str]:
     return sorted(".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths)
 
 
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that contains a small data set `demo`."""
+    import sonata2d as s2
+
+    folder = tmp_path_factory.mktemp("docstrings")
+    s2.generate_dataset(folder / "demo", s2.load_scenario("sonata-2020"), "straight-to-goal", episodes=2)
+    return folder
+
+
 @pytest.mark.parametrize("module", modules_with_examples())
-def test_examples_in_docstrings_are_right(module: str) -> None:
-    result = doctest.testmod(importlib.import_module(module))
+def test_examples_in_docstrings_are_right(module: str, demo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import sonata2d as s2
+    from sonata2d.metrics import episode_files
+
+    monkeypatch.chdir(demo)
+    names = {"Path": Path, "read_episode": s2.read_episode, "episode_files": episode_files}
+    result = doctest.testmod(importlib.import_module(module), extraglobs=names, optionflags=doctest.ELLIPSIS)
     assert result.attempted
     assert not result.failed

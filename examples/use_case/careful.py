@@ -12,7 +12,7 @@ PRICE = 2.0  # cost per second at zero clearance, falling linearly to 0 at CLEAR
 
 
 class Careful(SocialPlanner):
-    """`social-planner` with a cost of small clearances; the stock expert passes obstacles at 2 cm if that is shorter."""
+    """`social-planner` with a cost of small clearances; the stock one passes obstacles at 2 cm if that is shorter."""
 
     def _obstacle_cost(self, trajectories: Trajectories, snapshot: Snapshot) -> Array:
         clearance = self._obstacle_distance(trajectories, snapshot) - snapshot.robot.radius  # (S, K), m

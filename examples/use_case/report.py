@@ -1,4 +1,4 @@
-"""Tell in tables what the other stages found: OUT/report.md, and film strips of the learned robot.
+"""Writes the results of the other stages as tables, OUT/report.md, with film strips of the shipped policy.
 
 python examples/use_case/report.py -o runs
 """
@@ -7,31 +7,51 @@ from __future__ import annotations
 
 import json
 import shutil
+import textwrap
 from collections.abc import Callable, Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
-from data import run_cleanly
-from evaluate import LEARNED, MEAN, OTHERS, SCENES, SHIPPED
+from data import run_command
+from evaluate import LEARNED, MEAN, REFERENCES, SCENES, SHIPPED
 from train import RECIPES
 
-from sonata2d.metrics.measurement import Measured
+from sonata2d import read_episode
+from sonata2d.metrics import Measured, bootstrap_interval, wilson_interval
 from sonata2d.metrics.page import best_of, why_best, why_worst, worst_of
-from sonata2d.metrics.summary import bootstrap_interval, wilson_interval
 from sonata2d.record.files import safe_text, safe_texts
-from sonata2d.record.reader import read_episode
-from sonata2d.view.files import render
+from sonata2d.view import render
 
-PAPER = {"train": 0.0230, "dev": 0.0328, "test": 0.0331}  # Baghel et al. 2020
-PAPER_REACHED = (46, 60)
+Run = dict[str, Any]  # values of the metrics of one run
+
+PAPER_ERRORS = {"train": 0.0230, "dev": 0.0328, "test": 0.0331}  # Baghel et al. 2020
+PAPER_GOALS, PAPER_RUNS = 46, 60
 PICTURES = ("bias.png", "best.png", "worst.png")
-BEST = SHIPPED  # whose film strips are shown
-SHARES: dict[str, Callable[[dict[str, Any]], bool]] = {
-    "goal": lambda run: run["success"] == 1.0,
-    "touches a person by its fault": lambda run: run["robot_on_person"] > 0,
-    "touches anything": lambda run: run["collisions"] > 0,
+DRIVERS = {"expert": "expert", "before": "learner", "after": "learner, aggregated"}  # keys of bias.json
+
+
+def reached_goal(run: Run) -> bool:
+    """Whether the robot reached the goal."""
+    return bool(run["success"] == 1.0)
+
+
+def caused_contact(run: Run) -> bool:
+    """Whether the robot's own velocity caused a contact with a person."""
+    return bool(run["robot_on_person"] > 0)
+
+
+def had_contact(run: Run) -> bool:
+    """Whether the robot had any contact with a person, furniture or a wall."""
+    return bool(run["collisions"] > 0)
+
+
+FRACTIONS: dict[str, Callable[[Run], bool]] = {
+    "goal": reached_goal,
+    "contact with a person by its fault": caused_contact,
+    "any contact": had_contact,
 }
 MEANS = {
     "personal-space compliance (0.45 m)": "personal_space_compliance_0.45",
@@ -42,135 +62,190 @@ MEANS = {
 }
 
 
-def errors(out: Path) -> str:
-    """Mean squared errors beside the paper's; what is shipped learned from other data."""
-    rows = [["SONATA paper", *(f"{PAPER[part]:.4f}" for part in PAPER), "", "", "", ""]]
+def error_table(out: Path) -> str:
+    """Mean squared errors of the paper, of predicting the mean, and of the networks.
+
+    The shipped policy is left out: it was trained on other data, so its errors are not comparable.
+    """
+    rows = [["SONATA paper", *(f"{error:.4f}" for error in PAPER_ERRORS.values()), "", "", "", ""]]
     for name in (name for name in LEARNED if name != SHIPPED):
-        told = json.loads((out / name / "training.json").read_text())
+        training = json.loads((out / name / "training.json").read_text())
         if not name.endswith("aggregated"):
-            mean = [f"{told['error of the mean'][part]:.4f}" for part in PAPER]
-            rows.append([f"the mean, always ({name})", *mean, "", "", "", ""])
-        numbers = [f"{told['error'][part]:.4f}" for part in PAPER]
-        took = [told["graphs"]["train"], told["parameters"], told["epochs"], f"{told['seconds']['cpu'] / 60:.1f} min"]
-        rows.append([name, *numbers, *map(str, took)])
-    return table(["network", "train", "dev", "test", "graphs", "parameters", "epochs", "CPU"], rows)
+            mean = [f"{training['error of the mean'][part]:.4f}" for part in PAPER_ERRORS]
+            rows.append([f"the mean command ({name})", *mean, "", "", "", ""])
+        errors = [f"{training['error'][part]:.4f}" for part in PAPER_ERRORS]
+        sizes = [str(number) for number in (training["graphs"]["train"], training["parameters"], training["epochs"])]
+        rows.append([name, *errors, *sizes, f"{training['seconds']['cpu'] / 60:.1f} min"])
+    return markdown_table(["network", "train", "dev", "test", "graphs", "parameters", "epochs", "CPU"], rows)
 
 
-def evaluation(out: Path, scenes: str) -> str:
-    """Shares with Wilson's interval, means with the bootstrap's, of each controller."""
-    found = {
-        name_of(one["label"]): [run["values"] for run in one["episodes"]]
-        for one in json.loads((out / f"evaluation-{scenes}" / "evaluation.json").read_text())["evaluations"]
+def evaluation_table(out: Path, scenes: str) -> str:
+    """Fractions with Wilson's interval, and means with the bootstrap interval, of each controller.
+
+    Args:
+        out: output folder of the use case.
+        scenes: key of `SCENES`.
+    """
+    results = {
+        controller_name(evaluation["label"]): [run["values"] for run in evaluation["episodes"]]
+        for evaluation in read_evaluations(out, scenes)
     }
-    names = [name for name in (*LEARNED, *OTHERS, MEAN) if name in found]
-    rows = [[what, *(share([of(run) for run in found[name]]) for name in names)] for what, of in SHARES.items()]
-    rows += [[what, *(mean([run[metric] for run in found[name]]) for name in names)] for what, metric in MEANS.items()]
-    return table([f"{SCENES[scenes][0]} scenes", *names], rows)
+    names = [name for name in (*LEARNED, *REFERENCES, MEAN) if name in results]
+    rows = [
+        [title, *(fraction_with_interval([is_counted(run) for run in results[name]]) for name in names)]
+        for title, is_counted in FRACTIONS.items()
+    ]
+    rows += [
+        [title, *(mean_with_interval([run[metric] for run in results[name]]) for name in names)]
+        for title, metric in MEANS.items()
+    ]
+    return markdown_table([f"{SCENES[scenes][0]} scenes", *names], rows)
 
 
-def everywhere(out: Path) -> str:
-    """Goal shares and touches of people in each scenario."""
-    found = json.loads((out / "evaluation-everywhere" / "evaluation.json").read_text())["evaluations"]
+def scenario_table(out: Path) -> str:
+    """Goals and contacts of each scenario."""
+    evaluations = read_evaluations(out, "everywhere")
     rows = []
-    for scenario in sorted({run["name"] for run in found[0]["episodes"]}):
+    for scenario in sorted({run["name"] for run in evaluations[0]["episodes"]}):
         row = [scenario]
-        for one in found:
-            runs = [run["values"] for run in one["episodes"] if run["name"] == scenario]
-            reached, touched = (sum(map(of, runs)) for of in list(SHARES.values())[:2])
-            row.append(f"{reached} / {touched} of {len(runs)}")
+        for evaluation in evaluations:
+            runs = [run["values"] for run in evaluation["episodes"] if run["name"] == scenario]
+            row.append(f"{sum(map(reached_goal, runs))} / {sum(map(caused_contact, runs))} of {len(runs)}")
         rows.append(row)
-    return table(["reached the goal / touched a person by its fault", *(name_of(one["label"]) for one in found)], rows)
+    names = [controller_name(evaluation["label"]) for evaluation in evaluations]
+    return markdown_table(["goal / contact with a person by its fault", *names], rows)
 
 
-def name_of(label: str) -> str:
-    """A learned controller is named by its folder."""
+def read_evaluations(out: Path, scenes: str) -> list[dict[str, Any]]:
+    """Read what `evaluate.py` wrote: label and episodes of each controller."""
+    evaluations: list[dict[str, Any]]
+    evaluations = json.loads((out / f"evaluation-{scenes}" / "evaluation.json").read_text())["evaluations"]
+    return evaluations
+
+
+def controller_name(label: str) -> str:
+    """Return the name of a controller in the tables: of weights, the name of their folder."""
     return Path(label).parent.name if label.endswith(".npz") else label
 
 
-def share(hits: Sequence[bool]) -> str:
-    """Per cent, with the interval."""
+def fraction_with_interval(hits: Sequence[bool]) -> str:
+    """Format a fraction in per cent, with its interval."""
     low, high = wilson_interval(sum(hits), len(hits))
     return f"{100 * sum(hits) / len(hits):.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
 
 
-def mean(values: Sequence[float | None]) -> str:
-    """Of those defined, with the interval, and of how many if not of all."""
-    there = np.array([value for value in values if value is not None])
-    if not len(there):
+def mean_with_interval(values: Sequence[float | None]) -> str:
+    """Format the mean of the defined values, with its interval, and with their number if some are not defined."""
+    defined = np.array([value for value in values if value is not None])
+    if not len(defined):
         return "not defined"
-    interval = bootstrap_interval(there)
-    told = f"{there.mean():.3f}" + (f" [{interval[0]:.3f}, {interval[1]:.3f}]" if interval else "")
-    return told if len(there) == len(values) else f"{told} (n={len(there)})"
+    interval = bootstrap_interval(defined)
+    text = f"{defined.mean():.3f}" + (f" [{interval[0]:.3f}, {interval[1]:.3f}]" if interval else "")
+    return text if len(defined) == len(values) else f"{text} (n={len(defined)})"
 
 
-def times(out: Path) -> str:
-    """What each stage took; of one that was interrupted, since it was gone on with."""
+def time_table(out: Path) -> str:
+    """Run times of the stages, in the order in which they finished."""
     files = sorted((out / "stages").glob("*.json"), key=lambda path: path.stat().st_mtime)
     stages = [json.loads(path.read_text()) for path in files if path.stem != "report"]
-    minutes = [["" if one[kind] is None else f"{one[kind] / 60:.1f} min" for kind in ("wall", "cpu")] for one in stages]
-    return table(["stage", "wall", "CPU"], [[one["stage"], *took] for one, took in zip(stages, minutes, strict=True)])
+    rows = [
+        [stage["stage"], *("" if stage[kind] is None else f"{stage[kind] / 60:.1f} min" for kind in ("wall", "cpu"))]
+        for stage in stages
+    ]
+    return markdown_table(["stage", "wall", "CPU"], rows)
 
 
-def bias(out: Path) -> str:
-    """Where learner and expert part."""
-    found = json.loads((out / "bias.json").read_text())
+def bias_table(out: Path) -> str:
+    """How often each driver is near anything, and how much the commands of learner and expert differ."""
+    results = json.loads((out / "bias.json").read_text())
     rows = []
-    for network, sets in found.items():
-        for who, told in sets.items() if network != "edges" else ():
-            near = "{:.1f} % [{:.1f}, {:.1f}]".format(*(100 * value for value in told["near"]))
-            rows.append([network, who, near, "{:.3f} [{:.3f}, {:.3f}]".format(*told["difference"])])
-    return table(["network", "who drives", "frames nearer than 0.1 m to anything", "mean squared difference"], rows)
+    for network in (key for key in results if key != "edges"):
+        for driver, numbers in results[network].items():
+            near = "{:.1f} % [{:.1f}, {:.1f}]".format(*(100 * value for value in numbers["near"]))
+            difference = "{:.3f} [{:.3f}, {:.3f}]".format(*numbers["difference"])
+            rows.append([network, DRIVERS[driver], near, difference])
+    return markdown_table(["network", "driver", "frames within 0.1 m of anything", "mean squared difference"], rows)
 
 
-def strips(out: Path) -> str:
-    """Film strips of the best and the worst run of the 1000, chosen by the rule of `sonata2d evaluate`."""
-    place = out / "evaluation-many"
-    every = json.loads((place / "evaluation.json").read_text())["evaluations"]
-    folders = safe_texts([one["label"] for one in every])
-    one, folder = next(pair for pair in zip(every, folders, strict=True) if name_of(pair[0]["label"]) == BEST)
-    runs = [Measured(**row) for row in one["episodes"]]
-    lines = []
+def settings_table() -> str:
+    """The settings of the trainings."""
+    head = ["network", "learning rate", "weight decay", "cosine decay", "batch", "epochs", "dev interval", "patience"]
+    rows = []
+    for name, recipe in RECIPES.items():
+        rate, decay, fading, *counts = astuple(recipe)
+        rows.append([name, str(rate), str(decay), "yes" if fading else "no", *map(str, counts)])
+    return markdown_table(head, rows)
+
+
+def film_strips(out: Path) -> str:
+    """Draw the best and the worst of the 1000 runs of the shipped policy, chosen by the rule of `sonata2d evaluate`."""
+    evaluations = read_evaluations(out, "many")
+    folders = safe_texts([evaluation["label"] for evaluation in evaluations])
+    evaluation, folder = next(
+        pair for pair in zip(evaluations, folders, strict=True) if controller_name(pair[0]["label"]) == SHIPPED
+    )
+    runs = [Measured(**row) for row in evaluation["episodes"]]
     best, worst = best_of(runs), worst_of(runs)
-    for what, run, why in (("best", best, why_best(best)), ("worst", worst, why_worst(worst))):
-        record = read_episode(place / folder / safe_text(run.name) / run.file)
-        render([*record.snapshots()], out / f"{what}.png", strip=6)
-        lines.append(f"The {what} run of {BEST}, episode {run.episode}: {why}.\n\n![{what}]({what}.png)")
-    return "\n\n".join(lines)
+    parts = []
+    for rank, run, reason in (("best", best, why_best(best)), ("worst", worst, why_worst(worst))):
+        record = read_episode(out / "evaluation-many" / folder / safe_text(run.name) / run.file)
+        render([*record.snapshots()], out / f"{rank}.png", strip=6)
+        parts.append(paragraph(f"The {rank} run of {SHIPPED} is episode {run.episode}: {reason}."))
+        parts.append(f"![The {rank} run]({rank}.png)")
+    return "\n\n".join(parts)
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Markdown."""
+def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Format a Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
+def paragraph(text: str) -> str:
+    """Wrap text at 120 characters."""
+    return textwrap.fill(text, 120, break_long_words=False, break_on_hyphens=False)
+
+
 @click.command()
 @click.option("-o", "--out", type=click.Path(path_type=Path, exists=True), default=Path("runs"), show_default=True)
-@click.option("--docs", type=click.Path(path_type=Path, exists=True), help="A folder of documentation to copy it to.")
+@click.option("--docs", type=click.Path(path_type=Path, exists=True), help="Also copy it to this documentation folder.")
 def main(out: Path, docs: Path | None) -> None:
     """Write OUT/report.md and its pictures."""
-    reached, of = PAPER_REACHED
     parts = [
-        "# The use case, in figures",
-        "Made by `python examples/use_case/run.py`; what it means is told in [The use case](use-case.md).",
+        "# Figures of the use case",
+        paragraph("Written by `python examples/use_case/run.py`; [The use case](use-case.md) explains them."),
         "## Mean squared errors",
-        errors(out),
-        "Dev and test are the expert's runs, for all. Train is what a network learned from: where it was aggregated,"
-        " what learners met as well. So only dev and test compare before and after; how it drives is told below.",
-        f"The paper's network reached the goal in {reached} of {of} runs ({100 * reached / of:.1f} %).",
-        *(f"## {SCENES[scenes][0]} unseen scenes\n\n{evaluation(out, scenes)}" for scenes in ("few", "many")),
-        "Every metric of them is on the page `evaluation-many.html`, in the folder of the runs.",
-        "## In every scenario",
-        everywhere(out),
+        error_table(out),
+        paragraph(
+            "The dev and test parts are runs of the expert, the same for all networks. The train part is the data that"
+            " a network was trained on, which after aggregation includes runs of the learner; so only dev and test"
+            " errors compare before and after aggregation. The tables below show how the networks drive."
+        ),
+        paragraph(
+            f"The paper's network reached the goal in {PAPER_GOALS} of {PAPER_RUNS} runs"
+            f" ({100 * PAPER_GOALS / PAPER_RUNS:.1f} %)."
+        ),
+        *(f"## {SCENES[scenes][0]} unseen scenes\n\n{evaluation_table(out, scenes)}" for scenes in ("few", "many")),
+        paragraph("The page `evaluation-many.html` in the output folder shows all metrics of these runs."),
+        "## Every scenario",
+        scenario_table(out),
         "## Where learner and expert part",
-        bias(out),
-        "![bias](bias.png)",
-        "## At its best and at its worst",
-        strips(out),
-        "## What it took",
-        "Of a stage that was interrupted, only what came after. Stages of networks ran two at a time.",
-        times(out),
-        *(f"- `{name}`: {recipe}" for name, recipe in RECIPES.items()),
+        bias_table(out),
+        "![Clearance, and difference of learner and expert](bias.png)",
+        "## The best and the worst run",
+        film_strips(out),
+        "## Run times",
+        paragraph(
+            "For a stage that was interrupted, only the time after the last start counts. The two networks were trained"
+            " at the same time, and so were they aggregated."
+        ),
+        time_table(out),
+        "## Training settings",
+        settings_table(),
+        paragraph(
+            "The dev error is computed once per dev interval, in epochs. Training ends early after as many dev errors"
+            " without improvement as the patience."
+        ),
     ]
     text = "\n\n".join(parts) + "\n"
     (out / "report.md").write_text(text, encoding="utf-8")
@@ -182,4 +257,4 @@ def main(out: Path, docs: Path | None) -> None:
 
 
 if __name__ == "__main__":
-    run_cleanly(main)
+    run_command(main)

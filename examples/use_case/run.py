@@ -46,7 +46,7 @@ def run_stage(name: str, command: str, out: Path) -> None:
         ClickException: the script failed.
     """
     done = out / "stages" / f"{name.replace(' ', '-')}.json"
-    if done.exists() and name != "report":  # the report takes seconds, and its texts may have changed
+    if done.exists() and name != "report":  # the report is always written anew
         return
     folder = out / name if name in OWN_FOLDER else out
     script, *options = (word.format(out=out) for word in command.split())
@@ -60,7 +60,7 @@ def run_stage(name: str, command: str, out: Path) -> None:
 
 
 def wait_for(process: subprocess.Popen[bytes]) -> float | None:
-    """Wait for a process; return the CPU time of it and its workers, s, or None on Windows, which does not report it."""
+    """Wait for a process; return the CPU time of it and its workers, s, or None on Windows, where it is not known."""
     if sys.platform == "win32":
         process.wait()
         return None

@@ -124,7 +124,6 @@ def _labelled_graphs(record: EpisodeRecord, kind: str) -> Iterator[tuple[Array, 
     """Yield inputs, edges, relations and wanted output of one graph per second."""
     if kind == "paper":  # needs a second of history, so the first instant gives no graph
         for graph in paper_graphs(record):
-            assert graph.label is not None
             yield inputs_of(graph), graph.edges, graph.relation, graph.label
         return
     scene, labels = record.scene(), record.labels

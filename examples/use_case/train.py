@@ -175,8 +175,8 @@ class _Training:
         out: folder for `state.pt` and `best.pt`.
         seed: of the order of the samples.
         facts: describes the training; a saved state is continued only if its facts are equal.
-        keep_last: keep the last weights instead of those with the smallest dev error. In aggregation the dev part
-            contains only states of the expert, for which the network is not improved.
+        keep_last: keep the last weights instead of those with the smallest dev error. For aggregation: it improves the
+            network in the states that it reaches itself, and the dev part contains only states of the expert.
     """
 
     def __init__(

@@ -87,7 +87,11 @@ def scenario_from_tracks(
         SceneError: the robot would start on a pedestrian, or no path leads from its start to its goal.
 
     Example:
-        >>> config = scenario_from_tracks("eth.csv", people="simulated", seconds=30.0)  # doctest: +SKIP
+        >>> rows = [f"{k},{ped},{0.5 * k},{ped}" for k in range(20) for ped in (1, 2)]
+        >>> _ = Path("street.csv").write_text("\\n".join(["frame,ped,x,y", *rows]))
+        >>> config = scenario_from_tracks("street.csv", people="simulated", frame_time=0.4)
+        >>> len(config.people)
+        2
     """
     path = Path(path)
     tracks, step, common_speed = _read_tracks(path, frame_time)

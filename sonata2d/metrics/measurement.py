@@ -62,7 +62,8 @@ class Evaluation:
         resamples: of the bootstrap.
 
     >>> files = episode_files(Path("demo"))
-    >>> Evaluation("demo", measure_files(files)).summary("spl").mean
+    >>> Evaluation("demo", measure_files(files, rerun=False)).summary("path_length").mean
+    4...
     """
 
     label: str

@@ -54,7 +54,8 @@ class Trajectory:
             without a robot; None if unknown. See `disturbance.without_robot`.
 
     >>> trajectory = Trajectory(read_episode("demo/000000.json"))
-    >>> float(trajectory.clearance.min())
+    >>> trajectory.clearance.shape == trajectory.time.shape
+    True
     """
 
     record: EpisodeRecord

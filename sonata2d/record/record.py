@@ -68,8 +68,10 @@ class EpisodeRecord:
         outcome: how the episode ended.
 
     Example:
-        >>> record = read_episode("polite.json")  # doctest: +SKIP
-        >>> record.robot[:, 0].max()  # largest x, m  # doctest: +SKIP
+        >>> import sonata2d as s2
+        >>> record = s2.read_episode("demo/000000.json")
+        >>> record.robot.shape == (len(record), 6)
+        True
     """
 
     path: Path

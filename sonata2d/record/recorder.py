@@ -60,9 +60,12 @@ class EpisodeRecorder:
         outcome: of the episode; None while it runs.
 
     Example:
-        >>> recorder = EpisodeRecorder()  # doctest: +SKIP
-        >>> Episode(scene, controller, observers=[recorder]).run()  # doctest: +SKIP
-        >>> Path("episode.json").write_bytes(recorder.document())  # doctest: +SKIP
+        >>> import sonata2d as s2
+        >>> recorder, scene = s2.EpisodeRecorder(), s2.generate(s2.load_scenario("empty"), seed=1)
+        >>> s2.Episode(scene, s2.StraightToGoal(), observers=[recorder]).run().status
+        'goal'
+        >>> b'"format":"sonata2d-episode"' in recorder.document()
+        True
     """
 
     def __init__(
@@ -210,8 +213,10 @@ class JsonRecorder(EpisodeRecorder):
 
     As a context manager it also writes the file if an exception ends the episode early.
 
-    >>> with JsonRecorder("polite.json") as recorder:             # doctest: +SKIP
-    ...     Episode(scene, Polite(), observers=[recorder]).run()
+    >>> import sonata2d as s2
+    >>> scene = s2.generate(s2.load_scenario("empty"), seed=1)
+    >>> with s2.JsonRecorder("polite.json") as recorder:
+    ...     outcome = s2.Episode(scene, s2.StraightToGoal(), observers=[recorder]).run()
 
     Args:
         path: of the file; ends in `.json`, `.json.gz` or `.json.zst`. Missing folders are created.

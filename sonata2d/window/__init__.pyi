@@ -1,2 +1,1 @@
-from .stage import Screen as Screen
-from .stage import Stage as Stage
+from .stage import Screen as Screen, Stage as Stage
