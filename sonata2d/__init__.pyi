@@ -1,3 +1,4 @@
+from . import errors as errors
 from .agents.controllers.base import Controller as Controller, Regenerate as Regenerate, Stop as Stop
 from .agents.controllers.human_like import HumanLike as HumanLike
 from .agents.controllers.planner import SocialPlanner as SocialPlanner

@@ -17,7 +17,7 @@ from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from .errors import ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
+from .errors import ConfigError, ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
 
 Check = Callable[[object], str | None]  # why an object is not of the registry's kind, or None
 
@@ -159,6 +159,7 @@ PEDESTRIAN_MODELS = Registry(
         "farina2017": f"{_MODELS}.farina2017:Farina2017Model",
         "orca2011": f"{_MODELS}.orca2011:Orca2011Model",
     },
+    ConfigError,
 )
 
 FORMATS = Registry(
@@ -192,4 +193,5 @@ ROOM_KINDS = Registry(
         "crossing": f"{_ROOMS}:CROSSING",
         "hall": f"{_ROOMS}:HALL",
     },
+    ConfigError,
 )

@@ -35,7 +35,7 @@ def quantised(value: float) -> float:
         ValueError: the magnitude exceeds `MAX_MAGNITUDE`.
     """
     if abs(value) > MAX_MAGNITUDE:
-        raise ValueError(f"{value:g} exceeds {MAX_MAGNITUDE:g}, the largest magnitude that a file can hold")
+        raise ValueError(f"{value:g} is beyond what a file holds, {MAX_MAGNITUDE:g}")  # recorded: do not reword
     return float(round(value * 10_000.0)) / 10_000.0 + 0.0
 
 

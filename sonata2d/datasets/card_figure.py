@@ -138,7 +138,7 @@ def draw_statistics(path: Path, statistics: EpisodeStatistics, title: str) -> No
     _draw_outcomes(panels[0, 2], statistics.outcomes)
     _draw_histogram(panels[1, 0], statistics.robot_speed, SPEED_EDGES, "Speed of the robot (m/s)", ORANGE)
     _draw_histogram(panels[1, 1], statistics.pedestrian_speed, SPEED_EDGES, "Speed of the pedestrians (m/s)", BLUE)
-    _draw_histogram(panels[1, 2], statistics.clearance, CLEARANCE_EDGES, "Clearance to the nearest (m)", ORANGE)
+    _draw_histogram(panels[1, 2], statistics.clearance, CLEARANCE_EDGES, "Nearest pedestrian (m)", ORANGE)
     for distance, zone in ((INTIMATE_DISTANCE, "intimate"), (PERSONAL_DISTANCE, "personal")):
         panels[1, 2].axvline(distance, color="#444444", linewidth=0.8, linestyle="--")
         top = panels[1, 2].get_ylim()[1]

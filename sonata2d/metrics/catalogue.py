@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import warnings
+from collections.abc import Container, Iterable, Iterator
 
-from ..errors import MetricError
+from ..errors import MetricError, PluginWarning
 from ..record.record import EpisodeRecord
 from ..registry import METRICS as PLUGINS, did_you_mean
 from . import disturbance, interactions, outcomes, paths, space
@@ -25,8 +26,22 @@ def _plugin_problem(plugin: object) -> str | None:
     return None if isinstance(plugin, Metric) else "is not a Metric; it must be a sonata2d.metrics.Metric(...)"
 
 
+def _plugin_metrics(taken: Container[str]) -> Iterator[Metric]:
+    """The metrics of plug-ins; one whose name is taken, or differs from its entry point, is skipped with a warning."""
+    for name, metric in PLUGINS.load_all(_plugin_problem).items():
+        if metric.name != name:
+            problem = f"its metric is named {metric.name!r}; give the entry point the same name"
+        elif name in taken:
+            problem = "the name is taken; rename the metric"
+        else:
+            yield metric
+            continue
+        warnings.warn(f"metric plug-in {name!r} is skipped: {problem}", PluginWarning, stacklevel=2)
+
+
 if PLUGINS.plugins:
-    FAMILIES["Plug-ins"] = tuple(PLUGINS.load_all(_plugin_problem).values())
+    _built_in = {metric.name for family in (*FAMILIES.values(), VARIANTS) for metric in family}
+    FAMILIES["Plug-ins"] = tuple(_plugin_metrics({"all", *_built_in}))
 METRICS: dict[str, Metric] = {metric.name: metric for family in FAMILIES.values() for metric in family}
 ALL: dict[str, Metric] = METRICS | {metric.name: metric for metric in VARIANTS}  # with other projects' variants
 

@@ -309,7 +309,8 @@ def checked_twist(answer: object, controller: Controller) -> Twist:
     try:
         return Twist(*(float(v) for v in values)).rounded()
     except ValueError as error:
-        raise ControllerError(f"{name}.act returned {answer!r}: {error}") from None
+        # part of the recorded reason of an episode that ended in an error: do not reword
+        raise ControllerError(f"{name}.act answered {answer!r}: {error}") from None
 
 
 def _python_number(value: object) -> object:

@@ -80,7 +80,21 @@ def test_a_broken_plug_in_is_named_and_skipped(installed: dict[str, str], tmp_pa
     assert "Warning: controller plug-in 'orca' (no_such_module:Orca) is skipped: the name is taken" in done.stderr
     done = sonata2d(["generate", "out", "--controller", "lost"], env, tmp_path)
     assert done.returncode == 1
-    assert (
-        done.stderr.startswith("Error: ControllerError: controller plug-in 'lost'") or "plug-in 'lost'" in done.stderr
-    )
+    assert "Error: ControllerError: controller plug-in 'lost' (no_such_module:Lost) does not load" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_metric_plug_in_cannot_replace_a_built_in_metric(installed: dict[str, str], tmp_path: Path) -> None:
+    info = tmp_path / "metrics-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: metrics\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[sonata2d.metrics]\nsuccess = mine:SUCCESS\nother = mine:SUCCESS\n")
+    source = "from sonata2d.metrics import Metric\nSUCCESS = Metric('success', 'm', 'less', '', '', lambda t: 7.0)\n"
+    (tmp_path / "mine.py").write_text(source)
+    env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
+    words = ["generate", "out", "--scenario", "empty", "--controller", "straight-to-goal", "--episodes", "1"]
+    assert sonata2d([*words, "--no-picture"], env, tmp_path).returncode == 0
+    done = sonata2d(["evaluate", "out", "--metric", "success"], env, tmp_path)
+    assert "7.0" not in done.stdout
+    assert "metric plug-in 'success' is skipped: the name is taken" in done.stderr
+    assert "metric plug-in 'other' is skipped: its metric is named 'success'" in done.stderr

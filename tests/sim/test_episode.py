@@ -103,7 +103,7 @@ def test_an_answer_that_is_not_a_finite_twist_is_rejected_with_its_tick(answer: 
 
 
 def test_an_answer_beyond_the_range_of_files_is_rejected() -> None:
-    with pytest.raises(ControllerError, match=r"Answers\.act returned .* exceeds 1e\+11"):
+    with pytest.raises(ControllerError, match=r"Answers\.act answered .* is beyond what a file holds, 1e\+11"):
         run(short_scene(), Answers(Twist(1e12)))
 
 

@@ -106,10 +106,15 @@ class Controller(ABC):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         for old, new in _RENAMED.items():
-            if old in vars(cls) and new not in vars(cls):  # written for 0.1: keeps working under the new name
-                warnings.warn(f"{cls.__name__}.{old} is deprecated; rename it {new}", DeprecationWarning, stacklevel=2)
-                setattr(cls, new, vars(cls)[old])
-            elif new in vars(cls):  # code written for 0.1 may still call the old name
+            for base in cls.__mro__[: cls.__mro__.index(Controller)]:
+                if new in vars(base):
+                    break
+                if old in vars(base):  # written for 0.1, in the class or a mixin: keeps working under the new name
+                    message = f"{cls.__name__}.{old} is deprecated; rename it {new}"
+                    warnings.warn(message, DeprecationWarning, stacklevel=3)  # the class statement, above ABCMeta
+                    setattr(cls, new, vars(base)[old])
+                    break
+            if new in vars(cls) and old not in vars(cls):  # code written for 0.1 may still call the old name
                 setattr(cls, old, _DeprecatedName(cls, old, new))
 
     @classmethod
