@@ -82,7 +82,15 @@ def _section(model: type[models.Part]) -> str:
         f"| `{key}` | {_kind(schema)} | {schema.get('description', '')} |" for key, schema in tree["properties"].items()
     ]
     return "\n".join(
-        [f"## {model.__name__}", model.__doc__ or "", "", "| key | type | |", "| --- | --- | --- |", *rows, ""]
+        [
+            f"## {model.__name__}",
+            inspect.cleandoc(model.__doc__ or ""),
+            "",
+            "| key | type | |",
+            "| --- | --- | --- |",
+            *rows,
+            "",
+        ]
     )
 
 
