@@ -182,7 +182,11 @@ def test_wheels_contain_every_package_and_every_data_file() -> None:
     packages = {".".join(folder.relative_to(PACKAGE.parent).parts) for folder in folders} | {"sonata2d_cli"}
     assert set(project["packages"]) == packages
     listed = {path for glob in project["package-data"]["sonata2d"] for path in PACKAGE.glob(glob)}
-    others = {path for path in PACKAGE.rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc")}
+    others = {
+        path
+        for path in PACKAGE.rglob("*")
+        if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts
+    }
     assert listed == others
 
 

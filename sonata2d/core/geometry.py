@@ -182,6 +182,14 @@ class Barriers:
         square = d[:, X] * d[:, X] + d[:, Y] * d[:, Y]
         return d, np.where(square > 0.0, 1.0 / np.where(square > 0.0, square, 1.0), 0.0)
 
+    @cached_property
+    def table(self) -> Array:
+        """All numbers of the barriers for kernels, (M, 8), read-only; columns as in `core.scalar`."""
+        d, inverse = self._core
+        table = np.column_stack((self.start, self.end, self.radius, d, inverse))
+        table.flags.writeable = False
+        return table
+
     def towards(self, points: Array) -> tuple[Array, Array]:
         """Vectors from points to the nearest point on each segment's core line.
 

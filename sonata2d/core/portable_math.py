@@ -51,6 +51,20 @@ def exp(x: Array) -> Array:
     return np.where(x < -60.0, 0.0, y)
 
 
+def exp_of(x: float) -> float:
+    """`exp` of one float, with the same bits; zero or negative."""
+    if x < -60.0:
+        return 0.0
+    y = x * (1 / 64)
+    y = ((((((1 / 5040 * y + 1 / 720) * y + 1 / 120) * y + 1 / 24) * y + 1 / 6) * y + 1 / 2) * y + 1.0) * y + 1.0
+    y = y * y
+    y = y * y
+    y = y * y
+    y = y * y
+    y = y * y
+    return y * y
+
+
 def arctan2(y: Array, x: Array) -> Array:
     """Angle of the vectors (x, y), with an absolute error under 1e-10 rad.
 
@@ -75,20 +89,25 @@ def arctan2(y: Array, x: Array) -> Array:
 
 
 def angle_of(y: float, x: float) -> float:
-    """`arctan2` of two floats, with the same bits and without the cost of arrays."""
+    """`arctan2` of two floats, with the same bits."""
     ax, ay = abs(x), abs(y)
     low, high = (ay, ax) if ax > ay else (ax, ay)
     if high == 0.0:
         return 0.0
     t = low / high
-    if t > _TAN_PI_8:
+    offset = 0.0
+    if t > 0.41421356237309503:  # tan(pi / 8)
         t = (t - 1.0) / (t + 1.0)
-        angle = t * _polynomial(_ATAN, t * t) + PI / 4
-    else:
-        angle = t * _polynomial(_ATAN, t * t) + 0.0
+        offset = PI / 4
+    # Horner's rule written out, as in `exp_of`: kernels compile these functions.
+    s = t * t
+    p = ((1 / 25 * s - 1 / 23) * s + 1 / 21) * s - 1 / 19
+    p = (((p * s + 1 / 17) * s - 1 / 15) * s + 1 / 13) * s - 1 / 11
+    p = (((p * s + 1 / 9) * s - 1 / 7) * s + 1 / 5) * s - 1 / 3
+    angle = t * (p * s + 1.0) + offset
     angle = PI / 2 - angle if ay > ax else angle
     angle = PI - angle if x < 0.0 else angle
-    return float(-angle if y < 0.0 else angle)
+    return -angle if y < 0.0 else angle
 
 
 def unit_vector(theta: float) -> tuple[float, float]:
@@ -103,6 +122,15 @@ def unit_vector(theta: float) -> tuple[float, float]:
 def unit_vectors(theta: Array) -> Array:
     """Unit vectors of angles in radians; (N,) to (N, 2)."""
     return np.array([unit_vector(float(angle)) for angle in theta], dtype=float).reshape(-1, 2)
+
+
+def rotation_of(angle: float) -> tuple[float, float]:
+    """(cos, sin) of a small angle in radians, of unit length; the error is under 2e-7 for |angle| < 0.5."""
+    t = angle * 0.5
+    square = t * t
+    t = t * (1.0 + square * (1 / 3 + square * (2 / 15 + square * (17 / 315))))  # tan of the half angle
+    n = 1.0 + t * t
+    return (1.0 - t * t) / n, 2.0 * t / n
 
 
 def rotation(angle: Any) -> tuple[Any, Any]:
