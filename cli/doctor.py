@@ -18,9 +18,10 @@ import click
 from .common import examples, json_option, show_json
 
 PACKAGES = (
-    "pymunk", "numpy", "pydantic", "pygame-ce", "pygame-gui", "orjson", "click", "tqdm", "PyYAML", "jinja2",
-    "zstandard", "platformdirs",
+    "pymunk", "numpy", "pydantic", "pygame-ce", "pygame-gui", "orjson", "lazy-loader", "click", "tqdm", "PyYAML",
+    "jinja2", "zstandard", "platformdirs", "filelock",
 )  # fmt: skip
+COMPILER = ("numba", "llvmlite")  # the interpreter runs the simulation without them
 DIGEST = "fa69ca01d021e9e09ab297d39f0ef070"  # of the frames of the trial episode, the same on every machine
 
 Finding = tuple[bool | None, str]  # whether the check passed (None: an optional part is missing), and a description
@@ -29,7 +30,7 @@ Finding = tuple[bool | None, str]  # whether the check passed (None: an optional
 @click.command(epilog=examples("doctor", "doctor --json"))
 @json_option
 def command(as_json: bool) -> None:
-    """Check that the installation works: packages, engine, reproducibility, file access, films, display and speed.
+    """Check that the installation works: packages, engine, compiler, reproducibility, files, films, display, speed.
 
     The exit code is 1 if a required part fails; missing optional parts are only listed.
     """
@@ -51,6 +52,8 @@ def findings() -> dict[str, Finding]:
     return {
         "python": (True, f"{platform.python_version()} on {platform.platform()}"),
         **{package: _package(package) for package in PACKAGES},
+        **{package: _package(package, is_required=False) for package in COMPILER},
+        "kernels": _run(_kernels),
         "trial episode": _run(_trial_episode),
         "writing": _run(_writing),
         "films": (True, "gif and mp4") if has_film else (None, "not available; pip install 'sonata2d[video]'"),
@@ -58,11 +61,11 @@ def findings() -> dict[str, Finding]:
     }
 
 
-def _package(name: str) -> Finding:
+def _package(name: str, *, is_required: bool = True) -> Finding:
     try:
         return True, version(name)
     except PackageNotFoundError:
-        return False, f"missing; pip install {name}"
+        return (False if is_required else None), f"missing; pip install {name}"
 
 
 def _run(check: Callable[[], Finding]) -> Finding:
@@ -71,6 +74,21 @@ def _run(check: Callable[[], Finding]) -> Finding:
         return check()
     except Exception as error:
         return False, f"{type(error).__name__}: {error}"
+
+
+def _kernels() -> Finding:
+    """How the compiled part of the simulation runs, and where its machine code is kept."""
+    from sonata2d.core import compiled
+
+    if not compiled.IS_COMPILED:
+        return None, compiled.BACKEND
+    from sonata2d.core import kernel_cache
+
+    folder = kernel_cache.writable_folder()
+    if folder is None:
+        tried = ", ".join(map(str, kernel_cache.folders()))
+        return None, f"{compiled.BACKEND}, anew in each process: not writable: {tried}; set NUMBA_CACHE_DIR"
+    return True, f"{compiled.BACKEND}; machine code in {folder}"
 
 
 def _trial_episode() -> Finding:

@@ -8,11 +8,24 @@ from dataclasses import replace
 
 import pytest
 
+from sonata2d.core import compiled
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
 from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
 from sonata2d.core.scene import Rules, Scene
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+
+
+@pytest.fixture(autouse=True)
+def compilation_is_announced() -> None:
+    """Processes that compile during a test say nothing, because tests compare what commands print."""
+    if compiled.IS_COMPILED:
+        from sonata2d.core import kernel_cache
+
+        folder = kernel_cache.writable_folder()
+        if folder is not None:
+            (folder / kernel_cache.STAMP).touch()
+
 
 SQUARE: tuple[Point, ...] = ((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0))
 L_SHAPE: tuple[Point, ...] = ((-4.0, -4.0), (4.0, -4.0), (4.0, 0.0), (0.0, 0.0), (0.0, 4.0), (-4.0, 4.0))

@@ -15,6 +15,8 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "sonata2d"
 
+EPISODE = Path(__file__).parent / "record" / "golden.json"
+
 TABLE = tomllib.loads((PACKAGE.parent / "docs" / "architecture.toml").read_text())
 PACKAGES = {package["name"]: package for package in TABLE["package"]}
 
@@ -191,7 +193,8 @@ def test_wheels_contain_every_package_and_every_data_file() -> None:
 
 
 def test_import_is_silent_and_loads_no_heavy_package() -> None:
-    heavy = {"numpy", "pymunk", "pygame", "pydantic", "yaml", "jinja2", "tqdm", "multiprocessing", "sonata2d.core"}
+    heavy = {"numpy", "numba", "pymunk", "pygame", "pydantic", "yaml", "jinja2", "tqdm", "multiprocessing"}
+    heavy |= {"sonata2d.core"}
     code = f"import sys, sonata2d; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
@@ -199,8 +202,9 @@ def test_import_is_silent_and_loads_no_heavy_package() -> None:
 
 
 def test_reading_a_data_set_loads_no_simulation() -> None:
-    heavy = {"pymunk", "pygame", "multiprocessing", "sonata2d.sim", "sonata2d.agents", "sonata2d.scenegen"}
+    heavy = {"numba", "pymunk", "pygame", "multiprocessing", "sonata2d.sim", "sonata2d.agents", "sonata2d.scenegen"}
     code = "import sys; from sonata2d import read_episode; from sonata2d.datasets import read_manifest;"
+    code += f"episode = read_episode({str(EPISODE)!r}); episode.scene; episode.states;"
     code += f"print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from sonata2d_cli import main
+from sonata2d_cli import doctor, main
 from sonata2d_cli.main import COMMANDS
 
+from sonata2d.core import compiled
 from sonata2d.datasets.generate import KEEPABLE
 
 from .conftest import Run
@@ -127,6 +129,37 @@ def test_doctor_passes(sonata2d: Run) -> None:
     rows = {row["check"]: row for row in json.loads(sonata2d("doctor --json").output)}
     assert rows["trial episode"]["ok"] is True, rows["trial episode"]["found"]
     assert rows["writing"]["ok"] is True
+    assert rows["filelock"]["ok"] is True
+    assert rows["kernels"]["ok"] is (True if compiled.IS_COMPILED else None)
+    assert rows["kernels"]["found"].startswith(compiled.BACKEND)
+
+
+def test_doctor_passes_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    def find_version(name: str) -> str:
+        if name in ("numba", "llvmlite"):
+            raise PackageNotFoundError(name)
+        return version(name)
+
+    monkeypatch.setattr(compiled, "IS_COMPILED", False)
+    monkeypatch.setattr(compiled, "BACKEND", "interpreted, more slowly; pip install numba")
+    monkeypatch.setattr(doctor, "version", find_version)
+    monkeypatch.setattr(doctor, "trial_digest", lambda: (doctor.DIGEST, 1))
+    found = doctor.findings()
+    assert found["numba"] == (None, "missing; pip install numba")
+    assert found["kernels"] == (None, compiled.BACKEND)
+    assert False not in {ok for ok, _ in found.values()}
+
+
+@pytest.mark.skipif(not compiled.IS_COMPILED, reason="kernels are interpreted")
+def test_doctor_says_where_machine_code_is_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from sonata2d.core import kernel_cache
+
+    monkeypatch.setattr(kernel_cache, "writable_folder", lambda: tmp_path)
+    assert doctor._kernels() == (True, f"{compiled.BACKEND}; machine code in {tmp_path}")
+    monkeypatch.setattr(kernel_cache, "writable_folder", lambda: None)
+    ok, text = doctor._kernels()
+    assert ok is None
+    assert "anew in each process: not writable: " in text
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -141,7 +174,7 @@ def test_help_loads_no_simulation() -> None:
     code = (
         "import sys; from sonata2d_cli import main\n"
         "try: main(['--help'])\n"
-        "except SystemExit: print({'pymunk', 'pydantic', 'pygame', 'yaml'} & set(sys.modules))"
+        "except SystemExit: print({'numba', 'pymunk', 'pydantic', 'pygame', 'yaml'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.endswith("set()\n")

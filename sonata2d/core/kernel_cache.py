@@ -1,0 +1,270 @@
+"""Files with the machine code of kernels, so that each is compiled once per machine and version.
+
+Numba's own cache looks at the file of a kernel only; an edited subroutine or constant in another file would leave the
+old machine code in use, and a data set made with it would be wrong. The name of a file here contains the kernel's key
+(`kernel_key`), a hash of all that the machine code depends on: the bytecode of the kernel and of its subroutines, the
+values of the constants they use, the types of the arguments, the versions of Python, NumPy and numba, numba's settings,
+and the processor. A file is never out of date: processes, plug-ins and versions of sonata2d share a folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import re
+import sys
+import uuid
+import weakref
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any, TypeVar
+
+import numba
+from numba.core.compiler import CompileResult
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.serialize import dumps
+
+from .kernel_key import NotCacheableError, key_of
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+STAMP = "last"  # a file in the folder, touched at each compilation
+_SUFFIX = ".kernel"
+_MAX_FILES = 16  # of one kernel: versions, settings, argument types
+_MAX_AGE = 90 * 86400.0  # s since a file was last used
+_LOCK_TIMEOUT = 120.0  # s; then a process compiles although another one seems to
+_SAME_START = 60.0  # s between compilations that are announced once
+
+
+def use_cache(kernel: F) -> F:
+    """Make a function compiled by numba use the files of this module; returns the function."""
+    dispatcher: Any = kernel
+    dispatcher._cache = files = _KernelFiles(dispatcher)
+    dispatcher.compile = files.compile
+    dispatcher.__reduce__ = files.reduce
+    return kernel
+
+
+@cache
+def folders() -> tuple[Path, ...]:
+    """The folders in which kernels are searched: the package's, and the user's; or that of `NUMBA_CACHE_DIR`."""
+    given = numba.config.CACHE_DIR
+    if given:
+        return (Path(given).absolute() / "sonata2d",)
+    import platformdirs
+
+    users = platformdirs.user_cache_path("sonata2d", appauthor=False)
+    found = (Path(__file__).resolve().parents[1] / "__pycache__" / "kernels", users / "kernels")
+    return tuple(folder for folder in found if folder.is_absolute())  # "~" stays if there is no home folder
+
+
+@cache
+def writable_folder() -> Path | None:
+    """The first folder in which kernels can be kept, or None."""
+    for folder in folders():
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            probe = folder / f"{uuid.uuid4().hex}.tmp"
+            probe.touch()
+            probe.unlink()
+            return folder
+    return None
+
+
+class _KernelFiles:
+    """The files of one kernel, in the place of numba's cache for it (`numba.core.caching`)."""
+
+    def __init__(self, kernel: Any) -> None:
+        self._kernel = kernel
+        self._compile = kernel.compile
+        self._reduce = kernel.__reduce__
+        self._names: dict[Any, str | None] = {}
+
+    @property
+    def cache_path(self) -> str:
+        return str(writable_folder())
+
+    def flush(self) -> None:
+        """Forget nothing: files are never out of date."""
+
+    def compile(self, signature: Any) -> Any:
+        """Load the kernel or compile it, in one process at a time, and return its entry point."""
+        # Numba's lock is taken before that of the file everywhere, so that two threads cannot wait for each other.
+        with global_compiler_lock:
+            numba.core.config.reload_config()  # as numba does when it compiles: the settings are a part of the name
+            name = self._name(signature)
+            if name is None or _find(name):
+                return self._compile(signature)
+            with _locked(name):
+                return self._compile(signature)
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """What numba would have compiled, or None; called by numba within `compile`."""
+        name = self._name(signature)
+        content = _read(name) if name else None
+        if content is not None:
+            target_context.refresh()
+            with suppress(Exception):  # a class of an argument cannot be imported any more, ...
+                result = CompileResult._rebuild(target_context, *pickle.loads(content))
+                if result.signature.args == signature:
+                    return result
+        _announce(is_kept=name is not None)
+        return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep what numba has compiled; called by numba within `compile`."""
+        name = self._name(signature)
+        if name is not None and not result.library.has_dynamic_globals:  # addresses in this process
+            with suppress(Exception):  # a full disk, a class that cannot be pickled: the kernel works all the same
+                _write(name, dumps(result._reduce()))
+
+    def reduce(self) -> Any:
+        """Pickle a kernel by its name, like a function, where it has one; numba would pickle and compile a copy."""
+        name: str = self._kernel.__qualname__
+        found: Any = sys.modules.get(self._kernel.__module__)
+        for part in name.split("."):
+            found = getattr(found, part, None)
+        return name if found is self._kernel else self._reduce()
+
+    def _name(self, signature: Any) -> str | None:
+        """Name of the file for some argument types; None if the kernel cannot be kept."""
+        if signature not in self._names:
+            function = self._kernel.py_func
+            try:
+                key, functions = key_of(self._kernel, signature)
+            except NotCacheableError:
+                self._names[signature] = None
+            else:
+                # Letters that every file system allows; without a dot, since "aux.x" is a device on Windows.
+                readable = re.sub("[^A-Za-z0-9]+", "_", f"{function.__module__}.{function.__code__.co_qualname}")
+                self._names[signature] = f"{readable[-48:]}-{key}"
+                _make_symbols_unique(functions, key)
+        return self._names[signature]
+
+
+_renamed: weakref.WeakSet[FunctionType] = weakref.WeakSet()
+
+
+def _make_symbols_unique(functions: list[FunctionType], key: str) -> None:
+    """Give the machine code of functions names that no other code has.
+
+    Numba names machine code after the function and a number that starts anew in each process. Two files loaded by one
+    process, say from versions of a plug-in in two folders, could use the same name for different subroutines, and the
+    linker would silently take the first for both.
+    """
+    for function in functions:
+        if function not in _renamed:
+            function.__qualname__ += f"_{key}"
+            _renamed.add(function)
+
+
+def _find(name: str) -> list[Path]:
+    """The files of that name."""
+    paths = (folder / (name + _SUFFIX) for folder in folders())
+    return [path for path in paths if path.exists()]
+
+
+def _read(name: str) -> bytes | None:
+    """The content of a file, or None if it is missing, damaged or not readable."""
+    for path in _find(name):
+        with suppress(OSError):
+            data = path.read_bytes()
+            if data[:16] == _digest(data[16:]):
+                with suppress(OSError):  # a read-only folder
+                    os.utime(path)  # files that were not used for long are deleted
+                return data[16:]
+    return None
+
+
+def _digest(content: bytes) -> bytes:
+    return hashlib.blake2b(content, digest_size=16).digest()
+
+
+def _write(name: str, content: bytes) -> None:
+    """Write a file, so that other processes see it whole or not at all, and delete old ones."""
+    folder = writable_folder()
+    if folder is None:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    temporary = folder / f"{name}-{uuid.uuid4().hex[:8]}.tmp"
+    try:
+        temporary.write_bytes(_digest(content) + content)
+        temporary.replace(folder / (name + _SUFFIX))
+    finally:
+        temporary.unlink(missing_ok=True)
+    (folder / STAMP).touch()
+    _delete_old_files(folder, name.rpartition("-")[0])
+
+
+def _delete_old_files(folder: Path, kernel: str) -> None:
+    """Delete files that were not used for long, and the oldest of a kernel; processes have read theirs as a whole."""
+    files = sorted(((path.stat().st_mtime, path) for path in folder.iterdir()), reverse=True)
+    own = [path for _, path in files if path.name.startswith(f"{kernel}-") and path.suffix == _SUFFIX]
+    old = {path for time, path in files if files[0][0] - time > _MAX_AGE}
+    for path in {*old, *own[_MAX_FILES:]}:
+        with suppress(OSError):  # Windows does not delete a file that another process is reading
+            path.unlink()
+
+
+@contextmanager
+def _locked(name: str) -> Iterator[None]:
+    """Wait while another process compiles the same."""
+    folder = writable_folder()
+    if folder is None:
+        yield
+        return
+    import filelock
+
+    lock = filelock.FileLock(folder / f"{name}.lock")
+    with suppress(OSError, NotImplementedError):  # a file system without locks, or a process that hangs
+        lock.acquire(timeout=_LOCK_TIMEOUT)
+    try:
+        yield
+    finally:
+        if lock.is_locked:
+            lock.release()
+            with suppress(OSError):
+                Path(lock.lock_file).unlink(missing_ok=True)
+
+
+_is_announced = False
+
+
+def _announce(is_kept: bool) -> None:
+    """Say that kernels are being compiled, once for all processes that start together.
+
+    Args:
+        is_kept: whether later processes load what is compiled now.
+    """
+    global _is_announced
+    if _is_announced:
+        return
+    _is_announced = True
+    folder = writable_folder()
+    if folder is None:
+        from multiprocessing import parent_process
+
+        is_said = parent_process() is not None  # the workers compile the same as their parent, or as each other
+    else:
+        is_said = _is_start_announced(folder / STAMP)
+    how = "once per version" if is_kept and folder else "in every process"
+    if not is_said:
+        with suppress(AttributeError, OSError, ValueError):  # no standard error, or a closed one
+            sys.stderr.write(f"sonata2d: compiling for this processor, {how}; this may take half a minute ...\n")
+            sys.stderr.flush()
+
+
+def _is_start_announced(stamp: Path) -> bool:
+    """Whether another process compiles, or has just compiled."""
+    with suppress(OSError):
+        try:
+            stamp.touch(exist_ok=False)
+        except FileExistsError:
+            before = stamp.stat().st_mtime
+            stamp.touch()
+            return stamp.stat().st_mtime - before < _SAME_START  # no clock is read: that of a file server may differ
+    return False
