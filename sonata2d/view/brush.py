@@ -7,7 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..core.geometry import Point
+from ..core.portable_math import Array
 from .camera import Camera
 from .canvas import Canvas
 from .fonts import width_of
@@ -103,6 +106,18 @@ class Brush:
     def stroke(self, colour: Colour, points: Sequence[Point], width: float) -> None:
         """Draw a line through points, with round ends and bends."""
         self.canvas.stroke(colour, self.pixels(points), self.thickness(width))
+
+    def steps(self, colours: Sequence[Colour], starts: Array, ends: Array, width: float) -> None:
+        """Draw the steps of a path, each in its own colour, with round ends; as if the brush were at the origin.
+
+        Args:
+            colours: of the K steps.
+            starts, ends: (K, 2), world frame, m.
+            width: m.
+        """
+        points = np.stack((starts, ends), axis=1)
+        x, y = self.camera.to_pixels((points[..., 0], points[..., 1]))  # type: ignore[arg-type]  # of arrays
+        self.canvas.steps(colours, np.stack((x, y), axis=2), self.thickness(width))
 
     def dots(self, colour: Colour, start: Point, end: Point, radius: float, spacing: float) -> None:
         """Draw evenly spaced dots from start to end, about `spacing` metres apart."""

@@ -17,15 +17,17 @@ from typing import Any
 import pygame
 
 from ..core.geometry import Point
+from ..core.portable_math import Array
 from .fonts import rendered
-from .outlines import ends_and_bends, filling, pixel_centres, pixels_of, ribbon, widened
+from .outlines import ends_and_bends, filling, pixel_centres, pixels_of, ribbon, step_ribbons, widened
 from .palette import Colour
 from .svg import SvgCanvas
 
 _LARGE = 40.0  # px, radius above which an antialiased circle is drawn 2 instead of 4 times larger
 _DOT = 8.0  # px, radius up to which images of antialiased discs are kept
 
-Primitive = Callable[..., Any]  # its arguments: surface, colour, points, and further settings of the primitive
+# Its arguments: surface, colour, points, and further settings of the primitive; it returns the box of changed pixels.
+Primitive = Callable[..., pygame.Rect]
 
 
 class RasterCanvas:
@@ -42,11 +44,11 @@ class RasterCanvas:
 
     def circle(self, colour: Colour, centre: Point, radius: float) -> None:
         """Draw a filled circle."""
-        self._draw(_smooth_circle if self.fine == 1 else _hard_circle, colour, [centre], radius, radius, 0.0)
+        self.draw(_smooth_circle if self.fine == 1 else _hard_circle, colour, [centre], radius, radius, 0.0)
 
     def ring(self, colour: Colour, centre: Point, radius: float, width: float) -> None:
         """Draw a circle line whose outer edge is at `radius`."""
-        self._draw(_smooth_circle if self.fine == 1 else _hard_circle, colour, [centre], radius, radius, width)
+        self.draw(_smooth_circle if self.fine == 1 else _hard_circle, colour, [centre], radius, radius, width)
 
     def polygon(self, colour: Colour, points: Sequence[Point], edge: Colour | None = None, width: float = 0.0) -> None:
         """Draw a filled polygon; if `edge` is given, with an outline centred on its sides."""
@@ -59,15 +61,42 @@ class RasterCanvas:
     def stroke(self, colour: Colour, points: Sequence[Point], width: float) -> None:
         """Draw a line through points, with round ends and bends."""
         if self.fine == 1 and width < 2.0:
-            self._draw(_smooth_line, colour, points, 1.0, False)
+            self.draw(_smooth_line, colour, points, 1.0, False)
             return
         self._fill(colour, ribbon(points, width / 2))
-        for point in ends_and_bends(points) if width > 1.5 * self.fine else ():
+        for point in ends_and_bends(points) if self._is_wide(width) else ():
             self.circle(colour, point, width / 2)
+
+    def steps(self, colours: Sequence[Colour], steps: Array, width: float) -> None:
+        """Draw lines with round ends.
+
+        Args:
+            colours: of the K lines.
+            steps: (K, 2, 2), start and end of each, px.
+            width: px.
+        """
+        pairs = [(tuple(start), tuple(end)) for start, end in steps.tolist()]
+        if self.fine == 1:
+            for colour, pair in zip(colours, pairs, strict=True):
+                self.stroke(colour, pair, width)
+            return
+        is_wide, radius = self._is_wide(width), width / 2
+        starts = [start for start, _ in pairs[1:]]
+        outlines = step_ribbons(steps, radius).tolist()
+        for colour, (start, end), following, outline in zip(colours, pairs, [*starts, None], outlines, strict=True):
+            self.draw(pygame.draw.polygon, colour, outline, 0.0)
+            if is_wide:
+                self.draw(_hard_circle, colour, [start], radius, radius, 0.0)
+                if following != end:  # else the next step's start covers this end
+                    self.draw(_hard_circle, colour, [end], radius, radius, 0.0)
+
+    def _is_wide(self, width: float) -> bool:
+        """Whether the ends of a line are large enough to be rounded."""
+        return width > 1.5 * self.fine
 
     def wash(self, colour: Colour, alpha: int, points: Sequence[Point]) -> None:
         """Draw a translucent polygon; alpha is 0 (invisible) to 255."""
-        self._draw(_smooth_wash if self.fine == 1 else _hard_wash, colour, points, 0.0, alpha)
+        self.draw(_smooth_wash if self.fine == 1 else _hard_wash, colour, points, 0.0, alpha)
 
     def rectangle(self, colour: Colour, box: pygame.Rect, edge: Colour | None = None) -> None:
         """Draw an upright rectangle of whole pixels; if `edge` is given, with an outline and round corners."""
@@ -76,7 +105,7 @@ class RasterCanvas:
     def text(self, colour: Colour, words: str, place: Point, size: int, anchor: str = "center") -> pygame.Rect:
         """Draw one upright line of text; `anchor` names the point of its box at `place`, as in `pygame.Rect`."""
         box = rendered(words, size, colour).get_rect(**{anchor: (round(place[0]), round(place[1]))})
-        self._draw(_text, colour, [place], box.width / 2, words, size, anchor)
+        self.draw(_text, colour, [place], box.width / 2, words, size, anchor)
         return box
 
     def group(self, kind: str) -> AbstractContextManager[None]:
@@ -85,14 +114,14 @@ class RasterCanvas:
 
     def _fill(self, colour: Colour, points: Sequence[Point]) -> None:
         if self.fine > 1:
-            self._draw(pygame.draw.polygon, colour, points, 0.0)
+            self.draw(pygame.draw.polygon, colour, points, 0.0)
             return
         inner, rims = filling(points)
-        self._draw(_inner_polygon, colour, inner, 2.0)
+        self.draw(_inner_polygon, colour, inner, 2.0)
         for rim in rims:
-            self._draw(_smooth_line, colour, rim, 1.0, True)
+            self.draw(_smooth_line, colour, rim, 1.0, True)
 
-    def _draw(
+    def draw(
         self, primitive: Primitive, colour: Colour, points: Sequence[Point], margin: float, *settings: Any
     ) -> None:
         """Draw or record one primitive that extends `margin` pixels beyond its points."""
@@ -112,64 +141,94 @@ class PixelCanvas(RasterCanvas):
         self.surface = surface
 
     def rectangle(self, colour: Colour, box: pygame.Rect, edge: Colour | None = None) -> None:
-        pygame.draw.rect(self.surface, colour, box, border_radius=4 if edge else -1)
+        self.draw(_rectangle, colour, (), 0.0, box, 4 if edge else -1, 0)
         if edge is not None:
-            pygame.draw.rect(self.surface, edge, box, width=1, border_radius=4)
+            self.draw(_rectangle, edge, (), 0.0, box, 4, 1)
 
-    def _draw(
+    def draw(
         self, primitive: Primitive, colour: Colour, points: Sequence[Point], margin: float, *settings: Any
     ) -> None:
         primitive(self.surface, colour, points, *settings)
 
 
+class TrackingCanvas(PixelCanvas):
+    """A pygame surface, with a record of what was drawn on.
+
+    Attributes:
+        boxes: that contain all changed pixels.
+    """
+
+    def __init__(self, surface: pygame.Surface, fine: int = 1) -> None:
+        super().__init__(surface, fine)
+        self.boxes: list[pygame.Rect] = []
+
+    def draw(
+        self, primitive: Primitive, colour: Colour, points: Sequence[Point], margin: float, *settings: Any
+    ) -> None:
+        self.boxes.append(primitive(self.surface, colour, points, *settings))
+
+
 Canvas = RasterCanvas | SvgCanvas  # they have the same methods
 
 
-def _hard_circle(surface: pygame.Surface, colour: Colour, points: Sequence[Point], radius: float, width: float) -> None:
+# Primitives
+
+
+def _hard_circle(
+    surface: pygame.Surface, colour: Colour, points: Sequence[Point], radius: float, width: float
+) -> pygame.Rect:
     """Draw a circle line, or a filled circle if its width is 0."""
-    pygame.draw.circle(surface, colour, points[0], radius, max(round(width), 1) if width else 0)
+    return pygame.draw.circle(surface, colour, points[0], radius, max(round(width), 1) if width else 0)
 
 
-def _hard_wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point], alpha: int) -> None:
+def _rectangle(
+    surface: pygame.Surface, colour: Colour, _: Sequence[Point], box: pygame.Rect, corner_radius: int, width: int
+) -> pygame.Rect:
+    return pygame.draw.rect(surface, colour, box, width, corner_radius)
+
+
+def _hard_wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point], alpha: int) -> pygame.Rect:
     left, top, width, height = _bounds(points)
     tile = pygame.Surface((width, height), pygame.SRCALPHA, 32)
     pygame.draw.polygon(tile, (*colour, alpha), [(x - left, y - top) for x, y in points])
-    surface.blit(tile, (left, top))
+    return surface.blit(tile, (left, top))
 
 
-def _text(surface: pygame.Surface, colour: Colour, points: Sequence[Point], words: str, size: int, anchor: str) -> None:
+def _text(
+    surface: pygame.Surface, colour: Colour, points: Sequence[Point], words: str, size: int, anchor: str
+) -> pygame.Rect:
     line = rendered(words, size, colour)
-    surface.blit(line, line.get_rect(**{anchor: (round(points[0][0]), round(points[0][1]))}))
+    return surface.blit(line, line.get_rect(**{anchor: (round(points[0][0]), round(points[0][1]))}))
 
 
-def _inner_polygon(surface: pygame.Surface, colour: Colour, points: Sequence[Point]) -> None:
-    pygame.draw.polygon(surface, colour, pixels_of(points))
+def _inner_polygon(surface: pygame.Surface, colour: Colour, points: Sequence[Point]) -> pygame.Rect:
+    return pygame.draw.polygon(surface, colour, pixels_of(points))
 
 
-def _smooth_line(surface: pygame.Surface, colour: Colour, points: Sequence[Point], closed: bool) -> None:
+def _smooth_line(surface: pygame.Surface, colour: Colour, points: Sequence[Point], closed: bool) -> pygame.Rect:
     centres = pixel_centres(points)
     if closed:
-        pygame.draw.aalines(surface, colour, True, centres)
-        return
-    for start, end in pairwise(centres):  # for few points faster than `aalines`, which omits very short segments
-        pygame.draw.aaline(surface, colour, start, end)
+        return pygame.draw.aalines(surface, colour, True, centres)
+    # for few points faster than `aalines`, which omits very short segments
+    first, *others = [pygame.draw.aaline(surface, colour, start, end) for start, end in pairwise(centres)]
+    return first.unionall(others)
 
 
 def _smooth_circle(
     surface: pygame.Surface, colour: Colour, points: Sequence[Point], radius: float, width: float
-) -> None:
+) -> pygame.Rect:
     x, y = points[0]
     if radius < _DOT and not width:  # small discs are frequent (dotted lines); their images are kept per 1/4 pixel
         (column, dx), (row, dy) = divmod(round(x * 4), 4), divmod(round(y * 4), 4)
         margin, image = _dot_image(colour, round(radius * 8) / 8, dx / 4, dy / 4)
-        put(surface, image, column - margin, row - margin)
-        return
+        return put(surface, image, column - margin, row - margin)
     left, top, side = math.floor(x - radius), math.floor(y - radius), math.ceil(2 * radius) + 2
-    if in_view(surface, left, top, side, side):
-        fine = 4 if radius < _LARGE else 2
-        tile = spare_tile(fine * side, fine * side)
-        _hard_circle(tile, colour, [((x - left) * fine, (y - top) * fine)], radius * fine, width * fine)
-        put(surface, pygame.transform.smoothscale(tile, (side, side)), left, top)
+    if not in_view(surface, left, top, side, side):
+        return pygame.Rect(0, 0, 0, 0)
+    fine = 4 if radius < _LARGE else 2
+    tile = spare_tile(fine * side, fine * side)
+    _hard_circle(tile, colour, [((x - left) * fine, (y - top) * fine)], radius * fine, width * fine)
+    return put(surface, pygame.transform.smoothscale(tile, (side, side)), left, top)
 
 
 @lru_cache(maxsize=1024)
@@ -182,12 +241,13 @@ def _dot_image(colour: Colour, radius: float, dx: float, dy: float) -> tuple[int
     return margin, pygame.transform.smoothscale(tile, (side, side))
 
 
-def _smooth_wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point], alpha: int) -> None:
+def _smooth_wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point], alpha: int) -> pygame.Rect:
     left, top, width, height = _bounds(points)
-    if in_view(surface, left, top, width, height):
-        tile = spare_tile(2 * width, 2 * height)
-        pygame.draw.polygon(tile, premultiplied(colour, alpha), [(2 * (x - left), 2 * (y - top)) for x, y in points])
-        put(surface, pygame.transform.smoothscale(tile, (width, height)), left, top)
+    if not in_view(surface, left, top, width, height):
+        return pygame.Rect(0, 0, 0, 0)
+    tile = spare_tile(2 * width, 2 * height)
+    pygame.draw.polygon(tile, premultiplied(colour, alpha), [(2 * (x - left), 2 * (y - top)) for x, y in points])
+    return put(surface, pygame.transform.smoothscale(tile, (width, height)), left, top)
 
 
 def _bounds(points: Sequence[Point]) -> tuple[int, int, int, int]:
@@ -219,9 +279,9 @@ def premultiplied(colour: Colour, alpha: int) -> tuple[int, int, int, int]:
     return r, g, b, alpha
 
 
-def put(surface: pygame.Surface, image: pygame.Surface, left: int, top: int) -> None:
-    """Blend a premultiplied image onto a surface."""
-    surface.blit(image, (left, top), special_flags=pygame.BLEND_PREMULTIPLIED)
+def put(surface: pygame.Surface, image: pygame.Surface, left: int, top: int) -> pygame.Rect:
+    """Blend a premultiplied image onto a surface; returns the box of changed pixels."""
+    return surface.blit(image, (left, top), special_flags=pygame.BLEND_PREMULTIPLIED)
 
 
 def in_view(surface: pygame.Surface, left: float, top: float, width: float, height: float) -> bool:

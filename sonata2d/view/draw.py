@@ -104,16 +104,34 @@ def picture(
     camera = camera or camera_for(snapshot.scene, size=size, scale=scale, strip=strip)
     surface = room.copy() if room is not None else backdrop(snapshot.scene, camera, layers)
     draw_on_backdrop(surface, camera, snapshot, layers, trails)
-    finished = pygame.Surface((camera.size[0], camera.size[1] + strip), 0, 32)
+    finished = shrunk(surface, camera.size, strip)
+    annotate(PixelCanvas(finished), camera, snapshot, layers, trails, caption, outcome)
+    return finished
+
+
+def shrunk(surface: pygame.Surface, size: tuple[int, int], strip: int) -> pygame.Surface:
+    """Make a surface smaller, which smooths all edges; below it, `strip` pixels are left free for the caption."""
+    finished = pygame.Surface((size[0], size[1] + strip), 0, 32)
     finished.fill(PAPER)
-    pygame.transform.smoothscale(surface, camera.size, finished.subsurface((0, 0, *camera.size)))
-    canvas = PixelCanvas(finished)
+    pygame.transform.smoothscale(surface, size, finished.subsurface((0, 0, *size)))
+    return finished
+
+
+def annotate(
+    canvas: PixelCanvas,
+    camera: Camera,
+    snapshot: Snapshot,
+    layers: Layers,
+    trails: Trails | None,
+    caption: str | None,
+    outcome: str | None,
+) -> None:
+    """Draw all text on a picture of its final size; arguments as for `picture`."""
     draw_annotations(Brush(canvas, camera), snapshot, layers)
-    if strip:
+    if layers.caption:
         text = summary(snapshot, outcome) if caption is None else caption
         span = trails.span if trails and not trails.is_tail else None
-        draw_strip(canvas, finished.get_size(), text, camera.scale, span)
-    return finished
+        draw_strip(canvas, canvas.surface.get_size(), text, camera.scale, span)
 
 
 def draw_on_backdrop(

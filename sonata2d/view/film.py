@@ -6,6 +6,7 @@ import importlib
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,10 @@ import pygame
 
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from .annotations import STRIP
-from .draw import QUICK, Layers, backdrop, camera_for, picture
+from .draw import Layers
 from .interpolation import between
 from .palette import ACTIVITY, FLOOR, GOAL, GRID, INK, PAPER, ROBOT, WALL, mixed, time_colour
+from .sequence import PictureSequence
 from .trails import Trails
 
 _TAIL = 4.0  # s, duration that trails cover
@@ -63,8 +64,8 @@ def save_film(
     if is_gif:
         fps = 100.0 / max(round(100.0 / fps), 2)  # a GIF's delays are multiples of 1/100 s; players slow down below 2
         size = (_GIF_SIDE, _GIF_SIDE) if size is None and scale is None else size
-    paced_snapshots = paced(snapshots, speed / fps, interpolate=interpolate)
-    shown = _pictures(paced_snapshots, round(fps * _HOLD), size, scale, layers or Layers(), caption, outcome)
+    samples = _sampled(snapshots, speed / fps, interpolate=interpolate)
+    shown = _pictures(samples, round(fps * _HOLD), size, scale, layers, caption, outcome)
     try:
         (_write_gif if is_gif else _write_mp4)(path, shown, fps)
     except OSError as error:
@@ -73,51 +74,65 @@ def save_film(
 
 def paced(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool = True) -> Iterator[Snapshot]:
     """The episode sampled every `step` seconds, including its first and its last snapshot."""
+    return (shown for shown, _ in _sampled(snapshots, step, interpolate=interpolate))
+
+
+def _sampled(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool) -> Iterator[tuple[Snapshot, Snapshot]]:
+    """The snapshots that `paced` returns, each with the snapshot of the last tick up to it."""
     before, count = None, 0
     for after in snapshots:
         if before is None:
             start = after.time
         while before is not None and start + count * step < after.time - 1e-9:
             fraction = (start + count * step - before.time) / (after.time - before.time)
-            yield between(before, after, fraction) if interpolate and fraction > 1e-9 else before
+            yield between(before, after, fraction) if interpolate and fraction > 1e-9 else before, before
             count += 1
         before = after
     if before is not None:
-        yield before
+        yield before, before
 
 
 def _pictures(
-    snapshots: Iterable[Snapshot],
+    samples: Iterable[tuple[Snapshot, Snapshot]],
     hold: int,
     size: tuple[int, int] | None,
     scale: float | None,
-    layers: Layers,
+    layers: Layers | None,
     caption: str | None,
     outcome: str | None,
 ) -> Iterator[pygame.Surface]:
-    """The pictures of the film; the room is drawn once, and the last picture, with the outcome, is repeated."""
-    camera, room, last = None, None, None
-    tail: deque[Snapshot] = deque()
-    for snapshot in snapshots:
-        if camera is None or room is None:
-            camera = camera_for(snapshot.scene, size=size, scale=scale, strip=STRIP if layers.caption else 0)
-            room = backdrop(snapshot.scene, camera, layers, fine=QUICK)
-        tail.append(last := snapshot)
-        while tail[0].time < snapshot.time - _TAIL:
-            tail.popleft()
-        trails = Trails.of(tail, is_tail=True)
-        yield picture(snapshot, layers=layers, trails=trails, caption=caption, camera=camera, room=room)
-    if last is None:
+    """The pictures of the film, each valid until the next one; the last one, with the outcome, is repeated."""
+    pictures, last = None, None
+    ticks: deque[Snapshot] = deque()
+    for last, tick in samples:
+        if pictures is None:
+            pictures = PictureSequence(last.scene, size=size, scale=scale, layers=layers)
+        if not ticks or ticks[-1] is not tick:
+            ticks.append(tick)
+        yield pictures.draw(last, trails=_tail(ticks, last), caption=caption)
+    if pictures is None or last is None:
         raise RenderError("there is nothing to film: the episode holds no frame")
-    ending = picture(last, layers=layers, trails=trails, caption=caption, outcome=outcome, camera=camera, room=room)
+    ending = pictures.draw(last, trails=_tail(ticks, last), caption=caption, outcome=outcome)
     for _ in range(max(hold, 1)):
         yield ending
+
+
+def _tail(ticks: deque[Snapshot], shown: Snapshot) -> Trails:
+    """The paths of the last seconds before a snapshot, through the positions at ticks; removes older ticks."""
+    start = shown.time - _TAIL
+    while len(ticks) > 1 and ticks[1].time <= start:
+        ticks.popleft()
+    snapshots = [*ticks] if ticks[-1] is shown else [*ticks, shown]
+    if snapshots[0].time < start:  # the paths begin between two ticks
+        first, second = snapshots[:2]
+        snapshots[0] = between(first, second, (start - first.time) / (second.time - first.time))
+    return Trails.of(snapshots, is_tail=True)
 
 
 def _write_gif(path: Path, shown: Iterable[pygame.Surface], fps: float) -> None:
     """Write a GIF whose pictures share one palette, so that colours do not flicker."""
     image = _import("PIL.Image")
-    pictures = (image.frombytes("RGB", drawn.get_size(), pygame.image.tobytes(drawn, "RGB")) for drawn in shown)
+    pictures = (_pillow_image(image, drawn) for drawn in shown)
     first = next(iter(pictures))
     palette = _gif_palette(image, first)
     rest = (drawn.quantize(palette=palette, dither=image.Dither.NONE) for drawn in pictures)
@@ -150,16 +165,30 @@ def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
     path.open("wb").close()  # raises an OSError here if the file cannot be written; ffmpeg's error is less clear
     size = tuple(side - side % 2 for side in first.get_size())
     writer = ffmpeg.write_frames(
-        str(path), size, fps=fps, codec="libx264", quality=None, macro_block_size=2,
-        output_params=["-crf", "18", "-preset", "medium", "-movflags", "+faststart"],
+        str(path), size, fps=fps, codec="libx264", quality=None, macro_block_size=2, pix_fmt_in="bgr0",
+        output_params=["-crf", "17", "-preset", "veryfast", "-movflags", "+faststart"],
     )  # fmt: skip
     writer.send(None)
+    even = pygame.Surface(size, 0, 32)
     try:
-        writer.send(pygame.image.tobytes(first.subsurface((0, 0, *size)), "RGB"))
-        for drawn in shown:
-            writer.send(pygame.image.tobytes(drawn.subsurface((0, 0, *size)), "RGB"))
+        for drawn in chain([first], shown):
+            if drawn.get_size() != size:
+                even.blit(drawn, (0, 0))
+                drawn = even
+            with _pixels(drawn) as pixels:
+                writer.send(pixels)
     finally:
         writer.close()
+
+
+def _pillow_image(image: Any, drawn: pygame.Surface) -> Any:
+    with _pixels(drawn) as pixels:
+        return image.frombytes("RGB", drawn.get_size(), pixels, "raw", "BGRX")
+
+
+def _pixels(surface: pygame.Surface) -> memoryview:
+    """The pixels of a picture as they lie in memory: blue, green, red, unused; locks the picture until released."""
+    return memoryview(surface.get_buffer())  # type: ignore[arg-type]
 
 
 def _import(module: str) -> Any:

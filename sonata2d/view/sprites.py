@@ -35,25 +35,30 @@ Shape = tuple[Primitive, Colour, int, int, tuple[Any, ...]]  # primitive, colour
 class Recorder(RasterCanvas):
     """A canvas that records primitives, so that they can be drawn at other positions and rotations.
 
+    Args:
+        fine: supersampling factor.
+        on_tile: whether they will be drawn on a transparent tile; otherwise on a picture.
+
     Attributes:
         points: of all shapes, px.
         margins: pixels by which the shape extends beyond each point.
         shapes: the primitives, which refer to ranges of `points`.
     """
 
-    def __init__(self, fine: int) -> None:
+    def __init__(self, fine: int, *, on_tile: bool = True) -> None:
         super().__init__(fine)
+        self._on_tile = on_tile and fine > 1
         self.points: list[Point] = []
         self.margins: list[float] = []
         self.shapes: list[Shape] = []
 
     def wash(self, colour: Colour, alpha: int, points: Sequence[Point]) -> None:
-        if self.fine == 1:
-            super().wash(colour, alpha, points)
+        if self._on_tile:
+            self.draw(_tile_wash, colour, points, 0.0, alpha)
         else:
-            self._draw(_tile_wash, colour, points, 0.0, alpha)
+            super().wash(colour, alpha, points)
 
-    def _draw(
+    def draw(
         self, primitive: Primitive, colour: Colour, points: Sequence[Point], margin: float, *settings: Any
     ) -> None:
         start = len(self.points)
@@ -62,9 +67,9 @@ class Recorder(RasterCanvas):
         self.shapes.append((primitive, colour, start, len(self.points), settings))
 
 
-def _tile_wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point], alpha: int) -> None:
+def _tile_wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point], alpha: int) -> pygame.Rect:
     """Replace pixels of a tile by a translucent colour, instead of blending as a wash on a picture does."""
-    pygame.draw.polygon(surface, premultiplied(colour, alpha), points)
+    return pygame.draw.polygon(surface, premultiplied(colour, alpha), points)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +133,37 @@ class Sprite:
         places = points.tolist()
         for primitive, colour, start, end, settings in self.shapes:
             primitive(surface, colour, places[start:end], *settings)
+
+
+class ShapeCache:
+    """The shapes of drawings by key, to be drawn on supersampled pictures without computing all points anew."""
+
+    def __init__(self) -> None:
+        self._recorded: dict[tuple[Any, ...], tuple[Array, list[Shape]]] = {}
+
+    def put(self, canvas: RasterCanvas, camera: Camera, place: Point, *parts: Part, whole: bool = False) -> None:
+        """Draw parts on top of each other at one place of the world, each in its own direction.
+
+        Args:
+            whole: has no effect, because places are exact.
+        """
+        x, y = camera.to_pixels(place)
+        for key, draw, direction in parts:
+            points, shapes = self._shapes_of(key, draw, camera.scale, canvas.fine)
+            c, s = camera.rotated(direction)
+            places = (points @ np.array(((c, s), (-s, c))) + (x, y)).tolist()
+            for primitive, colour, start, end, settings in shapes:
+                canvas.draw(primitive, colour, places[start:end], 0.0, *settings)
+
+    def _shapes_of(
+        self, key: tuple[Any, ...], draw: Callable[[Brush], None], scale: float, fine: int
+    ) -> tuple[Array, list[Shape]]:
+        known = self._recorded.get(key)
+        if known is None:
+            recorder = Recorder(fine, on_tile=False)
+            draw(Brush(recorder, Camera(scale, 0.0, 0.0, (0, 0)), fine))
+            known = self._recorded[key] = np.array(recorder.points), recorder.shapes
+        return known
 
 
 class SpriteCache:

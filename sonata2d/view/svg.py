@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import pygame
 
 from ..core.geometry import Point
+from ..core.portable_math import Array
 from ..errors import RenderError
 from .fonts import font, printable, width_of
 from .palette import Colour, hex_colour
@@ -48,6 +49,10 @@ class SvgCanvas:
     def stroke(self, colour: Colour, points: Sequence[Point], width: float) -> None:
         line = {"stroke-width": _number(width), "stroke-linejoin": "round", "stroke-linecap": "round"}
         self._add("polyline", points=_points(points), fill="none", stroke=hex_colour(colour), **line)
+
+    def steps(self, colours: Sequence[Colour], steps: Array, width: float) -> None:
+        for colour, (start, end) in zip(colours, steps.tolist(), strict=True):
+            self.stroke(colour, [tuple(start), tuple(end)], width)
 
     def wash(self, colour: Colour, alpha: int, points: Sequence[Point]) -> None:
         self._add("polygon", points=_points(points), fill=hex_colour(colour), **{"fill-opacity": f"{alpha / 255:.3f}"})

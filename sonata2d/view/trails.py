@@ -73,11 +73,10 @@ def draw_trails(brush: Brush, trails: Trails | None) -> None:
     """Draw the pedestrians' paths, then the robot's on top, with time marks unless it is a tail; nothing for None."""
     if trails is None:
         return
-    fraction = trails.fraction
-    for path in np.swapaxes(trails.humans, 0, 1):
-        _draw_path(brush, path, [_human_colour(float(f)) for f in fraction], _HUMAN_WIDTH)
-    colours = [time_colour(float(f)) for f in fraction]
-    _draw_path(brush, trails.robot, colours, _ROBOT_WIDTH)
+    fraction = trails.fraction.tolist()
+    _draw_paths(brush, trails.humans, [_human_colour(f) for f in fraction], _HUMAN_WIDTH)
+    colours = [time_colour(f) for f in fraction]
+    _draw_paths(brush, trails.robot[:, None], colours, _ROBOT_WIDTH)
     for k in [] if trails.is_tail else _marks(trails.time):
         place = (float(trails.robot[k, 0]), float(trails.robot[k, 1]))
         brush.disc(shaded(colours[k], 0.3), place, 0.065)
@@ -89,13 +88,20 @@ def _human_colour(fraction: float) -> Colour:
     return mixed(FLOOR, BLUE, 0.06 + 0.4 * fraction**1.5)
 
 
-def _draw_path(brush: Brush, path: Array, colours: list[Colour], width: float) -> None:
-    """Draw each step in the colour of its end, with gaps where the agent was absent or re-entered elsewhere."""
-    points = [(float(x), float(y)) for x, y in path]
-    steps = np.abs(np.diff(path, axis=0)).sum(axis=1)
-    for k, step in enumerate(steps):
-        if 0.0 < step < _MAX_STEP:
-            brush.stroke(colours[k + 1], points[k : k + 2], width)
+def _draw_paths(brush: Brush, paths: Array, colours: list[Colour], width: float) -> None:
+    """Draw each step in the colour of its end, with gaps where the agent was absent or re-entered elsewhere.
+
+    Args:
+        paths: (T, N, 2), m, of N agents.
+        colours: of the T positions.
+        width: m.
+    """
+    lengths = np.abs(np.diff(paths, axis=0)).sum(axis=2)
+    walked = (lengths > 0.0) & (lengths < _MAX_STEP)
+    for agent in np.flatnonzero(walked.any(axis=0)).tolist():
+        steps = np.flatnonzero(walked[:, agent])
+        path = paths[:, agent]
+        brush.steps([colours[k + 1] for k in steps.tolist()], path[steps], path[steps + 1], width)
 
 
 def _marks(time: Array) -> list[int]:

@@ -3,6 +3,7 @@ import io
 import json
 import re
 import sys
+from collections import deque
 from dataclasses import replace
 from html.parser import HTMLParser
 from xml.etree import ElementTree
@@ -15,7 +16,8 @@ from PIL import Image
 from sonata2d.errors import RenderError
 from sonata2d.view.draw import Layers
 from sonata2d.view.files import render
-from sonata2d.view.film import paced, save_film
+from sonata2d.view.film import _tail, paced, save_film
+from sonata2d.view.interpolation import between
 from sonata2d.view.stills import MOMENT_SIDE, filmstrip, save_moment
 from sonata2d.view.trails import Trails
 
@@ -71,6 +73,19 @@ def test_pictures_between_ticks_are_interpolated(episode):
     assert np.hypot(*fine[3].humans.direction.T) == pytest.approx(1.0)
     coarse = list(paced(episode, 0.05, interpolate=False))
     assert coarse[3].robot.position == episode[1].robot.position
+
+
+def test_a_film_shows_the_paths_of_the_last_four_seconds(scene):
+    ticks = deque(snapshot_at(scene, tick) for tick in range(60))
+    shown = between(ticks[57], ticks[58], 0.25)
+    while ticks[-1].tick > 57:
+        ticks.pop()
+    trails = _tail(ticks, shown)
+    assert (trails.time[0], trails.time[-1]) == pytest.approx((1.725, 5.725))
+    assert trails.time[1:-1] == pytest.approx(np.arange(18, 58) / 10)  # through the positions at ticks
+    assert trails.robot[0].tolist() == pytest.approx([2.725, 0.5])
+    assert ticks[0].tick == 17  # earlier ones are not needed any more
+    assert _tail(deque([ticks[-1]]), ticks[-1]).time.tolist() == [5.7]
 
 
 class ScriptParser(HTMLParser):
