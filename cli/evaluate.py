@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -99,7 +100,6 @@ def command(
     """
     from sonata2d.metrics.catalogue import headline_metrics, select_metrics
     from sonata2d.metrics.measurement import Evaluation, episode_files, measure_files
-    from sonata2d.metrics.page import check_page_path, save_page
     from sonata2d.metrics.plots import chart, check_picture_path
 
     _check_arguments(paths, controllers, scenarios, out)
@@ -107,14 +107,17 @@ def command(
     if picture is not None:
         check_picture_path(picture)
     if page is not None:
+        from sonata2d.metrics.page import check_page_path, save_page  # loads pygame and jinja2
+
         check_page_path(page)
     settings = episodes, seed, workers
     with _sources(paths, controllers, scenarios or (DEFAULT_SCENARIO,), out, settings) as sources:
         files = {label: [file for path in own for file in episode_files(path)] for label, own in sources.items()}
-        with progress(sum(map(len, files.values())), "episodes measured") as advance:
-            measured = {
-                label: measure_files(own, rerun=rerun, workers=workers, advance=advance) for label, own in files.items()
-            }
+        paths_of_all = [file for own in files.values() for file in own]
+        with progress(len(paths_of_all), "episodes measured") as advance:
+            # all in one call: the controllers share processes, and the runs of their scenes without a robot
+            results = iter(measure_files(paths_of_all, rerun=rerun, workers=workers, advance=advance))
+        measured = {label: list(islice(results, len(own))) for label, own in files.items()}
         evaluations = [Evaluation(label, own, resamples) for label, own in measured.items()]
         _save_metrics(sources, measured, resamples)
         if page is not None:  # before temporary episodes are deleted, since the page shows pictures of them

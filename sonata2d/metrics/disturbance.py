@@ -34,29 +34,49 @@ class _StandStill(Controller):
         return Twist()
 
 
-def without_robot(record: EpisodeRecord) -> Array | None:
+class RunWithoutRobot:
+    """A scene run without a robot, as far as it is needed.
+
+    Args:
+        scene: with its robot far away and ignored.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._episode = Episode(scene, _StandStill())
+        self._states = [_positions(self._episode.snapshot())]
+
+    def positions(self, count: int) -> Array:
+        """(count, N, 2), m, positions of the humans at the first states, rounded as in files, NaN where absent."""
+        while len(self._states) < count:
+            self._episode.step()
+            self._states.append(_positions(self._episode.snapshot()))
+        return rounded(np.stack(self._states[:count]))
+
+
+def without_robot(record: EpisodeRecord, runs: list[RunWithoutRobot] | None = None) -> Array | None:
     """Run the seed of an episode again without a robot.
 
     Args:
         record: the episode.
+        runs: earlier runs, which are continued for an episode of an equal scene, whatever its controller; a new run is
+            appended.
 
     Returns:
         (T + 1, N, 2), m, positions of the humans at all states, rounded as in files, NaN where absent; None for an
         episode made by another version of the physics, or in which no human walks.
     """
     if record.document.get("mirrored_from"):  # the seed gives the original, not its mirror image
-        positions = without_robot(mirrored(record))
+        positions = without_robot(mirrored(record), runs)
         return None if positions is None else positions * (1.0, -1.0) + 0.0
     scene = record.scene()
     is_ours = record.document["physics"] == PHYSICS_VERSION
     if not is_ours or not any(_walks(human) for human in scene.humans):
         return None
-    episode = Episode(_scene_without_robot(scene), _StandStill())
-    states = [_positions(episode.snapshot())]
-    for _ in range(len(record)):
-        episode.step()
-        states.append(_positions(episode.snapshot()))
-    return rounded(np.stack(states))
+    scene, runs = _scene_without_robot(scene), [] if runs is None else runs
+    if all(run.scene != scene for run in runs):
+        runs.append(RunWithoutRobot(scene))
+    return next(run for run in runs if run.scene == scene).positions(len(record) + 1)
 
 
 def _positions(snapshot: Snapshot) -> Array:

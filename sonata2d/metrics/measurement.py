@@ -18,7 +18,7 @@ from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from .catalogue import ALL, is_measurable
 from .definition import ARROWS, DEFINITIONS_VERSION, Metric
-from .disturbance import without_robot
+from .disturbance import RunWithoutRobot, without_robot
 from .summary import LEVEL, RESAMPLES, Summary, differences, summarise
 from .trajectory import Trajectory
 
@@ -134,8 +134,7 @@ def measure(
     Returns:
         Value by name; None where a metric is not defined, or where an imported episode lacks the data.
     """
-    trajectory = Trajectory(record, without_robot(record) if rerun else None)
-    return {metric.name: metric.of(trajectory) if is_measurable(metric, record) else None for metric in metrics}
+    return _values(Trajectory(record, without_robot(record) if rerun else None), metrics)
 
 
 def measure_files(
@@ -143,11 +142,14 @@ def measure_files(
 ) -> list[Measured]:
     """Compute all metrics of episode files.
 
+    Files of the same name in folders of the same name are measured by the same process, one after another: if several
+    controllers were run in the same scenes, they share the runs without a robot.
+
     Args:
         paths: episode files.
         rerun: as for `measure`.
         workers: number of processes. With more than one, a script needs `if __name__ == "__main__":` around its start.
-        advance: called with 1 after each file.
+        advance: called after each group of such files, with their number.
 
     Returns:
         The metrics, in the order of the files.
@@ -155,11 +157,16 @@ def measure_files(
     Raises:
         RecordError: a file cannot be read.
     """
-    measured = []
-    for one in parallel_map(partial(_measure_file, rerun=rerun), paths, workers=workers):
-        measured.append(one)
-        advance(1)
-    return measured
+    groups: dict[tuple[str, str], list[int]] = {}
+    for index, path in enumerate(paths):
+        groups.setdefault((path.parent.name, path.name), []).append(index)
+    tasks = [[paths[index] for index in group] for group in groups.values()]
+    measured: dict[int, Measured] = {}
+    results = parallel_map(partial(_measure_group, rerun=rerun), tasks, workers=workers)
+    for group, result in zip(groups.values(), results, strict=True):
+        measured |= zip(group, result, strict=True)
+        advance(len(group))
+    return [measured[index] for index in range(len(paths))]
 
 
 def save_metrics(folder: Path, evaluation: Evaluation) -> Path:
@@ -199,8 +206,20 @@ def scene_hash(record: EpisodeRecord) -> str:
     return hashlib.sha256(orjson.dumps(layout)).hexdigest()[:16]
 
 
-def _measure_file(path: Path, *, rerun: bool) -> Measured:
+def _measure_group(paths: Sequence[Path], *, rerun: bool) -> list[Measured]:
+    runs: list[RunWithoutRobot] | None = [] if rerun else None
+    return [_measure_file(path, runs) for path in paths]
+
+
+def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
+    """Measure a file.
+
+    Args:
+        path: of the episode file.
+        runs: as for `without_robot`; None: do not run the seed without a robot.
+    """
     record = read_episode(path)
+    trajectory = Trajectory(record, None if runs is None else without_robot(record, runs))
     return Measured(
         file=path.name,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
@@ -210,5 +229,10 @@ def _measure_file(path: Path, *, rerun: bool) -> Measured:
         episode=record.episode,
         scene=scene_hash(record),
         outcome=record.outcome.status,
-        values=measure(record, rerun=rerun),
+        values=_values(trajectory, ALL.values()),
     )
+
+
+def _values(trajectory: Trajectory, metrics: Iterable[Metric]) -> dict[str, float | None]:
+    record = trajectory.record
+    return {metric.name: metric.of(trajectory) if is_measurable(metric, record) else None for metric in metrics}

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..core.portable_math import Array
+from ..core.portable_math import Array, IntArray
 
 LEVEL = 0.95  # of confidence intervals
 RESAMPLES = 2000  # of the bootstrap
@@ -122,13 +123,29 @@ def bootstrap_interval(
         raise ValueError(f"level must be between 0 and 1 and resamples positive, got {level} and {resamples}")
     if len(values) < 2:
         return None
-    generator, count = np.random.Generator(np.random.PCG64(seed)), len(values)
-    means, rows = np.empty(resamples), max(_AT_ONCE // count, 1)
-    for start in range(0, resamples, rows):
-        part = means[start : start + rows]
-        part[:] = values[generator.integers(0, count, size=(len(part), count))].mean(axis=1)
+    return _bootstrap_interval(np.asarray(values, dtype=float).tobytes(), level, resamples, seed)
+
+
+@lru_cache(maxsize=4096)  # an evaluation needs most intervals several times: all episodes, a family, the successful
+def _bootstrap_interval(buffer: bytes, level: float, resamples: int, seed: int) -> Interval:
+    values = np.frombuffer(buffer)
+    count = len(values)
+    if resamples * count <= _AT_ONCE:
+        means = values[_resampled(count, resamples, seed)].mean(axis=1)
+    else:
+        generator = np.random.Generator(np.random.PCG64(seed))
+        means, rows = np.empty(resamples), max(_AT_ONCE // count, 1)
+        for start in range(0, resamples, rows):
+            part = means[start : start + rows]
+            part[:] = values[generator.integers(0, count, size=(len(part), count))].mean(axis=1)
     low, high = np.quantile(means, ((1.0 - level) / 2.0, (1.0 + level) / 2.0))
     return Interval(_rounded(low), _rounded(high))
+
+
+@lru_cache(maxsize=4)
+def _resampled(count: int, resamples: int, seed: int) -> IntArray:
+    """Indices of the resamples of `count` values, (resamples, count); the same for all metrics."""
+    return np.random.Generator(np.random.PCG64(seed)).integers(0, count, size=(resamples, count))
 
 
 def wilson_interval(count: int, total: int, *, level: float = LEVEL) -> Interval:

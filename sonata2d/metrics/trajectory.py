@@ -12,10 +12,10 @@ import numpy as np
 from ..core.navigation import FreeSpace
 from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
+from ..core.snapshot import CLOSING_SPEED
 from ..core.vectors import lengths, wrap_angles
 from ..datasets.motion import OMEGA, THETA, VX, VY
 from ..record.record import EpisodeRecord
-from ..sim.safety import CLOSING_SPEED
 
 ANY_HEADING = 3.14  # rad; a goal with this tolerance or more accepts every heading, as in `sim.episode`
 

@@ -14,12 +14,14 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.core.proxemics import obstacle_clearance, times_to_collision
+from sonata2d.core.scene import Scene
 from sonata2d.datasets.check import check_dataset
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.mirror import mirror_dataset
 from sonata2d.errors import MetricError, RecordError
 from sonata2d.metrics.catalogue import ALL, METRICS, METRICS_REQUIRING, headline_metrics, select_metrics
 from sonata2d.metrics.definition import DEFINITIONS_VERSION
+from sonata2d.metrics.disturbance import RunWithoutRobot
 from sonata2d.metrics.interop import VARIANTS
 from sonata2d.metrics.measurement import (
     Evaluation,
@@ -97,6 +99,27 @@ def test_number_of_workers_does_not_change_the_metrics(dataset: Path) -> None:
     files, done = episode_files(dataset), []
     assert measure_files(files, workers=2, advance=done.append) == measure_files(files)
     assert done == [1, 1, 1]
+
+
+def test_controllers_in_the_same_scenes_share_the_runs_without_a_robot(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = tmp_path / dataset.name
+    generate_dataset(other, short_scenario(3.0), "social-planner", episodes=3, seed=4)
+    files, runs, advanced = [episode_files(folder) for folder in (dataset, other)], [], []
+
+    class Counted(RunWithoutRobot):
+        def __init__(self, scene: Scene) -> None:
+            super().__init__(scene)
+            runs.append(scene)
+
+    monkeypatch.setattr("sonata2d.metrics.disturbance.RunWithoutRobot", Counted)
+    separate = [measured for own in files for measured in measure_files(own)]
+    assert len(runs) == 4  # nobody walks in one of the three scenes
+    together = measure_files([file for own in files for file in own], advance=advanced.append)
+    assert together == separate
+    assert len(runs) == 4 + 2
+    assert sum(advanced) == 6
 
 
 def test_mirror_image_is_another_scene_with_the_same_metrics(dataset: Path, tmp_path: Path) -> None:
