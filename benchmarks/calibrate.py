@@ -5,7 +5,7 @@
 PROTOCOL.py is a module that evaluates a crowd: `Scene`, `replay`, `corridor` and `bottleneck`, each of which takes a
 function like `sonata2d.testing.realism.simulate`. The cost is the sum, over all figures with a target, of the distance
 to the target. CMA-ES (package `cma`) minimises it; its state is saved after every generation, and a second call
-continues. Prints the best parameters as arguments of the dataclass.
+continues. Prints the best parameters as arguments of `Sonata2026`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import math
 import pickle
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -56,7 +55,7 @@ def people(parameters: dict[str, float]) -> Any:
     """The simulator of a crowd with these parameters."""
     own = dict(parameters)
     radius = own.pop("radius")
-    model.PARAMETERS = replace(model.PARAMETERS, **own)
+    model.PARAMETERS = model.PARAMETERS._replace(**own)
     return lambda x, v, goals, speeds, walls, dt, steps, groups: simulate(
         x, v, goals, speeds, walls, dt, steps, groups, radius=radius
     )

@@ -1,10 +1,12 @@
 """Cost of a whole frame relative to the bare physics step of the same world in the same run.
 
-    python benchmarks/throughput.py [--people 5 10 20 50 100] [--model sonata2026 ...] [--repeats 5] [--json]
+    python benchmarks/throughput.py [--people 5 10 20 ...] [--model sonata2026 ...] [--repeats 5] [--json]
 
 Episodes of 200 frames in a room of 8 walls and 8 pieces of furniture, 4 m2 or more a person: scene, snapshot,
-controller, crowd, physics, recording and the JSON file on disk are included. "engine" is the sum, over the steps of
-the same run, of the shortest time that `pymunk.Space.step` took in any repeat.
+controller, crowd, physics, recording and the JSON file on disk are included; compiling is not. "engine" is the sum,
+over the steps of the same run, of the shortest time that the engine's C function `cpSpaceStep` took in any repeat;
+"Space.step" is the same for pymunk's Python method, which calls it. "planner" is what `social-planner` takes, its
+preparation at the start of the episode included.
 """
 
 from __future__ import annotations
@@ -18,12 +20,18 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
-import pymunk
+from pymunk._chipmunk_cffi import lib
 
 import sonata2d as s2
+from sonata2d.core.compiled import BACKEND
+from sonata2d.sim import world
+from sonata2d.sim.kernel import chipmunk, step
 
 FRAMES = 200
+KERNELS = ("advance", "read_state")
+PEOPLE = (5, 10, 20, 50, 100, 200, 500, 1000)
 
 
 def scenario(people: int, model: str) -> s2.ScenarioConfig:
@@ -49,7 +57,7 @@ def run(config: s2.ScenarioConfig, controller: s2.Controller, path: Path) -> flo
 
 
 def timed(function: Callable[..., Any], into: list[float]) -> Callable[..., Any]:
-    """Wrap a function so that the duration of each call is appended to `into`."""
+    """Wrap a function so that the duration of each call is appended to `into`, s."""
 
     def wrapper(*arguments: Any) -> Any:
         start = time.perf_counter()
@@ -60,43 +68,90 @@ def timed(function: Callable[..., Any], into: list[float]) -> Callable[..., Any]
     return wrapper
 
 
-def calls_of(owner: Any, name: str, work: Callable[[], Any]) -> list[float]:
-    """Duration of each call of a method during `work`, s."""
-    original, seconds = getattr(owner, name), []
-    setattr(owner, name, timed(original, seconds))
-    try:
+def engine_steps(work: Callable[[], Any], *, through_pymunk: bool) -> list[float]:
+    """Duration of each physics step during `work`, s.
+
+    The interpreter runs the loop over the substeps, which gives the same bits and can be timed step by step.
+    """
+    seconds: list[float] = []
+    spaces: list[Any] = []
+
+    class Memory(chipmunk.EngineMemory):
+        def __init__(self, space: Any) -> None:
+            super().__init__(space)
+            spaces.append((space, space._space))
+
+    def step_space(function: int, address: int, h: float) -> None:
+        space, c_space = spaces[-1]
+        h, step_once = float(h), space.step if through_pymunk else lib.cpSpaceStep
+        arguments = (h,) if through_pymunk else (c_space, h)
+        start = time.perf_counter()
+        step_once(*arguments)
+        seconds.append(time.perf_counter() - start)
+
+    interpreted = {name: getattr(getattr(step, name), "py_func", getattr(step, name)) for name in KERNELS}
+    with (
+        patch.object(world, "EngineMemory", Memory),
+        patch.multiple(world, pack=lambda value: value, **interpreted),
+        patch.multiple(step, unpack=lambda value, kind: value),
+        patch.multiple(chipmunk, _call_each_body=chipmunk._interpreted_each_body, _call_step=step_space),
+    ):
         work()
-    finally:
-        setattr(owner, name, original)
     return seconds
+
+
+def shortest(runs: list[list[float]]) -> float:
+    """The sum over the steps of the shortest duration in any run, s."""
+    return sum(min(each) for each in zip(*runs, strict=True))
+
+
+def planner_seconds(config: s2.ScenarioConfig, path: Path) -> float:
+    """CPU-bound seconds that `social-planner` takes in an episode."""
+    seconds: list[float] = []
+    with (
+        patch.object(s2.SocialPlanner, "act", timed(s2.SocialPlanner.act, seconds)),
+        patch.object(s2.SocialPlanner, "reset", timed(s2.SocialPlanner.reset, seconds)),
+    ):
+        run(config, s2.SocialPlanner(), path)
+    return sum(seconds)
 
 
 def measure(people: int, model: str, repeats: int, folder: Path) -> dict[str, float | str]:
     """One row of the table."""
     config, path = scenario(people, model), folder / "episode.json"
     run(config, s2.StraightToGoal(), path)
-    total, steps = [], []
-    for _ in range(repeats):
-        total.append(run(config, s2.StraightToGoal(), path))
-        steps.append(calls_of(pymunk.Space, "step", lambda: run(config, s2.StraightToGoal(), path)))
-    engine = sum(min(each) for each in zip(*steps, strict=True))
-    planner = calls_of(s2.SocialPlanner, "act", lambda: run(config, s2.SocialPlanner(), path))
-    frame = statistics.median(total) / FRAMES
+    run(config, s2.SocialPlanner(), path)
+    total, planner, c_steps, python_steps = [], [], [], []
+
+    def straight() -> float:
+        return run(config, s2.StraightToGoal(), path)
+
+    for _ in range(repeats):  # interleaved, so that a busy machine slows all of them
+        total.append(straight())
+        planner.append(planner_seconds(config, path))
+        c_steps.append(engine_steps(straight, through_pymunk=False))
+        python_steps.append(engine_steps(straight, through_pymunk=True))
+    engine, space_step = shortest(c_steps), shortest(python_steps)
+    frame, best, extra = statistics.median(total), min(total), statistics.median(planner)
     return {
         "people": people,
         "model": model,
-        "frames per CPU second": round(1 / frame),
-        "frame (us)": round(frame * 1e6, 1),
+        "frames per CPU second": round(FRAMES / frame),
+        "frame (us)": round(frame / FRAMES * 1e6, 1),
+        "best frame (us)": round(best / FRAMES * 1e6, 1),
         "engine (us)": round(engine / FRAMES * 1e6, 1),
-        "frame / engine": round(frame * FRAMES / engine, 1),
-        "social-planner's act (us)": round(statistics.median(planner) * 1e6, 1),
-        "human-step (us)": round(frame * 1e6 / people, 2),
+        "Space.step (us)": round(space_step / FRAMES * 1e6, 1),
+        "frame / engine": round(frame / engine, 1),
+        "frame / Space.step": round(frame / space_step, 1),
+        "planner (us)": round(extra / FRAMES * 1e6, 1),
+        "planner / engine": round(extra / engine, 1),
+        "human-step (us)": round(frame / FRAMES * 1e6 / people, 2),
     }
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--people", type=int, nargs="+", default=[5, 10, 20, 50, 100])
+    parser.add_argument("--people", type=int, nargs="+", default=PEOPLE)
     parser.add_argument("--model", nargs="+", default=["sonata2026"])
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", action="store_true")
@@ -110,9 +165,10 @@ def main() -> None:
     if arguments.json:
         print(json.dumps(rows, indent=2))
         return
-    print("".join(f"{name:>27}" for name in rows[0]))
+    print(BACKEND)
+    print("".join(f"{name:>23}" for name in rows[0]))
     for row in rows:
-        print("".join(f"{value:>27}" for value in row.values()))
+        print("".join(f"{value:>23}" for value in row.values()))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,8 @@ slowly.
 
 - `kernel` marks a function that ordinary Python calls. Numba compiles it at its first call; `kernel_cache` keeps the
   machine code in a file, from which later processes load it.
-- `subroutine` marks a function that only kernels call; it becomes a part of them.
+- `subroutine` marks a function that kernels call; it becomes a part of them. Called from ordinary Python, as in tests,
+  it is run by the interpreter.
 
 Kernels use ``+ - * /``, `sqrt` and comparisons only, and add in a fixed order, so that every processor gives the same
 bits: fast-math stays off, and `core.scalar` has the elementary functions. Numba does not check indices unless
@@ -49,12 +50,19 @@ _numba, BACKEND = _load_numba()
 IS_COMPILED: bool = _numba is not None
 
 
+# nogil: threads can run several worlds at a time. The error model "numpy" leaves out the check of every division.
+_OPTIONS = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+
+
 def subroutine(function: F) -> F:
     """Mark a function that kernels call; see the module."""
     if _numba is None:
         return function
-    # nogil: threads can run several worlds at a time. The error model "numpy" leaves out the check of every division.
-    compiled: F = _numba.njit(error_model="numpy", nogil=True)(function)
+    from .kernel_cache import as_subroutine  # imports numba
+
+    # Without the code that converts Python's objects, which would take longer to compile than most subroutines; and
+    # inlined, because a call passes every array of a named tuple, which takes longer than the work on one pedestrian.
+    compiled: F = as_subroutine(_numba.njit(**_OPTIONS, no_cpython_wrapper=True, forceinline=True)(function))
     return compiled
 
 
@@ -79,4 +87,5 @@ def kernel(function: F) -> F:
         return function
     from .kernel_cache import use_cache  # imports numba
 
-    return use_cache(subroutine(function))
+    compiled: F = use_cache(_numba.njit(**_OPTIONS)(function))
+    return compiled

@@ -139,6 +139,9 @@ class Rectangle:
 Shape = Disc | Rectangle
 
 
+_START, _END, _RADIUS, _ALONG, _INVERSE = slice(0, 2), slice(2, 4), 4, slice(5, 7), 7  # columns of `Barriers.table`
+
+
 @dataclass(frozen=True)
 class Barriers:
     """Solid obstacles as M thick segments: walls, edges of furniture, and discs (segments of zero length).
@@ -155,38 +158,35 @@ class Barriers:
     @classmethod
     def of(cls, edges: Iterable[Edge]) -> Barriers:
         """Barriers from thick segments; the arrays are read-only."""
-        rows = list(edges)
-        table = np.array([[*a, *b, r] for a, b, r in rows], dtype=float).reshape(-1, 5)
-        start, end, radius = slice(0, 2), slice(2, 4), 4
-        columns = table[:, start].copy(), table[:, end].copy(), table[:, radius].copy()
-        for column in columns:
-            column.flags.writeable = False
-        return cls(*columns)
+        rows = np.array([(*a, *b, r) for a, b, r in edges], dtype=float).reshape(-1, 5)
+        rows.flags.writeable = False
+        return cls(rows[:, _START], rows[:, _END], rows[:, _RADIUS])
 
     def __len__(self) -> int:
         return len(self.radius)
 
     def joined(self, other: Barriers) -> Barriers:
         """These barriers followed by the other ones."""
-        pairs = ((self.start, other.start), (self.end, other.end), (self.radius, other.radius))
-        return Barriers(*(np.concatenate(pair) for pair in pairs))
+        if not len(other):
+            return self
+        table = np.concatenate((self.table, other.table))
+        table.flags.writeable = False
+        joined = Barriers(table[:, _START], table[:, _END], table[:, _RADIUS])
+        joined.__dict__["table"] = table  # not to be computed again
+        return joined
 
     def subset(self, chosen: BoolArray | IntArray | list[int]) -> Barriers:
         """The barriers that an (M,) mask or an array of indices selects."""
         return Barriers(self.start[chosen], self.end[chosen], self.radius[chosen])
 
     @cached_property
-    def _core(self) -> tuple[Array, Array]:
-        """(M, 2) vectors from start to end, and (M,) inverse squared lengths (0 for a disc)."""
-        d = self.end - self.start
-        square = d[:, X] * d[:, X] + d[:, Y] * d[:, Y]
-        return d, np.where(square > 0.0, 1.0 / np.where(square > 0.0, square, 1.0), 0.0)
-
-    @cached_property
     def table(self) -> Array:
         """All numbers of the barriers for kernels, (M, 8), read-only; columns as in `core.scalar`."""
-        d, inverse = self._core
-        table = np.column_stack((self.start, self.end, self.radius, d, inverse))
+        table = np.zeros((len(self), 8))
+        table[:, _START], table[:, _END], table[:, _RADIUS] = self.start, self.end, self.radius
+        along = np.subtract(self.end, self.start, out=table[:, _ALONG])
+        square = along[:, X] * along[:, X] + along[:, Y] * along[:, Y]
+        np.divide(1.0, square, out=table[:, _INVERSE], where=square > 0.0)
         table.flags.writeable = False
         return table
 
@@ -199,11 +199,10 @@ class Barriers:
         Returns:
             x and y components, (M, N) each, m; row m belongs to segment m.
         """
-        d, inverse = self._core
-        px = points[:, X] - self.start[:, X, None]
-        py = points[:, Y] - self.start[:, Y, None]
-        dx, dy = d[:, X, None], d[:, Y, None]
-        t = np.minimum(np.maximum((px * dx + py * dy) * inverse[:, None], 0.0), 1.0)
+        start, along, inverse = self.table[:, _START, None], self.table[:, _ALONG, None], self.table[:, _INVERSE, None]
+        px, py = points[:, X] - start[:, X], points[:, Y] - start[:, Y]
+        dx, dy = along[:, X], along[:, Y]
+        t = np.minimum(np.maximum((px * dx + py * dy) * inverse, 0.0), 1.0)
         return t * dx - px, t * dy - py
 
     def gaps(self, points: Array) -> Array:
@@ -254,45 +253,10 @@ def segments_cross(start: Array, end: Array, barriers: Barriers) -> BoolArray:
 
 def inside_polygon(points: Array, polygon: Array) -> BoolArray:
     """Whether points lie in a simple polygon (even-odd rule); (N, 2) and (K, 2) to (N,) of bool."""
-    return inside_edges(points, polygon, np.concatenate((polygon[1:], polygon[:1])))
-
-
-def inside_edges(points: Array, a: Array, b: Array) -> BoolArray:
-    """Whether points lie inside closed lines and outside their holes (even-odd rule).
-
-    Args:
-        points: (N, 2), m.
-        a, b: (K, 2), start and end of each edge of all the lines and holes, m.
-
-    Returns:
-        (N,) of bool.
-    """
+    a, b = polygon, np.concatenate((polygon[1:], polygon[:1]))
     x, y = points[:, X, None], points[:, Y, None]
     straddles = (a[:, Y] > y) != (b[:, Y] > y)
     rise = np.where(b[:, Y] == a[:, Y], 1.0, b[:, Y] - a[:, Y])
     crossing = a[:, X] + (y - a[:, Y]) * (b[:, X] - a[:, X]) / rise
     is_odd: BoolArray = np.count_nonzero(straddles & (x < crossing), axis=1) % 2 == 1
     return is_odd
-
-
-def shape_gap(shape: Shape, pose: Pose, other: Shape, other_pose: Pose) -> float:
-    """Gap between the outlines of two shapes at their poses, m; 0 where they touch or overlap."""
-    dx, dy = pose.x - other_pose.x, pose.y - other_pose.y
-    distance = math.sqrt(dx * dx + dy * dy)
-    if isinstance(shape, Disc) and isinstance(other, Disc):
-        return max(distance - shape.radius - other.radius, 0.0)
-    # A shape within the other one has a positive distance to its edges.
-    if _contains(shape, pose, other_pose.position) or _contains(other, other_pose, pose.position):
-        return 0.0
-    edges, barriers = shape.edges(pose), Barriers.of(other.edges(other_pose))
-    start, end = np.array([a for a, _, _ in edges], dtype=float), np.array([b for _, b, _ in edges], dtype=float)
-    _, _, radius = edges[0]
-    return max(float(segment_distances(start, end, barriers).min()) - radius, 0.0)
-
-
-def _contains(shape: Shape, pose: Pose, point: Point) -> bool:
-    """Whether a point of the world frame lies within a shape at a pose."""
-    ahead, left = pose.to_local(point)
-    if isinstance(shape, Disc):
-        return ahead * ahead + left * left <= shape.radius * shape.radius
-    return abs(ahead) <= shape.length / 2 and abs(left) <= shape.width / 2

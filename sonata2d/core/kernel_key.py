@@ -7,6 +7,7 @@ import hashlib
 import sys
 from collections.abc import Iterator
 from enum import Enum, EnumType
+from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
@@ -64,6 +65,18 @@ def _named_tuples(type_: Any) -> Iterator[type]:
             yield from _named_tuples(inner)
 
 
+def _file_hash(file: str) -> str:
+    """The hash of a Python file.
+
+    Raises:
+        NotCacheableError: there is no such file.
+    """
+    try:
+        return hashlib.blake2b(Path(file).read_bytes()).hexdigest()
+    except OSError:
+        raise NotCacheableError from None
+
+
 def _is_versioned(module: str | None) -> bool:
     return str(module).partition(".")[0] in _VERSIONED
 
@@ -86,7 +99,9 @@ class _Dependencies:
             self.parts.append(repr(sorted(value.targetoptions.items())))
             value = value.py_func
         elif isinstance(value, _Intrinsic):
-            value = value._defn  # the Python function that writes the machine code
+            # A Python function writes the machine code, by means of objects of numba that cannot be described.
+            self.parts.append(f"{value._defn.__qualname__} {_file_hash(value._defn.__code__.co_filename)}")
+            return
         kind = type(value)
         if isinstance(value, FunctionType):
             self._add_function(value)
@@ -116,7 +131,8 @@ class _Dependencies:
     def _add_class(self, value: type) -> None:
         self.parts.append(f"{value.__module__} {value.__qualname__}")
         if issubclass(value, tuple) and hasattr(value, "_fields"):
-            self.add(value._fields)
+            # `packing.unpack` reads the types of the fields from the annotations.
+            self.add((value._fields, repr(value.__annotations__)))
         elif isinstance(value, EnumType):
             self.add([(name, value[name].value) for name in value.__members__])
         elif not _is_versioned(value.__module__) and value.__module__ != "builtins":

@@ -19,12 +19,10 @@ BoolArray = NDArray[np.bool_]
 
 PI = math.pi
 _TAN_PI_8 = 0.41421356237309503
-# Taylor coefficients: of the odd powers of x for atan and sin, of the even ones for cos.
+# Taylor coefficients of the odd powers of x.
 _ATAN = (
     1.0, -1 / 3, 1 / 5, -1 / 7, 1 / 9, -1 / 11, 1 / 13, -1 / 15, 1 / 17, -1 / 19, 1 / 21, -1 / 23, 1 / 25,
 )  # fmt: skip
-_SIN = (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800, 1 / 6227020800)
-_COS = (1.0, -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800, 1 / 479001600, -1 / 87178291200)
 
 
 def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
@@ -114,8 +112,12 @@ def unit_vector(theta: float) -> tuple[float, float]:
     """Unit vector (cos theta, sin theta) of an angle in radians."""
     quarters = math.floor(theta / (PI / 2) + 0.5)
     x = theta - quarters * (PI / 2)  # in [-pi/4, pi/4], where the series converge fast
-    square = x * x
-    s, c = x * _polynomial(_SIN, square), _polynomial(_COS, square)
+    # Horner's rule written out, as in `exp_of`: kernels compile these functions.
+    q = x * x
+    s = ((1 / 6227020800 * q - 1 / 39916800) * q + 1 / 362880) * q - 1 / 5040
+    s = x * (((s * q + 1 / 120) * q - 1 / 6) * q + 1.0)
+    c = (((-1 / 87178291200 * q + 1 / 479001600) * q - 1 / 3628800) * q + 1 / 40320) * q - 1 / 720
+    c = ((c * q + 1 / 24) * q - 1 / 2) * q + 1.0
     return ((c, s), (-s, c), (-c, -s), (s, -c))[quarters % 4]
 
 

@@ -7,11 +7,11 @@ The few distributions that sonata2d needs are therefore computed here from raw 5
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from .portable_math import exp
+from .portable_math import Array, exp_of
 
 T = TypeVar("T")
 StreamName = Literal["scene", "people", "noise", "controller", "company", "glances", "manners"]
@@ -42,6 +42,11 @@ class RandomStream:
     def uniform(self, low: float = 0.0, high: float = 1.0) -> float:
         """A float in [low, high)."""
         return low + (high - low) * ((int(self._bits.random_raw()) >> 11) * _ULP)
+
+    def uniforms(self, count: int) -> Array:
+        """Floats in [0, 1), those of as many calls of `uniform`; (count,)."""
+        fractions: Any = (self._bits.random_raw(count) >> np.uint64(11)) * _ULP
+        return np.asarray(fractions, dtype=np.float64)
 
     def integer(self, low: int, high: int) -> int:
         """An integer from low to high, both included."""
@@ -85,9 +90,31 @@ class RandomStream:
             u = 1.0 - self.uniform()
             x = 1.7155277699214135 * (self.uniform() - 0.5) / u  # sqrt(8 / e)
             value = mean + sd * x
-            if low <= value <= high and u <= float(exp(np.array(-x * x / 4))):
+            if low <= value <= high and u <= exp_of(-x * x / 4):
                 return value
         raise ValueError(
             f"none of {_MAX_DRAWS} draws of normal({mean}, {sd}) fell in {low}..{high}; "
             "widen the range or move the mean into it"
         )
+
+
+class AgentStreams:
+    """The random streams of one name of all agents of an episode; each is created when it is first used.
+
+    Args:
+        seed, episode, name: as for `RandomStream`.
+        entities: id of each agent.
+
+    >>> AgentStreams(7, 0, "people", [4, 9])[1].uniform() == RandomStream(7, 0, "people", 9).uniform()
+    True
+    """
+
+    def __init__(self, seed: int, episode: int, name: StreamName, entities: Sequence[int]) -> None:
+        self._key, self._entities = (seed, episode, name), entities
+        self._streams: dict[int, RandomStream] = {}
+
+    def __getitem__(self, k: int) -> RandomStream:
+        """The stream of the agent with index k."""
+        if k not in self._streams:
+            self._streams[k] = RandomStream(*self._key, self._entities[k])
+        return self._streams[k]

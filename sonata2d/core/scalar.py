@@ -1,4 +1,4 @@
-"""Scalar functions for kernels, with the same bits as their array versions in `portable_math` and `geometry`.
+"""Scalar functions for kernels, with the same bits as the array versions in `portable_math`, `vectors`, `geometry`.
 
 Rows of barriers in kernels are rows of `Barriers.table`: the columns `START_X` to `INVERSE` below.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from . import portable_math
+from . import portable_math, vectors
 from .compiled import subroutine
 from .portable_math import Array
 
@@ -20,6 +20,8 @@ Vector = tuple[float, float]
 exp = subroutine(portable_math.exp_of)
 angle_of = subroutine(portable_math.angle_of)
 rotation = subroutine(portable_math.rotation_of)
+unit_vector = subroutine(portable_math.unit_vector)
+wrap_angle = subroutine(vectors.wrap_angle)
 
 
 @subroutine
@@ -45,12 +47,30 @@ def unit_or(x: float, y: float, minimum: float, default_x: float, default_y: flo
 
 
 @subroutine
+def to_line(x: float, y: float, along_x: float, along_y: float, inverse: float) -> Vector:
+    """Vector from a point to the nearest point on a straight line, m.
+
+    Args:
+        x, y: the point relative to the start of the line, m.
+        along_x, along_y: vector from the start to the end of the line, m.
+        inverse: of its squared length, as `inverse_square` returns it.
+    """
+    t = min(max((x * along_x + y * along_y) * inverse, 0.0), 1.0)
+    return t * along_x - x, t * along_y - y
+
+
+@subroutine
+def inverse_square(x: float, y: float) -> float:
+    """Inverse of the squared length of a vector; 0 for the null vector."""
+    square = x * x + y * y
+    return 1.0 / square if square > 0.0 else 0.0
+
+
+@subroutine
 def towards(barriers: Array, k: int, x: float, y: float) -> Vector:
     """Vector from a point to the nearest point on the core line of barrier k, m."""
     px, py = x - barriers[k, START_X], y - barriers[k, START_Y]
-    dx, dy = barriers[k, ALONG_X], barriers[k, ALONG_Y]
-    t = min(max((px * dx + py * dy) * barriers[k, INVERSE], 0.0), 1.0)
-    return t * dx - px, t * dy - py
+    return to_line(px, py, barriers[k, ALONG_X], barriers[k, ALONG_Y], barriers[k, INVERSE])
 
 
 @subroutine
@@ -73,6 +93,40 @@ def crosses(barriers: Array, k: int, start_x: float, start_y: float, end_x: floa
     a = wx * (ay - start_y) - wy * (ax - start_x)
     b = wx * (barriers[k, END_Y] - start_y) - wy * (barriers[k, END_X] - start_x)
     return bool(a * b < 0.0)
+
+
+@subroutine
+def line_gap(barriers: Array, k: int, start_x: float, start_y: float, end_x: float, end_y: float) -> float:
+    """Gap between a straight line and barrier k, m; minus the barrier's radius where its core line is crossed."""
+    radius: float = barriers[k, RADIUS]
+    if crosses(barriers, k, start_x, start_y, end_x, end_y):
+        return -radius
+    # Unless two segments cross, they are nearest at an end of one of them.
+    nearest = min(gap(barriers, k, start_x, start_y), gap(barriers, k, end_x, end_y))
+    along_x, along_y = end_x - start_x, end_y - start_y
+    inverse = inverse_square(along_x, along_y)
+    px, py = barriers[k, START_X] - start_x, barriers[k, START_Y] - start_y
+    dx, dy = to_line(px, py, along_x, along_y, inverse)
+    nearest = min(nearest, math.sqrt(dx * dx + dy * dy) - radius)
+    px, py = barriers[k, END_X] - start_x, barriers[k, END_Y] - start_y
+    dx, dy = to_line(px, py, along_x, along_y, inverse)
+    return min(nearest, math.sqrt(dx * dx + dy * dy) - radius)
+
+
+@subroutine
+def is_inside(edges: Array, x: float, y: float) -> bool:
+    """Whether a point lies inside closed lines and outside their holes (even-odd rule).
+
+    Args:
+        edges: (K, 4), start and end of each edge of all the lines and holes, m.
+        x, y: the point, m.
+    """
+    is_odd = False
+    for k in range(len(edges)):
+        ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            is_odd = not is_odd
+    return is_odd
 
 
 @subroutine

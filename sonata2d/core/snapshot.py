@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple, Protocol, Self
+
+import numpy as np
 
 from .devices import DeviceEvent
 from .entities import Furniture, Goal, Interaction, Robot, Wall
 from .geometry import Point, Pose, Twist
-from .humans import Humans
+from .humans import BODY_X, BODY_Y, OMEGA, VX, VY, Humans, X, Y, frozen
 from .portable_math import Array, IntArray, angle_of
 from .scene import Scene
+from .state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED, State, joined_row, robot_row
 
+CLOSING_SPEED = 0.01  # m/s; a side that approaches the other faster than this closes the gap between them
 Status = Literal["goal", "timeout", "contact", "stopped", "regenerate", "error"]
 
 
@@ -71,9 +75,15 @@ class RobotState:
         return Twist(vx * c + vy * s, vy * c - vx * s, self.omega)
 
 
+Constant = tuple[IntArray, Array]
+
+
 @dataclass(frozen=True, slots=True)
 class Snapshot:
     """State of the world at one tick, frozen; controller and crowd receive the same one.
+
+    The objects of a snapshot of a running episode are built when they are first read, so that a controller pays only
+    for what it uses.
 
     Attributes:
         tick: number of ticks since the start.
@@ -93,6 +103,72 @@ class Snapshot:
     contacts: tuple[Contact, ...] = ()
     events: tuple[DeviceEvent, ...] = ()
     image: Any = None
+    _state: State | None = field(default=None, init=False, repr=False, compare=False)
+    _constant: Constant | None = field(default=None, init=False, repr=False, compare=False)
+
+    @classmethod
+    def of_state(
+        cls,
+        tick: int,
+        scene: Scene,
+        state: State,
+        interactions: tuple[Interaction, ...],
+        contacts: tuple[Contact, ...] = (),
+        events: tuple[DeviceEvent, ...] = (),
+        *,
+        constant: Constant,
+    ) -> Self:
+        """A snapshot whose `robot` and `humans` are built from a state when they are first read.
+
+        Args:
+            tick, scene, interactions, contacts, events: as the attributes.
+            state: of the robot and of all pedestrians of the scene.
+            constant: ids (N,) and radii (N,), m, of all pedestrians of the scene; read-only.
+        """
+        snapshot = object.__new__(cls)
+        # The class is frozen; `robot` and `humans` stay unset.
+        for put, value in zip(
+            _PUT,
+            (tick, round(tick * scene.rules.dt, 4), scene, interactions, contacts, events, None, state, constant),
+            strict=True,
+        ):
+            put(snapshot, value)
+        return snapshot
+
+    def __getattr__(self, name: str) -> Any:
+        """Build `robot` or `humans` from the state; called only for attributes that are not set."""
+        if name == "robot" and self._state is not None:
+            value: Any = _robot_state(self._state.robot.tolist(), self.scene.robot)
+        elif name == "humans" and self._state is not None:
+            value = self._build_humans(self._state)
+        else:
+            raise AttributeError(f"Snapshot has no attribute {name!r}")
+        object.__setattr__(self, name, value)
+        return value
+
+    def _build_humans(self, state: State) -> Humans:
+        assert self._constant is not None
+        ids, radius = self._constant
+        humans = Humans(state.humans, ids, radius, state.activity)
+        return humans if state.is_present is None else humans.select(np.flatnonzero(state.is_present))
+
+    @property
+    def state(self) -> State:
+        """The numbers of this snapshot as one row, with all pedestrians of the scene."""
+        if self._state is None:
+            object.__setattr__(self, "_state", self._build_state())
+        assert self._state is not None
+        return self._state
+
+    def _build_state(self) -> State:
+        humans, robot, count = self.humans, self.robot, len(self.scene.humans)
+        executed = (robot.executed.vx, robot.executed.vy, robot.executed.omega)
+        own = robot_row(robot.position, robot.direction, robot.velocity, robot.omega, executed, robot.guarded)
+        row = frozen(joined_row(own, humans.expand(humans.state, count, 0.0)))
+        is_present = None
+        if humans.row is not None:
+            is_present = frozen(humans.expand(np.ones(len(humans), dtype=bool), count, False))
+        return State(row, frozen(humans.expand(humans.activity_index, count, 0)), is_present)
 
     @property
     def goal(self) -> Goal:
@@ -112,8 +188,25 @@ class Snapshot:
         return self.scene.rules.dt
 
 
-@dataclass(frozen=True, slots=True)
-class CrowdCommands:
+# Setters of the attributes that `Snapshot.of_state` sets, in its order.
+_SET = ("tick", "time", "scene", "interactions", "contacts", "events", "image", "_state", "_constant")
+_PUT = tuple(vars(Snapshot)[name].__set__ for name in _SET)
+
+
+def _robot_state(row: list[float], body: Robot) -> RobotState:
+    """The robot's state from its part of a `State.row`."""
+    return RobotState(
+        (row[X], row[Y]),
+        (row[BODY_X], row[BODY_Y]),
+        (row[VX], row[VY]),
+        row[OMEGA],
+        Twist(row[EXECUTED_VX], row[EXECUTED_VY], row[EXECUTED_OMEGA]),
+        row[GUARDED] != 0.0,
+        body,
+    )
+
+
+class CrowdCommands(NamedTuple):
     """The crowd's answer to a snapshot: one row per pedestrian of the scene, in its order, whether present or not.
 
     Attributes:

@@ -62,12 +62,8 @@ def check_episode(path: str | Path) -> list[Problem]:
 
     Checks the schema, then the plausibility of the numbers (`plausibility.implausible_values`).
     """
-    path = Path(path)
-    try:
-        record = read_episode(path)
-    except RecordError as error:
-        return [Problem(path.name, "file", str(error))]
-    return _check_record(record)
+    record, problems = open_to_check(Path(path))
+    return problems if record is None else check_record(record)
 
 
 def check_dataset(folder: str | Path) -> list[Problem]:
@@ -115,26 +111,42 @@ def _shared_values(source: JsonDict, versions: JsonDict) -> JsonDict:
 
 def check_listed(file: ListedFile) -> list[Problem]:
     """Problems of a listed file: differences from the manifest, then those of `check_episode`."""
-    path, entry = file.path, file.entry
-    if path.name != entry["name"] or not path.is_file():
-        return [Problem(MANIFEST, "files", f"{entry['name']} is listed but not in the folder")]
+    record, problems = open_to_check(file)
+    return problems if record is None else check_record(record, file)
+
+
+def open_to_check(file: Path | ListedFile) -> tuple[EpisodeRecord | None, list[Problem]]:
+    """The content of a file; or None, and why it cannot be checked."""
+    path = file.path if isinstance(file, ListedFile) else file
+    if isinstance(file, ListedFile) and (path.name != file.entry["name"] or not path.is_file()):
+        return None, [Problem(MANIFEST, "files", f"{file.entry['name']} is listed but not in the folder")]
     try:
-        record = read_episode(path)
+        return read_episode(path), []
     except RecordError as error:
-        return [Problem(path.name, "file", str(error))]
+        return None, [Problem(path.name, "file", str(error))]
+
+
+def check_record(record: EpisodeRecord, file: ListedFile | None = None) -> list[Problem]:
+    """Problems of an episode; if its file is listed in a manifest, also differences from the manifest."""
+    return (_differences(record, file) if file else []) + _check_content(record)
+
+
+def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
+    """Differences between a file and what the manifest states about it."""
+    name, entry = record.path.name, file.entry
     actual = asdict(manifest_entry(record))
     problems = [
-        Problem(path.name, key, f"is {actual[key]}, the manifest says {entry[key]}")
+        Problem(name, key, f"is {actual[key]}, the manifest says {entry[key]}")
         for key in actual
         if actual[key] != entry[key]
     ]
     for key, value in file.shared.items():
         if record.document[key] != value:
-            problems.append(Problem(path.name, key, "differs from the manifest"))
-    return problems + _check_record(record)
+            problems.append(Problem(name, key, "differs from the manifest"))
+    return problems
 
 
-def _check_record(record: EpisodeRecord) -> list[Problem]:
+def _check_content(record: EpisodeRecord) -> list[Problem]:
     from ..record.models import Episode
 
     name = record.path.name

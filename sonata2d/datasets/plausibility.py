@@ -259,8 +259,8 @@ def _check_outcome(record: EpisodeRecord) -> Iterator[Finding]:
 
 def _worst_tick(excess: Array, place: str, subject: str, description: str) -> Iterator[Finding]:
     """The tick with the largest excess over a limit; (T,), positive values exceed it, NaN is ignored."""
-    excess = np.nan_to_num(excess, nan=-1.0)
-    if len(excess) and excess.max() > 0.0:
+    if (excess > 0.0).any():
+        excess = np.nan_to_num(excess, nan=-1.0)
         t, count = int(np.argmax(excess)), int(np.count_nonzero(excess > 0.0))
         ticks = f" (the worst of {count} ticks)" if count > 1 else ""
         yield f"frames.{t}.{place}", f"{subject} is {excess[t]:.3f} {description}{ticks}"

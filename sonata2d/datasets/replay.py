@@ -9,13 +9,14 @@ from pathlib import Path
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import load_controller
+from ..core.devices import DeviceEvent
 from ..core.geometry import Twist
 from ..core.snapshot import Observer, Snapshot
 from ..errors import ControllerError, RecordError, SceneError
 from ..record.canonical import serialise
 from ..record.files import read_bytes
 from ..record.reader import read_episode
-from ..record.record import EpisodeRecord
+from ..record.record import EpisodeRecord, events_of, wrap_read_errors
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
@@ -58,7 +59,17 @@ def branch(path: str | Path, tick: int, controller: Controller, *, observers: It
 
 def recorded_inputs(record: EpisodeRecord) -> list[TickInput]:
     """Command, label and device events of each recorded tick."""
-    return [TickInput(frame.command, frame.label, frame.snapshot.events) for frame in record.frames()]
+    commands, frames = record.command.tolist(), record.document["frames"]
+    with wrap_read_errors(record.path):
+        return [
+            TickInput(Twist(*command), frame.get("label"), events_of(frame))
+            for command, frame in zip(commands, frames, strict=True)
+        ]
+
+
+def _final_events(record: EpisodeRecord) -> tuple[DeviceEvent, ...]:
+    with wrap_read_errors(record.path):
+        return events_of(record.document["final"])
 
 
 def replay_document(record: EpisodeRecord) -> bytes:
@@ -75,7 +86,7 @@ def replay_document(record: EpisodeRecord) -> bytes:
         past=recorded_inputs(record),
         controller_info=record.controller_info,
     ).replay_past()
-    last_events = record.snapshot(-1).events
+    last_events = _final_events(record)
     if outcome.status in ("stopped", "regenerate", "error"):  # ended from outside; the simulation cannot tell
         episode.end(outcome.status, outcome.reason, last_events)
     else:
@@ -97,7 +108,7 @@ def rerun_document(record: EpisodeRecord, controller: Controller) -> bytes:
         renderer=renderer_for(controller),
     )
     try:
-        for events in (*(tick.events for tick in inputs), record.snapshot(-1).events):
+        for events in (*(tick.events for tick in inputs), _final_events(record)):
             episode.step(events)
         episode.run()
     except Exception:
@@ -106,13 +117,17 @@ def rerun_document(record: EpisodeRecord, controller: Controller) -> bytes:
     return recorder.document()
 
 
-def check_replay(path: Path) -> list[Problem]:
+def check_replay(path: Path, *, record: EpisodeRecord | None = None) -> list[Problem]:
     """Problems of a file that its scene and commands, or its seed and settings, do not reproduce.
 
     For a mirror image the original is replayed, and the file must be its exact image: the random choices of pedestrians
     follow the seed, so a mirror image cannot be run itself.
+
+    Args:
+        path: an episode file.
+        record: its content, if it was read already.
     """
-    record, problems = _original(path)
+    record, problems = _original(read_episode(path) if record is None else record)
     physics = record.document["physics"]
     if physics != PHYSICS_VERSION:
         message = f"made by physics version {physics}, this sonata2d has {PHYSICS_VERSION}; it cannot be replayed"
@@ -125,15 +140,17 @@ def check_replay(path: Path) -> list[Problem]:
     return problems + _first_difference(path.name, "replay", _stored_document(path, record), replayed)
 
 
-def check_rerun(path: Path, name: str | None = None) -> list[Problem]:
+def check_rerun(path: Path, name: str | None = None, *, record: EpisodeRecord | None = None) -> list[Problem]:
     """Problems of a file that its controller does not reproduce; for a mirror image the original is run.
 
     Args:
         path: an episode file.
         name: name of the controller, if the name in the file no longer finds it.
+        record: its content, if it was read already.
     """
-    record, _ = _original(path)
-    if (record.path != path) and read_episode(path).document["mirrored_from"]["labels"]:
+    stored = read_episode(path) if record is None else record
+    record, _ = _original(stored)
+    if record is not stored and stored.document["mirrored_from"]["labels"]:
         message = "its labels were mirrored by an unknown function; mirror it back (--labels twist) and check that"
         return [Problem(path.name, "rerun", message)]
     controller = load_controller(name or record.controller_info.path, record.controller_info.settings or {})
@@ -142,9 +159,9 @@ def check_rerun(path: Path, name: str | None = None) -> list[Problem]:
     return _first_difference(path.name, "rerun", _stored_document(path, record), rerun_document(record, controller))
 
 
-def _original(path: Path) -> tuple[EpisodeRecord, list[Problem]]:
+def _original(record: EpisodeRecord) -> tuple[EpisodeRecord, list[Problem]]:
     """The episode of a file, or the original of a mirror image with the problems of an inexact image."""
-    record = read_episode(path)
+    path = record.path
     origin = record.document.get("mirrored_from")
     if not origin:
         return record, []
@@ -179,6 +196,8 @@ def _check_scene(path: Path, record: EpisodeRecord) -> list[Problem]:
 
 def _first_difference(name: str, place: str, recorded: bytes, again: bytes) -> list[Problem]:
     """The first line in which two documents differ, apart from their software blocks."""
+    if recorded == again:
+        return []
     recorded_lines, new_lines = recorded.splitlines(), again.splitlines()
     for number, (old, new) in enumerate(zip(recorded_lines, new_lines, strict=False), 1):
         if old != new and not old.startswith(b'"software"'):

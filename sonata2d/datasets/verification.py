@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from .check import ListedFile, Problem, check_episode, check_listed, check_manifest, listed_files
+from .check import ListedFile, Problem, check_manifest, check_record, listed_files, open_to_check
 from .executors import Advance, parallel_map
 from .manifest import MANIFEST, files_of
 from .replay import check_replay, check_rerun
@@ -45,17 +45,17 @@ def verify(
 
 def _verify_file(file: Path | ListedFile, *, replay: bool, rerun: bool, controller: str | None) -> list[Problem]:
     """Problems of one file; only a readable file is run again."""
-    path = file.path if isinstance(file, ListedFile) else file
-    problems = check_listed(file) if isinstance(file, ListedFile) else check_episode(file)
-    if any(problem.place in ("file", "files") for problem in problems):
+    record, problems = open_to_check(file)
+    if record is None:
         return problems
+    problems += check_record(record, file if isinstance(file, ListedFile) else None)
     checks = {
         "replay": check_replay if replay else None,
         "rerun": partial(check_rerun, name=controller) if rerun else None,
     }
     for place, check in checks.items():
         try:
-            problems += check(path) if check else []
+            problems += check(record.path, record=record) if check else []
         except Exception as error:  # a changed file or a faulty controller may raise any error
-            problems.append(Problem(path.name, place, f"{type(error).__name__}: {error}"))
+            problems.append(Problem(record.path.name, place, f"{type(error).__name__}: {error}"))
     return problems

@@ -8,18 +8,40 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.portable_math import Array, IntArray, exp
+from ..core.compiled import kernel, subroutine
+from ..core.portable_math import Array, exp_of
 
 UNIT, LARGEST_VALUE = 1.0 / (1 << 14), 64.0  # of values: 20 bits
 WEIGHT_UNIT, LARGEST_WEIGHT = 1.0 / (1 << 13), 32.0  # 18 bits: a sum of 2^14 products has 52 bits; a double holds 53
 SLOPE = 0.01  # of the leaky ReLU below 0
-BLOCK = 1 << 17  # multiplications per call: from 2^18 on OpenBLAS starts threads, which cost more than they save here
+BLOCK = 1 << 18  # multiplications per call: beyond it OpenBLAS starts threads, which cost more than they save here
+_SHIFT = UNIT * (3 << 51)  # doubles of this size are multiples of the unit
 
 
-def round_values(numbers: Array) -> Array:
-    """Clip numbers to ±64 and round them to multiples of 2^-14; any shape."""
-    rounded: Array = np.rint(np.minimum(np.maximum(numbers, -LARGEST_VALUE), LARGEST_VALUE) / UNIT) * UNIT
-    return rounded
+@subroutine
+def rounded(value: float) -> float:
+    """Clip a number to ±64 and round it to a multiple of 2^-14, half to even."""
+    return min(max(value, -LARGEST_VALUE), LARGEST_VALUE) + _SHIFT - _SHIFT
+
+
+@subroutine
+def leaky_relu(value: float, slope: float) -> float:
+    """Leaky ReLU; the identity for the slope 1."""
+    return value if value > 0.0 else value * slope
+
+
+@kernel
+def activate(rows: Array, bias: Array, slope: float) -> None:
+    """Add the bias, apply a leaky ReLU, and round; in place.
+
+    Args:
+        rows: (n, width).
+        bias: (width,).
+        slope: of the leaky ReLU; 1: none.
+    """
+    for i in range(rows.shape[0]):
+        for j in range(rows.shape[1]):
+            rows[i, j] = rounded(leaky_relu(rows[i, j] + bias[j], slope))
 
 
 def round_weights(numbers: Array) -> Array:
@@ -30,57 +52,33 @@ def round_weights(numbers: Array) -> Array:
     """
     if not (np.abs(numbers) <= LARGEST_WEIGHT).all():
         raise ValueError(f"weights must be within ±{LARGEST_WEIGHT:g}, got {np.abs(numbers).max():g}")
-    rounded: Array = np.rint(np.asarray(numbers) / WEIGHT_UNIT) * WEIGHT_UNIT
-    return rounded
+    rounded_weights: Array = np.rint(np.asarray(numbers) / WEIGHT_UNIT) * WEIGHT_UNIT
+    return rounded_weights
 
 
-def leaky_relu(numbers: Array, slope: float = SLOPE) -> Array:
-    """Leaky ReLU."""
-    activated: Array = np.where(numbers > 0.0, numbers, numbers * slope)
-    return activated
-
-
-def tanh(numbers: Array) -> Array:
+def tanh(value: float) -> float:
     """Hyperbolic tangent; relative error below 1e-6."""
-    small = exp(-2.0 * np.abs(numbers))
-    activated: Array = np.where(numbers < 0.0, -1.0, 1.0) * (1.0 - small) / (1.0 + small)
-    return activated
+    small = exp_of(-2.0 * abs(value))
+    return (-1.0 if value < 0.0 else 1.0) * (1.0 - small) / (1.0 + small)
 
 
-def product(rows: Array, weight: Array) -> Array:
+def product(rows: Array, weight: Array, out: Array | None = None) -> Array:
     """Matrix product of rounded values and rounded weights; exact for `in` up to 2^15.
 
     Args:
-        rows: (n, in), from `round_values`.
+        rows: (n, in), of rounded values.
         weight: (in, out), from `round_weights`.
+        out: (n, out), written; None: a new array.
 
     Returns:
         (n, out).
     """
+    result = np.empty((len(rows), weight.shape[1])) if out is None else out
+    # `np.dot` takes half as long as `@` for the few rows of a relation.
     count = max(BLOCK // weight.size, 1)
     if len(rows) <= count:
-        whole: Array = rows @ weight
-        return whole
-    return np.concatenate([rows[k : k + count] @ weight for k in range(0, len(rows), count)])
-
-
-def dot(rows: Array, weight: Array) -> Array:
-    """Scalar products of rounded values and rounded weights along the last axis; (..., n) each, to (...)."""
-    products: Array = np.add.reduce(rows * weight, axis=-1)
-    return products
-
-
-def scatter_sum(rows: Array, index: IntArray, count: int) -> Array:
-    """Add up rows by index; exact if the rows are rounded values.
-
-    Args:
-        rows: (E, ...).
-        index: (E,), where each row is added, 0 to count - 1.
-        count: number of sums.
-
-    Returns:
-        (count, ...).
-    """
-    total: Array = np.zeros((count, *rows.shape[1:]))
-    np.add.at(total, index, rows)
-    return total
+        np.dot(rows, weight, result)
+    else:
+        for k in range(0, len(rows), count):
+            np.dot(rows[k : k + count], weight, result[k : k + count])
+    return result

@@ -16,9 +16,8 @@ import numpy as np
 from ..core.portable_math import Array
 from ..errors import ControllerError
 from .fixed_point import LARGEST_WEIGHT
+from .graph.features import FEATURES, INPUTS, INSTANTS
 from .graph.graph import RELATIONS
-from .graph.modern import INPUTS
-from .graph.paper import FEATURES, INSTANTS
 
 GRAPHS = {  # kinds of graph: number of inputs per node, number of relations
     "paper": (len(FEATURES), len(RELATIONS) + 2 * (INSTANTS - 1)),

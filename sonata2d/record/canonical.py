@@ -13,6 +13,9 @@ from ..core.geometry import quantised
 from ..core.portable_math import Array
 from ..errors import RecordError
 
+# for `isinstance`, which finds a frequent type faster than an abstract one
+_SEQUENCE, _MAPPING, _NUMPY = (list, tuple), (dict, Mapping), (np.generic, np.ndarray)
+
 
 def rounded(values: Array) -> Array:
     """Round to multiples of `geometry.PRECISION`, without -0.0; any shape, bit for bit as `geometry.quantised`."""
@@ -68,30 +71,36 @@ def to_json_value(value: Any, location: str, *, exact: bool = False) -> Any:
     Raises:
         RecordError: JSON cannot represent the value; names location and type.
     """
-    if value is None or isinstance(value, bool):
+    if value is None or value is True or value is False:
         return value
+    if isinstance(value, float):
+        return _finite(float(value), location, exact)
     if isinstance(value, str):
         return _encodable(value, location)
-    if isinstance(value, np.generic | np.ndarray):
-        return to_json_value(value.tolist(), location, exact=exact)
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            raise RecordError(f"{location} contains {value}; files contain finite numbers only")
-        try:
-            return value + 0.0 if exact else quantised(value)
-        except ValueError as error:
-            raise RecordError(f"{location}: {error}") from error
     if isinstance(value, int):
         if not -(1 << 63) <= value < 1 << 64:
             raise RecordError(f"{location} contains {value}; files contain integers of 64 bits only")
         return value
-    if isinstance(value, list | tuple):
+    if isinstance(value, _SEQUENCE):
         return [to_json_value(item, location, exact=exact) for item in value]
-    if isinstance(value, Mapping):
+    if isinstance(value, _MAPPING):
         return {_key(key, location): to_json_value(item, location, exact=exact) for key, item in value.items()}
+    if isinstance(value, _NUMPY):
+        return to_json_value(value.tolist(), location, exact=exact)
     raise RecordError(
         f"{location} contains a {type(value).__name__}, which JSON cannot represent; use numbers, text, lists and dicts"
     )
+
+
+def _finite(value: float, location: str, exact: bool) -> float:
+    if not math.isfinite(value):
+        raise RecordError(f"{location} contains {value}; files contain finite numbers only")
+    if exact:
+        return value + 0.0
+    try:
+        return quantised(value)
+    except ValueError as error:
+        raise RecordError(f"{location}: {error}") from error
 
 
 def _key(key: Any, location: str) -> str:
@@ -102,6 +111,8 @@ def _key(key: Any, location: str) -> str:
 
 def _encodable(text: str, location: str) -> str:
     """Return the text if UTF-8 can encode it; a lone surrogate cannot be encoded."""
+    if text.isascii():
+        return text
     try:
         text.encode()
     except UnicodeEncodeError as error:
@@ -109,23 +120,41 @@ def _encodable(text: str, location: str) -> str:
     return text
 
 
+def dumps(value: Any) -> bytes:
+    """Serialise a value, which may contain NumPy arrays and dataclasses, as JSON on one line.
+
+    Raises:
+        RecordError: JSON cannot represent the value.
+    """
+    try:
+        return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY)
+    except orjson.JSONEncodeError as error:
+        raise RecordError(f"the episode contains a value that JSON cannot represent: {error}") from error
+
+
 def serialise(document: dict[str, Any]) -> bytes:
     """Serialise a document as JSON, with each top-level key and each frame on a line of its own.
+
+    Args:
+        document: values of the top-level keys, and frames; those that are bytes are JSON already.
 
     Raises:
         RecordError: the document contains a value that JSON cannot represent.
     """
-    try:
-        lines = [b'"%s":%s' % (key.encode(), _serialise_value(key, value)) for key, value in document.items()]
-    except orjson.JSONEncodeError as error:
-        raise RecordError(f"the episode contains a value that JSON cannot represent: {error}") from error
-    return b"{\n" + b",\n".join(lines) + b"\n}\n"
+    lines: list[bytes] = []
+    for key, value in document.items():
+        items = [_as_json(item) for item in (value if key == "frames" else [value])] or [b""]
+        opening, closing = (b"[\n", b"\n]") if key == "frames" else (b"", b"")
+        items[0] = b'"%b":%b%b' % (key.encode(), opening, items[0])
+        items[-1] += closing
+        lines += items
+    lines[0] = b"{\n" + lines[0]
+    lines[-1] += b"\n}\n"
+    return b",\n".join(lines)  # joined once, because a document may be large
 
 
-def _serialise_value(key: str, value: Any) -> bytes:
-    if key != "frames":
-        return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY)
-    return b"[\n" + b",\n".join([orjson.dumps(frame, option=orjson.OPT_SERIALIZE_NUMPY) for frame in value]) + b"\n]"
+def _as_json(value: Any) -> bytes:
+    return value if isinstance(value, bytes) else dumps(value)
 
 
 def parse_header(document: bytes) -> dict[str, Any]:

@@ -208,7 +208,7 @@ class EpisodeRecord:
                 humans=self._present_humans(t),
                 interactions=interactions_from_rows(state["interactions"]),
                 contacts=tuple(_contact(row) for row in state["contacts"]),
-                events=tuple(_event(row) for row in state.get("events", ())),
+                events=events_of(state),
             )
 
     def snapshots(self) -> Iterator[Snapshot]:
@@ -258,5 +258,6 @@ def _contact(row: JsonDict) -> Contact:
     return Contact(row["kind"], row["id"], row["robot_at_fault"], row["other_at_fault"])
 
 
-def _event(row: JsonDict) -> DeviceEvent:
-    return DeviceEvent(row["device"], row["control"], row["value"])
+def events_of(state: JsonDict) -> tuple[DeviceEvent, ...]:
+    """Return the device events of a frame or of the final state."""
+    return tuple(DeviceEvent(row["device"], row["control"], row["value"]) for row in state.get("events", ()))

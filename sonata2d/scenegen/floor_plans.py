@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ..core.entities import Wall
-from ..core.geometry import (
-    Barriers,
-    Disc,
-    Point,
-    Pose,
-    Rectangle,
-    Shape,
-    inside_polygon,
-    quantised,
-    segment_distances,
-    segments_cross,
-)
+from ..core.geometry import Barriers, Point, Pose, Shape, quantised
+from ..core.outlines import COLUMNS, Line, OutlineRow, has_space, outline_row, rectangle_sides
 from ..core.portable_math import Array
 from ..core.rng import RandomStream
 from ..registry import ROOM_KINDS
 from .scenario.rooms import RoomConfig
+
+_NO_OUTLINES, _NO_LINES = np.empty((0, COLUMNS)), np.empty((0, 4))
 
 
 @dataclass(frozen=True)
@@ -74,21 +67,33 @@ class FloorPlan:
         left, right, bottom, top = self.bounds
         return rng.uniform(left, right), rng.uniform(bottom, top)
 
-    def contains_with_gap(self, shape: Shape, pose: Pose, gap: float) -> bool:
-        """Return whether an outline lies in the room, at least `gap` (m, above 0) from every wall."""
-        inner_radius = shape.radius if isinstance(shape, Disc) else min(shape.length, shape.width) / 2
-        centre = np.array([pose.position], dtype=float)
-        # the inscribed circle is a cheap test that rejects most poses
-        if self.barriers.gaps(centre).min() < inner_radius + gap or not inside_polygon(centre, self.outline)[0]:
-            return False
-        return isinstance(shape, Disc) or bool(segment_distances(*_sides(shape, pose), self.barriers).min() >= gap)
-
     def contains(self, shape: Shape, pose: Pose) -> bool:
         """Return whether the centre lies in the room and no side of a rectangle crosses a wall; touching is allowed."""
-        inside = bool(inside_polygon(np.array([pose.position], dtype=float), self.outline)[0])
-        return inside and not (
-            isinstance(shape, Rectangle) and segments_cross(*_sides(shape, pose), self.barriers).any()
-        )
+        return self.has_space([outline_row(shape, pose, -math.inf)], sight_lines=rectangle_sides(shape, pose))
+
+    def has_space(
+        self,
+        outlines: list[OutlineRow],
+        others: Array = _NO_OUTLINES,
+        clearance: float = 0.0,
+        sight_lines: Sequence[Line] = (),
+    ) -> bool:
+        """Return whether outlines have space in the room.
+
+        Args:
+            outlines: each must lie in the room, and keep its gap to the walls and the clearance to all other outlines.
+            others: (O, COLUMNS), rows of the outlines in the room.
+            clearance: m.
+            sight_lines: straight lines that must not cross a wall, m.
+        """
+        lines = np.array(sight_lines, dtype=float).reshape(-1, 4) if sight_lines else _NO_LINES
+        return bool(has_space(self.barriers.table, self._borders, np.array(outlines), others, float(clearance), lines))
+
+    @cached_property
+    def _borders(self) -> Array:
+        """(K, 4), start and end of the edges of the outline, m."""
+        start = self.outline
+        return np.concatenate((start, np.concatenate((start[1:], start[:1]))), axis=1)
 
     def mirrored(self) -> FloorPlan:
         """Return the mirror image: y changes sign."""
@@ -96,17 +101,6 @@ class FloorPlan:
         corners = tuple((x, 0.0 - y) for x, y in self.polygon[::-1])
         walls = (Wall((w.start[0], 0.0 - w.start[1]), (w.end[0], 0.0 - w.end[1])) for w in self.inner_walls)
         return FloorPlan(self.kind, corners, tuple(walls))
-
-    def has_line_of_sight(self, pose: Pose, other: Pose) -> bool:
-        """Return whether no wall lies between two positions."""
-        start, end = (np.array([place.position], dtype=float) for place in (pose, other))
-        return not segments_cross(start, end, self.barriers).any()
-
-
-def _sides(shape: Rectangle, pose: Pose) -> tuple[Array, Array]:
-    """Return start and end of the sides of a rectangle, (4, 2) each, m."""
-    corners = np.array(shape.corners(pose), dtype=float)
-    return corners, np.concatenate((corners[1:], corners[:1]))
 
 
 _MIN_WALL_BESIDE_DOOR = 0.3  # m, on either side of a doorway

@@ -101,13 +101,13 @@ def _try_layout(
     given = create_placed_entities(config.people, config.person, config.rules.dt, rng)
     check_placed_positions(given, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
     furniture_outlines = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
-    layout = Layout(plan, config, reserved_outlines(config) + furniture_outlines)
+    layout = Layout(plan, config, reserved_outlines(config), furniture_outlines)
     place_given(config, given, layout)
-    placed: dict[int, tuple[Entity, ...]] = {}
+    placed: dict[int, list[Pose]] = {}
     for k in sorted(range(len(clusters)), key=lambda k: (clusters[k].fixed is None, -cluster_radius(clusters[k]))):
-        members = layout.place(clusters[k], fixed, rng)
-        if members is not None:
-            placed[k] = members
+        poses = layout.place(clusters[k], fixed, rng)
+        if poses is not None:
+            placed[k] = poses
         elif not config.drop:
             raise SceneError(_no_space_message(clusters, k, plan, config.max_attempts))
     entities = number_entities([(clusters[k], placed[k]) for k in sorted(placed)], fixed)

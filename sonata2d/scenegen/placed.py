@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -9,12 +10,12 @@ import numpy as np
 
 from ..core.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction
 from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
+from ..core.outlines import outline_row
 from ..core.portable_math import PI, Array, angle_of
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..errors import SceneError
-from .placement import Layout, PlacedShape, has_clearance
-from .robot_task import reserved_outlines
+from .placement import Layout
 from .scenario.base import Jitter
 from .scenario.config import ScenarioConfig
 from .scenario.people import PersonSpec, Track
@@ -289,13 +290,15 @@ def check_placed_positions(placed: PlacedEntities, outline: Array, robot: Pose |
     Raises:
         SceneError: a start, track or goal is outside the room, or the robot overlaps a pedestrian at tick 0.
     """
+    given = [point for human in placed.humans for point in (human.pose.position, *human.track, *human.goals)]
+    is_inside = iter(inside_polygon(np.array(given, dtype=float).reshape(-1, 2), outline).tolist())
     for human in placed.humans:
         for what, points in (("start", [human.pose.position]), ("track", human.track), ("goal", human.goals)):
-            inside = inside_polygon(np.array(points, dtype=float).reshape(-1, 2), outline)
-            for x, y in (point for point, is_inside in zip(points, inside.tolist(), strict=True) if not is_inside):
-                raise SceneError(
-                    f"the {what} of person {human.id} is outside the room at ({x:g}, {y:g}); widen the room"
-                )
+            for x, y in points:
+                if not next(is_inside):
+                    raise SceneError(
+                        f"the {what} of person {human.id} is outside the room at ({x:g}, {y:g}); widen the room"
+                    )
         if robot is not None and human.enters == 0:
             dx, dy, contact = robot.x - human.pose.x, robot.y - human.pose.y, radius + human.radius
             if dx * dx + dy * dy < contact * contact:
@@ -308,20 +311,17 @@ def place_given(config: ScenarioConfig, placed: PlacedEntities, layout: Layout) 
     Raises:
         SceneError: a pedestrian that is not recorded would overlap a wall, furniture or another pedestrian.
     """
-    solid = layout.occupied[len(reserved_outlines(config)) :]  # the robot's start and goal do not count here
     for person, human in zip(config.people, placed.humans, strict=True):
-        if human.behaviour != "recorded" and not _fits(person, human, layout, solid):
+        if human.behaviour != "recorded" and not _fits(person, human, layout):
             x, y = human.pose.position
             raise SceneError(
                 f"person {human.id} does not fit at ({x:g}, {y:g}); move it, reduce its jitter, or widen the room"
             )
         if human.enters == 0:
-            outline = Disc(human.radius), human.pose
-            layout.occupied.append(outline)
-            solid.append(outline)
+            layout.occupy([(Disc(human.radius), human.pose)])
 
 
-def _fits(person: PersonSpec, human: Human, layout: Layout, solid: list[PlacedShape]) -> bool:
+def _fits(person: PersonSpec, human: Human, layout: Layout) -> bool:
     """Return whether there is space at the start.
 
     A pedestrian with jitter needs all clearances: another offset is drawn where it has none. Without jitter, outlines
@@ -331,8 +331,11 @@ def _fits(person: PersonSpec, human: Human, layout: Layout, solid: list[PlacedSh
         gap = layout.config.clearance
         return layout.is_free(Disc(human.radius), human.pose, gap, gap)
     body, centre = Disc(human.radius - _MAX_OVERLAP), Disc(_POINT_RADIUS)
-    is_in_room = layout.plan.contains_with_gap(body, human.pose, _POINT_RADIUS)
-    return is_in_room and (human.enters > 0 or has_clearance(centre, human.pose, _POINT_RADIUS, solid))
+    is_in_room = layout.plan.has_space([outline_row(body, human.pose, _POINT_RADIUS)])
+    # the robot's start and goal do not count here, and the walls have been tested
+    return is_in_room and (
+        human.enters > 0 or layout.is_free(centre, human.pose, _POINT_RADIUS, -math.inf, ignores_robot=True)
+    )
 
 
 def add_placed_entities(scene: Scene, placed: PlacedEntities) -> Scene:

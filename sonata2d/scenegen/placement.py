@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+
+import numpy as np
 
 from ..core.entities import TALKING, Furniture, Human
-from ..core.geometry import Disc, Pose, Rectangle, Shape, shape_gap
+from ..core.geometry import Disc, Pose, Rectangle, Shape
+from ..core.outlines import COLUMNS, outline_row
 from ..core.portable_math import PI, angle_of
 from ..core.rng import RandomStream
 from .floor_plans import FloorPlan
@@ -25,15 +27,27 @@ class Layout:
     Args:
         plan: the room.
         config: clearances and number of attempts.
-        occupied: outlines in the room, which new entities must keep clear of; extended by every placement.
+        reserved: outlines of the given start and goal of the robot, which new entities must keep clear of.
+        furniture: outlines of the fixed furniture.
     """
 
-    def __init__(self, plan: FloorPlan, config: ScenarioConfig, occupied: list[PlacedShape]) -> None:
-        self.plan, self.config, self.occupied = plan, config, occupied
+    def __init__(
+        self, plan: FloorPlan, config: ScenarioConfig, reserved: list[PlacedShape], furniture: list[PlacedShape]
+    ) -> None:
+        self.plan, self.config = plan, config
+        self._rows, self._count = np.empty((64, COLUMNS)), 0  # occupied outlines
+        self._reserved = len(reserved)
+        self.occupy(reserved + furniture)
 
-    def place(
-        self, cluster: EntityCluster, fixed: tuple[Furniture, ...], rng: RandomStream
-    ) -> tuple[Entity, ...] | None:
+    def occupy(self, outlines: list[PlacedShape]) -> None:
+        """Add outlines that new entities must keep clear of."""
+        for shape, pose in outlines:
+            if self._count == len(self._rows):
+                self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
+            self._rows[self._count] = outline_row(shape, pose)
+            self._count += 1
+
+    def place(self, cluster: EntityCluster, fixed: tuple[Furniture, ...], rng: RandomStream) -> list[Pose] | None:
         """Find a pose for a cluster and occupy its space.
 
         Args:
@@ -42,56 +56,51 @@ class Layout:
             rng: random stream of the scene.
 
         Returns:
-            The members in the world frame; None if `max_attempts` poses failed.
+            The poses of the members in the world frame; None if `max_attempts` poses failed.
         """
-        target = None if cluster.fixed is None else fixed[cluster.fixed].pose
+        gap, target = self.config.clearance, None if cluster.fixed is None else fixed[cluster.fixed].pose
+        members = cluster.members
+        bodies = [
+            (k, shape_of(member), self._wall_gap(member)) for k, member in enumerate(members) if _has_body(member)
+        ]
         for _ in range(self.config.max_attempts):
             pose = target or self._draw_pose(cluster, rng)
-            members = _to_world(cluster, pose, rng)
-            outlines = self._free_outlines(cluster, members, target)
-            if outlines is not None and self._is_o_space_free(cluster, members, pose):
-                self.occupied += outlines + _interaction_space(cluster, members, pose)
-                return members
+            poses = _poses_in_world(cluster, pose, rng)
+            outlines = [outline_row(shape, poses[k], wall_gap) for k, shape, wall_gap in bodies]
+            # no wall may separate interacting members, or a member from its target
+            sight_lines = [(*poses[0].position, *(target or poses[-1]).position)] if cluster.relation else []
+            if not self.plan.has_space(outlines, self._rows[: self._count], gap, sight_lines):
+                continue
+            if self._is_o_space_free(cluster, poses, pose):
+                self.occupy([(shape, poses[k]) for k, shape, _ in bodies] + _interaction_space(cluster, poses, pose))
+                return poses
         return None
 
-    def is_free(self, shape: Shape, pose: Pose, gap: float, wall_gap: float) -> bool:
-        """Return whether an outline keeps `gap` from all occupied outlines, and `wall_gap` from walls; m."""
-        return self.plan.contains_with_gap(shape, pose, wall_gap) and has_clearance(shape, pose, gap, self.occupied)
+    def is_free(self, shape: Shape, pose: Pose, gap: float, wall_gap: float, ignores_robot: bool = False) -> bool:
+        """Return whether an outline lies in the room, and keeps its distance.
+
+        Args:
+            shape, pose: of the outline.
+            gap: to all occupied outlines, m.
+            wall_gap: to walls, m.
+            ignores_robot: whether the given start and goal of the robot do not count.
+        """
+        others = self._rows[self._reserved if ignores_robot else 0 : self._count]
+        return self.plan.has_space([outline_row(shape, pose, wall_gap)], others, gap)
 
     def _draw_pose(self, cluster: EntityCluster, rng: RandomStream) -> Pose:
         if cluster.position is not None:
             return Pose(*cluster.position, cluster.yaw.draw(rng))
         return Pose(*self.plan.sample_point(rng), cluster.yaw.draw(rng))
 
-    def _free_outlines(
-        self, cluster: EntityCluster, members: tuple[Entity, ...], target: Pose | None
-    ) -> list[PlacedShape] | None:
-        """Return the outlines of the members that stand on the floor.
-
-        Returns:
-            None if one of them is not free, or a wall separates the interacting members or the target.
-        """
-        if cluster.relation and not self.plan.has_line_of_sight(members[0].pose, target or members[-1].pose):
-            return None
-        outlines: list[PlacedShape] = []
-        for member in members:
-            shape, gap = shape_of(member), self.config.clearance
-            if isinstance(member, Furniture) and member.on is not None:
-                continue
-            if not self.is_free(shape, member.pose, gap, self._wall_gap(member)):
-                return None
-            if not has_clearance(shape, member.pose, gap, outlines):
-                return None
-            outlines.append((shape, member.pose))
-        return outlines
-
-    def _is_o_space_free(self, cluster: EntityCluster, members: tuple[Entity, ...], origin: Pose) -> bool:
+    def _is_o_space_free(self, cluster: EntityCluster, poses: list[Pose], origin: Pose) -> bool:
         """Return whether all members see the centre of their o-space, and nothing stands in it."""
         if not cluster.o_space:
             return True
-        o_space = Disc(cluster.o_space - max(shape_of(member).circumradius for member in members))
-        is_visible = all(self.plan.has_line_of_sight(member.pose, origin) for member in members)
-        return is_visible and self.is_free(o_space, origin, self.config.clearance, self.config.clearance)
+        gap = self.config.clearance
+        o_space = Disc(cluster.o_space - max(shape_of(member).circumradius for member in cluster.members))
+        sight_lines = [(*pose.position, *origin.position) for pose in poses]
+        return self.plan.has_space([outline_row(o_space, origin, gap)], self._rows[: self._count], gap, sight_lines)
 
     def _wall_gap(self, member: Entity) -> float:
         if isinstance(member, Human):
@@ -99,11 +108,16 @@ class Layout:
         return self.config.clearance
 
 
-def _interaction_space(cluster: EntityCluster, members: tuple[Entity, ...], origin: Pose) -> list[PlacedShape]:
+def _has_body(member: Entity) -> bool:
+    """Return whether an entity stands on the floor; a laptop on a table does not."""
+    return isinstance(member, Human) or member.on is None
+
+
+def _interaction_space(cluster: EntityCluster, poses: list[Pose], origin: Pose) -> list[PlacedShape]:
     """Return the space that a talking group or pair shares, as outlines that no other entity may be placed in."""
     if cluster.o_space:
-        return [(Disc(cluster.o_space), origin), *((Disc(_TALKER_RADIUS), member.pose) for member in members)]
-    return [_sight_line(members[0].pose, members[-1].pose)] if cluster.relation == TALKING else []
+        return [(Disc(cluster.o_space), origin), *((Disc(_TALKER_RADIUS), pose) for pose in poses)]
+    return [_sight_line(poses[0], poses[-1])] if cluster.relation == TALKING else []
 
 
 def _sight_line(first: Pose, second: Pose) -> PlacedShape:
@@ -118,26 +132,15 @@ def cluster_radius(cluster: EntityCluster) -> float:
     return max(math.sqrt(m.pose.x * m.pose.x + m.pose.y * m.pose.y) + shape_of(m).circumradius for m in cluster.members)
 
 
-def _to_world(cluster: EntityCluster, pose: Pose, rng: RandomStream) -> tuple[Entity, ...]:
-    """Transform the members to the world frame, rounded to the precision of files.
+def _poses_in_world(cluster: EntityCluster, pose: Pose, rng: RandomStream) -> list[Pose]:
+    """Return the poses of the members in the world frame, rounded to the precision of files.
 
     Args:
-        cluster: to transform.
+        cluster: the members.
         pose: of the cluster, or of the fixed piece of furniture that its member attends to.
         rng: for the distance from fixed furniture.
     """
     local = [member.pose for member in cluster.members]
     if cluster.distance is not None:  # in front (-y) of fixed furniture, facing it
         local = [Pose(0.0, -cluster.distance.draw(rng), PI / 2)]
-    poses = (Pose(*pose.to_world((p.x, p.y)), pose.theta + p.theta).rounded() for p in local)
-    return tuple(replace(member, pose=new) for member, new in zip(cluster.members, poses, strict=True))
-
-
-def has_clearance(shape: Shape, pose: Pose, gap: float, others: list[PlacedShape]) -> bool:
-    """Return whether an outline keeps at least `gap`, m, from all others."""
-    for other, other_pose in others:
-        dx, dy, near = pose.x - other_pose.x, pose.y - other_pose.y, shape.circumradius + other.circumradius + gap
-        # the circumscribed circles are a cheap test that excludes most pairs
-        if dx * dx + dy * dy < near * near and shape_gap(shape, pose, other, other_pose) < gap:
-            return False
-    return True
+    return [Pose(*pose.to_world((p.x, p.y)), pose.theta + p.theta).rounded() for p in local]

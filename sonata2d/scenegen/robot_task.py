@@ -43,9 +43,8 @@ def draw_robot_task(
     _check_given(config, space)
     paths = path_segments(config.people)
     for _ in range(config.max_attempts):
-        start = _draw_start(config, layout, paths, rng)
-        goal = _draw_goal(config, layout, paths, rng)
-        if start and goal and _is_feasible(config, space, start, goal):
+        start, goal = _draw_start(config, layout, rng), _draw_goal(config, layout, rng)
+        if _is_feasible(config, layout, space, paths, start, goal):
             return _create_robot(config, start), _create_goal(config, goal, rng)
     remedy = "or ask for fewer humans and less furniture"
     if config.robot.on_ways is not None:
@@ -73,41 +72,44 @@ def _check_given(config: ScenarioConfig, space: FreeSpace) -> None:
         )
 
 
-def _is_on_path(config: ScenarioConfig, paths: Barriers, pose: Pose) -> bool:
-    """Return whether a drawn position is within `robot.on_ways` of a pedestrian's path."""
-    max_distance = config.robot.on_ways
-    return max_distance is None or bool((paths.gaps(np.array([pose.position], dtype=float)) <= max_distance).any())
-
-
-def _draw_start(config: ScenarioConfig, layout: Layout, paths: Barriers, rng: RandomStream) -> Pose | None:
-    """Return the given start, or draw a pose; None if the drawn pose is not suitable."""
+def _draw_start(config: ScenarioConfig, layout: Layout, rng: RandomStream) -> Pose:
+    """Return the given start, or draw a pose."""
     if config.robot.pose is not None:
         return Pose(*config.robot.pose).rounded()
-    pose = Pose(*layout.plan.sample_point(rng), rng.uniform(-PI, PI)).rounded()
-    gap = max(config.robot.clearance, PATH_MARGIN)
-    is_free = layout.is_free(Disc(config.robot.radius), pose, gap, gap)
-    return pose if is_free and _is_on_path(config, paths, pose) else None
+    return Pose(*layout.plan.sample_point(rng), rng.uniform(-PI, PI)).rounded()
 
 
-def _draw_goal(config: ScenarioConfig, layout: Layout, paths: Barriers, rng: RandomStream) -> Pose | None:
-    """Return the given goal, or draw a position; None if the drawn position is not suitable."""
+def _draw_goal(config: ScenarioConfig, layout: Layout, rng: RandomStream) -> Pose:
+    """Return the given goal, or draw a position."""
     if config.goal.position is not None:
         return Pose(*config.goal.position).rounded()
-    pose = Pose(*layout.plan.sample_point(rng)).rounded()
-    is_free = layout.is_free(Disc(config.robot.radius), pose, PATH_MARGIN, PATH_MARGIN)
-    return pose if is_free and _is_on_path(config, paths, pose) else None
+    return Pose(*layout.plan.sample_point(rng)).rounded()
 
 
-def _is_feasible(config: ScenarioConfig, space: FreeSpace, start: Pose, goal: Pose) -> bool:
-    """Return whether start and goal are far enough from each other, free, and connected by a path."""
+def _is_feasible(
+    config: ScenarioConfig, layout: Layout, space: FreeSpace, paths: Barriers, start: Pose, goal: Pose
+) -> bool:
+    """Return whether start and goal are far enough from each other, suitable, and connected by a path."""
     dx, dy = goal.x - start.x, goal.y - start.y
     # `min_distance` is a rule for drawn positions: two given ones must only not coincide
     both_given = config.robot.pose is not None and config.goal.position is not None
     min_distance = config.goal.distance if both_given else max(config.goal.min_distance, config.goal.distance)
-    if dx * dx + dy * dy <= min_distance * min_distance:
+    if dx * dx + dy * dy <= min_distance * min_distance:  # the cheapest test comes first
         return False
-    free = space.is_free(np.array([start.position, goal.position], dtype=float))
+    if config.robot.pose is None and not _is_suitable(config, layout, paths, start, config.robot.clearance):
+        return False
+    if config.goal.position is None and not _is_suitable(config, layout, paths, goal, 0.0):
+        return False
+    free = space.is_free(np.array([start.position, goal.position]))
     return bool(free.all()) and space.path(start.position, goal.position) is not None
+
+
+def _is_suitable(config: ScenarioConfig, layout: Layout, paths: Barriers, pose: Pose, clearance: float) -> bool:
+    """Return whether a drawn pose keeps a clearance, and is within `robot.on_ways` of a pedestrian's path."""
+    gap, max_distance = max(clearance, PATH_MARGIN), config.robot.on_ways
+    if not layout.is_free(Disc(config.robot.radius), pose, gap, gap):
+        return False
+    return max_distance is None or bool((paths.gaps(np.array([pose.position])) <= max_distance).any())
 
 
 def _create_robot(config: ScenarioConfig, start: Pose) -> Robot:

@@ -21,7 +21,8 @@ from ..core.entities import (
     Interaction,
     Reaction,
 )
-from ..core.geometry import Disc, Point, Pose, Shape, quantised, shape_gap
+from ..core.geometry import Disc, Point, Pose, Shape, quantised
+from ..core.outlines import shape_gap
 from ..core.portable_math import PI, unit_vector
 from ..core.rng import RandomStream
 from .scenario.base import Range
@@ -364,17 +365,17 @@ class NumberedEntities:
     interactions: tuple[Interaction, ...]
 
 
-def number_entities(
-    placed: list[tuple[EntityCluster, tuple[Entity, ...]]], fixed: tuple[Furniture, ...]
-) -> NumberedEntities:
+def number_entities(placed: list[tuple[EntityCluster, list[Pose]]], fixed: tuple[Furniture, ...]) -> NumberedEntities:
     """Give ids from 1 to standing pedestrians, wandering pedestrians, tables, laptops, plants, other furniture.
 
     Args:
-        placed: clusters, each with its members in the world frame.
+        placed: clusters, each with the poses of its members in the world frame.
         fixed: fixed furniture.
     """
     entries: dict[Key, Entity] = {(_FIXED, k): piece for k, piece in enumerate(fixed)}
-    entries |= {(k, m): member for k, (_, members) in enumerate(placed) for m, member in enumerate(members)}
+    entries |= {(k, m): member for k, (cluster, _) in enumerate(placed) for m, member in enumerate(cluster.members)}
+    poses = {(_FIXED, k): piece.pose for k, piece in enumerate(fixed)}
+    poses |= {(k, m): pose for k, (_, members) in enumerate(placed) for m, pose in enumerate(members)}
     humans = {key: entity for key, entity in entries.items() if isinstance(entity, Human)}
     furniture = {key: entity for key, entity in entries.items() if isinstance(entity, Furniture)}
     human_keys = sorted(humans, key=lambda key: humans[key].behaviour != "standing")
@@ -385,8 +386,11 @@ def number_entities(
     groups = [(k, cluster) for k, cluster in related if cluster.relation in _GROUP_KINDS]
     group_ids = {k: number for number, (k, _) in enumerate(groups, start=1)}
     return NumberedEntities(
-        tuple(replace(humans[key], id=ids[key], group=group_ids.get(key[0])) for key in human_keys),
-        tuple(replace(furniture[key], id=ids[key], on=_support_id(key, furniture[key], ids)) for key in furniture_keys),
+        tuple(replace(humans[key], id=ids[key], pose=poses[key], group=group_ids.get(key[0])) for key in human_keys),
+        tuple(
+            replace(furniture[key], id=ids[key], pose=poses[key], on=_support_id(key, furniture[key], ids))
+            for key in furniture_keys
+        ),
         tuple(
             Group(
                 group_ids[k],

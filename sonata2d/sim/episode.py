@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..agents.controllers.base import Controller, Regenerate, Stop, recorded_path
+from ..agents.controllers.base import Controller, External, Regenerate, Stop, recorded_path
 from ..agents.pedestrians.crowd import Crowd
 from ..core.devices import DeviceEvent, ImageRequest
-from ..core.entities import Robot
-from ..core.geometry import Twist
+from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, Snapshot, Status
 from ..core.vectors import wrap_angle
@@ -21,32 +19,6 @@ from ..errors import ControllerError, Sonata2dError
 from .world import World
 
 ANY_HEADING = 3.14  # rad; a goal whose angle tolerance is at least this accepts every heading
-
-
-def reachable_twist(command: Twist, executed: Twist, robot: Robot, dt: float) -> Twist:
-    """The twist nearest to a command that the robot's drive can reach within a tick.
-
-    Args:
-        command: of the controller, body frame.
-        executed: twist of the drive in the last tick, body frame; without displacements by contacts.
-        robot: drive and limits. A unicycle has no sideways velocity.
-        dt: s.
-    """
-    limits, is_holonomic = robot.limits, robot.kinematics == "holonomic"
-    vx = _clamped(command.vx, -limits.back, limits.ahead)
-    vy = _clamped(command.vy, -limits.sideways, limits.sideways) if is_holonomic else 0.0
-    omega = _clamped(command.omega, -limits.turn, limits.turn)
-    from_x, from_y = executed.vx, executed.vy if is_holonomic else 0.0
-    dx, dy, maximum = vx - from_x, vy - from_y, limits.acceleration * dt
-    change = math.sqrt(dx * dx + dy * dy)
-    if change > maximum:
-        vx, vy = from_x + dx * (maximum / change), from_y + dy * (maximum / change)
-    turn = limits.turn_acceleration * dt
-    return Twist(vx, vy, executed.omega + _clamped(omega - executed.omega, -turn, turn))
-
-
-def _clamped(value: float, low: float, high: float) -> float:
-    return min(max(value, low), high)
 
 
 Renderer = Callable[[Snapshot, ImageRequest], Any]  # returns (H, W, 3) of uint8
@@ -85,7 +57,7 @@ class Episode:
 
     Args:
         scene: initial layout.
-        controller: drives the robot.
+        controller: drives the robot; None: a client gives the commands, see `apply`.
         observers: receive every frame, e.g. recorders and windows.
         past: inputs of the first ticks, which are replayed before the controller is asked.
         controller_info: description of the controller in files; by default `controller_info_of(controller)`.
@@ -106,13 +78,14 @@ class Episode:
     def __init__(
         self,
         scene: Scene,
-        controller: Controller,
+        controller: Controller | None = None,
         *,
         observers: Iterable[Observer] = (),
         past: Sequence[TickInput] = (),
         controller_info: ControllerInfo | None = None,
         renderer: Renderer | None = None,
     ) -> None:
+        controller = controller or External()
         if controller.image is not None and renderer is None:
             raise ControllerError(
                 f"{type(controller).__name__} requests a camera image; give Episode(renderer=sonata2d.view.image_of)"
@@ -123,9 +96,15 @@ class Episode:
         self._script, self._controller_info = tuple(past), controller_info or controller_info_of(controller)
         self._renderer = renderer
         self._world, self._crowd = World(scene), Crowd(scene)
+        self._observed: Snapshot | None = None  # of the present tick
         controller.reset(scene)
         for observer in self.observers:
             observer.open(scene, self._controller_info)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the episode has an outcome."""
+        return self.outcome is not None
 
     def run(self) -> Outcome:
         """Run to the end.
@@ -140,7 +119,7 @@ class Episode:
         return self.outcome
 
     def step(self, events: Sequence[DeviceEvent] = ()) -> Frame | None:
-        """Run one tick.
+        """Run one tick: `observe`, ask the controller, `apply` its command.
 
         Args:
             events: of input devices since the last tick; ignored in a tick that is replayed.
@@ -151,19 +130,56 @@ class Episode:
         Raises:
             ControllerError: as `run`.
         """
-        if self.outcome is not None:
-            return None
         tick = self._world.tick
         replayed = self._script[tick] if tick < len(self._script) else None
-        snapshot = self._world.snapshot(replayed.events if replayed else tuple(events))
-        outcome = outcome_at(snapshot)
-        if outcome is None:
-            answer = replayed or self._decide(snapshot)
-            if isinstance(answer, TickInput):
-                return self._record_and_move(snapshot, answer)
-            outcome = answer
-        self._close(snapshot, outcome)
+        snapshot = self._observe_unless_over(replayed.events if replayed else tuple(events))
+        if snapshot is None:
+            return None
+        answer = replayed or self._decide(snapshot)
+        if isinstance(answer, TickInput):
+            return self._record_and_move(snapshot, answer)
+        self._close(snapshot, answer)
         return None
+
+    def observe(self, events: Sequence[DeviceEvent] = ()) -> Snapshot:
+        """The state at the present tick, for a client that chooses the commands itself, see `apply`.
+
+        The episode ends here if the goal is reached, at a contact if the rules say so, or at the time limit: its
+        `outcome` is then set. Inputs given as `past` are replayed first.
+
+        Args:
+            events: of input devices since the last tick.
+
+        >>> from sonata2d import ScenarioConfig, Twist, generate
+        >>> episode = Episode(generate(ScenarioConfig(humans=2), seed=1))
+        >>> while not episode.is_over and episode.observe().tick < 10:
+        ...     frame = episode.apply(Twist(vx=0.5), label={"speed": 0.5})
+        >>> frame.snapshot.tick, round(episode.observe().robot.executed.vx, 2)
+        (9, 0.5)
+        """
+        self.replay_past()
+        return self._observe(tuple(events))
+
+    def apply(self, command: Twist, label: Any = None, events: Sequence[DeviceEvent] = ()) -> Frame | None:
+        """Execute a command for one tick instead of asking the controller, and record the frame.
+
+        Args:
+            command: of the robot, body frame.
+            label: of the frame, any value that JSON can hold; None: the command itself is the label.
+            events: of input devices since the last `observe`.
+
+        Returns:
+            The frame of the tick; None if the episode is over, and its `outcome` set.
+
+        Raises:
+            ControllerError: the command is not a finite twist; the episode has not moved.
+        """
+        twist = checked_twist(command)
+        self.replay_past()
+        snapshot = self._observe_unless_over(tuple(events))
+        if snapshot is None:
+            return None
+        return self._record_and_move(snapshot, TickInput(twist, deepcopy(label), snapshot.events))
 
     def snapshot(self) -> Snapshot:
         """The current state of the world, without device events."""
@@ -220,44 +236,65 @@ class Episode:
         assert self.outcome is not None
         return self.outcome
 
+    def _observe(self, events: tuple[DeviceEvent, ...]) -> Snapshot:
+        """The snapshot of the present tick, with events added to those that it already has; may end the episode."""
+        snapshot = self._observed
+        if snapshot is None or events:
+            snapshot = self._observed = self._world.snapshot(snapshot.events + events if snapshot else events)
+        if self.outcome is None:
+            outcome = outcome_at(snapshot)
+            if outcome is not None:
+                self._close(snapshot, outcome)
+        return snapshot
+
+    def _observe_unless_over(self, events: tuple[DeviceEvent, ...]) -> Snapshot | None:
+        """`_observe`; None if the episode is over, or ends here."""
+        if self.outcome is not None:
+            return None
+        snapshot = self._observe(events)
+        return None if self.is_over else snapshot
+
     def _decide(self, snapshot: Snapshot) -> TickInput | Outcome:
         """The controller's answer to a snapshot."""
-        with self._closing_on_error(snapshot):
-            if self.controller.image is not None and self._renderer is not None:
-                snapshot = replace(snapshot, image=self._renderer(snapshot, self.controller.image))
-            answer = self.controller.act(snapshot)
-            if isinstance(answer, Stop | Regenerate):
+        controller = self.controller
+        try:
+            if controller.image is not None and self._renderer is not None:
+                snapshot = replace(snapshot, image=self._renderer(snapshot, controller.image))
+            answer = controller.act(snapshot)
+            if isinstance(answer, (Stop, Regenerate)):
                 status: Status = "stopped" if isinstance(answer, Stop) else "regenerate"
                 return Outcome(status, answer.reason, snapshot.tick, snapshot.time)
-            command = checked_twist(answer, self.controller)
-            label = deepcopy(self.controller.label(snapshot, command))  # the controller may reuse the object
+            command = checked_twist(answer, type(controller))
+            label = controller.label(snapshot, command)
+            if label is not None:
+                label = deepcopy(label)  # the controller may reuse the object
             return TickInput(command, label, snapshot.events)
+        except Exception as error:
+            self._close_after(error, snapshot)
+            raise
 
     def _record_and_move(self, snapshot: Snapshot, tick_input: TickInput) -> Frame:
         """Send the frame to the observers, then move the world."""
         frame = Frame(snapshot, tick_input.command, tick_input.label)
-        with self._closing_on_error(snapshot):
+        try:
             for observer in self.observers:
                 observer.note(frame)
+        except Exception as error:
+            self._close_after(error, snapshot)
+            raise
         self.past.append(tick_input)
-        robot = snapshot.robot
-        twist = reachable_twist(tick_input.command, robot.executed, robot.body, snapshot.dt)
-        self._world.step(twist, self._crowd.act(snapshot))
+        self._world.execute(tick_input.command, self._crowd.act(snapshot))
+        self._observed = None
         return frame
 
-    @contextmanager
-    def _closing_on_error(self, snapshot: Snapshot) -> Iterator[None]:
-        """Close the episode if an exception is raised, and pass it on with the tick as a note."""
+    def _close_after(self, error: Exception, snapshot: Snapshot) -> None:
+        """Close the episode because an exception was raised; the exception gets the tick as a note."""
+        error.add_note(f"at tick {snapshot.tick} of the episode")
+        reason = f"{type(error).__name__}: {error}"
         try:
-            yield
-        except Exception as error:
-            error.add_note(f"at tick {snapshot.tick} of the episode")
-            reason = f"{type(error).__name__}: {error}"
-            try:
-                self._close(snapshot, Outcome("error", reason, snapshot.tick, snapshot.time))
-            except Sonata2dError as failure:  # the first error is the one to raise
-                error.add_note(f"the frames recorded so far could not be saved either: {failure}")
-            raise
+            self._close(snapshot, Outcome("error", reason, snapshot.tick, snapshot.time))
+        except Sonata2dError as failure:  # the first error is the one to raise
+            error.add_note(f"the frames recorded so far could not be saved either: {failure}")
 
     def _close(self, snapshot: Snapshot, outcome: Outcome) -> None:
         self.outcome = outcome
@@ -294,28 +331,35 @@ def _contact_reason(contact: Contact) -> str:
     return f"contact with {contact.kind} {contact.id}, at fault: {fault}"
 
 
-def checked_twist(answer: object, controller: Controller) -> Twist:
-    """A controller's answer as a twist that a file can hold.
+def checked_twist(answer: object, controller_class: type | None = None) -> Twist:
+    """A command as a twist that a file can hold.
+
+    Args:
+        answer: of a controller, or given to `Episode.apply`.
+        controller_class: class of the controller, for the error messages; None: the command was given to `apply`.
 
     Raises:
         ControllerError: the answer is not a `Twist`, is not finite, or is too large for a file.
     """
-    name = type(controller).__name__
+    name = f"{controller_class.__name__}.act" if controller_class else ""
+    must = f"{name} must return" if name else "the command must be"
     if not isinstance(answer, Twist):
-        raise ControllerError(f"{name}.act must return a Twist, got {answer!r}; return Twist(vx, vy, omega)")
-    values = (answer.vx, answer.vy, answer.omega)
-    if not all(isinstance(v, int | float) and math.isfinite(v) for v in map(_python_number, values)):
-        raise ControllerError(f"{name}.act must return finite numbers, got {answer!r}")
+        raise ControllerError(f"{must} a Twist, got {answer!r}; return Twist(vx, vy, omega)")
+    vx, vy, omega = answer.vx, answer.vy, answer.omega
+    if not (_is_finite(vx) and _is_finite(vy) and _is_finite(omega)):
+        raise ControllerError(f"{must} finite numbers, got {answer!r}")
     try:
-        return Twist(*(float(v) for v in values)).rounded()
+        return Twist(quantised(float(vx)), quantised(float(vy)), quantised(float(omega)))
     except ValueError as error:
         # part of the recorded reason of an episode that ended in an error: do not reword
-        raise ControllerError(f"{name}.act answered {answer!r}: {error}") from None
+        raise ControllerError(f"{name} answered {answer!r}: {error}" if name else f"{must} smaller: {error}") from None
 
 
-def _python_number(value: object) -> object:
-    """A NumPy scalar as a Python number; other objects unchanged."""
-    return value.item() if hasattr(value, "item") else value
+def _is_finite(value: Any) -> bool:
+    """Whether a value is a finite number of Python or NumPy."""
+    if type(value) is not float and hasattr(value, "item"):
+        value = value.item()
+    return isinstance(value, (int, float)) and math.isfinite(value)
 
 
 def controller_info_of(controller: Controller, path: str | None = None) -> ControllerInfo:

@@ -26,12 +26,14 @@ class Presence:
     Args:
         scene: pedestrians with their ticks of entering and leaving.
         bodies: of the pedestrians, in the scene's order, at their initial positions.
+        is_absent: (N,), all False; is updated.
 
     Attributes:
         all_present: whether no pedestrian is absent.
         row: (n,) of int, indices of the pedestrians that are present; read-only.
         is_absent: (N,) of bool.
         absent_ids: ids of the absent pedestrians.
+        has_recorded: whether some pedestrians follow tracks.
 
     Raises:
         ValueError: a recorded pedestrian has no track.
@@ -41,18 +43,24 @@ class Presence:
     row: IntArray
     absent_ids: frozenset[int]
 
-    def __init__(self, scene: Scene, bodies: list[pymunk.Body]) -> None:
+    def __init__(self, scene: Scene, bodies: list[pymunk.Body], is_absent: BoolArray) -> None:
         self._humans, self._bodies, self._parking = scene.humans, bodies, scene.parking.tolist()
         self._dt, self._radius = scene.rules.dt, np.array([*(h.radius for h in scene.humans), scene.robot.radius])
         self._recorded = _recorded_rows(scene)
+        self.has_recorded = bool(self._recorded)
         self._to_enter = [k for k, human in enumerate(scene.humans) if human.enters > 0]
         self._to_leave = [k for k, human in enumerate(scene.humans) if human.leaves is not None]
-        self.is_absent: BoolArray = np.zeros(len(bodies), dtype=bool)
+        self.is_absent = is_absent
         for k in self._recorded:
             self._place(k, self._humans[k].enters)
         for k in self._to_enter:
             self._park(k)
         self._update_attributes()
+
+    @property
+    def can_change(self) -> bool:
+        """Whether some pedestrians enter or leave by schedule."""
+        return bool(self._to_leave or self._to_enter)
 
     def follow_tracks(self, tick: int) -> None:
         """Set the velocities of recorded pedestrians that lead to their track positions at the next tick."""

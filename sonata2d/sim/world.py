@@ -1,22 +1,22 @@
-"""The physical world: a scene in pymunk. The only mutable object of the simulation, and the only module of the engine.
+"""The physical world: a scene in pymunk. The only mutable object of the simulation.
 
-Reasons for the design: bodies are read and written in bulk through `pymunk.batch`; pedestrians and robot are moved by
-forces, never by setting velocities. Chipmunk moves bodies first and detects contacts afterwards, without a swept test,
-so a tick has several substeps and the robot has a safety guard. A space is built anew for every episode, in a fixed
-order, before its first step: only then does the same input give the same bits.
+Reasons for the design: a tick is one call of a compiled kernel (`kernel.step.advance`), which calls the engine's own C
+functions; pedestrians and robot are moved by forces, never by setting velocities. Chipmunk moves bodies first and
+detects contacts afterwards, without a swept test, so a tick has several substeps and the robot has a safety guard. A
+space is built anew for every episode, in a fixed order, before its first step: only then does the same input give the
+same bits.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 import pymunk
-from pymunk import batch
-from pymunk._chipmunk_cffi import ffi
 
 from ..core.devices import DeviceEvent
-from ..core.entities import Furniture, Human, Interaction
+from ..core.entities import Furniture, Human
 from ..core.geometry import Disc, Point, Twist
 from ..core.humans import (
     BODY_X,
@@ -24,8 +24,6 @@ from ..core.humans import (
     GAZE_X,
     GAZE_Y,
     OMEGA,
-    VY,
-    Humans,
     X,
     Y,
     activities_of_present,
@@ -33,30 +31,17 @@ from ..core.humans import (
     human_ids,
     initial_activities,
 )
-from ..core.portable_math import Array, rotation
+from ..core.packing import pack
 from ..core.scene import Scene
-from ..core.snapshot import CrowdCommands, RobotState, Snapshot
-from .posture import Posture
+from ..core.snapshot import Contact, CrowdCommands, Snapshot
+from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
+from .kernel.chipmunk import EngineMemory
+from .kernel.rules import rules_of
+from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
+from .kernel.step import DRIVE_SIZE, MASS, Matter, advance, read_state
 from .presence import Presence
-from .safety import SafetyGuard
 
-MASS = 75.0  # kg, of a pedestrian and of the robot; only mass ratios matter
-
-_POSITION_AND_VELOCITY = batch.BodyFields.POSITION | batch.BodyFields.VELOCITY
-
-
-class _Rows(batch.Buffer):
-    """A batch buffer over NumPy memory: one row per body, in the order of insertion.
-
-    `batch.Buffer` allocates memory that it never frees; here NumPy owns the memory. It is longer than its rows because
-    the engine would move a buffer with fewer than two free places.
-    """
-
-    def __init__(self, bodies: int, width: int) -> None:
-        self._float_arr, self._int_arr = ffi.new("pmFloatArray *"), ffi.new("pmIntArray *")
-        memory = np.zeros(bodies * width + 8)
-        self.set_float_buf(memory)
-        self.rows: Array = memory[: bodies * width].reshape(bodies, width)
+_CONTACT_ORDER = {"human": 0, "object": 1, "wall": 2}
 
 
 class World:
@@ -71,22 +56,38 @@ class World:
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.tick = scene, 0
-        self._space = _space_with_obstacles(scene)
-        self._count = len(scene.humans)
-        bodies = [_add_disc(self._space, h.pose.position, h.radius, h.velocity, _body_type(h)) for h in scene.humans]
-        _add_disc(self._space, scene.robot.pose.position, scene.robot.radius)
-        self._bodies = _Rows(self._count + 1, 4)  # x, y, vx, vy; the robot comes last
-        self._forces = _Rows(self._count + 1, 2)
-        self._read_bodies()
-        self._posture = Posture(scene)
-        self._direction = scene.robot.pose.direction  # of the robot
-        self._guard = SafetyGuard(scene)
-        self._twist = self._executed = Twist()
+        count, rules = len(scene.humans), scene.rules
+        space = _space_with_obstacles(scene)
+        bodies = [_add_disc(space, h.pose.position, h.radius, h.velocity, _body_type(h)) for h in scene.humans]
+        _add_disc(space, scene.robot.pose.position, scene.robot.radius)
+        self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
+        self._engine = EngineMemory(space)
+        self._matter = Matter(
+            engine=self._engine.engine,
+            guard=_guard(scene),
+            robot=self._row[:ROBOT_SIZE],
+            humans=self._row[ROBOT_SIZE:].reshape(count, HUMAN_SIZE),
+            posture=np.zeros((count, 3)),
+            drive=np.zeros(DRIVE_SIZE),
+            rules=rules_of(scene, FASTEST_PERSON),
+            barriers=scene.barriers.table,
+            acceleration=np.zeros((count, 2)),
+            is_absent=np.zeros(count, dtype=bool),
+            facing=np.zeros((count, 2)),
+            gaze=np.zeros((count, 2)),
+        )
+        self._packed = pack(self._matter)
+        self._matter.robot[BODY_X], self._matter.robot[BODY_Y] = scene.robot.pose.direction
+        for k, human in enumerate(scene.humans):
+            self._face(k, human.pose.direction)
+        self._last_contacts: tuple[bytes, tuple[Contact, ...]] = b"", ()
         self._activity = initial_activities(scene)
         self._interactions = scene.interactions
-        self._ids, self._radius = human_ids(scene), frozen(np.array([h.radius for h in scene.humans], dtype=float))
+        self._constant = human_ids(scene), frozen(np.array([h.radius for h in scene.humans], dtype=float))
+        self._substeps = rules.substeps
+        self._read_bodies()
         self._check_order()
-        self._presence = Presence(scene, bodies)
+        self._presence = Presence(scene, bodies, self._matter.is_absent)
         self._read_bodies()
 
     def snapshot(self, events: tuple[DeviceEvent, ...] = ()) -> Snapshot:
@@ -95,32 +96,27 @@ class World:
         Args:
             events: of input devices since the last snapshot.
         """
-        state = np.empty((self._count, OMEGA + 1))
-        state[:, X : VY + 1] = self._bodies.rows[:-1]
-        state[:, BODY_X : BODY_Y + 1] = self._posture.direction
-        state[:, GAZE_X : GAZE_Y + 1] = self._posture.gaze
-        state[:, OMEGA] = self._posture.omega
-        x, y, vx, vy = self._bodies.rows[-1].tolist()
-        robot = RobotState(
-            position=(x, y),
-            direction=self._direction,
-            velocity=(vx, vy),
-            omega=self._twist.omega,
-            executed=self._executed,
-            guarded=self._guard.intervened,
-            body=self.scene.robot,
+        row = self._row.copy()
+        row.flags.writeable = False
+        activity, interactions, is_present = self._activity, self._interactions, None
+        if not self._presence.all_present:
+            absent = self._presence.absent_ids
+            interactions = tuple(i for i in interactions if i.src not in absent and i.dst not in absent)
+            activity = activities_of_present(activity, self._constant[0], interactions)
+            is_present = frozen(~self._presence.is_absent)
+        return Snapshot.of_state(
+            self.tick,
+            self.scene,
+            State(row, activity, is_present),
+            interactions,
+            self._contacts(),
+            events,
+            constant=self._constant,
         )
-        interactions = self._present_interactions()
-        return Snapshot(
-            tick=self.tick,
-            time=round(self.tick * self.scene.rules.dt, 4),
-            scene=self.scene,
-            robot=robot,
-            humans=self._humans(state, interactions),
-            interactions=interactions,
-            contacts=self._guard.contacts(),
-            events=events,
-        )
+
+    def execute(self, command: Twist, crowd: CrowdCommands) -> None:
+        """`step` with the twist nearest to a command that the robot's drive can reach within the tick."""
+        self._move(command, crowd, is_limited=True)
 
     def step(self, twist: Twist, crowd: CrowdCommands) -> None:
         """Move the world by one tick.
@@ -129,82 +125,86 @@ class World:
             twist: of the robot's drive, body frame, within its limits.
             crowd: commands of the pedestrians.
         """
-        rules = self.scene.rules
-        h = rules.dt / rules.substeps
-        self._set_human_forces(crowd.acceleration)
-        self._presence.follow_tracks(self.tick)
-        self._guard.begin_tick(self._bodies.rows)
-        sum_x = sum_y = 0.0  # of the executed velocities, body frame
-        turn_c, turn_s = rotation(twist.omega * h)
-        refresh_interval = max(rules.substeps // crowd.evaluations, 1)
-        for substep in range(rules.substeps):
-            if crowd.refresh and substep and substep % refresh_interval == 0:
-                self._set_human_forces(crowd.refresh(self._bodies.rows))
-            vx, vy = self._set_robot_force(twist, h)
-            c, s = self._direction
-            sum_x, sum_y = sum_x + vx * c + vy * s, sum_y + vy * c - vx * s
-            batch.set_space_bodies(self._space, batch.BodyFields.FORCE, self._forces)
-            self._space.step(h)
-            self._direction = _unit(c * turn_c - s * turn_s, s * turn_c + c * turn_s)
-            self._read_bodies()
-        self._twist = twist
-        self._executed = Twist(sum_x / rules.substeps, sum_y / rules.substeps, twist.omega)
-        self._posture.turn(self._bodies.rows[:-1], crowd.facing, crowd.gaze)
+        self._move(twist, crowd, is_limited=False)
+
+    def _move(self, twist: Twist, crowd: CrowdCommands, *, is_limited: bool) -> None:
+        """Move the world by one tick."""
+        matter = self._matter
+        matter.facing[:], matter.gaze[:] = crowd.facing, crowd.gaze
+        if self._presence.has_recorded:
+            self._presence.follow_tracks(self.tick)
+        substeps = self._substeps
+        interval = max(substeps // crowd.evaluations, 1) if crowd.refresh else substeps
+        for first in range(0, substeps, interval):
+            acceleration = crowd.refresh(matter.engine.bodies) if crowd.refresh and first else crowd.acceleration
+            matter.acceleration[:] = acceleration
+            end = min(first + interval, substeps)
+            advance(self._packed, float(twist.vx), float(twist.vy), float(twist.omega), is_limited, first, end)
         self._activity, self._interactions = crowd.activity, crowd.interactions
         self.tick += 1
-        self._update_presence(crowd.leaving)
+        if self._presence.can_change or crowd.leaving:
+            self._update_presence(crowd.leaving)
 
-    def _humans(self, state: Array, interactions: tuple[Interaction, ...]) -> Humans:
-        """The pedestrians that are present, from the (N, 9) state of all."""
-        if self._presence.all_present:
-            return Humans(frozen(state), self._ids, self._radius, self._activity)
-        activity = activities_of_present(self._activity, self._ids, interactions)
-        return Humans(frozen(state), self._ids, self._radius, activity).select(self._presence.row)
+    def _contacts(self) -> tuple[Contact, ...]:
+        """Contacts of the last tick: humans, objects, walls, each by id."""
+        guard = self._matter.guard
+        if not guard.counts[2]:
+            return ()
+        bits = guard.human_contact.tobytes() + guard.barrier_contact.tobytes()
+        if self._last_contacts[0] != bits:  # a robot that stands at a wall has the same contacts in many ticks
+            self._last_contacts = bits, self._build_contacts()
+        return self._last_contacts[1]
 
-    def _present_interactions(self) -> tuple[Interaction, ...]:
-        """The interactions without an absent pedestrian."""
-        if self._presence.all_present:
-            return self._interactions
-        absent = self._presence.absent_ids
-        return tuple(i for i in self._interactions if i.src not in absent and i.dst not in absent)
-
-    def _set_human_forces(self, acceleration: Array) -> None:
-        """Set the forces of the pedestrians from their accelerations (N, 2), m/s^2; absent ones have none."""
-        self._forces.rows[:-1] = acceleration * MASS
-        if not self._presence.all_present:
-            self._forces.rows[:-1][self._presence.is_absent] = 0.0
-
-    def _set_robot_force(self, twist: Twist, h: float) -> tuple[float, float]:
-        """Set the force that gives the robot a twist within a substep, as far as the safety guard permits.
-
-        Returns:
-            The permitted velocity, m/s, world frame.
-        """
-        c, s = self._direction
-        wanted = (twist.vx * c - twist.vy * s, twist.vx * s + twist.vy * c)
-        vx, vy = self._guard.limit(wanted, self._bodies.rows, h)
-        _, _, now_x, now_y = self._bodies.rows[-1].tolist()
-        self._forces.rows[-1] = ((vx - now_x) * (MASS / h), (vy - now_y) * (MASS / h))
-        return vx, vy
+    def _build_contacts(self) -> tuple[Contact, ...]:
+        guard = self._matter.guard
+        found: dict[tuple[Literal["human", "object", "wall"], int], int] = {}
+        for k in np.flatnonzero(guard.human_contact).tolist():
+            found["human", self.scene.humans[k].id] = int(guard.human_contact[k])
+        for k in np.flatnonzero(guard.barrier_contact).tolist():
+            owner, id = self.scene.barrier_owner[k]
+            kind: Literal["wall", "object"] = "wall" if owner == "wall" else "object"
+            found[kind, id] = found.get((kind, id), 0) | int(guard.barrier_contact[k])
+        return tuple(
+            Contact(kind, id, bool(found[kind, id] & ROBOT_AT_FAULT), bool(found[kind, id] & OTHER_AT_FAULT))
+            for kind, id in sorted(found, key=lambda key: (_CONTACT_ORDER[key[0]], key[1]))
+        )
 
     def _update_presence(self, leaving: tuple[int, ...]) -> None:
         """Let pedestrians enter, at their initial headings, and leave."""
-        entered, left = self._presence.update(self.tick, leaving, self._bodies.rows)
+        entered, left = self._presence.update(self.tick, leaving, self._matter.engine.bodies)
         for k in entered:
-            self._posture.reset(k, self.scene.humans[k].pose.direction)
+            self._face(k, self.scene.humans[k].pose.direction)
+            self._matter.humans[k, OMEGA] = self._matter.posture[k] = 0.0
         if entered or left:
             self._read_bodies()
 
+    def _face(self, k: int, direction: Point) -> None:
+        """Set heading and gaze of pedestrian k."""
+        humans = self._matter.humans
+        humans[k, BODY_X : BODY_Y + 1] = humans[k, GAZE_X : GAZE_Y + 1] = direction
+
     def _read_bodies(self) -> None:
-        """Copy positions and velocities from the engine to the rows."""
-        self._bodies.clear()
-        batch.get_space_bodies(self._space, _POSITION_AND_VELOCITY, self._bodies)
+        """Copy positions and velocities from the engine to the state."""
+        read_state(self._packed)
 
     def _check_order(self) -> None:
         """Assert that the engine lists bodies in the order of insertion, which all rows rely on."""
         placed = [*(h.pose.position for h in self.scene.humans), self.scene.robot.pose.position]
-        positions = self._bodies.rows[:, X : Y + 1].tolist()
+        positions = self._matter.engine.bodies[:, X : Y + 1].tolist()
         assert positions == [list(position) for position in placed], "pymunk.batch has another order of bodies"
+
+
+def _guard(scene: Scene) -> Guard:
+    """The safety guard's arrays for a scene."""
+    humans, barriers = len(scene.humans), len(scene.barriers)
+    return Guard(
+        radius=np.array([human.radius for human in scene.humans], dtype=float),
+        human_contact=np.zeros(humans, dtype=np.int64),
+        barrier_contact=np.zeros(barriers, dtype=np.int64),
+        near=np.zeros(humans + barriers, dtype=np.int64),
+        counts=np.zeros(3, dtype=np.int64),
+        separation=np.zeros((humans + barriers, 3)),
+    )
 
 
 def _space_with_obstacles(scene: Scene) -> pymunk.Space:
@@ -240,9 +240,3 @@ def _add_disc(
 def _body_type(human: Human) -> int:
     """Kinematic for a recorded pedestrian, which only its own velocity moves."""
     return pymunk.Body.KINEMATIC if human.behaviour == "recorded" else pymunk.Body.DYNAMIC
-
-
-def _unit(x: float, y: float) -> tuple[float, float]:
-    """The vector (x, y) scaled to unit length."""
-    norm = math.sqrt(x * x + y * y)
-    return x / norm, y / norm

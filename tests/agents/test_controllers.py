@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sonata2d.agents.controllers.base import Controller
 from sonata2d.agents.controllers.loading import named_controllers
-from sonata2d.agents.controllers.planner import CostField, SocialPlanner, roll_out
+from sonata2d.agents.controllers.planner import CELL, HAS_NEGATIVE_WEIGHTS, STEP, CostField, SocialPlanner, Weights
 from sonata2d.core.entities import TALKING, Furniture, Human, Interaction, Robot
 from sonata2d.core.geometry import Pose, Rectangle, Twist
 from sonata2d.core.proxemics import clearance
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Outcome, Snapshot
 from sonata2d.registry import CONTROLLERS
-from sonata2d.sim.episode import Episode, reachable_twist
+from sonata2d.sim.episode import Episode
 from sonata2d.sim.world import World
 
 from ..conftest import L_SHAPE, room, walker
@@ -85,33 +90,113 @@ def test_planner_slows_down_near_people() -> None:
     assert speed[1] < 0.8 * speed[0]
 
 
+def cost_from(field: CostField, x: float, y: float) -> float:
+    """Cost of the path to the goal from the cell nearest to a point, in metres of open ground."""
+    i, j = np.rint((np.array([x, y]) - field.low) / CELL).astype(int)
+    return float(field.value[i, j])
+
+
 def test_cost_field_equals_the_path_length_in_the_open_and_goes_round_corners() -> None:
     field = CostField(room(goal=(3.0, 0.0)))
-    near, far = field.at(np.array([2.0, 0.0]), np.array([0.0, 0.0]))
-    assert far - near == pytest.approx(2.0, abs=0.05)
+    assert cost_from(field, 0.0, 0.0) - cost_from(field, 2.0, 0.0) == pytest.approx(2.0, abs=0.05)
     corner = CostField(room(polygon=L_SHAPE, goal=(3.0, -1.0)))
-    beyond_the_corner = corner.at(np.array([-1.0]), np.array([3.0]))[0]
-    assert beyond_the_corner > math.hypot(1.5, 3.5) + math.hypot(3.5, 1.0) - 0.8
+    assert cost_from(corner, -1.0, 3.0) > math.hypot(1.5, 3.5) + math.hypot(3.5, 1.0) - 0.8
 
 
-def test_rollout_predicts_the_motion_of_the_world() -> None:
-    world = World(room(robot=Pose(0.0, 0.0, 0.5)))
-    twist = Twist(0.8, 0.2, 0.7)
-    predicted = roll_out(np.array([[twist.vx, twist.vy, twist.omega]]), world.snapshot(), horizon=1.6, step=0.2)
-    commands = Episode(room(), SocialPlanner())._crowd.act(world.snapshot())
-    for _ in range(16):
-        robot = world.snapshot().robot
-        world.step(reachable_twist(twist, robot.executed, robot.body, 0.1), commands)
-    assert world.snapshot().robot.position == pytest.approx((predicted.x[-1, 0], predicted.y[-1, 0]), abs=0.05)
+def crowded_scene() -> Scene:
+    """A corner, a table and people who stand, talk and walk towards the robot."""
+    humans = [Human(1, Pose(1.0, 2.0)), Human(2, Pose(2.0, 2.0)), walker(3, -1.0, 0.0, math.pi), walker(4, 1.0, -1.0)]
+    table = Furniture(9, "table", Pose(-2.0, 0.2), Rectangle(1.0, 1.0))
+    return room(humans, [table], polygon=L_SHAPE, robot=Pose(-2.0, 3.0, 0.0), goal=(3.0, -2.0),
+                interactions=(Interaction(1, TALKING, 2),))  # fmt: skip
 
 
-def test_velocity_and_acceleration_limits_hold_for_any_command() -> None:
-    robot, current = Robot(Pose(0, 0)), Twist()
-    for _ in range(30):
-        after = reachable_twist(Twist(9.0, 9.0, 9.0), current, robot, 0.1)
-        assert math.hypot(after.vx - current.vx, after.vy - current.vy) <= 0.15 + 1e-9
-        assert abs(after.omega - current.omega) <= 0.3 + 1e-9
-        current = after
-    assert current == Twist(pytest.approx(1.0), pytest.approx(0.5), pytest.approx(1.5))  # type: ignore[arg-type]
-    unicycle = Robot(Pose(0, 0), kinematics="unicycle")
-    assert reachable_twist(Twist(-9.0, 1.0, 0.0), current, unicycle, 100.0).vy == 0.0
+def test_cost_field_solves_the_upwind_equation_in_each_cell() -> None:
+    field = CostField(crowded_scene())
+    around = np.pad(field.value, 1, constant_values=1e6)
+    a = np.minimum(around[:-2, 1:-1], around[2:, 1:-1])
+    b = np.minimum(around[1:-1, :-2], around[1:-1, 2:])
+    step = field.price * CELL
+    both = (a + b + np.sqrt(np.maximum(2.0 * step**2 - (a - b) ** 2, 0.0))) / 2.0
+    solution = np.where(np.abs(a - b) >= step, np.minimum(a, b) + step, both)
+    is_goal = field.value == 0.0
+    assert is_goal.sum() == 1
+    assert field.value[~is_goal] == pytest.approx(solution[~is_goal], rel=1e-12)
+
+
+def test_prediction_agrees_with_the_motion_of_the_world() -> None:
+    scene, planner, steps = room(robot=Pose(0.0, 0.0, 0.5)), SocialPlanner(), 8
+    start = World(scene).snapshot()
+    planner.reset(scene)
+    planner.act(start)
+    commands = Episode(scene, SocialPlanner())._crowd.act(start)
+    for twist, (v, t) in list(zip(planner._twists, planner._pairs, strict=False))[::13]:
+        world = World(scene)
+        for _ in range(int(steps * STEP / 0.1 + 0.5)):
+            world.execute(twist, commands)
+        assert world.snapshot().robot.position == pytest.approx(planner._positions[:, steps, t, v], abs=0.05)
+
+
+def commands_in(scene: Scene, controller: Controller, ticks: int) -> list[Twist]:
+    """The first commands in an episode."""
+    episode = Episode(scene, controller)
+    frames = [episode.step() for _ in range(ticks)]
+    return [frame.command for frame in frames if frame]
+
+
+@pytest.mark.parametrize("weights", [Weights(), Weights(intimate=-2.5, change=-0.1)])
+def test_candidates_that_are_ruled_out_early_are_never_the_cheapest(weights: Weights) -> None:
+    class Exhaustive(SocialPlanner):
+        """Computes all costs in full, as if a weight were negative."""
+
+        def reset(self, scene: Scene) -> None:
+            super().reset(scene)
+            self._numbers[HAS_NEGATIVE_WEIGHTS] = 1.0
+
+    scene = crowded_scene()
+    assert commands_in(scene, SocialPlanner(weights), 80) == commands_in(scene, Exhaustive(weights), 80)
+
+
+def test_price_of_obstacles_keeps_the_robot_away_from_them() -> None:
+    class Careful(SocialPlanner):
+        obstacle_price, obstacle_distance = 2.0, 0.3
+
+    def nearest(controller: Controller) -> float:
+        outcome, snapshots = run(crowded_scene(), controller)
+        assert outcome.status == "goal"
+        gaps = snapshots[0].scene.barriers.gaps(np.array([snapshot.robot.position for snapshot in snapshots]))
+        return float(gaps.min())
+
+    assert nearest(Careful()) > nearest(SocialPlanner()) + 0.1
+
+
+def test_goal_outside_the_room_is_approached() -> None:
+    scene = room(goal=(9.0, 0.0))
+    twists = commands_in(scene, SocialPlanner(), 30)
+    assert twists[-1].vx > 0.5
+
+
+def save_planner(file: str) -> None:
+    """Write a cost field, and the commands in it, to a file."""
+    scene = crowded_scene()
+    field, twists = CostField(scene), commands_in(scene, SocialPlanner(), 20)
+    np.savez(file, field=field.layers, commands=[(twist.vx, twist.vy, twist.omega) for twist in twists])
+
+
+def test_the_interpreter_gives_the_bits_of_the_compiled_planner(tmp_path: Path) -> None:
+    save_planner(str(tmp_path / "compiled.npz"))
+    code = "import sys; from tests.agents.test_controllers import save_planner; save_planner(sys.argv[1])"
+    command = [sys.executable, "-W", "error", "-c", code, str(tmp_path / "interpreted.npz")]
+    subprocess.run(command, cwd=Path(__file__).parents[2], env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, check=True)
+    with np.load(tmp_path / "compiled.npz") as compiled, np.load(tmp_path / "interpreted.npz") as interpreted:
+        assert all(np.array_equal(compiled[name], interpreted[name]) for name in ("field", "commands"))
+
+
+@pytest.mark.parametrize("name", ["social-planner", "social-force", "orca"])
+def test_people_who_are_absent_have_no_effect(name: str) -> None:
+    human, table = walker(1, -2.0, 0.5), [Furniture(9, "table", Pose(-1.0, 0.2), Rectangle(1.0, 1.0))]
+    late = replace(walker(2, 0.0, 0.0), enters=1000)
+    with_absent, without = (
+        commands_in(room(humans, table), named_controllers()[name](), 40) for humans in ([late, human], [human])
+    )
+    assert with_absent == without

@@ -12,7 +12,7 @@ import sonata2d as s2
 from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.core.entities import AT_LAPTOP, TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction, Wall
 from sonata2d.core.geometry import Pose, Rectangle, Twist
-from sonata2d.core.portable_math import Array
+from sonata2d.core.portable_math import Array, BoolArray
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.sim.world import World
@@ -56,8 +56,9 @@ def rotated(scene: Scene, c: int, s: int) -> Scene:
 def accelerations(scene: Scene, direction: tuple[float, float]) -> Array:
     """The accelerations of pedestrians that all want to walk in one direction at 1.3 m/s."""
     crowd, snapshot = Crowd(scene), World(scene).snapshot()
-    directions = np.tile([direction], (len(scene.humans), 1))
-    return crowd._acceleration(crowd._walkers(snapshot, directions, np.full(len(directions) + 1, 1.3)))
+    crowd.act(snapshot)  # fills positions, velocities and what blocks the view
+    crowd._walkers.desired_direction[:], crowd._walkers.desired_speed[:] = direction, 1.3
+    return crowd._acceleration().copy()
 
 
 def test_forces_rotate_with_the_scene(busy: Scene) -> None:
@@ -178,3 +179,32 @@ def test_unknown_models_are_rejected() -> None:
 def test_different_models_in_one_scene_are_rejected() -> None:
     with pytest.raises(ValueError, match="must have the same model, got helbing1995, sonata2026"):
         Crowd(room([walker(1, 0.0, 0.0), walker(2, 1.0, 0.0, model="helbing1995")]))
+
+
+def views(scene: Scene) -> tuple[Array, BoolArray]:
+    """Who attends to whom, (N, N), and who has the robot in sight, (N,), at the start."""
+    crowd = Crowd(scene)
+    crowd.act(World(scene).snapshot())
+    return crowd._walkers.attention, crowd._plan.robot_in_sight
+
+
+def test_walls_block_the_line_of_sight() -> None:
+    position = [(-3.0, 3.0), (3.0, -0.5), (-3.0, -1.0), (-3.0, -3.0)]
+    scene = room(
+        [walker(k + 1, x, y) for k, (x, y) in enumerate(position)],
+        polygon=L_SHAPE,
+        inner=[Wall((-4.0, -2.0), (-1.0, -2.0))],
+        robot=Pose(-1.0, -2.5),
+    )
+    attention, robot_in_sight = views(scene)
+    assert attention[0, 1] == 0.0  # round the corner of the L
+    assert attention[0, 2] == 1.0
+    assert attention[2, 3] == 0.0  # through the inner wall
+    assert np.array_equal(attention, attention.T)
+    assert robot_in_sight.tolist() == [False, True, False, True]
+
+
+def test_the_walls_of_a_square_room_block_no_view() -> None:
+    attention, robot_in_sight = views(room([walker(1, -3.0, -3.0), walker(2, 3.0, 3.0)]))
+    assert attention.tolist() == [[0.0, 1.0], [1.0, 0.0]]
+    assert robot_in_sight.all()

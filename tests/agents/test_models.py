@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sonata2d.agents.controllers.reactive import Orca, SocialForce
 from sonata2d.agents.pedestrians.models.base import Walkers, pedestrian_model
-from sonata2d.core.entities import Human
 from sonata2d.core.geometry import Pose
 from sonata2d.core.portable_math import Array
 from sonata2d.core.scene import Rules, Scene
@@ -26,9 +29,9 @@ COUNT = 12
 VECTORS = ("position", "velocity", "desired_direction", "body_direction")
 
 
-def random_walkers() -> Walkers:
-    """Pedestrians at random positions in a small area, two of them in a group, and a robot that stands."""
-    rng = np.random.default_rng(0)
+def random_walkers(seed: int = 0) -> Walkers:
+    """Agents at random positions in a small area, two of them in a group; the last one stands."""
+    rng = np.random.default_rng(seed)
     angle, turn = rng.uniform(-3.0, 3.0, (2, COUNT))
     direction = np.stack((np.cos(angle), np.sin(angle)), axis=1)
     direction[-1] = 0.0
@@ -41,6 +44,7 @@ def random_walkers() -> Walkers:
         body_direction=np.stack((np.cos(turn), np.sin(turn)), axis=1),
         desired_speed=np.array([1.3] * (COUNT - 1) + [0.0]),
         radius=np.array([0.2] * (COUNT - 1) + [0.3]),
+        walks=np.arange(COUNT) < COUNT - 1,
         attention=1.0 - np.eye(COUNT),
         member=member,
         bond=np.full(COUNT, 0.5),
@@ -48,17 +52,22 @@ def random_walkers() -> Walkers:
 
 
 def accelerations(model: str, walkers: Walkers, *, side: int = 1, walls: bool = True) -> Array:
-    """The accelerations of the pedestrians, (M - 1, 2), in a square room or without walls."""
-    humans = [Human(k, Pose(0.0, 0.0), 0.2) for k in range(len(walkers.position) - 1)]
-    scene = room(humans, rules=Rules(side=side))  # type: ignore[arg-type]
+    """The accelerations of the agents that walk, in a square room or without walls."""
+    scene = room(rules=Rules(side=side))  # type: ignore[arg-type]
     if not walls:
         scene = Scene(**{**vars(scene), "polygon": (), "walls": ()})
-    return pedestrian_model(model)(scene).acceleration(walkers)[:-1]
+    return pedestrian_model(model)(scene).acceleration(walkers)[walkers.walks]
 
 
 def transformed(walkers: Walkers, matrix: Array) -> Walkers:
     """The walkers after a rotation or reflection."""
-    return replace(walkers, **{name: getattr(walkers, name) @ matrix.T for name in VECTORS})
+    return walkers._replace(**{name: getattr(walkers, name) @ matrix.T for name in VECTORS})
+
+
+def selected(walkers: Walkers, rows: list[int]) -> Walkers:
+    """Some of the agents, without the others."""
+    pairs = {name: getattr(walkers, name)[np.ix_(rows, rows)] for name in ("attention", "member")}
+    return Walkers(**{name: pairs.get(name, array[rows]) for name, array in walkers._asdict().items()})
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -86,21 +95,21 @@ def test_walkers_without_attention_for_another_one_are_not_affected_by_it(model:
     moved = walkers.position.copy()
     moved[2] = walkers.position[0] + 0.1
     before, after = (
-        accelerations(model, replace(walkers, attention=attention, position=position))
+        accelerations(model, walkers._replace(attention=attention, position=position))
         for position in (walkers.position, moved)
     )
     others = [k for k in range(COUNT - 1) if k != 2]
     assert np.array_equal(before[others], after[others])
-    assert not np.allclose(before[others], accelerations(model, replace(walkers, position=moved))[others])
+    assert not np.allclose(before[others], accelerations(model, walkers._replace(position=moved))[others])
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_attention_is_ego_first(model: str) -> None:
     """Two pedestrians approach each other, and only the first attends to the second."""
-    position, attention = np.array([[0.0, 0.0], [1.2, 0.1], [3.0, 3.0]]), np.zeros((3, 3))
-    direction, body_direction = (np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, y]]) for y in (0.0, 1.0))
-    speed, radius = np.array([1.3, 1.3, 0.0]), np.array([0.2, 0.2, 0.3])
-    walkers = Walkers(position, direction, direction, body_direction, speed, radius, attention)
+    position, attention = np.array([[0.0, 0.0], [1.2, 0.1]]), np.zeros((2, 2))
+    direction, walks, none = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.ones(2, dtype=bool), np.zeros((0, 0))
+    speed, radius = np.array([1.3, 1.3]), np.array([0.2, 0.2])
+    walkers = Walkers(position, direction, direction, direction, speed, radius, walks, attention, none, np.ones(2))
     alone = accelerations(model, walkers)
     attention[0, 1] = 1.0
     attending = accelerations(model, walkers)
@@ -109,12 +118,69 @@ def test_attention_is_ego_first(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
+def test_agents_that_do_not_walk_are_skipped(model: str) -> None:
+    walkers = random_walkers()
+    every = accelerations(model, walkers)
+    walks = np.arange(COUNT) % 3 == 1
+    found = pedestrian_model(model)(room()).acceleration(walkers._replace(walks=walks))
+    assert np.array_equal(found[walks], every[walks[:-1]])
+    assert not found[~walks].any()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_scene_may_have_one_agent_or_none(model: str) -> None:
+    walkers = random_walkers()
+    unaware = walkers._replace(attention=np.zeros((COUNT, COUNT)), member=np.zeros((COUNT, COUNT)))
+    alone = accelerations(model, selected(unaware, [4]))
+    assert np.array_equal(alone[0], accelerations(model, unaware)[4])
+    assert np.array_equal(alone, accelerations(model, selected(unaware, [4])._replace(member=np.zeros((0, 0)))))
+    assert accelerations(model, selected(walkers, [])).shape == (0, 2)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_an_agent_to_which_no_other_attends_may_be_left_out(model: str) -> None:
+    """So `Crowd` leaves the robot out."""
+    walkers = random_walkers()
+    attention = walkers.attention.copy()
+    attention[:, -1] = 0.0
+    unseen = walkers._replace(attention=attention)
+    assert np.array_equal(accelerations(model, unseen), accelerations(model, selected(unseen, list(range(COUNT - 1)))))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_one_model_takes_any_number_of_agents(model: str) -> None:
+    walkers = random_walkers()
+    one = pedestrian_model(model)(room())
+    for count in (COUNT, 5, COUNT):
+        some = selected(walkers, list(range(count)))
+        assert np.array_equal(one.acceleration(some)[some.walks], accelerations(model, some))
+
+
+def save_accelerations(file: str) -> None:
+    """Write the accelerations of all models for many agents to a file."""
+    seeds = range(5)
+    np.savez(
+        file, **{model: np.array([accelerations(model, random_walkers(seed)) for seed in seeds]) for model in MODELS}
+    )
+
+
+def test_the_interpreter_gives_the_bits_of_compiled_code(tmp_path: Path) -> None:
+    save_accelerations(str(tmp_path / "compiled.npz"))
+    code = "import sys; from tests.agents.test_models import save_accelerations; save_accelerations(sys.argv[1])"
+    command = [sys.executable, "-W", "error", "-c", code, str(tmp_path / "interpreted.npz")]
+    subprocess.run(command, cwd=Path(__file__).parents[2], env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, check=True)
+    with np.load(tmp_path / "compiled.npz") as compiled, np.load(tmp_path / "interpreted.npz") as interpreted:
+        for model in MODELS:
+            assert np.array_equal(compiled[model], interpreted[model]), model
+
+
+@pytest.mark.parametrize("model", MODELS)
 def test_forces_are_finite_at_equal_positions_and_in_walls(model: str) -> None:
     walkers = random_walkers()
     position = np.zeros((COUNT, 2))
     position[COUNT // 2 :] = (4.0, 0.0)  # on the line of a wall
     for velocity in (walkers.velocity, np.zeros((COUNT, 2))):
-        assert np.isfinite(accelerations(model, replace(walkers, position=position, velocity=velocity))).all()
+        assert np.isfinite(accelerations(model, walkers._replace(position=position, velocity=velocity))).all()
 
 
 def test_helbing1995_walls_by_hand() -> None:
@@ -122,7 +188,7 @@ def test_helbing1995_walls_by_hand() -> None:
     position = walkers.position.copy()
     position[0] = (0.0, -3.5)
     still = {"velocity": np.zeros((COUNT, 2)), "desired_direction": np.zeros((COUNT, 2))}
-    walkers = replace(walkers, position=position, attention=np.zeros((COUNT, COUNT)), **still)
+    walkers = walkers._replace(position=position, attention=np.zeros((COUNT, COUNT)), **still)
     by_hand = 10.0 / 0.2 * (math.exp(-0.5 / 0.2) - math.exp(-7.5 / 0.2))
     assert accelerations("helbing1995", walkers)[0] == pytest.approx((0.0, by_hand), abs=1e-5)
 

@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sonata2d.agents.pedestrians.models.base import Walkers
 from sonata2d.agents.pedestrians.models.sonata2026 import (
-    Headway,
-    Steering,
+    ANGLES,
+    PARAMETERS,
+    adaptive_acceleration,
     anticipation_acceleration,
     group_cohesion_acceleration,
     headway_speed,
@@ -25,15 +27,12 @@ from sonata2d.core.scene import Rules, Scene
 from ..conftest import room
 from .test_crowd import positions, rotated, simulate, two_rooms
 
-HEADWAY = Headway(half_width=0.4, standstill_gap=0.1, time_gap=1.0)
+STEERING = PARAMETERS._replace(
+    headway_half_width=0.4, standstill_gap=0.1, time_gap=1.0, look_ahead_time=0.5, side_bonus=0.06, habit_bonus=0.0,
+    temperature=0.1,
+)  # fmt: skip
 CORNER = Pose(-3.7, -3.7)
-BOTH, CONTACT_DISTANCE = 1.0 - np.eye(2), np.full((2, 2), 0.4)
-EAST_AND_WEST, BOTH_EAST = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([[1.0, 0.0], [1.0, 0.0]])
-
-
-def pair(x: float, y: float) -> tuple[Array, Array]:
-    """dx and dy of two agents: the second is at (x, y) relative to the first; entry [j, i] leads from i to j."""
-    return np.array([[0.0, -x], [x, 0.0]]), np.array([[0.0, -y], [y, 0.0]])
+CONTACT_DISTANCE = 0.4
 
 
 @pytest.mark.parametrize(
@@ -48,49 +47,52 @@ def pair(x: float, y: float) -> tuple[Array, Array]:
     ],
 )
 def test_the_gap_ahead_determines_the_speed(x: float, y: float, weight: float, speed: float) -> None:
-    dx, dy = pair(x, y)
-    assert headway_speed(dx, dy, CONTACT_DISTANCE, weight * BOTH, HEADWAY)[0] == pytest.approx(speed)
+    assert max(headway_speed(x, y, CONTACT_DISTANCE, weight, STEERING), 0.0) == pytest.approx(speed)
 
 
-def steered(
-    x: float, y: float, direction: Array, side_bonus: float = 0.06, queueing: float = 1.0
-) -> tuple[Array, Array]:
-    """Directions and speeds that a pair at rest chooses."""
-    dx, dy = pair(x, y)
-    steering = Steering(look_ahead_time=0.5, side_bonus=side_bonus, habit_bonus=0.0, temperature=0.1, queueing=queueing)
-    speed = np.array([1.3, 1.3])
-    return steer(dx, dy, 0.0 * direction, direction, speed, CONTACT_DISTANCE, BOTH, steering=steering, headway=HEADWAY)
+def steered(ahead: float, left: float, cosine: float, side: float = 1.0, queueing: float = 1.0) -> Array:
+    """The direction (ahead, left) and the speed that a pedestrian at rest chooses with another one in its path.
+
+    Args:
+        ahead, left: position of the other one, m.
+        cosine: of the two desired directions.
+        side: of the rules.
+        queueing: the parameter.
+    """
+    path = np.array([[ahead, -left, 0.0, 0.0, cosine, CONTACT_DISTANCE, 1.0]])
+    parameters = STEERING._replace(queueing=queueing)
+    return np.array(steer(path, (1.0, 0.0), (0.0, 0.0), 1.3, side, parameters, np.empty(len(ANGLES))))
 
 
 def test_a_free_path_is_walked_straight_at_the_desired_speed() -> None:
-    direction, speed = steered(4.0, 0.0, BOTH_EAST)
-    assert np.array_equal(direction, BOTH_EAST)
-    assert speed.tolist() == [1.3, 1.3]
+    assert steered(4.0, 0.0, 1.0).tolist() == [1.0, 0.0, 1.3]
 
 
 def test_oncoming_pedestrians_are_passed_on_the_biased_side() -> None:
-    direction, speed = steered(1.0, 0.0, EAST_AND_WEST)
-    assert direction[0, 1] < -0.1  # for a walker along +x, right is -y
-    assert direction[1, 1] > 0.1
-    assert (speed > 0.4).all()
-    mirrored, _ = steered(1.0, 0.0, EAST_AND_WEST, side_bonus=-0.06)
-    assert mirrored == pytest.approx(direction * [1.0, -1.0])
+    ahead, left, speed = steered(1.0, 0.0, -1.0)
+    assert left < -0.1
+    assert speed > 0.4
+    assert steered(1.0, 0.0, -1.0, side=-1.0) == pytest.approx((ahead, -left, speed))
 
 
 def test_pedestrians_in_the_same_direction_are_followed_and_not_overtaken() -> None:
-    direction, speed = steered(1.0, 0.0, BOTH_EAST)
-    assert direction[0] == pytest.approx((1.0, 0.0), abs=0.05)
-    assert speed[0] == pytest.approx(0.5, abs=0.1)  # (1 - 0.4 - 0.1) / 1
-    overtaking, _ = steered(1.0, 0.1, BOTH_EAST, queueing=0.0)
-    assert abs(overtaking[0, 1]) > 0.3
+    ahead, left, speed = steered(1.0, 0.0, 1.0)
+    assert (ahead, left) == pytest.approx((1.0, 0.0), abs=0.05)
+    assert speed == pytest.approx(0.5, abs=0.1)  # (1 - 0.4 - 0.1) / 1
+    assert abs(steered(1.0, 0.1, 1.0, queueing=0.0)[1]) > 0.3
 
 
-def anticipation(x: float, y: float, velocity: Array, contact_distance: Array, offset: float) -> Array:
-    """The anticipation term of a pair."""
-    dx, dy = pair(x, y)
-    return anticipation_acceleration(
-        dx, dy, velocity, BOTH, contact_distance, strength=0.8, decay_length=0.5, decay_time=1.5, offset=offset
-    )
+def anticipation(x: float, y: float, velocity: Array, contact_distance: float, offset: float) -> Array:
+    """The anticipation term of two agents, (2, 2); the second one is at (x, y) relative to the first."""
+    parameters = PARAMETERS._replace(
+        anticipation_strength=0.8, anticipation_decay_length=0.5, anticipation_decay_time=1.5,
+        anticipation_offset=abs(offset),
+    )  # fmt: skip
+    ux, uy = (velocity[1] - velocity[0]).tolist()
+    side = math.copysign(1.0, offset)
+    first = anticipation_acceleration(x, y, ux, uy, 1.0, contact_distance, side, parameters)
+    second = anticipation_acceleration(-x, -y, -ux, -uy, 1.0, contact_distance, side, parameters)
+    return np.array([first, second])
 
 
 def test_anticipation_by_hand() -> None:
@@ -105,6 +107,9 @@ def test_anticipation_by_hand() -> None:
     assert found[1] == pytest.approx(-found[0])
 
 
+EAST_AND_WEST = np.array([[1.0, 0.0], [-1.0, 0.0]])
+
+
 def test_pairs_that_separate_do_not_anticipate() -> None:
     assert np.abs(anticipation(1.0, 0.0, -EAST_AND_WEST, CONTACT_DISTANCE, 0.05)).max() == 0.0
 
@@ -117,22 +122,37 @@ def test_head_on_encounters_are_evaded_to_the_biased_side(offset: float) -> None
 
 
 def test_proximity_by_hand() -> None:
-    dx, dy = pair(0.7, 0.0)
-    found = proximity_acceleration(
-        dx, dy, BOTH_EAST, BOTH, CONTACT_DISTANCE, strength=0.5, decay_length=0.3, anisotropy=0.2
+    parameters = PARAMETERS._replace(proximity_strength=0.5, proximity_decay_length=0.3, anisotropy=0.2)
+    before, behind = (
+        proximity_acceleration(x, 0.0, (1.0, 0.0), 1.0, CONTACT_DISTANCE, parameters) for x in (0.7, -0.7)
     )
-    assert found[0] == pytest.approx((-0.5 * math.exp(-1.0), 0.0), abs=1e-6)
-    assert found[1] == pytest.approx((0.2 * 0.5 * math.exp(-1.0), 0.0), abs=1e-6)  # the first is behind
+    assert before == pytest.approx((-0.5 * math.exp(-1.0), 0.0), abs=1e-6)
+    assert behind == pytest.approx((0.2 * 0.5 * math.exp(-1.0), 0.0), abs=1e-6)
+
+
+def test_pedestrians_start_at_once_and_follow_smoothly() -> None:
+    starting, walking, following = (
+        adaptive_acceleration((vx, 0.0), (1.0, 0.0), permitted, 1.3, PARAMETERS)
+        for vx, permitted in ((0.0, 0.5), (1.0, 1.3), (1.0, 0.9))
+    )
+    assert starting[0] == pytest.approx(0.5 / 0.16)
+    assert walking[0] == pytest.approx(0.3 / 0.61)
+    assert following[0] == pytest.approx(-0.1 / 2.0)
+    assert adaptive_acceleration((0.5, 0.2), (1.0, 0.0), 0.5, 0.5, PARAMETERS)[1] == pytest.approx(-0.2 / 0.36)
 
 
 def test_group_members_behind_accelerate_as_much_as_members_ahead_slow_down() -> None:
-    ahead, abreast = (
-        group_cohesion_acceleration(*pair(x, y), BOTH_EAST, BOTH, np.ones(2), cohesion=0.2, spacing=0.9, abreast=0.1)
-        for x, y in ((0.6, 0.5), (0.0, 1.4))
-    )
-    assert ahead[0] == pytest.approx((0.06, 0.0))
-    assert ahead[1] == pytest.approx((-0.06, 0.0))
-    assert abreast[0] == pytest.approx((0.0, 0.1))
+    parameters = PARAMETERS._replace(cohesion=0.2, spacing=0.9, abreast=0.1)
+    east, none, pair = np.tile([1.0, 0.0], (2, 1)), np.zeros((2, 2)), 1.0 - np.eye(2)
+
+    def cohesion(x: float, y: float, i: int) -> tuple[float, float]:
+        position, ones = np.array([[0.0, 0.0], [x, y]]), np.ones(2)
+        walkers = Walkers(position, none, east, east, ones, ones, ones > 0.0, pair, pair, ones)
+        return group_cohesion_acceleration(walkers, i, parameters)
+
+    assert cohesion(0.6, 0.5, 0) == pytest.approx((0.06, 0.0))
+    assert cohesion(0.6, 0.5, 1) == pytest.approx((-0.06, 0.0))
+    assert cohesion(0.0, 1.4, 0) == pytest.approx((0.0, 0.1))
 
 
 def crossing(side: int = 1) -> Scene:

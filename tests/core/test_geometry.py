@@ -8,15 +8,14 @@ from hypothesis import given, strategies as st
 
 from sonata2d.core.geometry import (
     Barriers,
-    Disc,
     Pose,
-    Rectangle,
     canonical_angle,
     inside_polygon,
     quantised,
     segment_distances,
-    shape_gap,
+    segments_cross,
 )
+from sonata2d.core.scalar import crosses, gap, is_inside, line_gap, towards
 from sonata2d.core.vectors import wrap_angle
 
 metres = st.floats(-20.0, 20.0)
@@ -56,23 +55,6 @@ def test_to_local_gives_ahead_and_left() -> None:
     assert Pose(0.0, 0.0, math.pi / 2).to_local((-1.0, 2.0)) == pytest.approx((2.0, 1.0))
 
 
-def test_shape_gap_equals_values_worked_out_by_hand() -> None:
-    table, plant = Rectangle(2.0, 1.0), Disc(0.5)
-    assert shape_gap(table, Pose(0, 0), plant, Pose(2.0, 0)) == pytest.approx(0.5)
-    assert shape_gap(table, Pose(0, 0, math.pi / 2), plant, Pose(2.0, 0)) == pytest.approx(1.0)
-    assert shape_gap(table, Pose(0, 0), plant, Pose(4.0, 4.5)) == pytest.approx(4.5)
-    assert shape_gap(table, Pose(0, 0), table, Pose(0.1, 0, 1.0)) == 0.0
-    assert shape_gap(Rectangle(4.0, 4.0), Pose(0, 0), plant, Pose(0.2, 0)) == 0.0
-    assert shape_gap(table, Pose(0, 0), table, Pose(0, 3.0, math.pi / 4)) == pytest.approx(2.5 - 1.5 / math.sqrt(2))
-
-
-@given(poses, poses)
-def test_shape_gap_is_symmetric(pose: Pose, other_pose: Pose) -> None:
-    rectangle, disc = Rectangle(1.2, 0.6), Disc(0.3)
-    gap = shape_gap(rectangle, pose, disc, other_pose)
-    assert gap == pytest.approx(shape_gap(disc, other_pose, rectangle, pose), abs=1e-9)
-
-
 def test_a_line_that_crosses_a_wall_has_no_gap() -> None:
     barriers = Barriers.of([((0.0, -1.0), (0.0, 1.0), 0.0), ((3.0, 3.0), (3.0, 3.0), 0.5)])
     start, end = np.array([[-1.0, 0.0], [1.0, -1.0]]), np.array([[1.0, 0.0], [1.0, 3.0]])
@@ -86,3 +68,49 @@ def test_the_notch_of_an_l_is_outside_the_polygon() -> None:
     polygon = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], dtype=float)
     points = np.array([[0.5, 0.5], [1.5, 0.5], [0.5, 1.5], [1.5, 1.5], [-0.1, 0.5]])
     assert inside_polygon(points, polygon).tolist() == [True, True, True, False, False]
+
+
+def random_barriers(seed: int) -> Barriers:
+    """Barriers with a corner, a disc and thick segments, on and off a coarse grid."""
+    rng = np.random.default_rng(seed)
+    ends = rng.uniform(-3.0, 3.0, (12, 4))
+    ends[::2] = np.round(ends[::2])
+    ends[1, :2], ends[2, 2:] = ends[0, 2:], ends[2, :2]
+    return Barriers.of(((a, b), (c, d), r) for (a, b, c, d), r in zip(ends, [0.0, 0.0, 0.3, 0.1] * 3, strict=True))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_scalar_functions_have_the_bits_of_their_array_versions(seed: int) -> None:
+    barriers = random_barriers(seed)
+    start, end = np.random.default_rng(seed + 100).uniform(-3.0, 3.0, (2, 40, 2))
+    start[::3], end[::3] = np.round(start[::3]), np.round(end[::3])
+    start[1] = end[1]
+    x, y = barriers.towards(start)
+    gaps, line_gaps = barriers.gaps(start), segment_distances(start, end, barriers)
+    is_crossed = segments_cross(start, end, barriers)
+    for n, ((a, b), (c, d)) in enumerate(zip(start.tolist(), end.tolist(), strict=True)):
+        for m in range(len(barriers)):
+            assert towards(barriers.table, m, a, b) == (x[m, n], y[m, n])
+            assert gap(barriers.table, m, a, b) == gaps[m, n]
+            assert line_gap(barriers.table, m, a, b, c, d) == line_gaps[m, n]
+            assert crosses(barriers.table, m, a, b, c, d) == is_crossed[m, n]
+
+
+def test_a_scalar_point_is_inside_where_its_array_version_is() -> None:
+    polygon = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], dtype=float)
+    edges = np.concatenate((polygon, np.roll(polygon, -1, axis=0)), axis=1)
+    points = np.random.default_rng(0).uniform(-0.5, 2.5, (300, 2))
+    points[::2] = np.round(points[::2] * 2) / 2
+    assert [is_inside(edges, x, y) for x, y in points.tolist()] == inside_polygon(points, polygon).tolist()
+
+
+def test_joined_barriers_equal_barriers_of_all_edges() -> None:
+    first, second = random_barriers(1), random_barriers(2)
+    rows = np.concatenate([np.column_stack((each.start, each.end, each.radius)) for each in (first, second)])
+    joined, expected = first.joined(second), Barriers.of(((a, b), (c, d), r) for a, b, c, d, r in rows.tolist())
+    for name in ("start", "end", "radius", "table"):
+        assert np.array_equal(getattr(joined, name), getattr(expected, name))
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(joined, name)[0] = 0.0
+    assert first.joined(Barriers.of([])) is first
+    assert np.array_equal(Barriers.of([]).joined(first).table, first.table)

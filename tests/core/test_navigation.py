@@ -1,7 +1,11 @@
 """The free space of a scene and the shortest paths through it."""
 
 import math
+import os
+import subprocess
+import sys
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -49,6 +53,26 @@ def test_free_space_ends_at_its_clearance_from_walls_and_furniture():
 def test_the_inside_of_large_furniture_is_not_free():
     room = space(objects=[(Rectangle(3.0, 2.0), Pose(4.0, 4.0, 0.3)), (Disc(0.2), Pose(1.0, 1.0))])
     assert room.is_free(np.array([[4.0, 4.0], [4.0, 6.0]])).tolist() == [False, True]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_line_is_clear_where_all_its_points_keep_the_clearance(seed):
+    room = furnished(seed)
+    start, end = np.random.default_rng(seed).uniform(0.0, 8.0, (2, 200, 2))
+    clear = room.is_clear(start, end)
+    for a, b, is_clear in zip(start, end, clear, strict=True):
+        margin = room.barriers.gaps(np.linspace(a, b, 400)).min() - room.clearance
+        assert is_clear == (margin >= 0.0) or abs(margin) < 0.02
+    assert 0 < clear.sum() < 200
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_place_is_open_if_it_is_free_and_can_be_reached_straight(seed):
+    room = furnished(seed)
+    start, end = np.random.default_rng(seed).uniform(-0.5, 8.5, (2, 60, 2))
+    expected = room.is_free(end) & room.is_clear(start, end)
+    pairs = zip(map(tuple, start.tolist()), map(tuple, end.tolist()), strict=True)
+    assert [room.is_open(a, b) for a, b in pairs] == expected.tolist()
 
 
 def test_an_unobstructed_path_is_straight():
@@ -127,6 +151,16 @@ def test_distances_of_a_goal_field_equal_the_lengths_of_single_paths(seed):
         assert distance == (math.inf if path is None else pytest.approx(length(path)))
 
 
+def test_earlier_searches_change_no_path():
+    """The graph is built when it is first needed."""
+    used = furnished(2)
+    starts, goals = free_points(used, 20, 1), free_points(used, 20, 2)
+    assert used.distance((1.0, 1.0), (7.0, 7.0)) < math.inf
+    for start, goal in zip(map(tuple, starts.tolist()), map(tuple, goals.tolist()), strict=True):
+        assert np.array_equal(furnished(2).path(start, goal), used.path(start, goal))
+        assert furnished(2).nearest_free(start) == used.nearest_free(start) == start
+
+
 def test_distance_is_symmetric():
     room = furnished(1)
     a, b = (tuple(point) for point in free_points(room, 2, 5).tolist())
@@ -183,3 +217,27 @@ def test_a_wall_across_the_room_leaves_no_path():
 def test_a_room_without_barriers_is_free():
     room = FreeSpace(np.array(SQUARE), Barriers.of([]), 0.3)
     assert room.path((1.0, 1.0), (7.0, 7.0)).tolist() == [[1.0, 1.0], [7.0, 7.0]]
+
+
+def save_paths(file: str) -> None:
+    """Write distances and paths in a furnished room to a file; starts and goals may lie in furniture."""
+    rng, arrays = np.random.default_rng(3), {}
+    for seed in range(2):
+        room = furnished(seed)
+        starts, goals = rng.uniform(0.0, 8.0, (2, 12, 2))
+        arrays[f"distances{seed}"] = room.towards(tuple(goals[0])).distances(starts)
+        for k in range(12):
+            path = room.path(tuple(starts[k]), tuple(goals[k]))
+            arrays[f"path{seed}-{k}"] = np.zeros((0, 2)) if path is None else path
+    np.savez(file, **arrays)
+
+
+def test_the_interpreter_gives_the_bits_of_compiled_code(tmp_path):
+    save_paths(str(tmp_path / "compiled.npz"))
+    code = "import sys; from tests.core.test_navigation import save_paths; save_paths(sys.argv[1])"
+    command = [sys.executable, "-W", "error", "-c", code, str(tmp_path / "interpreted.npz")]
+    subprocess.run(command, cwd=Path(__file__).parents[2], env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, check=True)
+    with np.load(tmp_path / "compiled.npz") as compiled, np.load(tmp_path / "interpreted.npz") as interpreted:
+        assert max(len(compiled[name]) for name in compiled.files) > 3
+        for name in compiled.files:
+            assert np.array_equal(compiled[name], interpreted[name]), name

@@ -12,6 +12,15 @@ def test_the_stream_never_changes() -> None:
     assert drawn == [0.84588954125817, 2, 1.3078922575191396]
 
 
+@pytest.mark.parametrize("seed", [0, 7, 2**32 - 1, 2**32, 2**64 + 5, 2**128 - 1, 2**128, 2**200 + 3])
+@pytest.mark.parametrize(("episode", "entity"), [(0, None), (3, 0), (2**32 + 1, 17), (5, 2**40)])
+def test_streams_are_seeded_as_by_a_seed_sequence_of_numpy(seed: int, episode: int, entity: int | None) -> None:
+    key = (episode, 1) if entity is None else (episode, 1, entity)
+    expected = np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key))
+    stream = RandomStream(seed, episode, "people", entity)
+    assert [stream.uniform() for _ in range(3)] == [(int(expected.random_raw()) >> 11) / 2**53 for _ in range(3)]
+
+
 def test_streams_differ_by_seed_episode_and_name() -> None:
     streams = [
         RandomStream(7, 3, "scene"),
@@ -48,3 +57,9 @@ def test_choices_are_proportional_to_the_weights() -> None:
 def test_normal_rejects_a_range_without_draws(low: float, high: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         RandomStream(0, 0, "noise").normal(0.0, 1.0, low, high)
+
+
+def test_many_uniforms_are_those_of_single_draws() -> None:
+    one_by_one, together = (RandomStream(7, 3, "glances", 2) for _ in range(2))
+    assert together.uniforms(5).tolist() == [one_by_one.uniform() for _ in range(5)]
+    assert together.uniform() == one_by_one.uniform()

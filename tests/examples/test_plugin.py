@@ -65,6 +65,53 @@ def test_episodes_with_plug_ins_replay_and_rerun_to_the_bit(installed: dict[str,
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+NUMPY_MODEL = """
+import numpy as np
+from sonata2d.core.portable_math import exp
+
+def total(push, x, y):
+    return np.stack((np.add.reduce(push * x, axis=0), np.add.reduce(push * y, axis=0)), axis=1)
+
+class Circular:
+    evaluations, headed = 1, False
+
+    def __init__(self, scene):
+        self.barriers = scene.barriers
+
+    def acceleration(self, w):
+        x, y = (w.position[None, :, k] - w.position[:, None, k] for k in (0, 1))  # from row j to column i
+        distance = np.maximum(np.sqrt(x * x + y * y), 1e-6)
+        gap = np.maximum(distance - (w.radius[:, None] + w.radius), 0.0)
+        push = np.ascontiguousarray(w.attention.T) * (3.0 * exp(-gap / 0.3) / distance)
+        drive = (w.desired_direction * w.desired_speed[:, None] - w.velocity) / 0.5
+        wall_x, wall_y = self.barriers.towards(w.position)
+        distance = np.maximum(np.sqrt(wall_x * wall_x + wall_y * wall_y), 1e-6)
+        gap = np.maximum(distance - self.barriers.radius[:, None] - w.radius, 0.0)
+        wall = exp(gap * (-1.0 / 0.1)) * -3.0 / distance
+        return total(push, x, y) + drive + total(wall, wall_x, wall_y)
+"""
+
+
+def test_a_pedestrian_model_in_plain_numpy_moves_people_as_its_kernel_does(
+    installed: dict[str, str], tmp_path: Path
+) -> None:
+    info = tmp_path / "numpy_model-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy-model\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[sonata2d.pedestrian_models]\nplain = numpy_model:Circular\n")
+    (tmp_path / "numpy_model.py").write_text(NUMPY_MODEL)
+    env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
+    frames = {}
+    for name in ("plain", "circular"):
+        scenario = f"extends: sonata-2020\nwandering: 4\nperson: {{model: {name}}}\nrules: {{time_limit: 4}}\n"
+        (tmp_path / f"{name}.yaml").write_text(scenario)
+        words = ["generate", name, "--scenario", f"{name}.yaml", "--controller", "cautious", "--episodes", "1"]
+        done = sonata2d([*words, "--no-picture"], env, tmp_path)
+        assert done.returncode == 0, done.stderr
+        frames[name] = json.loads((tmp_path / name / "000000.json").read_bytes())["frames"]
+    assert frames["plain"] == frames["circular"]
+
+
 def test_a_broken_plug_in_is_named_and_skipped(installed: dict[str, str], tmp_path: Path) -> None:
     broken = tmp_path / "broken-1.0.dist-info"
     broken.mkdir()

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from sonata2d.core.portable_math import Array, IntArray
+from sonata2d.learning.graph.features import FEATURES, INPUTS
 from sonata2d.learning.graph.graph import RELATIONS
-from sonata2d.learning.graph.modern import INPUTS
-from sonata2d.learning.graph.paper import FEATURES
 from sonata2d.learning.weights import Weights, write_weights
 
 INPUTS_OF = {"paper": len(FEATURES), "modern": len(INPUTS)}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +20,10 @@ from sonata2d.datasets.mirror import mirrored
 from sonata2d.datasets.motion import motion_of
 from sonata2d.errors import Sonata2dError
 from sonata2d.learning.graph.convert import save_graph, to_data, to_hetero, typed_edges
+from sonata2d.learning.graph.features import FEATURES
 from sonata2d.learning.graph.graph import NODE_TYPES, RELATIONS, Graph, wall_pieces
 from sonata2d.learning.graph.modern import modern_graph
-from sonata2d.learning.graph.paper import FEATURES, kept_ticks, paper_graphs
+from sonata2d.learning.graph.paper import kept_ticks, paper_graphs
 from sonata2d.record.reader import read_episode, record_from_document
 from sonata2d.record.record import EpisodeRecord
 from sonata2d.view.network import NODE_COLOUR
@@ -293,3 +296,10 @@ def test_picture_shows_every_node_type_in_its_colour(runs: list[EpisodeRecord], 
         part = pygame.surfarray.array3d(picture.subsurface((k * panel, 60, panel, picture.get_height() - 100)))
         colours = {tuple(colour) for colour in part.reshape(-1, 3).tolist()}
         assert {NODE_COLOUR[kind] for kind in NODE_TYPES} <= colours
+
+
+def test_importing_the_graphs_loads_no_compiler() -> None:
+    code = "import sys; from sonata2d import read_episode; from sonata2d.learning.graph import *;"
+    code += "from sonata2d.learning import inputs_of; print('numba' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"

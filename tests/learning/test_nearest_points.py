@@ -9,14 +9,15 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.core.entities import Furniture, Human, Wall
-from sonata2d.core.geometry import Barriers, Disc, Pose, Rectangle, shape_gap
+from sonata2d.core.geometry import Barriers, Disc, Pose, Rectangle
+from sonata2d.core.outlines import shape_gap
 from sonata2d.core.portable_math import Array
 from sonata2d.core.proxemics import clearance
 from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Scene
 from sonata2d.learning.graph.graph import Graph
 from sonata2d.learning.graph.modern import graph_of_observations, modern_graph
-from sonata2d.learning.graph.source import observation_of
+from sonata2d.learning.graph.source import SceneNodes, observation_of
 from sonata2d.record.reader import read_episode
 
 from ..conftest import room
@@ -42,7 +43,7 @@ def random_scene(seed: int) -> Scene:
 
 def live_graph(scene: Scene, origin: list[float]) -> Graph:
     snapshot = s2.Episode(scene, s2.StraightToGoal()).snapshot()
-    return graph_of_observations(scene, [observation_of(snapshot)], np.array(origin))
+    return graph_of_observations(SceneNodes(scene), [observation_of(snapshot)], np.array(origin))
 
 
 def column(graph: Graph, *names: str) -> Array:

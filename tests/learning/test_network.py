@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sonata2d.learning.fixed_point import BLOCK, UNIT, dot, product, round_values, round_weights
+from sonata2d.core.portable_math import Array
+from sonata2d.learning.fixed_point import BLOCK, LARGEST_VALUE, UNIT, product, round_weights, rounded
 from sonata2d.learning.network import network_of
 from sonata2d.learning.weights import Weights
 
@@ -144,6 +145,19 @@ def test_order_of_summation_changes_no_bit(graph: str, kind: str) -> None:
         assert again.tolist() == answer.tolist()
 
 
+def round_values(values: Array) -> Array:
+    return np.array([rounded(value) for value in values.ravel().tolist()]).reshape(values.shape)
+
+
+def test_values_are_clipped_and_rounded_half_to_even() -> None:
+    """Python's `round` rounds half to even, and multiplying by a power of two is exact."""
+    rng = np.random.default_rng(1)
+    ties = (rng.integers(-(2**19), 2**19, 500) + 0.5) * UNIT
+    values = [*rng.normal(0.0, 30.0, 500).tolist(), *ties.tolist(), 0.0, 64.0, -64.0, 1e300, -1e300]
+    for value in values:
+        assert rounded(value) == round(max(min(value, LARGEST_VALUE), -LARGEST_VALUE) / UNIT) * UNIT
+
+
 def test_product_is_exact_up_to_the_documented_length() -> None:
     rng = np.random.default_rng(7)
     a, b = round_values(rng.uniform(63.0, 65.0, 2**15)), round_weights(rng.uniform(7.0, 8.0, 2**15))
@@ -153,14 +167,16 @@ def test_product_is_exact_up_to_the_documented_length() -> None:
     sequential = 0.0
     for p, q in zip(a.tolist()[::-1], b.tolist()[::-1], strict=True):
         sequential += p * q
-    assert float(product(a[None], b[:, None])[0, 0]) == float(dot(a, b)) == sequential == exact * UNIT * UNIT
+    assert float(product(a[None], b[:, None])[0, 0]) == sequential == exact * UNIT * UNIT
 
 
 def test_large_product_is_the_same_in_blocks() -> None:
     rng = np.random.default_rng(8)
     a, b = round_values(rng.normal(0.0, 9.0, (1000, 64))), round_weights(rng.uniform(-8.0, 8.0, (64, 50)))
     assert a.size * b.shape[1] > 10 * BLOCK
-    assert np.array_equal(product(a, b), a @ b)
+    out = np.empty((1000, 50))
+    assert product(a, b, out) is out
+    assert np.array_equal(out, a @ b)
     assert np.array_equal(product(a[:, ::-1].copy(), b[::-1].copy()), a @ b)
 
 
@@ -176,3 +192,19 @@ def test_graph_without_edges_has_an_answer() -> None:
         x, no_edges = random_graph(graph, 9)[0], np.zeros((2, 0), dtype=np.int64)
         answer = network_of(random_weights(graph, kind))(x, no_edges, no_edges[0])
         assert np.isfinite(answer).all()
+
+
+def test_edges_beyond_the_graph_or_the_relations_are_refused() -> None:
+    for graph, kind in ALL:
+        network, (x, edges, relation) = network_of(random_weights(graph, kind)), random_graph(graph, 10)
+        for node in (-1, len(x)):
+            for end in (0, 1):
+                wrong = edges.copy()
+                wrong[end, 5] = node
+                with pytest.raises(IndexError, match="nodes that the graph does not have"):
+                    network(x, wrong, relation)
+        for number in (-1, RELATIONS_OF[graph]):
+            wrong = relation.copy()
+            wrong[5] = number
+            with pytest.raises(IndexError, match="a relation that the network does not have"):
+                network(x, edges, wrong)

@@ -18,8 +18,9 @@ from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets.mirror import mirrored
 from sonata2d.errors import ControllerError
+from sonata2d.learning.graph.features import INPUTS
 from sonata2d.learning.graph.graph import Graph
-from sonata2d.learning.graph.modern import INPUTS, inputs_of, modern_graph
+from sonata2d.learning.graph.modern import inputs_of, modern_graph
 from sonata2d.learning.graph.paper import kept_ticks, paper_graphs
 from sonata2d.learning.policy import GraphPolicy
 from sonata2d.learning.weights import Weights, write_weights

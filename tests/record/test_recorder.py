@@ -4,30 +4,36 @@ from __future__ import annotations
 
 import enum
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import orjson
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 
+from sonata2d.core.devices import DeviceEvent
+from sonata2d.core.entities import AT_LAPTOP, TALKING, Interaction
 from sonata2d.core.geometry import Twist, canonical_angle, quantised
-from sonata2d.core.humans import VY
+from sonata2d.core.humans import ACTIVITIES, VY
+from sonata2d.core.portable_math import angle_of, unit_vector
 from sonata2d.core.scene import Scene
-from sonata2d.core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
+from sonata2d.core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from sonata2d.errors import RecordError
-from sonata2d.record.canonical import rounded, rounded_rows, to_json_value
+from sonata2d.record.canonical import rounded, rounded_rows, serialise, to_json_value
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import EpisodeRecorder, JsonRecorder
 
-from .samples import CONTROLLER_INFO, robot_state, run, scene, snapshot
+from .samples import CONTROLLER_INFO, people, robot_state, run, scene, snapshot
 
 KEYS = (
     "format version id name family seed episode physics precision settings rules room walls objects humans groups"
     " interactions robot goal social dropped controller labels contributor context branched_from columns activities"
     " outcome frames final software"
 )
+INTERACTIONS = (Interaction(1, AT_LAPTOP, 11), Interaction(2, TALKING, 3))
+CONTACTS = (Contact("human", 1, True, False), Contact("wall", 0, False, False))
 FRAME_KEYS = "tick time robot command executed guarded humans activity interactions contacts events"
 
 
@@ -191,6 +197,93 @@ def test_the_row_of_an_absent_person_is_null(tmp_path: Path) -> None:
     assert np.isnan(record.humans[1, 1]).all()
     assert record.snapshot(1).humans.id.tolist() == second.humans.id.tolist()
     assert record.snapshot(1).humans.row.tolist() == [0, 2]
+
+
+NUMBER = st.floats(-1e4, 1e4)
+UNIT_VECTOR = st.floats(-4.0, 4.0).map(unit_vector)
+TEXT = st.sampled_from(["", "]],[[", "],[", ",", "[null,null,null,null,null,null,null]", "\n", "Zoë", '"']) | st.text()
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | NUMBER | TEXT,
+    lambda values: st.lists(values, max_size=3) | st.dictionaries(TEXT, values, max_size=3),
+)
+
+
+@st.composite
+def snapshots(draw: st.DrawFn, of: Scene, tick: int) -> Snapshot:
+    """A snapshot with any numbers, in which any of the people may be absent."""
+    count = len(of.humans)
+    vectors = [
+        [*draw(st.tuples(*[NUMBER] * 4)), *draw(UNIT_VECTOR), *draw(UNIT_VECTOR), draw(NUMBER)] for _ in range(count)
+    ]
+    activity = np.array([draw(st.integers(0, 5)) for _ in range(count)], dtype=np.int64)
+    humans = replace(people(of, 0.0), state=np.array(vectors).reshape(count, 9), activity_index=activity)
+    absent = draw(st.sets(st.integers(0, max(count - 1, 0))))
+    executed = Twist(*draw(st.tuples(NUMBER, NUMBER, NUMBER)))
+    position, velocity = draw(st.tuples(NUMBER, NUMBER)), draw(st.tuples(NUMBER, NUMBER))
+    robot = RobotState(position, draw(UNIT_VECTOR), velocity, draw(NUMBER), executed, draw(st.booleans()), of.robot)
+    chosen = [k for k in range(count) if k not in absent]
+    return snapshot(
+        of,
+        tick,
+        robot=robot,
+        humans=humans.select(np.array(chosen, dtype=np.int64)),
+        interactions=tuple(draw(st.lists(st.sampled_from(INTERACTIONS), max_size=2))),
+        contacts=tuple(draw(st.lists(st.sampled_from(CONTACTS), max_size=2))),
+        events=tuple(draw(st.lists(st.builds(DeviceEvent, TEXT, TEXT, st.floats(-1.0, 1.0)), max_size=2))),
+    )
+
+
+def state_in_file(state: Snapshot) -> dict[str, Any]:
+    """What a file holds of a snapshot, computed one number at a time."""
+    robot, people_rows = state.robot, {person.id: person for person in state.humans}
+    row = [*robot.position, angle_of(robot.direction[1], robot.direction[0]), *robot.velocity, robot.omega]
+    rows: list[Any] = []
+    for human in state.scene.humans:
+        if person := people_rows.get(human.id):
+            pose, velocity = person.pose, person.velocity
+            numbers = [pose.x, pose.y, pose.theta, *velocity, person.omega, person.head]
+            rows.append([(canonical_angle if k in (2, 6) else quantised)(value) for k, value in enumerate(numbers)])
+        else:
+            rows.append(None)
+    return {
+        "tick": state.tick,
+        "time": quantised(state.time),
+        "robot": [(canonical_angle if k == 2 else quantised)(value) for k, value in enumerate(row)],
+        "humans": rows,
+        "activity": [
+            ACTIVITIES.index(people_rows[human.id].activity) if human.id in people_rows else -1
+            for human in state.scene.humans
+        ],
+        "interactions": [[i.src, i.relation, i.dst] for i in state.interactions],
+        "contacts": [asdict(contact) for contact in state.contacts],
+    }
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_a_document_holds_what_each_frame_holds(data: st.DataObject) -> None:
+    of = scene(humans=scene().humans[: data.draw(st.integers(0, 3))], groups=(), interactions=())
+    states = [data.draw(snapshots(of, tick)) for tick in range(data.draw(st.integers(1, 4)))]
+    frames = [Frame(s, Twist(*data.draw(st.tuples(NUMBER, NUMBER, NUMBER))), data.draw(JSON)) for s in states[:-1]]
+    recorder = EpisodeRecorder()
+    recorder.open(of, CONTROLLER_INFO)
+    for frame in frames:
+        recorder.note(frame)
+    recorder.close(states[-1], Outcome("stopped", "", len(frames), 0.1 * len(frames)))
+    document = orjson.loads(recorder.document())
+    expected = []
+    for frame, after in zip(frames, states[1:], strict=True):
+        values = state_in_file(frame.snapshot)
+        executed, c = after.robot.executed, frame.command
+        values["command"] = [quantised(value) for value in (c.vx, c.vy, c.omega)]
+        values["executed"] = [quantised(value) for value in (executed.vx, executed.vy, executed.omega)]
+        values |= {"guarded": after.robot.guarded, "events": [asdict(event) for event in frame.snapshot.events]}
+        expected.append(values if frame.label is None else values | {"label": to_json_value(frame.label, "label")})
+    assert document["frames"] == expected
+    final = state_in_file(states[-1])
+    events = [asdict(event) for event in states[-1].events]
+    assert document["final"] == (final | {"events": events} if events else final)
+    assert serialise(document) == recorder.document()
 
 
 class Colour(enum.Enum):

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 import numpy as np
 import pytest
 
+from sonata2d.core import humans
 from sonata2d.core.portable_math import Array, unit_vectors
-from sonata2d.core.scene import Rules
-from sonata2d.core.vectors import X, Y
-from sonata2d.sim.posture import BODY_TURN, HEAD_LIMIT, HEAD_TURN, Posture
-
-from ..conftest import room, walker
+from sonata2d.sim.kernel import posture
+from sonata2d.sim.kernel.posture import BODY_TURN, HEAD_LIMIT, HEAD_TURN
 
 THETA, OMEGA, GAZE = range(3)  # columns of `turn`
 
 
-def turn(target: float, *, speed: float = 1.3, gaze: float | None = None, ticks: int = 30, **rules: object) -> Array:
+def turn(
+    target: float,
+    *,
+    speed: float = 1.3,
+    gaze: float | None = None,
+    ticks: int = 30,
+    side: float = 1.0,
+    dt: float = 0.1,
+) -> Array:
     """Heading, turn rate and gaze of a pedestrian that turns from heading 0; (ticks + 1, 3), rad and rad/s.
 
     Args:
@@ -26,14 +31,14 @@ def turn(target: float, *, speed: float = 1.3, gaze: float | None = None, ticks:
         speed: of the pedestrian, m/s.
         gaze: angle to look at, rad; by default the target.
     """
-    posture = Posture(room([walker(1, 0.0, 0.0)], rules=Rules(**rules)))  # type: ignore[arg-type]
-    bodies = np.array([[0.0, 0.0, speed, 0.0]])
+    state, memory = np.zeros((1, 9)), np.zeros((1, 3))
+    state[0, [humans.VX, humans.BODY_X, humans.GAZE_X]] = speed, 1.0, 1.0
     facing, gazing = (unit_vectors(np.array([angle])) for angle in (target, target if gaze is None else gaze))
     rows = []
     for _ in range(ticks + 1):
-        theta, head = (math.atan2(vector[0, Y], vector[0, X]) for vector in (posture.direction, posture.gaze))
-        rows.append((theta, posture.omega[0], head))
-        posture.turn(bodies, facing, gazing)
+        theta = math.atan2(state[0, humans.BODY_Y], state[0, humans.BODY_X])
+        rows.append((theta, state[0, humans.OMEGA], math.atan2(state[0, humans.GAZE_Y], state[0, humans.GAZE_X])))
+        posture.turn(state, memory, 0, facing, gazing, float(side), dt)
     return np.array(rows)
 
 
@@ -68,8 +73,8 @@ def test_the_gaze_stays_on_its_target_while_the_body_turns() -> None:
     assert np.abs(gaze).max() < 0.1
 
 
-@pytest.mark.parametrize("side", [1, -1])
-def test_an_about_turn_is_to_the_side_of_the_rules(side: Literal[-1, 1]) -> None:
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_an_about_turn_is_to_the_side_of_the_rules(side: float) -> None:
     assert np.sign(turn(math.pi, side=side)[5, THETA]) == -side
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from sonata2d.core.portable_math import Array
 from sonata2d.core.scene import Rules
 from sonata2d.core.snapshot import CrowdCommands, Snapshot
 from sonata2d.core.vectors import X
-from sonata2d.sim.posture import BODY_TURN, HEAD_LIMIT
+from sonata2d.sim.kernel.posture import BODY_TURN, HEAD_LIMIT
 from sonata2d.sim.world import World
 
 from ..conftest import room, walker
@@ -36,10 +37,14 @@ def push(world: World, acceleration: Array | tuple[float, float], gaze: tuple[fl
 def drive(world: World, twist: Twist, ticks: int) -> Snapshot:
     """Drive the robot with a constant twist while the pedestrians do not accelerate; the last snapshot."""
     for _ in range(ticks):
-        humans = world.snapshot().humans
-        still = np.zeros((len(humans), 2))
-        world.step(twist, CrowdCommands(still, humans.direction, humans.gaze, humans.activity_index, ()))
+        world.step(twist, still(world))
     return world.snapshot()
+
+
+def still(world: World) -> CrowdCommands:
+    """Commands of pedestrians that do not accelerate."""
+    humans = world.snapshot().humans
+    return CrowdCommands(np.zeros((len(humans), 2)), humans.direction, humans.gaze, humans.activity_index, ())
 
 
 def test_a_free_robot_executes_its_twist() -> None:
@@ -125,3 +130,22 @@ def test_heads_turn_before_bodies_and_within_the_limit_of_the_neck() -> None:
         human = push(world, (0.0, 0.0), gaze=behind).humans[0]
         assert math.cos(human.head - human.pose.theta) > math.cos(HEAD_LIMIT) - 1e-9
     assert abs(human.pose.theta) == pytest.approx(math.pi, abs=0.01)
+
+
+def test_velocity_and_acceleration_limits_hold_for_any_command() -> None:
+    world, before, limits = World(room(robot=Pose(0.0, 0.0))), Twist(), Limits()
+    for _ in range(30):
+        world.execute(Twist(9.0, 9.0, 9.0), still(world))
+        after = world.snapshot().robot.executed
+        assert math.hypot(after.vx - before.vx, after.vy - before.vy) <= limits.acceleration * 0.1 + 1e-9
+        assert abs(after.omega - before.omega) <= limits.turn_acceleration * 0.1 + 1e-9
+        before = after
+    assert before == Twist(pytest.approx(1.0), pytest.approx(0.5), pytest.approx(1.5))  # type: ignore[arg-type]
+
+
+def test_a_unicycle_does_not_move_sideways() -> None:
+    scene = room()
+    world = World(replace(scene, robot=replace(scene.robot, kinematics="unicycle")))
+    for _ in range(10):
+        world.execute(Twist(0.0, 1.0, 0.0), still(world))
+    assert world.snapshot().robot.executed.vy == 0.0

@@ -13,6 +13,7 @@ from ...core.devices import ImageRequest
 from ...core.geometry import Twist
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
+from ...errors import ControllerError
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +152,15 @@ class Controller(ABC):
         plain = (bool, int, float, str)
         public = {k: v for k, v in vars(self).items() if not k.startswith("_") and isinstance(v, plain)}
         return {k: v for k, v in public.items() if not isinstance(v, float) or math.isfinite(v)}
+
+
+class External(Controller):
+    """Stands for a client that gives the commands through `Episode.apply`; it cannot be asked for one."""
+
+    deterministic = False
+
+    def act(self, snapshot: Snapshot) -> Answer:
+        raise ControllerError("this episode has no controller; give its commands to Episode.apply")
 
 
 for _old, _new in _RENAMED.items():

@@ -8,11 +8,9 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any, Self
 
-import numpy as np
-
 from ...core.entities import Robot
 from ...core.geometry import Twist
-from ...core.portable_math import exp
+from ...core.portable_math import exp_of
 from ...core.rng import RandomStream
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
@@ -150,7 +148,7 @@ def _interpolate(start: Twist, end: Twist, fraction: float) -> Twist:
 
 def _decay(dt: float, time_constant: float) -> float:
     """Factor by which an exponential decay falls in dt, s; 0 for a time constant of 0 s."""
-    return float(exp(np.array(-dt / time_constant))) if time_constant > 0.0 else 0.0
+    return exp_of(-dt / time_constant) if time_constant > 0.0 else 0.0
 
 
 def _inner_from_settings(settings: Mapping[str, Any], default: Controller) -> Controller:

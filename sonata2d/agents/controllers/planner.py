@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from ...core.entities import TALKING, WALKING_TOGETHER, Goal, Robot
-from ...core.geometry import Barriers, Point, Twist, inside_polygon
+from ...core.compiled import kernel, subroutine
+from ...core.entities import TALKING, WALKING_TOGETHER, Robot
+from ...core.geometry import Barriers, Point, Twist
 from ...core.humans import VX, VY, X, Y
-from ...core.portable_math import Array, BoolArray, rotation
+from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ...core.scalar import END_X, END_Y, RADIUS, START_X, START_Y, clipped, gap, rotation
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from .base import Controller
@@ -19,6 +22,8 @@ from .base import Controller
 CELL = 0.1  # m
 BLOCKED = 40.0  # price per metre where the robot does not fit; 1 is open ground
 _MAXIMUM_SWEEPS = 2000
+_UNREACHED = 1e6  # initial cost of each cell
+PRICE, VALUE, CLEARANCE = range(3)  # layers of a cost field
 
 
 class CostField:
@@ -31,83 +36,24 @@ class CostField:
         scene: gives the room, furniture, standing people, interactions, goal and the robot's radius.
 
     Attributes:
+        low: (2,), m, world frame, position of the cell (0, 0).
         price: (NX, NY), cost per metre of each cell.
         value: (NX, NY), cost of the cheapest path from each cell to the goal, in metres of open ground.
+        clearance: (NX, NY), m, from each cell to the nearest wall or piece of furniture; capped beyond the reach of
+            the prices.
 
     Source: eikonal equation |∇D| = price, first-order upwind differences (Sethian, PNAS 93 (1996) 1591), solved by
     Jacobi sweeps until nothing changes.
     """
 
     def __init__(self, scene: Scene) -> None:
-        low, high = scene.outline.min(axis=0) - CELL, scene.outline.max(axis=0) + CELL
-        self._low = low
-        nx, ny = (int(n) + 1 for n in (high - low) / CELL)
-        x, y = low[0] + CELL * np.arange(nx), low[1] + CELL * np.arange(ny)
-        points = np.stack((np.repeat(x, ny), np.tile(y, nx)), axis=1)
-        self.price = _price(scene, points).reshape(nx, ny)
-        self.value = self._solve(scene.goal.position)
-
-    def at(self, x: Array, y: Array) -> Array:
-        """Cost of the path from points (m, any shape) to the goal, in metres of open ground."""
-        return self._interpolate(self.value, x, y)
-
-    def surcharge(self, x: Array, y: Array) -> Array:
-        """Price per metre at points (m, any shape) in excess of open ground."""
-        return self._interpolate(self.price, x, y) - 1.0
-
-    def _interpolate(self, values: Array, x: Array, y: Array) -> Array:
-        """Bilinear interpolation on the grid."""
-        nx, ny = values.shape
-        u = np.minimum(np.maximum((x - self._low[0]) / CELL, 0.0), nx - 1.001)
-        v = np.minimum(np.maximum((y - self._low[1]) / CELL, 0.0), ny - 1.001)
-        i, j = u.astype(np.intp), v.astype(np.intp)
-        u, v = u - i, v - j
-        flat, base = values.ravel(), i * ny + j
-        near = flat[base] * (1.0 - v) + flat[base + 1] * v
-        far = flat[base + ny] * (1.0 - v) + flat[base + ny + 1] * v
-        interpolated: Array = near * (1.0 - u) + far * u
-        return interpolated
-
-    def _solve(self, goal: Point) -> Array:
-        nx, ny = self.price.shape
-        step = self.price * CELL
-        value = np.full((nx + 2, ny + 2), 1e6)  # with a margin, so that each cell has four neighbours
-        i, j = (int((goal[k] - self._low[k]) / CELL + 0.5) + 1 for k in (0, 1))
-        inner = value[1:-1, 1:-1]
-        for _ in range(_MAXIMUM_SWEEPS):
-            value[i, j] = 0.0
-            a = np.minimum(value[:-2, 1:-1], value[2:, 1:-1])
-            b = np.minimum(value[1:-1, :-2], value[1:-1, 2:])
-            difference = a - b
-            both = (a + b + np.sqrt(np.maximum(2.0 * step * step - difference * difference, 0.0))) * 0.5
-            # A front that comes along one axis only takes the one-sided difference.
-            updated = np.where(np.abs(difference) >= step, np.minimum(a, b) + step, both)
-            updated = np.minimum(updated, inner)
-            if np.array_equal(updated, inner):
-                break
-            inner[:] = updated
-        value[i, j] = 0.0
-        return inner.copy()
-
-
-def _price(scene: Scene, points: Array) -> Array:
-    """Price per metre at points; (P, 2) to (P,)."""
-    radius = scene.robot.radius
-    price = np.ones(len(points))
-    if len(scene.barriers):
-        gap = scene.barriers.gaps(points).min(axis=0) - radius
-        price += 2.0 * np.maximum(1.0 - np.maximum(gap, 0.0) / 0.3, 0.0)
-        price = np.where(gap < -0.01, BLOCKED, price)
-    price = np.where(inside_polygon(points, scene.outline), price, BLOCKED)
-    if len(scene.standing_humans):
-        gaps = scene.standing_humans.gaps(points) - radius
-        price += (4.0 * np.maximum(1.0 - np.maximum(gaps, 0.0) / INTIMATE_DISTANCE, 0.0)).max(axis=0)
-        price += (1.0 * np.maximum(1.0 - np.maximum(gaps, 0.0) / PERSONAL_DISTANCE, 0.0)).max(axis=0)
-        price = np.where(gaps.min(axis=0) < 0.02, BLOCKED, price)
-    between = interaction_spaces(scene)
-    if len(between):
-        price += np.where(between.gaps(points).min(axis=0) < radius, 4.0, 0.0)
-    return np.minimum(price, BLOCKED)
+        self.low, high = scene.outline.min(axis=0) - CELL, scene.outline.max(axis=0) + CELL
+        nx, ny = (int(n) + 1 for n in (high - self.low) / CELL)
+        self.layers = np.empty((3, nx, ny))
+        self.price, self.value, self.clearance = self.layers[PRICE], self.layers[VALUE], self.layers[CLEARANCE]
+        obstacles = scene.barriers.table, scene.standing_humans.table, interaction_spaces(scene).table
+        goal = float(scene.goal.x), float(scene.goal.y)
+        _fill_field(self.layers, self.low, scene.outline, *obstacles, float(scene.robot.radius), *goal)
 
 
 def interaction_spaces(scene: Scene) -> Barriers:
@@ -119,80 +65,165 @@ def interaction_spaces(scene: Scene) -> Barriers:
     )
 
 
-@dataclass(frozen=True)
-class Trajectories:
-    """K predicted trajectories of the robot, S steps each.
-
-    Attributes:
-        x, y: (S, K), m, world frame.
-        ahead: (2, S, K), unit vectors of the robot's direction.
-        vx, vy: (S, K), m/s, world frame.
-        speed: (S, K), m/s.
-        onset: (K,) and (K,), m/s, world frame: velocity of the first step, before the robot has turned.
-    """
-
-    x: Array
-    y: Array
-    ahead: Array
-    vx: Array
-    vy: Array
-    speed: Array
-    onset: tuple[Array, Array]
-
-
-def roll_out(twists: Array, snapshot: Snapshot, *, horizon: float, step: float) -> Trajectories:
-    """Predict the robot's trajectory for each commanded twist, under the drive's acceleration limits.
+@kernel
+def _fill_field(
+    layers: Array, low: Array, outline: Array, barriers: Array, standing: Array, between: Array,
+    radius: float, goal_x: float, goal_y: float,
+) -> None:  # fmt: skip
+    """Compute the layers of a cost field.
 
     Args:
-        twists: (K, 3), body frame: m/s, m/s, rad/s.
-        snapshot: the initial state.
-        horizon: duration, s.
-        step: time step, s.
+        layers: (3, NX, NY), overwritten.
+        low: (2,), m, position of the cell (0, 0).
+        outline: (K, 2), m, polygon of the room.
+        barriers, standing, between: (M, 8), tables of the solids, standing people and lines of attention.
+        radius: of the robot, m.
+        goal_x, goal_y: m.
     """
-    robot = snapshot.robot
-    limits, count, steps = robot.body.limits, len(twists), int(horizon / step + 0.5)
-    now = robot.executed
-    sideways = now.vy if robot.body.kinematics == "holonomic" else 0.0
-    dvx, dvy, domega = twists[:, 0] - now.vx, twists[:, 1] - sideways, twists[:, 2] - now.omega
-    ramp = np.maximum(np.sqrt(dvx * dvx + dvy * dvy) / limits.acceleration, 1e-6)  # s to reach the velocity
-    turn_ramp = np.maximum(np.abs(domega) / limits.turn_acceleration, 1e-6)  # s to reach the turn rate
-    rows = np.empty((7, steps, count))
-    x, y = np.full(count, robot.position[0]), np.full(count, robot.position[1])
-    c, s = np.full(count, robot.direction[0]), np.full(count, robot.direction[1])
-    for k in range(steps):
-        t = (k + 0.5) * step
-        fraction, turn_fraction = np.minimum(t / ramp, 1.0), np.minimum(t / turn_ramp, 1.0)
-        vx, vy = now.vx + dvx * fraction, sideways + dvy * fraction
-        if k == 0:
-            onset = vx * c - vy * s, vx * s + vy * c
-        # Midpoint rule: turn by half of the step's angle, translate, turn by the other half.
-        tc, ts = rotation((now.omega + domega * turn_fraction) * (step / 2))
-        c, s = c * tc - s * ts, s * tc + c * ts
-        wx, wy = vx * c - vy * s, vx * s + vy * c
-        x, y = x + wx * step, y + wy * step
-        c, s = c * tc - s * ts, s * tc + c * ts
-        rows[:, k] = x, y, c, s, wx, wy, np.sqrt(vx * vx + vy * vy)
-    return Trajectories(rows[0], rows[1], rows[2:4], rows[4], rows[5], rows[6], onset)
+    _, nx, ny = layers.shape
+    reach = radius + PERSONAL_DISTANCE + 0.05  # m, to barriers that can change a price
+    people, lines, inside = np.empty(ny), np.empty(ny), np.empty(ny, dtype=np.bool_)
+    for i in range(nx):
+        x = low[X] + CELL * i
+        walls = layers[CLEARANCE, i]
+        _nearest_gaps(barriers, x, low[Y], reach, walls)
+        _nearest_gaps(standing, x, low[Y], reach, people)
+        _nearest_gaps(between, x, low[Y], reach, lines)
+        _inside_outline(outline, x, low[Y], inside)
+        for j in range(ny):
+            to_wall, to_person = walls[j] - radius, people[j] - radius
+            price = 1.0 + 2.0 * max(1.0 - max(to_wall, 0.0) / 0.3, 0.0)
+            price += 4.0 * max(1.0 - max(to_person, 0.0) / INTIMATE_DISTANCE, 0.0)
+            price += 1.0 * max(1.0 - max(to_person, 0.0) / PERSONAL_DISTANCE, 0.0)
+            price += 4.0 if lines[j] < radius else 0.0
+            fits = inside[j] and to_wall >= -0.01 and to_person >= 0.02
+            layers[PRICE, i, j] = min(price, BLOCKED) if fits else BLOCKED
+    goal_i, goal_j = int((goal_x - low[X]) / CELL + 0.5), int((goal_y - low[Y]) / CELL + 0.5)
+    _solve(layers[PRICE], layers[VALUE], goal_i, goal_j)
 
 
-def candidate_twists(robot: Robot) -> Array:
-    """The twists to try, (K, 3), body frame: a grid over the drive's limits."""
-    limits = robot.limits
-    ahead = [-limits.back * 0.6, 0.0, *(limits.ahead * fraction for fraction in (0.15, 0.3, 0.5, 0.75, 1.0))]
-    sideways = [0.0]
-    if robot.kinematics == "holonomic":
-        sideways = [-limits.sideways * 0.8, 0.0, limits.sideways * 0.8]
-    turns = [limits.turn * fraction for fraction in (-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0)]
-    return np.array([(v, w, o) for v in ahead for w in sideways for o in turns], dtype=float)
+@subroutine
+def _nearest_gaps(barriers: Array, x: float, low: float, reach: float, gaps: Array) -> None:
+    """Distance from the cells of a column of the grid to the nearest barrier, at most `reach`; (NY,), m.
+
+    Args:
+        barriers: (M, 8).
+        x, low: m, position of the first cell.
+        reach: m.
+        gaps: (NY,), overwritten.
+    """
+    count = len(gaps)
+    for j in range(count):
+        gaps[j] = reach
+    for k in range(len(barriers)):
+        margin = reach + barriers[k, RADIUS]
+        if max(barriers[k, START_X], barriers[k, END_X]) + margin < x:
+            continue
+        if min(barriers[k, START_X], barriers[k, END_X]) - margin > x:
+            continue
+        first = (min(barriers[k, START_Y], barriers[k, END_Y]) - margin - low) / CELL
+        last = (max(barriers[k, START_Y], barriers[k, END_Y]) + margin - low) / CELL
+        for j in range(int(clipped(first, 0.0, count)), int(clipped(last + 1.0, 0.0, count))):
+            gaps[j] = min(gaps[j], gap(barriers, k, x, low + CELL * j))
+
+
+@subroutine
+def _inside_outline(outline: Array, x: float, low: float, inside: BoolArray) -> None:
+    """Whether the cells of a column of the grid lie in a polygon (even-odd rule).
+
+    Args:
+        outline: (K, 2), m.
+        x, low: m, position of the first cell.
+        inside: (NY,), overwritten.
+    """
+    for j in range(len(inside)):
+        inside[j] = False
+    for k in range(len(outline)):
+        ax, ay, bx, by = outline[k - 1, X], outline[k - 1, Y], outline[k, X], outline[k, Y]
+        for j in range(len(inside)):
+            y = low + CELL * j
+            if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+                inside[j] = not inside[j]
+
+
+@subroutine
+def _solve(price: Array, value: Array, goal_i: int, goal_j: int) -> None:
+    """Solve the eikonal equation by Jacobi sweeps.
+
+    A sweep visits only cells next to one that changed in the last sweep; the others would not change.
+
+    Args:
+        price: (NX, NY), per metre.
+        value: (NX, NY), overwritten.
+        goal_i, goal_j: the goal's cell.
+    """
+    nx, ny = price.shape
+    width = ny + 2  # with a margin, so that each cell has four neighbours
+    size = (nx + 2) * width
+    cost, step, queued = np.empty(size), np.empty(size), np.empty(size, dtype=np.int64)
+    for cell in range(size):
+        cost[cell], queued[cell] = _UNREACHED, _MAXIMUM_SWEEPS + 1  # `queued`: the last sweep that visits a cell
+    for i in range(nx):
+        for j in range(ny):
+            cell = (i + 1) * width + j + 1
+            step[cell], queued[cell] = price[i, j] * CELL, -1
+    queue, changed, costs = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64), np.empty(size)
+    # A goal outside of the grid counts as one at its margin.
+    changed[0] = min(max(goal_i + 1, 0), nx + 1) * width + min(max(goal_j + 1, 0), ny + 1)
+    costs[0], count = 0.0, 1
+    for sweep in range(_MAXIMUM_SWEEPS + 1):
+        length = 0
+        for k in range(count):
+            cost[changed[k]] = costs[k]
+            for neighbour in (changed[k] - width, changed[k] - 1, changed[k] + 1, changed[k] + width):
+                # Costs fall along a path to the goal: a neighbour that costs less does not change.
+                if 0 <= neighbour < size and queued[neighbour] < sweep and cost[neighbour] > costs[k] - 1e-6:
+                    queued[neighbour] = sweep
+                    queue[length] = neighbour
+                    length += 1
+        count = 0
+        for k in range(length):
+            cell = queue[k]
+            a, b = min(cost[cell - width], cost[cell + width]), min(cost[cell - 1], cost[cell + 1])
+            difference = a - b
+            if abs(difference) >= step[cell]:  # a front that comes along one axis: the one-sided difference
+                updated = min(a, b) + step[cell]
+            else:
+                square = 2.0 * step[cell] * step[cell] - difference * difference
+                updated = (a + b + math.sqrt(max(square, 0.0))) * 0.5
+            if updated < cost[cell]:
+                changed[count], costs[count] = cell, updated
+                count += 1
+        if count == 0:
+            break
+    for i in range(nx):
+        for j in range(ny):
+            value[i, j] = cost[(i + 1) * width + j + 1]
 
 
 HORIZON, STEP = 2.4, 0.2  # s, duration and time step of the prediction
+STEPS = int(HORIZON / STEP + 0.5)
 OBSTACLE_MARGIN = 0.02  # m to walls and furniture, below which a trajectory counts as blocked
 SLOW_SPEED, SPEED_PER_METRE = 0.2, 0.6  # m/s at contact and 1/s: proper speed near people grows with the clearance
 CONTACT_MARGIN = 0.06  # m, predicted clearance below which a contact is assumed
 NEAR_CONTACT, NEAR_CONTACT_PRICE = 0.04, 10.0  # m; below this clearance each m/s towards a person counts as 10 m short
 REACTION_TIME = 0.15  # s before braking takes effect
 IMPATIENCE = 5.0  # s without progress, after which the costs of disturbing people decrease
+
+
+def _candidate_velocities(robot: Robot) -> list[Point]:
+    """The velocities to try, m/s, body frame: a grid over the drive's limits."""
+    limits = robot.limits
+    ahead = [-limits.back * 0.6, 0.0, *(limits.ahead * fraction for fraction in (0.15, 0.3, 0.5, 0.75, 1.0))]
+    sideways = [0.0]
+    if robot.kinematics == "holonomic":
+        sideways = [-limits.sideways * 0.8, 0.0, limits.sideways * 0.8]
+    return [(vx, vy) for vx in ahead for vy in sideways]
+
+
+def _candidate_turns(robot: Robot) -> list[float]:
+    """The turn rates to try, rad/s."""
+    return [robot.limits.turn * fraction for fraction in (-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,6 +251,18 @@ class Weights:
     change: float = 0.2
 
 
+# Columns of the numbers that stay the same in an episode: the weights in their order, then the robot and its task.
+AHEAD, INTIMATE, PERSONAL, HURRY, CRASH, BUMP, CLOSING, CHANGE = range(8)
+OBSTACLE_PRICE, OBSTACLE_DISTANCE, HAS_NEGATIVE_WEIGHTS = 8, 9, 10
+LOW_X, LOW_Y, GOAL_X, GOAL_Y, GOAL_DISTANCE, DT = range(11, 17)
+ROBOT_RADIUS, IS_HOLONOMIC, MAX_SPEED, ACCELERATION, TURN_ACCELERATION = range(17, 22)
+
+# Layers of the predicted headings (unit vectors in the middle and at the end of a step) and of the predicted velocities
+# in the body frame.
+MIDDLE_X, MIDDLE_Y, FINAL_X, FINAL_Y = range(4)
+FORWARD, LEFT, SPEED = range(3)
+
+
 class SocialPlanner(Controller):
     """Drives to the goal with regard for people's comfort.
 
@@ -229,11 +272,17 @@ class SocialPlanner(Controller):
     Args:
         weights: the cost weights; None: the default ones.
 
+    Attributes:
+        obstacle_price: for subclasses: additional cost per second at contact with a wall or an object.
+        obstacle_distance: m, clearance from walls and objects at which the additional cost has fallen linearly to 0.
+
     Source: the dynamic window (Fox, Burgard & Thrun, IEEE Robot. Autom. Mag. 4 (1997) 23) with a navigation function
     as its goal term (Brock & Khatib, ICRA 1999).
     """
 
     version = "1"
+    obstacle_price: ClassVar[float] = 0.0
+    obstacle_distance: ClassVar[float] = 1.0
 
     def __init__(self, weights: Weights | None = None) -> None:
         self._weights = weights or Weights()
@@ -242,116 +291,373 @@ class SocialPlanner(Controller):
         return asdict(self._weights)
 
     def reset(self, scene: Scene) -> None:
-        self._field = CostField(scene)
-        self._twists = candidate_twists(scene.robot)
-        self._best_cost, self._best_tick = math.inf, 0  # of the path to the goal
+        field, robot, goal, weights = CostField(scene), scene.robot, scene.goal, astuple(self._weights)
+        self._layers, self._barriers = field.layers, scene.barriers.table
+        has_negative_weights = min(*weights[INTIMATE:], self.obstacle_price) < 0.0
+        limits, is_holonomic = robot.limits, robot.kinematics == "holonomic"
+        numbers = (
+            *weights, self.obstacle_price * STEP, self.obstacle_distance, has_negative_weights,
+            *field.low, goal.x, goal.y, goal.distance, scene.rules.dt,
+            robot.radius, is_holonomic, limits.ahead, limits.acceleration, limits.turn_acceleration,
+        )  # fmt: skip
+        self._numbers = np.array(numbers, dtype=float)
+        velocities, turns = _candidate_velocities(robot), _candidate_turns(robot)
+        self._twists = [Twist(vx, vy, turn) for vx, vy in velocities for turn in turns]
+        pairs = [(v, t) for v in range(len(velocities)) for t in range(len(turns))]
+        # The last row of each array is for the last command.
+        self._pairs = np.array([*pairs, (len(velocities), len(turns))])
+        self._velocities, self._turns = np.array([*velocities, (0.0, 0.0)]), np.array([*turns, 0.0])
+        self._positions = np.empty((2, STEPS + 1, len(self._turns), len(self._velocities)))
+        self._progress = np.array([math.inf, 0.0])
         self._last = Twist()
 
     def act(self, snapshot: Snapshot) -> Twist:
-        last = np.array([[self._last.vx, self._last.vy, self._last.omega]])
-        twists = np.concatenate((self._twists, last))
-        trajectories = roll_out(twists, snapshot, horizon=HORIZON, step=STEP)
-        courtesy = 1.0 / (1.0 + self._overtime(snapshot) / IMPATIENCE)
-        cost = self._path_cost(trajectories, snapshot.goal, courtesy) + self._obstacle_cost(trajectories, snapshot)
-        if len(snapshot.humans):
-            cost = cost + self._human_cost(trajectories, snapshot, courtesy)
-        change = np.abs(twists - last)
-        cost = cost + self._weights.change * (change[:, 0] + change[:, 1] + 0.5 * change[:, 2])
-        vx, vy, omega = twists[int(np.argmin(cost))].tolist()
-        self._last = Twist(vx, vy, omega)
+        robot, humans, last = snapshot.robot, snapshot.humans, self._last
+        now = robot.executed
+        best = _cheapest(
+            self._numbers, self._layers, self._barriers, self._pairs, self._velocities, self._turns, self._positions,
+            self._progress, humans.state, humans.radius, snapshot.tick, robot.position, robot.direction,
+            float(now.vx), float(now.vy), float(now.omega), float(last.vx), float(last.vy), float(last.omega),
+        )  # fmt: skip
+        if best < len(self._twists):
+            self._last = self._twists[best]
         return self._last
 
     def command_overridden(self, twist: Twist) -> None:
         self._last = twist
 
-    def _overtime(self, snapshot: Snapshot) -> float:
-        """Time since the robot last came nearer to the goal, in excess of `IMPATIENCE`, s."""
-        here = float(self._field.at(*(np.array([v]) for v in snapshot.robot.position))[0])
-        if here < self._best_cost - 0.2:
-            self._best_cost, self._best_tick = here, snapshot.tick
-        return max((snapshot.tick - self._best_tick) * snapshot.dt - IMPATIENCE, 0.0)
 
-    def _path_cost(self, trajectories: Trajectories, goal: Goal, courtesy: float) -> Array:
-        """(K,), surcharge of the ground covered by each trajectory, plus the cost of the path from its end."""
-        field, distance = self._field, self._weights.ahead
-        x, y = trajectories.x[-1], trajectories.y[-1]
-        ahead = field.at(x + distance * trajectories.ahead[0, -1], y + distance * trajectories.ahead[1, -1])
-        remaining = 0.5 * field.at(x, y) + 0.5 * ahead
-        dx, dy = trajectories.x - goal.x, trajectories.y - goal.y
-        arrival = _earliness(dx * dx + dy * dy < goal.distance * goal.distance)
-        surcharge = field.surcharge(trajectories.x, trajectories.y)
-        covered = np.add.reduce(surcharge * trajectories.speed, axis=0) * STEP
-        # A trajectory that reaches the goal costs less than nothing: the earlier, the less.
-        cost: Array = np.where(arrival > 0.0, -arrival, remaining) + courtesy * covered
-        return cost
+@kernel
+def _cheapest(
+    numbers: Array, layers: Array, barriers: Array, pairs: IntArray, velocities: Array, turns: Array, positions: Array,
+    progress: Array, state: Array, radius: Array, tick: int, position: Point, direction: Point,
+    now_vx: float, now_vy: float, now_omega: float, last_vx: float, last_vy: float, last_omega: float,
+) -> int:  # fmt: skip
+    """The first one of the cheapest candidates.
 
-    def _obstacle_cost(self, trajectories: Trajectories, snapshot: Snapshot) -> Array:
-        """(K,), cost of contacts with walls and furniture."""
-        distance = self._obstacle_distance(trajectories, snapshot)
-        cost: Array = self._weights.bump * _earliness(distance < snapshot.robot.radius + OBSTACLE_MARGIN)
-        return cost
+    Args:
+        numbers: (22,), weights, robot and task; columns `AHEAD` to `TURN_ACCELERATION`.
+        layers: (3, NX, NY), of the cost field.
+        barriers: (M, 8).
+        pairs: (K, 2), indices of the velocity and of the turn rate of each candidate; the last one is the last command.
+        velocities: (V, 2), m/s, body frame; the last one is overwritten with the last command's.
+        turns: (T,), rad/s; the last one is overwritten with the last command's.
+        positions: (2, STEPS + 1, T, V), m, world frame; overwritten with the predicted positions of the robot.
+        progress: smallest cost of the path to the goal so far, and the tick of that; updated.
+        state, radius: (N, 9) and (N,), of the people.
+        tick: of the snapshot.
+        position, direction: of the robot, world frame.
+        now_vx, now_vy, now_omega: the twist that the drive executed.
+        last_vx, last_vy, last_omega: the last command.
 
-    def _obstacle_distance(self, trajectories: Trajectories, snapshot: Snapshot) -> Array:
-        """(S, K), m, from the robot's centre on its trajectories to the nearest wall or piece of furniture."""
-        points = np.stack((trajectories.x.ravel(), trajectories.y.ravel()), axis=1)
-        nearest: Array = np.minimum.reduce(self._nearby_barriers(snapshot).gaps(points), axis=0, initial=np.inf)
-        return nearest.reshape(trajectories.x.shape)
+    Returns:
+        Index in `pairs`.
+    """
+    velocities[-1, X], velocities[-1, Y], turns[-1] = last_vx, last_vy, last_omega
+    courtesy = _courtesy(numbers, layers, progress, tick, position)
+    headings = _headings(numbers, turns, now_omega, direction)
+    motions, speed = _motions(numbers, velocities, now_vx, now_vy)
+    _roll_out(positions, headings, motions, position)
+    solids = _nearby_barriers(numbers, barriers, position)
+    people = _nearby_people(numbers, state, radius, position, speed)
+    far = max(PERSONAL_DISTANCE, (speed - SLOW_SPEED) / SPEED_PER_METRE) + 1e-6  # m, beyond which people cost nothing
+    bodies, counts = _predicted_bodies(numbers, state, radius, position, speed, far)
 
-    def _nearby_barriers(self, snapshot: Snapshot) -> Barriers:
-        """The walls and pieces of furniture that the robot can reach within the horizon."""
-        barriers, robot = snapshot.scene.barriers, snapshot.robot
-        radius = robot.body.limits.ahead * HORIZON + robot.radius + 0.1
-        return barriers.subset(barriers.gaps(np.array([robot.position]))[:, 0] < radius)
+    count = len(pairs)
+    end_cost, change, bound = np.empty(count), np.empty(count), np.empty(count)
+    first = 0
+    dx, dy = position[0] - numbers[GOAL_X], position[1] - numbers[GOAL_Y]
+    reach = numbers[GOAL_DISTANCE] + speed * HORIZON
+    may_arrive = dx * dx + dy * dy < reach * reach
+    for k in range(count):
+        v, t = pairs[k, 0], pairs[k, 1]
+        end_cost[k] = _end_cost(numbers, layers, positions, v, t, headings, may_arrive)
+        dvx, dvy, domega = velocities[v, X] - last_vx, velocities[v, Y] - last_vy, turns[t] - last_omega
+        change[k] = numbers[CHANGE] * (abs(dvx) + abs(dvy) + 0.5 * abs(domega))
+        bound[k] = end_cost[k] - 1e-9 + change[k]  # open ground may cost slightly less than 0 by rounding
+        if bound[k] < bound[first]:
+            first = k
 
-    def _human_cost(self, trajectories: Trajectories, snapshot: Snapshot, courtesy: float) -> Array:
-        """(K,), cost of coming near predicted people, of haste near them, and of predicted contacts."""
-        weights, nearest = self._weights, np.minimum.reduce(self._human_clearance(trajectories, snapshot), axis=0)
-        clearance = np.maximum(nearest, 0.0)
-        disturbance = weights.intimate * np.maximum(1.0 - clearance / INTIMATE_DISTANCE, 0.0)
-        disturbance += weights.personal * np.maximum(1.0 - clearance / PERSONAL_DISTANCE, 0.0)
-        haste = trajectories.speed - SLOW_SPEED - SPEED_PER_METRE * clearance  # m/s above the proper speed
-        disturbance += weights.hurry * np.maximum(haste, 0.0)
-        crash = weights.crash * _earliness(nearest < CONTACT_MARGIN)
-        crash = crash + weights.closing * self._stopping_shortfall(trajectories, snapshot)
-        cost: Array = courtesy * np.add.reduce(disturbance, axis=0) * STEP + crash
-        return cost
+    # The other terms of the cost are not negative, and floating-point addition is monotone. So the terms computed so
+    # far are a lower bound of the cost, and most candidates are ruled out early.
+    best, lowest = first, math.inf
+    for n in range(-1, count):
+        k = first if n < 0 else n
+        limit = math.inf if numbers[HAS_NEGATIVE_WEIGHTS] != 0.0 else lowest
+        if bound[k] > limit or n == first:
+            continue
+        v, t = pairs[k, 0], pairs[k, 1]
+        covered, contact = _ground_cost(numbers, layers, barriers, solids, positions, v, t, motions)
+        ground = end_cost[k] + courtesy * covered + contact
+        braking = numbers[CLOSING] * _shortfall(numbers, people, v, t, headings, motions, direction)
+        cost = ground + braking + change[k]
+        disturbance, crash = 0.0, 0.0
+        for step in range(STEPS):
+            if cost > limit:
+                break
+            clearance = _clearance(bodies, counts, positions, step, v, t, far)
+            if clearance < far:
+                disturbance += _disturbance(numbers, clearance, motions[SPEED, step, v])
+                if crash == 0.0 and clearance < CONTACT_MARGIN:
+                    crash = numbers[CRASH] * ((STEPS - step) / STEPS)
+                cost = ground + (courtesy * disturbance * STEP + (crash + braking)) + change[k]
+        if cost < lowest or (cost == lowest and k < best):
+            best, lowest = k, cost
+    return best
 
-    def _human_clearance(self, trajectories: Trajectories, snapshot: Snapshot) -> Array:
-        """(N, S, K), m, between the robot on its trajectories and people who keep their velocities."""
-        humans = snapshot.humans
-        t = (np.arange(len(trajectories.x)) + 1.0) * STEP
-        hx, hy = (humans.state[:, x, None] + humans.state[:, v, None] * t for x, v in ((X, VX), (Y, VY)))
-        dx, dy = trajectories.x - hx[:, :, None], trajectories.y - hy[:, :, None]
-        radii = (humans.radius + snapshot.robot.radius)[:, None, None]
-        clearance: Array = np.sqrt(dx * dx + dy * dy) - radii
-        return clearance
 
-    def _stopping_shortfall(self, trajectories: Trajectories, snapshot: Snapshot) -> Array:
-        """(K,), m by which the robot would fail to stop before people if it braked after this tick.
+@subroutine
+def _grid_coordinate(x: float, low: float, count: int) -> float:
+    """Fractional index of a coordinate in a grid of `count` cells, limited to the grid."""
+    return min(max((x - low) / CELL, 0.0), count - 1.001)
 
-        Nearer than `NEAR_CONTACT`, any approach is penalised.
-        """
-        humans, robot = snapshot.humans, snapshot.robot
-        dx, dy = humans.state[:, X] - robot.position[0], humans.state[:, Y] - robot.position[1]
-        distance = np.maximum(np.sqrt(dx * dx + dy * dy), 1e-6)
+
+@subroutine
+def _interpolated(layers: Array, layer: int, u: float, v: float) -> float:
+    """Bilinear interpolation at fractional indices."""
+    i, j = int(u), int(v)
+    u, v = u - i, v - j
+    near = layers[layer, i, j] * (1.0 - v) + layers[layer, i, j + 1] * v
+    far = layers[layer, i + 1, j] * (1.0 - v) + layers[layer, i + 1, j + 1] * v
+    interpolated: float = near * (1.0 - u) + far * u
+    return interpolated
+
+
+@subroutine
+def _path_cost(numbers: Array, layers: Array, x: float, y: float) -> float:
+    """Cost of the path from a point to the goal, in metres of open ground."""
+    _, nx, ny = layers.shape
+    u, v = _grid_coordinate(x, numbers[LOW_X], nx), _grid_coordinate(y, numbers[LOW_Y], ny)
+    return _interpolated(layers, VALUE, u, v)
+
+
+@subroutine
+def _courtesy(numbers: Array, layers: Array, progress: Array, tick: int, position: Point) -> float:
+    """Weight of the comfort of others: less if the robot has not come nearer to the goal for `IMPATIENCE` seconds."""
+    here = _path_cost(numbers, layers, position[0], position[1])
+    if here < progress[0] - 0.2:
+        progress[0], progress[1] = here, tick
+    overtime = max((tick - progress[1]) * numbers[DT] - IMPATIENCE, 0.0)
+    courtesy: float = 1.0 / (1.0 + overtime / IMPATIENCE)
+    return courtesy
+
+
+@subroutine
+def _headings(numbers: Array, turns: Array, now: float, direction: Point) -> Array:
+    """Unit vectors of the heading for each turn rate, under the drive's limits; (4, STEPS, T), world frame."""
+    headings = np.empty((4, STEPS, len(turns)))
+    for t in range(len(turns)):
+        change = turns[t] - now
+        ramp = max(abs(change) / numbers[TURN_ACCELERATION], 1e-6)  # s to reach the turn rate
+        c, s = direction
+        for k in range(STEPS):
+            # Midpoint rule: turn by half of the step's angle, translate, turn by the other half.
+            tc, ts = rotation((now + change * min((k + 0.5) * STEP / ramp, 1.0)) * (STEP / 2))
+            c, s = c * tc - s * ts, s * tc + c * ts
+            headings[MIDDLE_X, k, t], headings[MIDDLE_Y, k, t] = c, s
+            c, s = c * tc - s * ts, s * tc + c * ts
+            headings[FINAL_X, k, t], headings[FINAL_Y, k, t] = c, s
+    return headings
+
+
+@subroutine
+def _motions(numbers: Array, velocities: Array, now_vx: float, now_vy: float) -> tuple[Array, float]:
+    """Velocities in each step under the drive's limits, (3, STEPS, V), m/s, body frame; and a bound of all speeds."""
+    sideways = now_vy if numbers[IS_HOLONOMIC] != 0.0 else 0.0
+    motions, highest = np.empty((3, STEPS, len(velocities))), 0.0
+    for v in range(len(velocities)):
+        dvx, dvy = velocities[v, X] - now_vx, velocities[v, Y] - sideways
+        ramp = max(math.sqrt(dvx * dvx + dvy * dvy) / numbers[ACCELERATION], 1e-6)  # s to reach the velocity
+        for k in range(STEPS):
+            fraction = min((k + 0.5) * STEP / ramp, 1.0)
+            vx, vy = now_vx + dvx * fraction, sideways + dvy * fraction
+            speed = math.sqrt(vx * vx + vy * vy)
+            motions[FORWARD, k, v], motions[LEFT, k, v], motions[SPEED, k, v] = vx, vy, speed
+            highest = max(highest, speed)
+    return motions, highest + 1e-6
+
+
+@subroutine
+def _roll_out(positions: Array, headings: Array, motions: Array, position: Point) -> None:
+    """Predict the robot's positions for all pairs of a turn rate and a velocity."""
+    _, _, turn_count, count = positions.shape
+    for t in range(turn_count):
+        for v in range(count):
+            positions[X, 0, t, v], positions[Y, 0, t, v] = position
+    for k in range(STEPS):
+        for t in range(turn_count):
+            c, s = headings[MIDDLE_X, k, t], headings[MIDDLE_Y, k, t]
+            for v in range(count):
+                vx, vy = motions[FORWARD, k, v], motions[LEFT, k, v]
+                positions[X, k + 1, t, v] = positions[X, k, t, v] + (vx * c - vy * s) * STEP
+                positions[Y, k + 1, t, v] = positions[Y, k, t, v] + (vx * s + vy * c) * STEP
+
+
+@subroutine
+def _end_cost(
+    numbers: Array, layers: Array, positions: Array, v: int, t: int, headings: Array, may_arrive: bool
+) -> float:
+    """Cost of the path from the end of a trajectory to the goal.
+
+    A trajectory that reaches the goal costs less than nothing: the earlier, the less.
+    """
+    if may_arrive:
+        for k in range(STEPS):
+            dx, dy = positions[X, k + 1, t, v] - numbers[GOAL_X], positions[Y, k + 1, t, v] - numbers[GOAL_Y]
+            if dx * dx + dy * dy < numbers[GOAL_DISTANCE] * numbers[GOAL_DISTANCE]:
+                return (k - STEPS) / STEPS
+    x, y, distance = positions[X, STEPS, t, v], positions[Y, STEPS, t, v], numbers[AHEAD]
+    ahead_x, ahead_y = x + distance * headings[FINAL_X, STEPS - 1, t], y + distance * headings[FINAL_Y, STEPS - 1, t]
+    return 0.5 * _path_cost(numbers, layers, x, y) + 0.5 * _path_cost(numbers, layers, ahead_x, ahead_y)
+
+
+@subroutine
+def _nearby_barriers(numbers: Array, barriers: Array, position: Point) -> IntArray:
+    """Indices of the barriers that the robot can reach within the horizon."""
+    reach = numbers[MAX_SPEED] * HORIZON + numbers[ROBOT_RADIUS] + 0.1
+    found, count = np.empty(len(barriers), dtype=np.int64), 0
+    for k in range(len(barriers)):
+        if gap(barriers, k, position[0], position[1]) < reach:
+            found[count] = k
+            count += 1
+    return found[:count]
+
+
+@subroutine
+def _ground_cost(
+    numbers: Array, layers: Array, barriers: Array, solids: IntArray, positions: Array, v: int, t: int, motions: Array
+) -> tuple[float, float]:
+    """Surcharge of the ground that a trajectory covers, and cost of coming near walls and furniture."""
+    _, nx, ny = layers.shape
+    covered, earliness, closeness = 0.0, 0.0, 0.0
+    touching, has_price = numbers[ROBOT_RADIUS] + OBSTACLE_MARGIN, numbers[OBSTACLE_PRICE] != 0.0
+    near = touching
+    if has_price:
+        near = max(near, numbers[ROBOT_RADIUS] + numbers[OBSTACLE_DISTANCE])
+    for k in range(STEPS):
+        x, y = positions[X, k + 1, t, v], positions[Y, k + 1, t, v]
+        i, j = _grid_coordinate(x, numbers[LOW_X], nx), _grid_coordinate(y, numbers[LOW_Y], ny)
+        covered += (_interpolated(layers, PRICE, i, j) - 1.0) * motions[SPEED, k, v]
+        if earliness > 0.0 and not has_price:
+            continue
+        # A corner of the grid cell, less than 1.5 cells away, tells whether a barrier can be near.
+        is_in_grid = 0.0 < i < nx - 1.001 and 0.0 < j < ny - 1.001
+        if is_in_grid and layers[CLEARANCE, int(i), int(j)] > near + 1.5 * CELL:
+            continue
+        distance = 1e9
+        for n in range(len(solids)):
+            distance = min(distance, gap(barriers, solids[n], x, y))
+        if earliness == 0.0 and distance < touching:
+            earliness = (STEPS - k) / STEPS
+        if has_price:
+            clearance = distance - numbers[ROBOT_RADIUS]
+            closeness += min(max(1.0 - clearance / numbers[OBSTACLE_DISTANCE], 0.0), 1.0)
+    return covered * STEP, numbers[BUMP] * earliness + numbers[OBSTACLE_PRICE] * closeness
+
+
+@subroutine
+def _nearby_people(numbers: Array, state: Array, radius: Array, position: Point, speed: float) -> Array:
+    """The people before whom the robot might have to brake.
+
+    Returns:
+        (n, 4): unit vector to the person, gap, and the person's speed towards the robot; m, m/s.
+    """
+    people, count = np.empty((len(state), 4)), 0
+    for j in range(len(state)):
+        dx, dy = state[j, X] - position[0], state[j, Y] - position[1]
+        distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
         nx, ny = dx / distance, dy / distance
-        gap = distance - humans.radius - robot.radius
-        human_speed = np.maximum(-(humans.state[:, VX] * nx + humans.state[:, VY] * ny), 0.0)  # towards the robot
-        vx, vy = trajectories.vx, trajectories.vy
-        velocities = (trajectories.onset, (vx[0], vy[0]), (vx[1], vy[1]))
-        robot_speed = np.maximum.reduce([nx[:, None] * vx + ny[:, None] * vy for vx, vy in velocities])  # (N, K)
-        robot_speed = np.maximum(robot_speed, 0.0)
-        braking_time = robot_speed / robot.body.limits.acceleration + REACTION_TIME
-        needed = robot_speed * (braking_time + REACTION_TIME) * 0.5 + human_speed[:, None] * braking_time
-        shortfall = np.where(robot_speed > 0.01, np.maximum(needed - gap[:, None] + CONTACT_MARGIN, 0.0), 0.0)
-        shortfall += np.where((gap < NEAR_CONTACT)[:, None], NEAR_CONTACT_PRICE * robot_speed, 0.0)
-        total: Array = np.add.reduce(shortfall, axis=0)
-        return total
+        space = distance - radius[j] - numbers[ROBOT_RADIUS]
+        approach = max(-(state[j, VX] * nx + state[j, VY] * ny), 0.0)
+        needed = _stopping_distance(numbers, speed, approach) + CONTACT_MARGIN + 1e-6
+        if space < max(needed, NEAR_CONTACT):
+            people[count, 0], people[count, 1], people[count, 2], people[count, 3] = nx, ny, space, approach
+            count += 1
+    return people[:count]
 
 
-def _earliness(hit: BoolArray) -> Array:
-    """(S, K) to (K,): 1 if the first True is in the first step, less for later steps, 0 without any True."""
-    steps = len(hit)
-    weight = ((steps - np.arange(steps)) / steps)[:, None]
-    earliest: Array = np.maximum.reduce(np.where(hit, weight, 0.0), axis=0)
-    return earliest
+@subroutine
+def _stopping_distance(numbers: Array, speed: float, approach: float) -> float:
+    """Distance by which robot and person come nearer until the robot has stopped, m."""
+    braking_time = speed / numbers[ACCELERATION] + REACTION_TIME
+    distance: float = speed * (braking_time + REACTION_TIME) * 0.5 + approach * braking_time
+    return distance
+
+
+@subroutine
+def _shortfall(
+    numbers: Array, people: Array, v: int, t: int, headings: Array, motions: Array, direction: Point
+) -> float:
+    """Distance by which the robot would fail to stop before people if it braked after this tick, m.
+
+    Nearer than `NEAR_CONTACT`, any approach is penalised.
+    """
+    # Velocities at the start, before the robot has turned, and in the first two steps.
+    c, s = direction
+    ax, ay = _to_world(motions, 0, v, c, s)
+    bx, by = _to_world(motions, 0, v, headings[MIDDLE_X, 0, t], headings[MIDDLE_Y, 0, t])
+    cx, cy = _to_world(motions, 1, v, headings[MIDDLE_X, 1, t], headings[MIDDLE_Y, 1, t])
+    total = 0.0
+    for j in range(len(people)):
+        nx, ny, space, approach = people[j, 0], people[j, 1], people[j, 2], people[j, 3]
+        speed = max(nx * ax + ny * ay, nx * bx + ny * by, nx * cx + ny * cy, 0.0)
+        shortfall = 0.0
+        if speed > 0.01:
+            shortfall = max(_stopping_distance(numbers, speed, approach) - space + CONTACT_MARGIN, 0.0)
+        if space < NEAR_CONTACT:
+            shortfall += NEAR_CONTACT_PRICE * speed
+        total += shortfall
+    return total
+
+
+@subroutine
+def _to_world(motions: Array, step: int, v: int, c: float, s: float) -> Point:
+    """The velocity in a step, turned from the body frame to the world frame, m/s."""
+    vx, vy = motions[FORWARD, step, v], motions[LEFT, step, v]
+    return vx * c - vy * s, vx * s + vy * c
+
+
+@subroutine
+def _predicted_bodies(
+    numbers: Array, state: Array, radius: Array, position: Point, speed: float, far: float
+) -> tuple[Array, IntArray]:
+    """The people that a trajectory can come near to, where they are in each step if they keep their velocities.
+
+    Returns:
+        (STEPS, N, 3), m: position, and distance between the centres at contact; and (STEPS,), number of rows in use.
+    """
+    bodies, counts = np.empty((STEPS, len(state), 3)), np.zeros(STEPS, dtype=np.int64)
+    for k in range(STEPS):
+        time = (k + 1.0) * STEP
+        for j in range(len(state)):
+            x, y = state[j, X] + state[j, VX] * time, state[j, Y] + state[j, VY] * time
+            touching = radius[j] + numbers[ROBOT_RADIUS]
+            dx, dy, reach = x - position[0], y - position[1], speed * time + far + touching
+            if dx * dx + dy * dy < reach * reach:
+                n = counts[k]
+                bodies[k, n, 0], bodies[k, n, 1], bodies[k, n, 2] = x, y, touching
+                counts[k] += 1
+    return bodies, counts
+
+
+@subroutine
+def _clearance(bodies: Array, counts: IntArray, positions: Array, step: int, v: int, t: int, far: float) -> float:
+    """Clearance from the nearest person in a step of a trajectory, at most `far`; m."""
+    x, y, nearest = positions[X, step + 1, t, v], positions[Y, step + 1, t, v], far
+    for n in range(counts[step]):
+        dx, dy, touching = x - bodies[step, n, 0], y - bodies[step, n, 1], bodies[step, n, 2]
+        square, reach = dx * dx + dy * dy, nearest + touching
+        if square < reach * reach * (1.0 + 1e-9):  # a root for the nearest ones only
+            nearest = min(nearest, math.sqrt(square) - touching)
+    return nearest
+
+
+@subroutine
+def _disturbance(numbers: Array, clearance: float, speed: float) -> float:
+    """Cost per second of coming near people and of haste near them."""
+    clearance = max(clearance, 0.0)
+    cost = numbers[INTIMATE] * max(1.0 - clearance / INTIMATE_DISTANCE, 0.0)
+    cost += numbers[PERSONAL] * max(1.0 - clearance / PERSONAL_DISTANCE, 0.0)
+    haste = speed - SLOW_SPEED - SPEED_PER_METRE * clearance  # m/s above the proper speed
+    total: float = cost + numbers[HURRY] * max(haste, 0.0)
+    return total

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
 
-from ...core.entities import Human
 from ...core.geometry import Point, Twist
 from ...core.navigation import FreeSpace
-from ...core.portable_math import angle_of
+from ...core.portable_math import angle_of, unit_vector
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...registry import PEDESTRIAN_MODELS
@@ -36,8 +34,10 @@ class StraightToGoal(Controller):
         self.speed, self.gain = speed, gain
 
     def act(self, snapshot: Snapshot) -> Twist:
-        ahead, left = snapshot.robot.pose.to_local(snapshot.goal)
-        angle = angle_of(left, ahead)
+        robot, goal = snapshot.robot, snapshot.goal
+        dx, dy = goal.x - robot.position[0], goal.y - robot.position[1]
+        c, s = unit_vector(angle_of(robot.direction[1], robot.direction[0]))  # rounds like `Pose.to_local`
+        angle = angle_of(dy * c - dx * s, dx * c + dy * s)
         facing = max(1.0 - abs(angle), 0.0)  # slow down while turning towards the goal
         return Twist(vx=self.speed * facing, omega=self.gain * angle)
 
@@ -69,19 +69,16 @@ class SocialForce(Controller):
         return controller
 
     def reset(self, scene: Scene) -> None:
-        self._space = FreeSpace(scene.outline, scene.barriers.joined(scene.standing_humans), scene.robot.radius + 0.05)
+        barriers = scene.barriers.joined(scene.standing_humans)
+        self._route = FreeSpace(scene.outline, barriers, scene.robot.radius + 0.05).towards(scene.goal.position)
         self._waypoint = scene.goal.position
-        # A scene without humans gets a placeholder, whose attention is 0: NumPy would sum a single column pairwise,
-        # in another order than the columns of a wider array.
-        humans = scene.humans or (Human(-1, scene.robot.pose),)
-        self._row = {human.id: k for k, human in enumerate(humans)}
-        self._radius = np.array([*(human.radius for human in humans), scene.robot.radius], dtype=float)
-        self._model = pedestrian_model(self.model)(replace(scene, humans=humans))
+        self._model = pedestrian_model(self.model)(scene)
+        self._walkers = _robot_among(0, scene.robot.radius, self.speed)
 
     def act(self, snapshot: Snapshot) -> Twist:
         robot, goal = snapshot.robot, snapshot.goal
         if snapshot.tick % REPLANNING_INTERVAL == 0:
-            path = self._space.path(robot.position, goal.position)
+            path = self._route.path(robot.position)
             self._waypoint = goal.position if path is None or len(path) < 2 else (float(path[1][0]), float(path[1][1]))
         dx, dy = self._waypoint[0] - robot.position[0], self._waypoint[1] - robot.position[1]
         distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
@@ -97,29 +94,51 @@ class SocialForce(Controller):
 
     def _next_velocity(self, snapshot: Snapshot, direction: Point) -> Point:
         """The robot's velocity one tick later under the model, m/s, world frame; humans keep their velocities."""
-        walkers = self._walkers(snapshot, direction)
+        self._observe(snapshot, direction)
+        position, velocity = self._walkers.position, self._walkers.velocity
         evaluations = evaluations_per_tick(self._model.evaluations, snapshot.dt)
         h = snapshot.dt / evaluations
-        for _ in range(evaluations):
-            velocity = walkers.velocity.copy()
-            velocity[-1] += self._model.acceleration(walkers)[-1] * h
-            walkers = replace(walkers, velocity=velocity, position=walkers.position + velocity * h)
-        return float(walkers.velocity[-1, 0]), float(walkers.velocity[-1, 1])
+        for k in range(evaluations):
+            if k > 0:
+                position += velocity * h
+            velocity[-1] += self._model.acceleration(self._walkers)[-1] * h
+        return float(velocity[-1, 0]), float(velocity[-1, 1])
 
-    def _walkers(self, snapshot: Snapshot, direction: Point) -> Walkers:
-        """The model's input: only the robot, the last row, has a desired velocity and attends to others.
+    def _observe(self, snapshot: Snapshot, direction: Point) -> None:
+        """Set the model's input: the humans that are present, then the robot with its desired direction."""
+        humans, robot = snapshot.humans, snapshot.robot
+        if len(self._walkers.position) != len(humans) + 1:
+            self._walkers = _robot_among(len(humans), robot.radius, self.speed)
+        walkers = self._walkers
+        walkers.position[:-1], walkers.position[-1] = humans.position, robot.position
+        walkers.velocity[:-1], walkers.velocity[-1] = humans.velocity, robot.velocity
+        walkers.body_direction[:-1], walkers.body_direction[-1] = humans.direction, robot.direction
+        walkers.radius[:-1], walkers.desired_direction[-1] = humans.radius, direction
 
-        Humans of the scene that are absent from the snapshot get the robot's position and no attention.
-        """
-        humans, robot, count = snapshot.humans, snapshot.robot, len(self._radius)
-        rows = [self._row[k] for k in humans.id.tolist()]
-        position, velocity = np.tile([robot.position], (count, 1)), np.zeros((count, 2))
-        body_direction, desired_direction = np.tile([robot.direction], (count, 1)), np.zeros((count, 2))
-        desired_speed, attention = np.zeros(count), np.zeros((count, count))
-        position[rows], velocity[rows], body_direction[rows] = humans.position, humans.velocity, humans.direction
-        velocity[-1], desired_direction[-1], desired_speed[-1] = robot.velocity, direction, self.speed
-        attention[-1, rows] = 1.0
-        return Walkers(position, velocity, desired_direction, body_direction, desired_speed, self._radius, attention)
+
+def _robot_among(count: int, radius: float, speed: float) -> Walkers:
+    """The model's input for a robot, the last row, that walks among humans and attends to all of them.
+
+    Args:
+        count: number of humans.
+        radius: of the robot, m.
+        speed: desired speed of the robot, m/s.
+    """
+    vectors, is_robot = np.zeros((4, count + 1, 2)), np.arange(count + 1) == count
+    attention = np.zeros((count + 1, count + 1))
+    attention[-1, :-1] = 1.0
+    return Walkers(
+        position=vectors[0],
+        velocity=vectors[1],
+        desired_direction=vectors[2],
+        body_direction=vectors[3],
+        desired_speed=np.where(is_robot, speed, 0.0),
+        radius=np.full(count + 1, float(radius)),
+        walks=is_robot,
+        attention=attention,
+        member=np.zeros((0, 0)),
+        bond=np.ones(count + 1),
+    )
 
 
 class Orca(SocialForce):

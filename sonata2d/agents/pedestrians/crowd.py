@@ -2,55 +2,121 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.compiled import kernel, subroutine
 from ...core.entities import DEFAULT_MODEL
-from ...core.humans import BODY_X, GAZE_X, Humans, X, Y, frozen, human_ids, initial_activities
-from ...core.portable_math import Array
+from ...core.geometry import Barriers, Point
+from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
+from ...core.packing import Bools, Floats, Floats2, pack, unpack
+from ...core.portable_math import Array, BoolArray
+from ...core.scalar import crosses, unit_or
 from ...core.scene import Scene
 from ...core.snapshot import CrowdCommands, Snapshot
-from ...core.vectors import lengths
 from ...registry import PEDESTRIAN_MODELS
-from .models.base import LineOfSight, Walkers, evaluations_per_tick, pedestrian_model, standing_acceleration
-from .orientation import HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD, Orientation, unit_directions
-from .reactions import Reactions
+from .models.base import Walkers, evaluations_per_tick, pedestrian_model, standing_acceleration
+from .orientation import (
+    HEAD_LEAD_TIME,
+    MINIMUM_HEAD_LEAD,
+    Glances,
+    GlanceStreams,
+    facing,
+    gaze,
+    has_draws,
+    initial_glances,
+)
+from .reactions import (
+    Reactions,
+    adjust_course,
+    apply_adjustment,
+    initial_reactions,
+    notice_robot,
+    robot_repulsion,
+    step_back,
+)
 from .social.dynamics import SocialDynamics
-from .social.state import SocialState
-from .wayfinding import Wayfinding
-
-
-def with_absent_rows(snapshot: Snapshot) -> tuple[Snapshot, Array | None]:
-    """Extend a snapshot to one row for each human of the scene.
-
-    Returns:
-        The snapshot, in which absent humans have their parking positions and the scene's interactions; and the presence
-        (N + 1,): 1 for present humans and for the robot, which is last, 0 for absent humans. If all are present, the
-        unchanged snapshot and None.
-    """
-    humans, scene = snapshot.humans, snapshot.scene
-    if humans.row is None:
-        return snapshot, None
-    count = len(scene.humans)
-    state = humans.expand(humans.state, count, 0.0)
-    presence = np.zeros(count + 1)
-    presence[humans.row], presence[-1] = 1.0, 1.0
-    absent = presence[:-1] == 0.0
-    state[absent, X : Y + 1] = scene.parking[absent]
-    state[absent, BODY_X] = state[absent, GAZE_X] = 1.0
-    radius = frozen(np.array([human.radius for human in scene.humans], dtype=float))
-    all_humans = Humans(frozen(state), human_ids(scene), radius, initial_activities(scene))
-    return replace(snapshot, humans=all_humans, interactions=scene.interactions), presence
-
+from .social.state import SocialArrays, SocialState
+from .wayfinding import (
+    Routes,
+    Wayfinding,
+    advance_on_paths,
+    next_without_destination,
+    point_ahead,
+    set_targets,
+)
 
 MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
 OWN_GOALS_BOND = 0.1  # bond to the group of members with goals of their own; 1 for wandering members
 ARRIVAL_TIME = 0.4  # s: the desired speed near a final target is at most the remaining distance over this
 
+# Steps of `plan`, and what it waits for when it returns.
+_FOLLOW, _TARGET, _TURN, _DONE = range(4)
+_NEEDS_DESTINATION, _NEEDS_PATHS, _NEEDS_DRAWS, _IS_PLANNED = range(4)
+
+
+class Surroundings(NamedTuple):
+    """What surrounds the pedestrians, for kernels.
+
+    Attributes:
+        barriers: rows of `Barriers.table`: walls and furniture.
+        view_blocks: rows of the walls that can block a view between two places in the room.
+        solids: barriers, and pedestrians that stand.
+        obstacles: solids, and the spaces inside groups that talk.
+        solid_clearance, obstacle_clearance: of paths, m.
+        side: to which pedestrians evade each other: 1 to the right, -1 to the left.
+        dt: tick, s.
+    """
+
+    barriers: Floats2
+    view_blocks: Floats2
+    solids: Floats2
+    obstacles: Floats2
+    solid_clearance: float
+    obstacle_clearance: float
+    side: float
+    dt: float
+
+
+class Plan(NamedTuple):
+    """What pedestrians do in a tick, for kernels.
+
+    Attributes:
+        preferred_speed: (N,), m/s; walking groups have that of their slowest member.
+        robot_in_sight: (N,) of bool.
+        standing_position: (N, 2), m, to which standing pedestrians return if they are pushed.
+        facing, gaze: (N, 2), unit vectors of the desired headings and gazes.
+        acceleration: (N, 2), m/s^2.
+    """
+
+    preferred_speed: Floats
+    robot_in_sight: Bools
+    standing_position: Floats2
+    facing: Floats2
+    gaze: Floats2
+    acceleration: Floats2
+
+
+class People(NamedTuple):
+    """All that kernels know about the pedestrians."""
+
+    surroundings: Surroundings
+    routes: Routes
+    social: SocialArrays
+    reactions: Reactions
+    glances: Glances
+    plan: Plan
+    walkers: Walkers
+
 
 class Crowd:
     """All pedestrians of a scene: one pedestrian model, wayfinding, social behaviour, reactions and orientation.
+
+    A tick is three calls of compiled code: `plan` (targets, reactions to the robot, orientation), the pedestrian model,
+    and `total_acceleration`. Where `plan` comes upon a decision, it returns to ordinary Python, and is called again.
 
     Args:
         scene: the pedestrians and their initial states; its seed determines where they wander.
@@ -60,147 +126,376 @@ class Crowd:
     """
 
     def __init__(self, scene: Scene) -> None:
-        humans = scene.humans
+        humans, count = scene.humans, len(scene.humans)
         names = sorted({human.model for human in humans} or {DEFAULT_MODEL})
         if len(names) > 1:
             raise ValueError(f"all pedestrians must have the same model, got {', '.join(names)}")
         if names[0] not in PEDESTRIAN_MODELS:
             raise ValueError(PEDESTRIAN_MODELS.unknown(names[0]))
         self._model = pedestrian_model(names[0])(scene)
-        self._scene = scene
-        self._presence: Array | None = None
         self._wayfinding = Wayfinding(scene)
         self._social = SocialState(scene)
         self._social_dynamics = SocialDynamics(scene, self._social, self._wayfinding)
-        self._reactions, self._orientation = Reactions(scene), Orientation(scene)
-        self._standing_position = self._social.standing_position
-        self._desired_speed = self._group_speeds()
-        self._radius = np.array([*(human.radius for human in humans), scene.robot.radius], dtype=float)
-        self._attention = _attention(len(humans))
-        self._line_of_sight = LineOfSight(scene, len(humans) + 1)
-        self._member = _walking_groups(scene)
-        self._bond = np.array([*(OWN_GOALS_BOND if human.goals else 1.0 for human in humans), 0.0])
+        self._reactions = initial_reactions(scene)
+        self._glances, self._glance_streams = initial_glances(scene, self._reactions), GlanceStreams(scene)
+        self._barriers = scene.barriers.table
+        self._view_blocks = Barriers.of(_blocking_walls(scene)).table
+        self._side, self._dt = float(scene.rules.side), scene.rules.dt
+        self._surroundings = self._look_around()
+        self._plan = Plan(
+            preferred_speed=_group_speeds(scene),
+            robot_in_sight=np.ones(count, dtype=bool),
+            standing_position=self._social.standing_position.copy(),
+            facing=np.zeros((count, 2)),
+            gaze=np.zeros((count, 2)),
+            acceleration=np.zeros((count, 2)),
+        )
+        self._walkers = _walkers(scene)
+        self._member = self._walkers.member  # among all pedestrians, present or not
+        self._is_present, self._all_present = np.ones(count, dtype=bool), True
+        self._evaluations = min(evaluations_per_tick(self._model.evaluations, self._dt), scene.rules.substeps)
+        self._interval = self._dt / self._evaluations
+        self._robot_position: Point = scene.robot.pose.position
+        self._people = self._gather()
+        self._packed_people = pack(self._people)
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """The commands of all pedestrians for the next tick."""
-        snapshot, self._presence = with_absent_rows(snapshot)
-        humans, social = snapshot.humans, self._social
-        social.set_presence(self._presence)
-        self._social_dynamics.update(snapshot.tick, humans)
-        to_target = self._wayfinding.update(snapshot.tick, humans, self._presence) - humans.position
-        direction = np.where(social.is_walking[:, None], unit_directions(to_target, humans.direction), 0.0)
-        walkers = self._walkers(snapshot, direction, self._arrival_speed(to_target))
-        self._standing_position = self._reactions.step_back(snapshot, social.standing_position)
-        facing, gaze = self._orient(snapshot, walkers)
-        evaluations = min(evaluations_per_tick(self._model.evaluations, snapshot.dt), self._scene.rules.substeps)
-        interval = snapshot.dt / evaluations
-
-        def refresh(rows: Array) -> Array:
-            position, velocity = rows[:, :2], rows[:, 2:]
-            moved = replace(walkers, position=position, velocity=velocity)
-            return self._limit_speed(velocity[:-1], self._acceleration(moved), interval)
-
+        state, social, wayfinding = snapshot.state, self._social, self._wayfinding
+        tick, humans, robot = snapshot.tick, state.humans, state.robot
+        self._set_presence(state.is_present)
+        self._social_dynamics.update(tick, humans[:, X : Y + 1])
+        wayfinding.begin_tick(tick, humans, self._is_present)
+        if self._surroundings.obstacles is not wayfinding.space.barriers.table:
+            self._surroundings = self._look_around()
+        self._run_plan(tick, robot, humans)
+        self._robot_position = (float(robot[X]), float(robot[Y]))
         return CrowdCommands(
-            acceleration=self._limit_speed(humans.velocity, self._acceleration(walkers), interval),
-            facing=facing,
-            gaze=gaze,
+            acceleration=self._acceleration(),
+            facing=self._plan.facing,
+            gaze=self._plan.gaze,
             activity=social.activity,
             interactions=social.interactions,
-            refresh=refresh if evaluations > 1 else None,
-            evaluations=evaluations,
-            leaving=self._wayfinding.leaving,
+            refresh=self._refresh if self._evaluations > 1 else None,
+            evaluations=self._evaluations,
+            leaving=wayfinding.leaving,
         )
 
-    def _walkers(self, snapshot: Snapshot, direction: Array, speed: Array) -> Walkers:
-        """The input of the pedestrian model.
+    def _run_plan(self, tick: int, robot: Array, humans: Array) -> None:
+        """Run `plan` to its end; make the decisions that it asks for."""
+        wayfinding, step, first = self._wayfinding, _FOLLOW, 0
+        while True:
+            self._repack()
+            need, item = plan(
+                self._packed_people, step, first, tick, robot, humans, self._is_present, self._model.headed
+            )
+            if need == _IS_PLANNED:
+                return
+            if need == _NEEDS_DESTINATION:
+                k = int(wayfinding.routes.order[item])
+                wayfinding.choose_destination(k, _point(humans, k))
+                step, first = _FOLLOW, item + 1
+            elif need == _NEEDS_PATHS:
+                for k in np.flatnonzero(wayfinding.routes.is_blocked).tolist():
+                    wayfinding.find_new_path(k, _point(humans, k))
+                wayfinding.routes.is_blocked[:] = False
+                step = _TARGET
+            else:
+                self._glance_streams.refill(self._glances)
+                step = _TURN
 
-        The robot is its last row, so that no array has a single column (see `models.base`).
+    def _refresh(self, rows: Array) -> Array:
+        """`CrowdCommands.refresh`: the accelerations in the present state of the bodies."""
+        self._walkers.position[:], self._walkers.velocity[:] = rows[:-1, X : Y + 1], rows[:-1, VX : VY + 1]
+        self._robot_position = (float(rows[-1, X]), float(rows[-1, Y]))
+        return self._acceleration()
 
-        Args:
-            snapshot: the present state, with one row for each human of the scene.
-            direction: (N, 2), desired directions, unit vectors.
-            speed: (N + 1,), desired speeds, m/s.
-        """
-        humans, robot = snapshot.humans, snapshot.robot
-        position = np.concatenate((humans.position, np.array([robot.position])))
-        visible = self._line_of_sight.visible(position)
-        is_walking = self._social.is_walking
-        direction, human_speed = self._reactions.adjust_course(
-            snapshot, is_walking, direction, speed[:-1], visible[-1, :-1]
-        )
-        return Walkers(
-            position=position,
-            velocity=np.concatenate((humans.velocity, np.array([robot.velocity]))),
-            desired_direction=np.concatenate((direction, np.zeros((1, 2)))),
-            body_direction=np.concatenate((humans.direction, np.array([robot.direction]))),
-            desired_speed=np.concatenate((human_speed, speed[-1:])),
-            radius=self._radius,
-            attention=self._between_present(self._attention * visible),
-            member=None if self._member is None else self._between_present(self._member),
-            bond=self._bond,
-        )
-
-    def _between_present(self, pairs: Array) -> Array:
-        """Set the rows and columns of absent humans to 0; (M, M)."""
-        presence = self._presence
-        return pairs if presence is None else pairs * presence[:, None] * presence
-
-    def _acceleration(self, walkers: Walkers) -> Array:
+    def _acceleration(self) -> Array:
         """(N, 2), m/s^2: by the model for walking pedestrians, back to their positions for standing ones."""
-        walking = self._model.acceleration(walkers)[:-1] + self._reactions.robot_repulsion(walkers.position)
-        standing = standing_acceleration(walkers.position[:-1], walkers.velocity[:-1], self._standing_position)
-        return np.where(self._social.is_walking[:, None], walking, standing)
+        walking = self._model.acceleration(self._walkers)
+        x, y = self._robot_position
+        total_acceleration(self._packed_people, walking, x, y, self._interval)
+        return self._plan.acceleration
 
-    def _limit_speed(self, velocity: Array, acceleration: Array, dt: float) -> Array:
-        """Reduce accelerations that would exceed the maximum speed within dt, s; (N, 2), m/s^2."""
-        x, y = (velocity[:, k] + acceleration[:, k] * dt for k in (0, 1))
-        speed, maximum = np.sqrt(x * x + y * y), MAXIMUM_SPEED_RATIO * self._desired_speed[: len(velocity)]
-        scale = np.where(speed > maximum, maximum / np.maximum(speed, 1e-6), 1.0)
-        return np.stack(((x * scale - velocity[:, 0]) / dt, (y * scale - velocity[:, 1]) / dt), axis=1)
+    def _set_presence(self, is_present: BoolArray | None) -> None:
+        """Update what depends on which pedestrians are present."""
+        if is_present is None and self._all_present:
+            return
+        self._all_present = is_present is None
+        present = np.ones_like(self._is_present) if is_present is None else is_present
+        if (present != self._is_present).any():
+            self._is_present = present.copy()
+            if self._member.size:
+                pairs = present[:, None] & present[None, :]
+                self._walkers = self._walkers._replace(member=np.where(pairs, self._member, 0.0))
+        self._social.set_presence(is_present)
 
-    def _arrival_speed(self, to_target: Array) -> Array:
-        """Desired speeds, (N + 1,), m/s, reduced near final targets; from the vectors to the targets, (N, 2), m."""
-        maximum = lengths(to_target) / ARRIVAL_TIME
-        speed = self._desired_speed.copy()
-        speed[:-1] = np.where(self._wayfinding.is_final, np.minimum(speed[:-1], maximum), speed[:-1])
-        return speed
+    def _repack(self) -> None:
+        """Pack the people anew if one of their parts is another object now."""
+        people, routes, social = self._people, self._wayfinding.routes, self._social.arrays
+        if (
+            people.routes is not routes
+            or people.social is not social
+            or people.walkers is not self._walkers
+            or people.surroundings is not self._surroundings
+        ):
+            self._people = self._gather()
+            self._packed_people = pack(self._people)
 
-    def _orient(self, snapshot: Snapshot, walkers: Walkers) -> tuple[Array, Array]:
-        """Desired directions of bodies and heads, (N, 2) each, unit vectors."""
-        course = (walkers.desired_direction * walkers.desired_speed[:, None])[:-1]
-        facing = self._orientation.facing(snapshot, self._social, course, self._reactions)
-        if self._model.headed:  # motion follows the body, so the body turns to the desired direction
-            facing = np.where(self._social.is_walking[:, None], walkers.desired_direction[:-1], facing)
-        head_lead = np.maximum(walkers.desired_speed[:-1] * HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD)
-        points_ahead = self._wayfinding.points_ahead(snapshot.humans.position, head_lead)
-        return facing, self._orientation.gaze(snapshot, self._social, facing, points_ahead, self._reactions)
+    def _gather(self) -> People:
+        return People(
+            self._surroundings,
+            self._wayfinding.routes,
+            self._social.arrays,
+            self._reactions,
+            self._glances,
+            self._plan,
+            self._walkers,
+        )
 
-    def _group_speeds(self) -> Array:
-        """Desired speeds, (N + 1,), m/s: wandering groups walk at the speed of the slowest member; the robot's is 0."""
-        speed = {human.id: human.desired_speed for human in self._scene.humans}
-        wandering = {human.id for human in self._scene.humans if human.behaviour == "wandering"}
-        for group in self._scene.groups:
-            slowest = min(speed[member] for member in group.members)
-            speed.update({member: slowest for member in group.members if member in wandering})
-        return np.array([*(speed[human.id] for human in self._scene.humans), 0.0], dtype=float)
+    def _look_around(self) -> Surroundings:
+        space, passable = self._wayfinding.space, self._wayfinding.passable
+        return Surroundings(
+            self._barriers,
+            self._view_blocks,
+            passable.barriers.table,
+            space.barriers.table,
+            passable.clearance,
+            space.clearance,
+            self._side,
+            self._dt,
+        )
 
 
-def _attention(count: int) -> Array:
-    """(count + 1, count + 1), ego first: all attend to all others, except that pedestrians ignore the robot.
+@kernel
+def plan(
+    packed_people: Any,
+    step: int,
+    first: int,
+    tick: int,
+    robot: Array,
+    humans: Array,
+    is_present: BoolArray,
+    is_headed: bool,
+) -> tuple[int, int]:
+    """Decide what all pedestrians do in a tick, or go on where the last call stopped for a decision.
 
-    The robot, the last row, is handled by `Reactions`, whatever the pedestrian model.
+    Args:
+        packed_people: packed `People`; `plan` and `walkers` are filled, routes, reactions and glances are updated.
+        step: where to begin, `_FOLLOW` in a new tick.
+        first: item of `Routes.order` to begin with.
+        tick: that begins.
+        robot, humans: columns of `core.state` and `core.humans`; one row for each pedestrian of the scene.
+        is_present: (N,), pedestrians that are in the room; the others are left out.
+        is_headed: whether pedestrians walk where their bodies face.
+
+    Returns:
+        What is needed, one of the constants above; and the item of `Routes.order` that needs a destination.
     """
-    attention = 1.0 - np.eye(count + 1)
-    attention[:-1, -1] = 0.0
-    return attention
+    people = unpack(packed_people, People)
+    around, routes, social, reactions = people.surroundings, people.routes, people.social, people.reactions
+    glances, result, walkers = people.glances, people.plan, people.walkers
+    if step == _FOLLOW:
+        item = next_without_destination(routes, first, tick, humans, is_present)
+        if item < len(routes.order):
+            return _NEEDS_DESTINATION, item
+        if advance_on_paths(
+            routes, tick, humans, is_present, around.solids, around.obstacles, around.obstacle_clearance,
+            around.solid_clearance,
+        ):  # fmt: skip
+            return _NEEDS_PATHS, 0
+    if step <= _TARGET:
+        set_targets(routes, humans, is_present)
+        _fill_walkers(walkers, routes, social, result, humans, is_present)
+        _find_visible(walkers, result, robot, humans, is_present, around.view_blocks)
+        _react(walkers, social, reactions, result, robot, humans, is_present, around)
+    for k in range(len(humans)):
+        if not has_draws(glances, k) and (social.partner_count[k] > 0 or reactions.notices[k]):
+            return _NEEDS_DRAWS, 0
+    _orient(walkers, routes, social, reactions, glances, result, tick, humans, is_present, around.dt, is_headed)
+    return _IS_PLANNED, 0
 
 
-def _walking_groups(scene: Scene) -> Array | None:
+@subroutine
+def _fill_walkers(
+    walkers: Walkers, routes: Routes, social: SocialArrays, result: Plan, humans: Array, is_present: BoolArray
+) -> None:
+    """Fill the input of the model, as far as it does not depend on the robot."""
+    for k in range(len(humans)):
+        walkers.walks[k] = social.is_walking[k] and is_present[k]
+        walkers.position[k, 0], walkers.position[k, 1] = humans[k, X], humans[k, Y]
+        walkers.velocity[k, 0], walkers.velocity[k, 1] = humans[k, VX], humans[k, VY]
+        walkers.body_direction[k, 0], walkers.body_direction[k, 1] = humans[k, BODY_X], humans[k, BODY_Y]
+        dx, dy = routes.target[k, 0] - humans[k, X], routes.target[k, 1] - humans[k, Y]
+        ux, uy = 0.0, 0.0
+        if social.is_walking[k]:
+            ux, uy = unit_or(dx, dy, 1e-3, humans[k, BODY_X], humans[k, BODY_Y])
+        walkers.desired_direction[k, 0], walkers.desired_direction[k, 1] = ux, uy
+        speed = result.preferred_speed[k]
+        if routes.is_final[k]:
+            speed = min(speed, math.sqrt(dx * dx + dy * dy) / ARRIVAL_TIME)
+        walkers.desired_speed[k] = speed
+
+
+@subroutine
+def _find_visible(
+    walkers: Walkers, result: Plan, robot: Array, humans: Array, is_present: BoolArray, view_blocks: Array
+) -> None:
+    """Find which pedestrians see each other and the robot: social forces do not act through walls."""
+    count = len(humans)
+    for i in range(count):
+        x, y = humans[i, X], humans[i, Y]
+        result.robot_in_sight[i] = is_present[i] and not _is_hidden(x, y, robot[X], robot[Y], view_blocks)
+        walkers.attention[i, i] = 0.0
+        for j in range(i + 1, count):
+            attention = 1.0
+            if not (is_present[i] and is_present[j]) or _is_hidden(x, y, humans[j, X], humans[j, Y], view_blocks):
+                attention = 0.0
+            walkers.attention[i, j] = walkers.attention[j, i] = attention
+
+
+@subroutine
+def _is_hidden(x: float, y: float, other_x: float, other_y: float, view_blocks: Array) -> bool:
+    for b in range(len(view_blocks)):
+        if crosses(view_blocks, b, x, y, other_x, other_y):
+            return True
+    return False
+
+
+@subroutine
+def _react(
+    walkers: Walkers, social: SocialArrays, reactions: Reactions, result: Plan, robot: Array, humans: Array,
+    is_present: BoolArray, around: Surroundings,
+) -> None:  # fmt: skip
+    """Adjust desired directions and speeds, and the positions of standing pedestrians, to the robot."""
+    any_notices, any_changed = False, False
+    for k in range(len(humans)):
+        reactions.notices[k] = False
+        if is_present[k] and notice_robot(reactions, k, robot, humans, result.robot_in_sight[k], around.dt):
+            any_notices = True
+    direction, speed = walkers.desired_direction, walkers.desired_speed
+    for k in range(len(humans)):
+        if not is_present[k]:
+            continue
+        if not any_notices:
+            reactions.delay[k] = max(reactions.delay[k] - 0.5 * around.dt, 0.0)
+        elif adjust_course(
+            reactions, k, robot, humans, walkers.radius[k], direction[k, 0] * speed[k], direction[k, 1] * speed[k],
+            speed[k], social.is_walking[k], around.barriers, around.side, around.dt,
+        ):  # fmt: skip
+            any_changed = True
+    for k in range(len(humans)):
+        if any_changed and reactions.notices[k] and social.is_walking[k]:
+            direction[k, 0], direction[k, 1], speed[k] = apply_adjustment(
+                reactions, k, direction[k, 0] * speed[k], direction[k, 1] * speed[k], direction[k, 0], direction[k, 1]
+            )
+        x, y = social.standing_position[k, 0], social.standing_position[k, 1]
+        result.standing_position[k, 0], result.standing_position[k, 1] = step_back(
+            reactions, k, robot, x, y, walkers.radius[k], around.barriers
+        )
+
+
+@subroutine
+def _orient(
+    walkers: Walkers, routes: Routes, social: SocialArrays, reactions: Reactions, glances: Glances, result: Plan,
+    tick: int, humans: Array, is_present: BoolArray, dt: float, is_headed: bool,
+) -> None:  # fmt: skip
+    """Choose the desired directions of bodies and heads."""
+    for k in range(len(humans)):
+        if not is_present[k]:
+            result.facing[k, 0] = result.gaze[k, 0] = 1.0
+            result.facing[k, 1] = result.gaze[k, 1] = 0.0
+            continue
+        ux, uy, speed = walkers.desired_direction[k, 0], walkers.desired_direction[k, 1], walkers.desired_speed[k]
+        facing_x, facing_y = facing(k, humans, social, ux * speed, uy * speed, reactions)
+        if is_headed and social.is_walking[k]:  # motion follows the body, so the body turns to the desired direction
+            facing_x, facing_y = ux, uy
+        lead = max(speed * HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD)
+        ahead_x, ahead_y = point_ahead(routes, k, humans[k, X], humans[k, Y], lead)
+        result.facing[k, 0], result.facing[k, 1] = facing_x, facing_y
+        result.gaze[k, 0], result.gaze[k, 1] = gaze(
+            k, tick, humans, social, facing_x, facing_y, ahead_x, ahead_y, reactions, glances, dt
+        )
+
+
+@kernel
+def total_acceleration(packed_people: Any, walking: Array, robot_x: float, robot_y: float, interval: float) -> None:
+    """Add the repulsion from the robot to the model's accelerations, hold standing pedestrians, and limit speeds.
+
+    Args:
+        packed_people: packed `People`; `plan.acceleration` is filled.
+        walking: (N, 2), m/s^2, of the pedestrian model.
+        robot_x, robot_y: m.
+        interval: time to the next evaluation, s.
+    """
+    people = unpack(packed_people, People)
+    result, walkers, reactions = people.plan, people.walkers, people.reactions
+    for k in range(len(result.acceleration)):
+        x, y, vx, vy = walkers.position[k, 0], walkers.position[k, 1], walkers.velocity[k, 0], walkers.velocity[k, 1]
+        if walkers.walks[k]:
+            push_x, push_y = robot_repulsion(reactions, k, x, y, robot_x, robot_y)
+            ax, ay = walking[k, 0] + push_x, walking[k, 1] + push_y
+        else:
+            place = result.standing_position
+            ax, ay = standing_acceleration(x, y, vx, vy, place[k, 0], place[k, 1])
+        # The speed after the interval is limited.
+        vx_after, vy_after = vx + ax * interval, vy + ay * interval
+        speed, maximum = math.sqrt(vx_after * vx_after + vy_after * vy_after), 0.0
+        maximum = MAXIMUM_SPEED_RATIO * result.preferred_speed[k]
+        scale = maximum / max(speed, 1e-6) if speed > maximum else 1.0
+        result.acceleration[k, 0] = (vx_after * scale - vx) / interval
+        result.acceleration[k, 1] = (vy_after * scale - vy) / interval
+
+
+def _walkers(scene: Scene) -> Walkers:
+    """The input of the pedestrian model, filled as far as it stays the same."""
+    count = len(scene.humans)
+    return Walkers(
+        position=np.zeros((count, 2)),
+        velocity=np.zeros((count, 2)),
+        desired_direction=np.zeros((count, 2)),
+        body_direction=np.zeros((count, 2)),
+        desired_speed=np.zeros(count),
+        radius=np.array([human.radius for human in scene.humans], dtype=float),
+        walks=np.zeros(count, dtype=bool),
+        attention=np.zeros((count, count)),
+        member=_walking_groups(scene),
+        bond=np.array([OWN_GOALS_BOND if human.goals else 1.0 for human in scene.humans], dtype=float),
+    )
+
+
+def _group_speeds(scene: Scene) -> Array:
+    """Preferred speeds, (N,), m/s: wandering groups walk at the speed of the slowest member."""
+    speed = {human.id: human.desired_speed for human in scene.humans}
+    wandering = {human.id for human in scene.humans if human.behaviour == "wandering"}
+    for group in scene.groups:
+        slowest = min(speed[member] for member in group.members)
+        speed.update({member: slowest for member in group.members if member in wandering})
+    return np.array([speed[human.id] for human in scene.humans], dtype=float)
+
+
+def _walking_groups(scene: Scene) -> Array:
     """`Walkers.member` of a scene."""
     index = {human.id: k for k, human in enumerate(scene.humans)}
-    member = np.zeros((len(scene.humans) + 1, len(scene.humans) + 1))
-    for group in scene.groups:
-        rows = [index[m] for m in group.members] if group.kind == "walking" else []
+    groups = [[index[m] for m in group.members] for group in scene.groups if group.kind == "walking"]
+    if not any(len(rows) > 1 for rows in groups):
+        return np.zeros((0, 0))
+    member = np.zeros((len(index), len(index)))
+    for rows in groups:
         member[np.ix_(rows, rows)] = 1.0
     np.fill_diagonal(member, 0.0)
-    return member if member.any() else None
+    return member
+
+
+def _blocking_walls(scene: Scene) -> Iterator[tuple[Point, Point, float]]:
+    """Inner walls, and edges of the outline with a corner of the room on their outer side: they can block a view."""
+    for k, wall in enumerate(scene.walls):
+        (ax, ay), (bx, by) = wall.start, wall.end
+        sides = [(bx - ax) * (y - ay) - (by - ay) * (x - ax) for x, y in scene.polygon]
+        if k >= len(scene.polygon) or min(sides) < -1e-9:  # the first walls are the edges of the outline
+            yield wall.start, wall.end, 0.0
+
+
+def _point(humans: Array, k: int) -> Point:
+    """The position of pedestrian k, m."""
+    return float(humans[k, X]), float(humans[k, Y])

@@ -1,18 +1,34 @@
-"""`Orientation`: which way pedestrians turn their bodies and heads."""
+"""Which way pedestrians turn their bodies and heads; each one's glances are drawn from its own random stream.
+
+- The body of a walker turns to v + w, with its velocity v and its desired velocity w shortened to 0.4 m/s, so that slow
+  walkers do not turn hastily. The head turns to the point on the path 1 s ahead, so that it leads a turn, and at times
+  to companions.
+- Pedestrians that talk face their partner, or the centre of the group, and look from face to face; pedestrians that
+  attend to an object face it.
+- Glances at the robot, when it is in sight, in view and near, are short for `avoids`, longer for `stops`, long and
+  frequent for `curious` and `scared`; pedestrians that ignore the robot never look at it. A pedestrian whose reaction
+  is in progress looks at nothing else, and turns its body to the robot unless it walks away scared.
+
+Source: Grasso et al., Neuroscience Letters 253 (1998) 115, for heads that turn before the path does. The times are
+ours.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ...core.portable_math import Array, BoolArray
-from ...core.rng import RandomStream
+from ...core.compiled import subroutine
+from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
+from ...core.packing import Floats2, Ints
+from ...core.portable_math import Array
+from ...core.rng import AgentStreams
+from ...core.scalar import Vector, choice, unit_or
 from ...core.scene import Scene
-from ...core.snapshot import Snapshot
-from ...core.vectors import lengths
-from .reactions import Reactions
-from .social.state import SocialState
+from .reactions import AVOIDS, CURIOUS, SCARED, STOPS, Reactions
+from .social.state import SocialArrays
 
 HEAD_LEAD_TIME = 1.0  # s, by which the head leads the path
 MINIMUM_HEAD_LEAD = 0.8  # m, minimum distance ahead on the path
@@ -20,151 +36,199 @@ DESIRED_SPEED_WEIGHT = 0.4  # m/s, maximum length of the desired velocity that i
 IDLE_SPEED, MOVING_SPEED = 0.3, 0.4  # m/s: slower bodies keep their direction; faster scared ones face their path
 VIEW_COSINE = -0.35  # cosine of the angle from the body's direction up to which the robot is noticed
 
+# Columns of the times of glances: shortest and longest look, and shortest and longest pause after it, s; and the
+# clearance within which the robot attracts looks, m.
+_LOOK, _PAUSE, _RANGE = 0, 2, 4
+_NEVER = (0.0, 0.0, 0.0, 0.0, -1.0)
+ROBOT_GLANCES = {
+    AVOIDS: (0.4, 0.9, 1.5, 4.0, 4.0),
+    STOPS: (0.6, 1.2, 1.0, 3.0, 4.0),
+    CURIOUS: (2.0, 4.0, 0.3, 1.0, 6.0),
+    SCARED: (1.0, 2.5, 0.3, 0.8, 6.0),
+}
+TALK_LOOK = (1.5, 4.0)  # s, from one face to the next, where three or more talk
+WALK_LOOK, WALK_PAUSE = (0.8, 1.5), (4.0, 10.0)  # s, at companions, where people walk together
 
-class _GlanceTimes(NamedTuple):
-    """How long and how often a pedestrian looks at something.
+DRAWS_PER_TICK = 4  # random numbers that the glances of a pedestrian need at most in a tick
+_STOCK = 16  # random numbers that are drawn at a time
+
+
+class Glances(NamedTuple):
+    """The state of all glances, for kernels.
 
     Attributes:
-        look, pause: shortest and longest duration of a look, and of the pause after it, s.
-        range: clearance within which the robot attracts looks, m.
+        times: (N, 5), of glances at the robot, see above.
+        robot_until, robot_next: (N,) of int, ticks at which the present glance at the robot ends, and at which the next
+            one may begin.
+        partner: (N,) of int, index of the partner that is looked at, or -1.
+        partner_until: (N,) of int, tick.
+        uniform: (N, 16), random numbers in [0, 1) of each pedestrian.
+        used: (N,) of int, how many of them were used.
     """
 
-    look: tuple[float, float]
-    pause: tuple[float, float]
-    range: float = 4.0
+    times: Floats2
+    robot_until: Ints
+    robot_next: Ints
+    partner: Ints
+    partner_until: Ints
+    uniform: Floats2
+    used: Ints
 
 
-ROBOT_GLANCES = {
-    "avoids": _GlanceTimes((0.4, 0.9), (1.5, 4.0)),
-    "stops": _GlanceTimes((0.6, 1.2), (1.0, 3.0)),
-    "curious": _GlanceTimes((2.0, 4.0), (0.3, 1.0), 6.0),
-    "scared": _GlanceTimes((1.0, 2.5), (0.3, 0.8), 6.0),
-}
-TALK_GLANCES = _GlanceTimes((1.5, 4.0), (0.0, 0.0))  # from one face to the next, where three or more talk
-WALK_GLANCES = _GlanceTimes((0.8, 1.5), (4.0, 10.0))  # at companions, where people walk together
+def initial_glances(scene: Scene, reactions: Reactions) -> Glances:
+    """The glances at the start of an episode; random numbers are drawn later, see `GlanceStreams`."""
+    count = len(scene.humans)
+    times = [ROBOT_GLANCES.get(kind, _NEVER) for kind in reactions.kind.tolist()]
+    until, following, partner, partner_until, used = np.zeros((5, count), dtype=np.int64)
+    partner[:], used[:] = -1, _STOCK
+    return Glances(
+        np.array(times).reshape(-1, 5), until, following, partner, partner_until, np.zeros((count, _STOCK)), used
+    )
 
 
-class Orientation:
-    """Body directions and gaze of all pedestrians. Each one's glances are drawn from its own random stream.
-
-    - The body of a walker turns to v + w, with its velocity v and its desired velocity w shortened to 0.4 m/s, so that
-      slow walkers do not turn hastily. The head turns to the point on the path 1 s ahead, so that it leads a turn, and
-      at times to companions.
-    - Pedestrians that talk face their partner, or the centre of the group, and look from face to face; pedestrians
-      that attend to an object face it.
-    - Glances at the robot, when it is in sight, in view and near, are short for `avoids`, longer for `stops`, long and
-      frequent for `curious` and `scared`; pedestrians that ignore the robot never look at it. A pedestrian whose
-      reaction is in progress looks at nothing else, and turns its body to the robot unless it walks away scared.
+class GlanceStreams:
+    """Refills `Glances.uniform` from each pedestrian's random stream, in the order of the stream.
 
     Args:
-        scene: the pedestrians.
-
-    Source: Grasso et al., Neuroscience Letters 253 (1998) 115, for heads that turn before the path does. The times are
-    ours.
+        scene: gives the seeds.
     """
 
     def __init__(self, scene: Scene) -> None:
-        humans = scene.humans
-        self._rng = [RandomStream(scene.seed, scene.episode, "glances", human.id) for human in humans]
-        self._robot_glances = [ROBOT_GLANCES.get(human.reaction) for human in humans]
-        self._robot_range = np.array([glances.range if glances else -1.0 for glances in self._robot_glances])
-        self._is_scared = np.array([human.reaction == "scared" for human in humans], dtype=bool)
-        # Ticks at which the present glance at the robot ends, and at which the next one may begin.
-        self._robot_until, self._robot_next = [0] * len(humans), [0] * len(humans)
-        self._partner: list[int] = [-1] * len(humans)  # index of the partner that is looked at, or -1
-        self._partner_until = [0] * len(humans)  # tick
+        self._rng = AgentStreams(scene.seed, scene.episode, "glances", [human.id for human in scene.humans])
 
-    def facing(self, snapshot: Snapshot, social: SocialState, course: Array, reactions: Reactions) -> Array:
-        """The directions that bodies turn to.
-
-        Args:
-            snapshot: the present state, with one row for each human of the scene.
-            social: what the pedestrians are doing.
-            course: (N, 2), desired velocities of walkers, m/s.
-            reactions: to the robot.
-
-        Returns:
-            (N, 2), unit vectors.
-        """
-        humans, velocity = snapshot.humans, snapshot.humans.velocity
-        speed = lengths(course)
-        desired = course * (np.minimum(speed, DESIRED_SPEED_WEIGHT) / np.maximum(speed, 1e-6))[:, None]
-        walking = unit_directions(velocity + desired, humans.direction, IDLE_SPEED)
-        to_facing_point = self._facing_points(social, humans.position) - humans.position
-        standing = unit_directions(to_facing_point, humans.direction, 0.05)
-        facing = np.where(social.is_walking[:, None], walking, standing)
-        does_not_talk = np.array(
-            [social.is_walking[k] or not partners for k, partners in enumerate(social.partners)], dtype=bool
-        )
-        moves = velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1] > MOVING_SPEED * MOVING_SPEED
-        flees = self._is_scared & social.is_walking & moves
-        faces_robot = reactions.faces_robot & does_not_talk & ~social.has_object & ~flees
-        return np.where(faces_robot[:, None], reactions.robot_direction, facing)
-
-    def gaze(
-        self, snapshot: Snapshot, social: SocialState, facing: Array, points_ahead: Array, reactions: Reactions
-    ) -> Array:
-        """The directions that heads turn to; advances the glances by one tick.
-
-        Args:
-            snapshot, social, reactions: as for `facing`.
-            facing: (N, 2), directions that bodies turn to, unit vectors.
-            points_ahead: (N, 2), m, points ahead on the paths of walkers.
-
-        Returns:
-            (N, 2), unit vectors.
-        """
-        position = snapshot.humans.position
-        direction = np.where(social.is_walking[:, None], points_ahead - position, facing)
-        for k, partners in enumerate(social.partners):
-            other = self._choose_partner(k, partners, bool(social.is_walking[k]), snapshot) if partners else -1
-            if other >= 0:
-                direction[k] = position[other] - position[k]
-        glances = self._looks_at_robot(snapshot, reactions)
-        return np.where(glances[:, None], reactions.robot_direction, unit_directions(direction, facing, 0.3))
-
-    def _facing_points(self, social: SocialState, position: Array) -> Array:
-        """(N, 2), m: what standing pedestrians face: the partner, the centre of the group, or their facing point."""
-        points = social.facing_point.copy()
-        for k, partners in enumerate(social.partners):
-            if partners and not social.is_walking[k] and not social.keeps_facing[k]:
-                rows = position[partners] if len(partners) == 1 else position[[k, *partners]]
-                points[k] = np.add.reduce(rows, axis=0) / len(rows)
-        return points
-
-    def _choose_partner(self, k: int, partners: list[int], is_walking: bool, snapshot: Snapshot) -> int:
-        """The index of the partner that pedestrian k looks at now, or -1 during a pause."""
-        if len(partners) == 1 and not is_walking:
-            return partners[0]
-        tick, partner = snapshot.tick, self._partner[k]
-        if tick >= self._partner_until[k] or (partner >= 0 and partner not in partners):
-            # Walkers start with a pause, and pause after each look; people who talk look from face to face.
-            times, is_pause = (WALK_GLANCES, partner >= 0 or tick == 0) if is_walking else (TALK_GLANCES, False)
-            self._partner[k] = -1 if is_pause else self._rng[k].choice(partners)
-            self._partner_until[k] = tick + self._draw_ticks(k, times.pause if is_pause else times.look, snapshot.dt)
-        return self._partner[k]
-
-    def _looks_at_robot(self, snapshot: Snapshot, reactions: Reactions) -> BoolArray:
-        """(N,): which pedestrians look at the robot now."""
-        humans, tick = snapshot.humans, snapshot.tick
-        x, y = reactions.robot_direction[:, 0], reactions.robot_direction[:, 1]
-        in_view = humans.direction[:, 0] * x + humans.direction[:, 1] * y > VIEW_COSINE
-        may_glance = reactions.notices & ~reactions.faces_robot & (reactions.gap < self._robot_range) & in_view
-        looks = np.zeros(len(humans), dtype=bool)
-        for k in np.flatnonzero(may_glance).tolist():
-            times = self._robot_glances[k]
-            if times is not None and tick >= self._robot_next[k]:
-                self._robot_until[k] = tick + self._draw_ticks(k, times.look, snapshot.dt)
-                self._robot_next[k] = self._robot_until[k] + self._draw_ticks(k, times.pause, snapshot.dt)
-            looks[k] = tick < self._robot_until[k]
-        looks |= reactions.faces_robot
-        return looks
-
-    def _draw_ticks(self, k: int, seconds: tuple[float, float], dt: float) -> int:
-        return max(int(self._rng[k].uniform(*seconds) / dt + 0.5), 1)
+    def refill(self, glances: Glances) -> None:
+        """Draw random numbers for all pedestrians that have fewer than they may need in a tick."""
+        for k in np.flatnonzero(glances.used > _STOCK - DRAWS_PER_TICK).tolist():
+            used = int(glances.used[k])
+            glances.uniform[k] = np.concatenate((glances.uniform[k, used:], self._rng[k].uniforms(used)))
+            glances.used[k] = 0
 
 
-def unit_directions(vectors: Array, default: Array, minimum: float = 1e-3) -> Array:
-    """Unit vectors along (N, 2) vectors; the default, (N, 2), for vectors not longer than the minimum."""
-    size = lengths(vectors)
-    return np.where((size > minimum)[:, None], vectors / np.maximum(size, 1e-6)[:, None], default)
+@subroutine
+def has_draws(glances: Glances, k: int) -> bool:
+    """Whether pedestrian k has all the random numbers that a tick may need."""
+    return bool(glances.used[k] <= glances.uniform.shape[1] - DRAWS_PER_TICK)
+
+
+@subroutine
+def _draw(glances: Glances, k: int) -> float:
+    """The next random number of pedestrian k."""
+    value: float = glances.uniform[k, glances.used[k]]
+    glances.used[k] += 1
+    return value
+
+
+@subroutine
+def _draw_ticks(glances: Glances, k: int, low: float, high: float, dt: float) -> int:
+    """A duration between two times, s, in ticks."""
+    return max(int((low + (high - low) * _draw(glances, k)) / dt + 0.5), 1)
+
+
+@subroutine
+def facing(
+    k: int, humans: Array, social: SocialArrays, course_x: float, course_y: float, reactions: Reactions
+) -> Vector:
+    """The direction that the body of pedestrian k turns to, a unit vector.
+
+    Args:
+        k: index of the pedestrian.
+        humans: columns of `core.humans`.
+        social: what the pedestrians are doing.
+        course_x, course_y: desired velocity, m/s.
+        reactions: to the robot.
+    """
+    vx, vy, is_walking = humans[k, VX], humans[k, VY], social.is_walking[k]
+    if reactions.faces_robot[k] and not social.has_object[k]:
+        talks = not is_walking and social.partner_count[k] > 0
+        is_moving = vx * vx + vy * vy > MOVING_SPEED * MOVING_SPEED
+        flees = reactions.kind[k] == SCARED and is_walking and is_moving
+        if not talks and not flees:
+            return reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
+    if is_walking:
+        speed = math.sqrt(course_x * course_x + course_y * course_y)
+        scale = min(speed, DESIRED_SPEED_WEIGHT) / max(speed, 1e-6)
+        x, y = vx + course_x * scale, vy + course_y * scale
+        return unit_or(x, y, IDLE_SPEED, humans[k, BODY_X], humans[k, BODY_Y])
+    x, y = _facing_point(k, humans, social)
+    return unit_or(x - humans[k, X], y - humans[k, Y], 0.05, humans[k, BODY_X], humans[k, BODY_Y])
+
+
+@subroutine
+def _facing_point(k: int, humans: Array, social: SocialArrays) -> Vector:
+    """What a standing pedestrian faces: the partner, the centre of the group, or its facing point; m."""
+    count = social.partner_count[k]
+    if count == 0 or social.keeps_facing[k]:
+        return social.facing_point[k, 0], social.facing_point[k, 1]
+    first = social.partners[k, 0]
+    if count == 1:
+        return humans[first, X], humans[first, Y]
+    x, y = humans[k, X], humans[k, Y]
+    for n in range(count):
+        x, y = x + humans[social.partners[k, n], X], y + humans[social.partners[k, n], Y]
+    return x / (count + 1), y / (count + 1)
+
+
+@subroutine
+def gaze(
+    k: int, tick: int, humans: Array, social: SocialArrays, facing_x: float, facing_y: float,
+    ahead_x: float, ahead_y: float, reactions: Reactions, glances: Glances, dt: float,
+) -> Vector:  # fmt: skip
+    """The direction that the head of pedestrian k turns to, a unit vector; advances its glances by one tick.
+
+    Args:
+        k: index of the pedestrian.
+        tick: that begins.
+        humans, social, reactions: as for `facing`.
+        facing_x, facing_y: direction that the body turns to, unit vector.
+        ahead_x, ahead_y: the point ahead on the path of a walker, m.
+        glances: updated.
+        dt: tick, s.
+    """
+    x, y = facing_x, facing_y
+    if social.is_walking[k]:
+        x, y = ahead_x - humans[k, X], ahead_y - humans[k, Y]
+    if social.partner_count[k] > 0:
+        other = _choose_partner(k, tick, social, glances, dt)
+        if other >= 0:
+            x, y = humans[other, X] - humans[k, X], humans[other, Y] - humans[k, Y]
+    if reactions.faces_robot[k] or _looks_at_robot(k, tick, humans, reactions, glances, dt):
+        return reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
+    return unit_or(x, y, 0.3, facing_x, facing_y)
+
+
+@subroutine
+def _choose_partner(k: int, tick: int, social: SocialArrays, glances: Glances, dt: float) -> int:
+    """The index of the partner that pedestrian k looks at now, or -1 during a pause."""
+    is_walking, count, partner = social.is_walking[k], social.partner_count[k], glances.partner[k]
+    if count == 1 and not is_walking:
+        return int(social.partners[k, 0])
+    is_partner = False
+    for n in range(count):
+        is_partner = is_partner or social.partners[k, n] == partner
+    if tick >= glances.partner_until[k] or (partner >= 0 and not is_partner):
+        # Walkers start with a pause, and pause after each look; people who talk look from face to face.
+        if is_walking and (partner >= 0 or tick == 0):
+            partner = -1
+            duration = _draw_ticks(glances, k, WALK_PAUSE[0], WALK_PAUSE[1], dt)
+        else:
+            partner = social.partners[k, choice(_draw(glances, k), count)]
+            low, high = WALK_LOOK if is_walking else TALK_LOOK
+            duration = _draw_ticks(glances, k, low, high, dt)
+        glances.partner[k], glances.partner_until[k] = partner, tick + duration
+    return int(partner)
+
+
+@subroutine
+def _looks_at_robot(k: int, tick: int, humans: Array, reactions: Reactions, glances: Glances, dt: float) -> bool:
+    """Whether pedestrian k glances at the robot now."""
+    if not reactions.notices[k] or not reactions.gap[k] < glances.times[k, _RANGE]:
+        return False
+    x, y = reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
+    if not humans[k, BODY_X] * x + humans[k, BODY_Y] * y > VIEW_COSINE:
+        return False
+    if tick >= glances.robot_next[k]:
+        times = glances.times
+        until = tick + _draw_ticks(glances, k, times[k, _LOOK], times[k, _LOOK + 1], dt)
+        glances.robot_until[k] = until
+        glances.robot_next[k] = until + _draw_ticks(glances, k, times[k, _PAUSE], times[k, _PAUSE + 1], dt)
+    return bool(tick < glances.robot_until[k])

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 
-import numpy as np
-
-from ...core.geometry import Barriers
+from ...core.compiled import subroutine
 from ...core.portable_math import Array
-from ...core.vectors import lengths
+from ...core.scalar import RADIUS, Vector, towards
 
 HORIZON, FULL_HORIZON = 5.0, 3.0  # s to the closest approach: evasion begins at the first and is complete at the second
 BEHIND_BONUS = 0.25  # m/s, cost advantage of passing behind the disc
@@ -17,50 +15,64 @@ MINIMUM_SPEED_FRACTION = 0.6  # of the relative speed, for agents that are too n
 WALL_TIME = 0.5  # s, within which an evading agent must not reach a wall
 RETREAT_RATE = 0.8  # 1/s, rate at which agents that are too near restore the distance
 
-VelocityLimit = Callable[[Array], Array]  # (N, 2) to (N, 2), m/s
 
-
-def limit_by_walls(position: Array, radius: Array, barriers: Barriers) -> VelocityLimit:
-    """A function that limits velocities, (N, 2), m/s, towards walls and furniture to gap / `WALL_TIME`.
-
-    For each agent it considers the two barriers that are violated most, which is enough for a corner.
+@subroutine
+def fill_walls(walls: Array, x: float, y: float, radius: float, barriers: Array) -> None:
+    """Prepare `limited_by_walls` for an agent at (x, y), m.
 
     Args:
-        position: (N, 2), m.
-        radius: (N,), m.
-        barriers: thick segments.
+        walls: (B, 3), is filled: unit vector to each barrier, and the maximum speed towards it, m/s.
+        x, y, radius: of the agent, m.
+        barriers: (B, 8), rows of `Barriers.table`.
     """
-    if not len(barriers):
-        return lambda velocity: velocity
-    rows, cached = np.arange(len(position)), list[tuple[Array, Array, Array]]()
-
-    def limit(velocity: Array) -> Array:
-        if not cached:  # computed on first use: in most ticks the function is not called
-            x, y = barriers.towards(position)
-            distance = np.maximum(np.sqrt(x * x + y * y), 1e-6)
-            gap = np.maximum(distance - barriers.radius[:, None] - radius, 0.0)
-            cached.append((x / distance, y / distance, gap / WALL_TIME))
-        x, y, maximum = cached[0]
-        for _ in range(2):
-            excess = velocity[:, 0] * x + velocity[:, 1] * y - maximum
-            worst = excess.argmax(axis=0)
-            reduction = np.maximum(excess[worst, rows], 0.0)
-            velocity = velocity - np.stack((x[worst, rows] * reduction, y[worst, rows] * reduction), axis=1)
-        return velocity
-
-    return limit
+    for k in range(barriers.shape[0]):
+        dx, dy = towards(barriers, k, x, y)
+        distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
+        walls[k, 0], walls[k, 1] = dx / distance, dy / distance
+        walls[k, 2] = max(distance - barriers[k, RADIUS] - radius, 0.0) / WALL_TIME
 
 
+@subroutine
+def limited_by_walls(walls: Array, vx: float, vy: float) -> Vector:
+    """Limit a velocity towards walls and furniture to gap / `WALL_TIME`, m/s.
+
+    The two barriers that are violated most are considered, which is enough for a corner.
+    """
+    for _ in range(2):
+        worst, reduction = -1, 0.0
+        for k in range(walls.shape[0]):
+            excess = vx * walls[k, 0] + vy * walls[k, 1] - walls[k, 2]
+            if excess > reduction:
+                worst, reduction = k, excess
+        if worst >= 0:
+            vx, vy = vx - walls[worst, 0] * reduction, vy - walls[worst, 1] * reduction
+    return vx, vy
+
+
+@subroutine
+def in_conflict(x: float, y: float, vx: float, vy: float, distance: float) -> bool:
+    """Whether an agent would come nearer to the disc than the distance within `HORIZON`.
+
+    Args:
+        x, y: from the agent to the disc, m.
+        vx, vy: velocity of the agent relative to the disc, m/s.
+        distance: of centres to keep, m.
+    """
+    size = max(math.sqrt(x * x + y * y), 1e-6)
+    px, py = x / size, y / size
+    closing, across = vx * px + vy * py, px * vy - py * vx
+    speed = max(math.sqrt(vx * vx + vy * vy), 1e-6)
+    miss_distance = abs(across) * size / speed
+    time = closing * size / (speed * speed)
+    return closing > 0.0 and miss_distance < distance and time < HORIZON
+
+
+@subroutine
 def evasive_velocity(
-    offset: Array,
-    preferred: Array,
-    disc_velocity: Array,
-    distance: Array,
-    previous_side: Array,
-    side: int,
-    limit: VelocityLimit = lambda velocity: velocity,
-) -> tuple[Array, Array]:
-    """The velocities nearest to the preferred ones that pass a moving disc at a given distance.
+    x: float, y: float, preferred_x: float, preferred_y: float, disc_vx: float, disc_vy: float, distance: float,
+    previous_side: float, side: float, walls: Array,
+) -> tuple[float, float, float]:  # fmt: skip
+    """The velocity nearest to the preferred one that passes a moving disc at a given distance, if `in_conflict`.
 
     With p the vector to the disc, R the distance to keep, u the preferred velocity and v the disc's velocity, w = u - v
     is the relative velocity. The agent would come nearer than R where w lies within the cone around p whose half-angle
@@ -69,68 +81,61 @@ def evasive_velocity(
     what walls forbid. An agent that is nearer than R and still approaches walks round the disc and backs off.
 
     Args:
-        offset: (N, 2), m, from each agent to the disc.
-        preferred: (N, 2), m/s.
-        disc_velocity: (2,), m/s.
-        distance: (N,), m, the distance of centres to keep.
-        previous_side: (N,), the side chosen in the previous tick: +1 to the left of p, -1 to the right, 0 none.
+        x, y: m, from the agent to the disc.
+        preferred_x, preferred_y: m/s.
+        disc_vx, disc_vy: m/s.
+        distance: m, the distance of centres to keep.
+        previous_side: the side chosen in the previous tick: +1 to the left of p, -1 to the right, 0 none.
         side: +1 passes on the right where both sides cost the same, -1 on the left.
-        limit: limits velocities by walls, (N, 2) to (N, 2), m/s.
+        walls: from `fill_walls`.
 
     Returns:
-        Velocities (N, 2), m/s, and the side chosen, (N,), 0 where the preferred velocity is kept.
+        Velocity (x, y), m/s, and the side chosen.
 
     Source: Fiorini & Shiller, Int. J. Robotics Research 17 (1998) 760, for the velocity obstacle.
     """
-    relative = preferred - disc_velocity
-    centre_distance = np.maximum(lengths(offset), 1e-6)
-    p = offset / centre_distance[:, None]
-    closing, across = _dot(relative, p), _cross(p, relative)
-    speed = np.maximum(lengths(relative), 1e-6)
-    miss_distance = np.abs(across) * centre_distance / speed
-    time = closing * centre_distance / (speed * speed)  # to the closest approach
-    conflict = (closing > 0.0) & (miss_distance < distance) & (time < HORIZON)
-    if not conflict.any():
-        return preferred, np.zeros(len(preferred))
-    sine = np.minimum(distance / centre_distance, 1.0)
-    cosine = np.sqrt(1.0 - sine * sine)
-    behind = _cross(p, np.zeros_like(p) + disc_velocity)  # > 0: the disc moves to the left, so the right is behind it
+    wx, wy = preferred_x - disc_vx, preferred_y - disc_vy  # relative velocity
+    centre_distance = max(math.sqrt(x * x + y * y), 1e-6)
+    px, py = x / centre_distance, y / centre_distance
+    speed = max(math.sqrt(wx * wx + wy * wy), 1e-6)
+    time = (wx * px + wy * py) * centre_distance / (speed * speed)  # to the closest approach
+    sine = min(distance / centre_distance, 1.0)
+    cosine = math.sqrt(1.0 - sine * sine)
+    behind = px * disc_vy - py * disc_vx  # > 0: the disc moves to the left, so the right is behind it
     retreat = (centre_distance - distance) * RETREAT_RATE
-    edges = [_edge_velocity(p, relative, cosine, sine, sign, retreat, speed) for sign in (1.0, -1.0)]
-    costs = [
-        lengths(edge - relative)
-        + lengths(limit(disc_velocity + edge) - disc_velocity - edge)
-        + BEHIND_BONUS * (sign * behind > 0.05)
-        - HABIT_BONUS * (previous_side == sign)
-        + 1e-6 * (sign * side > 0.0)
-        for edge, sign in zip(edges, (1.0, -1.0), strict=True)
-    ]
-    chosen = np.where(costs[0] < costs[1], 1.0, -1.0)
-    fraction = np.minimum((HORIZON - time) / (HORIZON - FULL_HORIZON), 1.0)[:, None]
-    edge = np.where((chosen > 0.0)[:, None], edges[0], edges[1])
-    velocity = np.where(conflict[:, None], preferred + (disc_velocity + edge - preferred) * fraction, preferred)
-    return velocity, np.where(conflict, chosen, 0.0)
+    best, chosen, edge_x, edge_y = 0.0, 0.0, 0.0, 0.0
+    for n in range(2):
+        sign = 1.0 - 2.0 * n
+        ex, ey = _edge_velocity(px, py, wx, wy, cosine, sine, sign, retreat, speed)
+        lx, ly = limited_by_walls(walls, disc_vx + ex, disc_vy + ey)
+        lx, ly = lx - disc_vx - ex, ly - disc_vy - ey
+        cost = math.sqrt((ex - wx) * (ex - wx) + (ey - wy) * (ey - wy))
+        cost = cost + math.sqrt(lx * lx + ly * ly)
+        cost = cost + (BEHIND_BONUS if sign * behind > 0.05 else 0.0)
+        cost = cost - (HABIT_BONUS if previous_side == sign else 0.0)
+        cost = cost + (1e-6 if sign * side > 0.0 else 0.0)
+        if n == 0 or not best < cost:
+            best, chosen, edge_x, edge_y = cost, sign, ex, ey
+    fraction = min((HORIZON - time) / (HORIZON - FULL_HORIZON), 1.0)
+    return (
+        preferred_x + (disc_vx + edge_x - preferred_x) * fraction,
+        preferred_y + (disc_vy + edge_y - preferred_y) * fraction,
+        chosen,
+    )
 
 
+@subroutine
 def _edge_velocity(
-    p: Array, relative: Array, cosine: Array, sine: Array, sign: float, retreat: Array, speed: Array
-) -> Array:
-    """The relative velocity (N, 2) along the cone's left (sign 1) or right (sign -1) edge.
+    px: float, py: float, wx: float, wy: float, cosine: float, sine: float, sign: float, retreat: float, speed: float
+) -> Vector:
+    """The relative velocity along the cone's left (sign 1) or right (sign -1) edge, m/s.
 
     Where `retreat`, m/s, is negative, the agent is too near: it walks round the disc and backs off at that speed.
     """
-    left = np.stack((-p[:, 1], p[:, 0]), axis=1) * sign
-    edge = p * cosine[:, None] + left * sine[:, None]
-    along = np.maximum(_dot(edge, relative), 0.0)
-    around = np.maximum(along, MINIMUM_SPEED_FRACTION * speed)
-    is_too_near = retreat < 0.0
-    velocity: Array = edge * np.where(is_too_near, around, along)[:, None]
-    return velocity + p * np.minimum(retreat, 0.0)[:, None]
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    lx, ly = -py * sign, px * sign
+    ex, ey = px * cosine + lx * sine, py * cosine + ly * sine
+    along = max(ex * wx + ey * wy, 0.0)
+    if retreat < 0.0:
+        along = max(along, MINIMUM_SPEED_FRACTION * speed)
+    back = min(retreat, 0.0)
+    return ex * along + px * back, ey * along + py * back

@@ -1,23 +1,31 @@
-"""`Wayfinding`: destinations of walking pedestrians and the paths to them.
+"""Wayfinding: destinations of walking pedestrians and the paths to them.
 
 Wandering pedestrians choose a random place in the room, and another one on arrival; `walking` ones have a list of
 goals; recorded ones follow their tracks; assigned ones go where `SocialDynamics` sends them.
+
+What happens in every tick, along the paths, is compiled; `Wayfinding` makes the rare decisions in ordinary Python and
+writes their results into `Routes`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
+from ...core.compiled import subroutine
 from ...core.entities import PERSON_RADIUS
 from ...core.geometry import Barriers, Point
-from ...core.humans import Humans
+from ...core.humans import X, Y
 from ...core.navigation import FreeSpace
-from ...core.portable_math import Array
-from ...core.rng import RandomStream
+from ...core.packing import Bools, Floats2, Floats3, Ints
+from ...core.portable_math import Array, BoolArray
+from ...core.rng import AgentStreams
+from ...core.scalar import Vector
 from ...core.scene import Scene
-from ...core.vectors import lengths
+from ...core.visibility import is_clear
 
 CLEARANCE = 0.10  # m, of paths from walls, furniture and standing people
 WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
@@ -31,212 +39,231 @@ MINIMUM_PROGRESS = 0.4  # m
 MEMBER_HALF_WIDTH = 0.4  # m, half the width that each member of a group needs at its destination
 ROOM_AHEAD = 1.5  # m, free distance that a follower needs to walk beside its leader
 _ATTEMPTS = 30
+_WAYPOINTS = 8  # initial length of a row of `Routes.path`
+
+
+class Routes(NamedTuple):
+    """Targets and paths of all pedestrians, for kernels.
+
+    Attributes:
+        order: (W,) of int, the pedestrians that have a path, in the order in which they are processed.
+        leader: (N,) of int, for each of these the leader of its group, or the pedestrian itself; else -1.
+        path: (N, P, 2), m, waypoints; the first `length` ones of each row are valid.
+        length: (N,) of int; 0 means that the pedestrian stays where it is.
+        next: (N,) of int, index of the present waypoint.
+        version: (N,) of int, a number of its own for every path; followers share that of the path that they copied.
+        copied: (N,) of int, version of the leader's path that a follower copied last.
+        goals_left: (N,) of int, goals of the scene that are still to be visited; -1 for pedestrians without goals.
+        is_assigned: (N,) of bool, the destination is set from outside.
+        is_exiting: (N,) of bool, the pedestrian leaves the scene at its last goal.
+        is_abreast: (N,) of bool, followers with room to walk beside their leader.
+        checkpoint: (N, 2), m, position at the last progress check; NaN before the first.
+        target: (N, 2), m, the present waypoint.
+        is_final: (N,) of bool, whether the target is where the pedestrian will stay.
+        is_leaving: (N,) of bool, the pedestrian has reached the place where it leaves the scene.
+        is_blocked: (N,) of bool, the pedestrian was pushed off its path and needs another one.
+    """
+
+    order: Ints
+    leader: Ints
+    path: Floats3
+    length: Ints
+    next: Ints
+    version: Ints
+    copied: Ints
+    goals_left: Ints
+    is_assigned: Bools
+    is_exiting: Bools
+    is_abreast: Bools
+    checkpoint: Floats2
+    target: Floats2
+    is_final: Bools
+    is_leaving: Bools
+    is_blocked: Bools
 
 
 class Wayfinding:
-    """The targets and paths of all walking pedestrians; members of a wandering group share their leader's path.
+    """Chooses destinations and finds paths; members of a wandering group share their leader's path.
 
-    Pedestrians are identified by their index in `scene.humans`. A path is a (K, 2) array of waypoints, m; an empty one
-    means that the pedestrian stays where it is.
+    Pedestrians are identified by their index in `scene.humans`.
 
     Args:
         scene: the room and the pedestrians.
 
     Attributes:
-        target: (N, 2), m, the present waypoint of each pedestrian.
-        is_final: (N,) of bool, whether the target is where the pedestrian will stay.
-        leader: for each walking pedestrian the leader of its group, or the pedestrian itself.
-        leaving: pedestrians that have reached the place where they leave the scene.
-        assigned: pedestrians whose destination is set from outside; they choose none themselves.
+        routes: targets and paths.
+        space: free space of paths.
+        passable: free space that is narrower by a tolerance: a path that leaves it is blocked.
         choose_task: called with index and position when a wandering pedestrian needs a destination; returns True if
             it has set one with `send_to`. None: always choose at random.
     """
 
     def __init__(self, scene: Scene) -> None:
-        humans = scene.humans
+        humans, count = scene.humans, len(scene.humans)
         self._scene = scene
         walking = [k for k, human in enumerate(humans) if human.behaviour in ("wandering", "walking")]
         self._recorded = [k for k, human in enumerate(humans) if human.behaviour == "recorded"]
         self._track_look_ahead = int(TRACK_LOOK_AHEAD / scene.rules.dt + 0.5)  # ticks
-        self._exiting = {k for k in walking if humans[k].exits}
-        self.leaving: tuple[int, ...] = ()
-        self._rng = {k: RandomStream(scene.seed, scene.episode, "people", humans[k].id) for k in walking}
+        self._rng = AgentStreams(scene.seed, scene.episode, "people", [human.id for human in humans])
         self._goals = {k: list(humans[k].goals) for k in walking if humans[k].behaviour == "walking"}
-        index = {human.id: k for k, human in enumerate(humans)}
-        leader_of = {m: index[g.members[0]] for g in scene.groups if g.kind == "walking" for m in g.members}
-        # Members with goals of their own, or whose leader does not walk, lead themselves.
-        leader_of = {m: k for m, k in leader_of.items() if index[m] not in self._goals and k in walking}
-        self.leader = {k: leader_of.get(humans[k].id, k) for k in walking}  # in the scene's order
-        self._paths: dict[int, Array] = {k: np.zeros((0, 2)) for k in walking}
-        self._copied: dict[int, Array] = {}  # the leader's path that a follower copied last
-        self._next: dict[int, int] = dict.fromkeys(walking, 0)  # index of the present waypoint
-        self._checkpoint: dict[int, Point] = {}  # position at the last progress check
-        self.target = np.array([human.pose.position for human in humans], dtype=float).reshape(-1, 2)
-        self.is_final = np.zeros(len(humans), dtype=bool)
-        self.assigned: set[int] = set()
-        self._abreast: set[int] = set()  # followers with room to walk beside their leader
+        self._has_groups = any(group.kind == "walking" for group in scene.groups)
+        self._has_exits = any(human.exits for human in humans)
+        self._versions = 0
+        self.routes = Routes(
+            order=np.array(walking, dtype=np.int64),
+            leader=np.full(count, -1),
+            path=np.zeros((count, _WAYPOINTS, 2)),
+            length=np.zeros(count, dtype=np.int64),
+            next=np.zeros(count, dtype=np.int64),
+            version=np.zeros(count, dtype=np.int64),
+            copied=np.full(count, -1),
+            goals_left=np.array(
+                [len(self._goals[k]) if k in self._goals else -1 for k in range(count)], dtype=np.int64
+            ),
+            is_assigned=np.zeros(count, dtype=bool),
+            is_exiting=np.array([human.exits for human in humans], dtype=bool),
+            is_abreast=np.zeros(count, dtype=bool),
+            checkpoint=np.full((count, 2), math.nan),
+            target=np.array([human.pose.position for human in humans], dtype=float).reshape(-1, 2),
+            is_final=np.zeros(count, dtype=bool),
+            is_leaving=np.zeros(count, dtype=bool),
+            is_blocked=np.zeros(count, dtype=bool),
+        )
+        self._choose_leaders(walking)
         self.choose_task: Callable[[int, Point], bool] | None = None
-        may_walk = range(len(humans)) if scene.social.is_lively else walking
+        may_walk = range(count) if scene.social.is_lively else walking
         self._clearance = max((humans[k].radius for k in may_walk), default=PERSON_RADIUS) + CLEARANCE
+        self.space: FreeSpace
+        self.passable: FreeSpace
         self.set_obstacles(scene.standing_humans, scene.shared_spaces)
         low, high = scene.outline.min(axis=0), scene.outline.max(axis=0)
         self._bounding_box = (*low.tolist(), *high.tolist())
 
-    def update(self, tick: int, humans: Humans, presence: Array | None = None) -> Array:
-        """Advance by one tick.
+    def begin_tick(self, tick: int, humans: Array, is_present: BoolArray) -> None:
+        """What must happen before the compiled part of a tick: targets of recorded pedestrians, and the first paths.
 
         Args:
             tick: that begins.
-            humans: one row for each human of the scene.
-            presence: (N + 1,), 0 for absent pedestrians; None: all are present.
-
-        Returns:
-            (N, 2), m, the next waypoint of each pedestrian; the initial position of standing ones, arbitrary for
-            absent ones.
+            humans: (N, 9), columns of `core.humans`.
+            is_present: (N,).
         """
         for k in self._recorded:
-            self.target[k] = self._scene.humans[k].track_position(tick + self._track_look_ahead)
-        if not self.leader:
-            return self.target.copy()
-        leaders = self.leader if presence is None else {k: leader for k, leader in self.leader.items() if presence[k]}
-        walking = list(leaders)
-        positions = humans.position.tolist()
+            self.routes.target[k] = self._scene.humans[k].track_position(tick + self._track_look_ahead)
         if tick == 0:
-            self._start_straight(humans.position, walking)
-        for k, leader in leaders.items():
-            leader = leader if leader in leaders else k  # followers of an absent leader lead themselves
-            position = (positions[k][0], positions[k][1])
-            if leader == k and (self._needs_destination(tick, k, position) or self._is_stuck(tick, k, position)):
-                self._choose_destination(k, position)
-            if leader != k and self._copied.get(k) is not self._paths[leader]:
-                self._copied[k] = self._paths[leader]
-                self._set_path(k, self._paths[leader])
-        self._advance(tick, humans.position, walking)
-        for k in walking:
-            if len(self._paths[k]):
-                self.target[k] = self._paths[k][self._next[k]]
-        # Followers abreast aim at the leader's target, shifted by their present offset from the leader.
-        for k in walking:
-            if k in self._abreast and leaders[k] in leaders:
-                self.target[k] = self.target[leaders[k]] + humans.position[k] - humans.position[leaders[k]]
-        for k in walking:
-            self.is_final[k] = len(self._paths[k]) > 0 and self._is_at_last_waypoint(k) and k not in self._exiting
-        self.leaving = tuple(
-            k
-            for k in walking
-            if k in self._exiting
-            and self._is_at_last_waypoint(k)
-            and _is_near(positions[k], self.target[k], ARRIVAL_DISTANCE)
-        )
-        return self.target.copy()
+            self._start_straight(humans[:, X : Y + 1], [k for k in self.routes.order.tolist() if is_present[k]])
 
-    def set_obstacles(self, standing: Barriers, shared_spaces: Barriers) -> None:
-        """Replace the obstacles that paths avoid besides walls and furniture: standing people and their o-spaces."""
-        solids = self._scene.barriers.joined(standing)
-        self._space = FreeSpace(self._scene.outline, solids.joined(shared_spaces), self._clearance)
-        self._passable = FreeSpace(self._scene.outline, solids, self._clearance - CLEARANCE - WALL_TOLERANCE)
-
-    def is_open(self, start: Point, end: Point) -> bool:
-        """Whether a pedestrian can stand at the end, and walk there straight from the start; m."""
-        starts, ends = np.array([start]), np.array([end])
-        return bool(self._space.is_free(ends)[0] and self._space.is_clear(starts, ends)[0])
-
-    def send_to(self, k: int, position: Point, destination: Point) -> bool:
-        """Send pedestrian k from its position to a destination, m, where it stays; False if there is no path."""
-        path = self._space.path(position, destination)
-        if path is not None:
-            self._set_path(k, path)
-            self.assigned.add(k)
-        return path is not None
-
-    def stop(self, k: int) -> None:
-        """Let pedestrian k stay where it is until `send_to` or `start_wandering`."""
-        self.assigned.add(k)
-        if k in self._paths:
-            self._paths[k], self._next[k] = np.zeros((0, 2)), 0
-
-    def start_wandering(self, k: int, position: Point) -> None:
-        """Let pedestrian k, which is at a position, m, wander from now on, even if it stood from the start."""
-        self.assigned.discard(k)
-        # A path that ends where the pedestrian is: it chooses a destination in the next update.
-        self.leader[k], self._paths[k], self._next[k] = k, np.array([position, position]), 1
-        if k not in self._rng:
-            self._rng[k] = RandomStream(self._scene.seed, self._scene.episode, "people", self._scene.humans[k].id)
-
-    def points_ahead(self, position: Array, distance: Array) -> Array:
-        """The points at a distance ahead on each pedestrian's path, or the end of the path.
-
-        Args:
-            position: (N, 2), m.
-            distance: (N,), m.
-
-        Returns:
-            (N, 2), m; the target of pedestrians that do not walk.
-        """
-        points = self.target.copy()
-        for k in self.leader:
-            path, n, remaining = self._paths[k], self._next[k], float(distance[k])
-            x, y = position[k].tolist()
-            for end_x, end_y in path[n:].tolist():
-                dx, dy = end_x - x, end_y - y
-                length = float(np.sqrt(dx * dx + dy * dy))
-                if length >= remaining:
-                    points[k] = x + dx * (remaining / length), y + dy * (remaining / length)
-                    break
-                points[k], remaining, x, y = (end_x, end_y), remaining - length, end_x, end_y
-        return points
-
-    def _set_path(self, k: int, path: Array) -> None:
-        """Start on a path from its first point, the present position."""
-        self._paths[k], self._next[k] = path, min(1, len(path) - 1)
-
-    def _is_at_last_waypoint(self, k: int) -> bool:
-        """Whether a pedestrian that stays where its path ends is on its last segment."""
-        stays = k in self.assigned or self._goals.get(k) == []
-        return stays and self._next[k] == len(self._paths[k]) - 1
-
-    def _needs_destination(self, tick: int, k: int, position: Point) -> bool:
-        """Whether a pedestrian has arrived; without a path it tries again every `CHECK_INTERVAL`."""
-        path = self._paths[k]
-        if k in self.assigned or (k in self._goals and not self._goals[k]):
-            return False
-        if len(path) < 2:
-            return not len(path) or tick % CHECK_INTERVAL == 0
-        return self._next[k] == len(path) - 1 and _is_near(position, path[-1], ARRIVAL_DISTANCE)
-
-    def _is_stuck(self, tick: int, k: int, position: Point) -> bool:
-        """Whether a wandering pedestrian made no progress since the last check, `PROGRESS_INTERVAL` ticks ago."""
-        if k in self._goals or k in self.assigned or (tick + k) % PROGRESS_INTERVAL:
-            return False
-        before, self._checkpoint[k] = self._checkpoint.get(k), position
-        return before is not None and _is_near(position, before, MINIMUM_PROGRESS)
-
-    def _choose_destination(self, k: int, position: Point) -> None:
-        """Give a pedestrian its next destination and the path to it; without a path it stays."""
+    def choose_destination(self, k: int, position: Point) -> None:
+        """Give pedestrian k, at a position, m, its next destination and the path to it; without a path it stays."""
         if k in self._goals:
             # Goals of the scene are always approached, straight if there is no free path.
-            goal = self._goals[k].pop(0)
-            path = self._space.path(position, goal)
-            self._paths[k], self._next[k] = np.array([position, goal]) if path is None else path, 1
+            goal = self._pop_goal(k)
+            path = self.space.path(position, goal)
+            self._set_path(k, np.array([position, goal]) if path is None else path, 1)
             return
         if self.choose_task is not None and self.choose_task(k, position):
             return
         x0, y0, x1, y1 = self._bounding_box
         rng = self._rng[k]
-        group_half_width = MEMBER_HALF_WIDTH * sum(leader == k for leader in self.leader.values())
+        followers = int(np.count_nonzero(self.routes.leader == k)) if self._has_groups else 1
+        group_half_width = MEMBER_HALF_WIDTH * followers
         for attempt in range(_ATTEMPTS):
             goal = (rng.uniform(x0, x1), rng.uniform(y0, y1))
+            if _near(position[0], position[1], goal[0], goal[1], MINIMUM_TRIP):
+                continue
             point = np.array([goal])
-            if _is_near(position, goal, MINIMUM_TRIP) or not self._space.is_free(point)[0]:
+            if not self.space.is_free(point)[0]:
                 continue
             is_group = group_half_width > MEMBER_HALF_WIDTH
             if is_group and attempt < _ATTEMPTS // 2 and self._scene.barriers.gaps(point).min() < group_half_width:
                 continue  # the first half of the attempts looks for a place with room for all members
-            path = self._space.path(position, goal)
+            path = self.space.path(position, goal)
             if path is not None:
                 self._set_path(k, path)
                 return
-        self._paths[k], self._next[k] = np.array([position]), 0
+        self._set_path(k, np.array([position]), 0)
+
+    def find_new_path(self, k: int, position: Point) -> None:
+        """Find a new path to the same destination for a pedestrian that was pushed off its path."""
+        x, y = self.routes.path[k, self.routes.length[k] - 1].tolist()
+        path = self.space.path(position, (x, y))
+        if path is not None:
+            self._set_path(k, path)
+
+    def set_obstacles(self, standing: Barriers, shared_spaces: Barriers) -> None:
+        """Replace the obstacles that paths avoid besides walls and furniture: standing people and their o-spaces."""
+        solids = self._scene.barriers.joined(standing)
+        self.space = FreeSpace(self._scene.outline, solids.joined(shared_spaces), self._clearance)
+        self.passable = FreeSpace(self._scene.outline, solids, self._clearance - CLEARANCE - WALL_TOLERANCE)
+
+    def is_open(self, start: Point, end: Point) -> bool:
+        """Whether a pedestrian can stand at the end, and walk there straight from the start; m."""
+        return self.space.is_open(start, end)
+
+    def send_to(self, k: int, position: Point, destination: Point) -> bool:
+        """Send pedestrian k from its position to a destination, m, where it stays; False if there is no path."""
+        path = self.space.path(position, destination)
+        if path is not None:
+            self._set_path(k, path)
+            self.routes.is_assigned[k] = True
+        return path is not None
+
+    def stop(self, k: int) -> None:
+        """Let pedestrian k stay where it is until `send_to` or `start_wandering`."""
+        self.routes.is_assigned[k] = True
+        if self.routes.leader[k] >= 0:
+            self._set_path(k, np.zeros((0, 2)), 0)
+
+    def start_wandering(self, k: int, position: Point) -> None:
+        """Let pedestrian k, which is at a position, m, wander from now on, even if it stood from the start."""
+        routes = self.routes
+        routes.is_assigned[k] = False
+        if routes.leader[k] < 0:
+            self.routes = routes._replace(order=np.append(routes.order, k))
+        routes.leader[k] = k
+        # A path that ends where the pedestrian is: it chooses a destination in the next tick.
+        self._set_path(k, np.array([position, position]), 1)
+
+    @property
+    def leaving(self) -> tuple[int, ...]:
+        """Pedestrians that have reached the place where they leave the scene."""
+        return tuple(np.flatnonzero(self.routes.is_leaving).tolist()) if self._has_exits else ()
+
+    def _choose_leaders(self, walking: list[int]) -> None:
+        humans, index = self._scene.humans, {human.id: k for k, human in enumerate(self._scene.humans)}
+        groups = (group for group in self._scene.groups if group.kind == "walking")
+        leader_of = {index[m]: index[group.members[0]] for group in groups for m in group.members}
+        for k in walking:
+            self.routes.version[k] = self._new_version()
+            # Members with goals of their own, or whose leader does not walk, lead themselves.
+            leader = leader_of.get(k, k)
+            leads_itself = k in self._goals or humans[leader].behaviour not in ("wandering", "walking")
+            self.routes.leader[k] = k if leads_itself else leader
+
+    def _pop_goal(self, k: int) -> Point:
+        goal = self._goals[k].pop(0)
+        self.routes.goals_left[k] = len(self._goals[k])
+        return goal
+
+    def _new_version(self) -> int:
+        self._versions += 1
+        return self._versions
+
+    def _set_path(self, k: int, path: Array, following: int | None = None) -> None:
+        """Start on a path from its first point, the present position, or aim at another waypoint.
+
+        Args:
+            k: index of the pedestrian.
+            path: (K, 2), m.
+            following: index of the waypoint to aim at.
+        """
+        routes, count = self.routes, len(path)
+        if count > routes.path.shape[1]:
+            longer = np.zeros((len(routes.path), 2 * count, 2))
+            longer[:, : routes.path.shape[1]] = routes.path
+            routes = self.routes = routes._replace(path=longer)
+        routes.path[k, :count] = path
+        routes.length[k], routes.version[k] = count, self._new_version()
+        routes.next[k] = min(1, count - 1) if following is None else following
 
     def _start_straight(self, position: Array, walking: list[int]) -> None:
         """Send pedestrians that see their first goal straight there.
@@ -247,53 +274,180 @@ class Wayfinding:
         if not going:
             return
         start, goal = position[going], np.array([self._goals[k][0] for k in going])
-        clear = self._space.is_clear(start, goal) | (~self._space.is_free(start) & self._passable.is_clear(start, goal))
+        clear = self.space.is_clear(start, goal) | (~self.space.is_free(start) & self.passable.is_clear(start, goal))
         for k in np.array(going)[clear].tolist():
-            self._paths[k], self._next[k] = np.array([position[k], self._goals[k].pop(0)]), 1
-
-    def _advance(self, tick: int, position: Array, walking: list[int]) -> None:
-        """Aim at the next waypoint when the present one is reached or the next one is in view; repair blocked paths."""
-        for k in walking:
-            path, n = self._paths[k], self._next[k]
-            if n < len(path) - 1 and _is_near(position[k].tolist(), path[n], WAYPOINT_DISTANCE):
-                self._next[k] = n + 1
-        checked = [k for k in walking if len(self._paths[k])] if tick % CHECK_INTERVAL == 0 else []
-        if not checked:
-            return
-        self._find_room_abreast(position, walking)
-        following = [min(self._next[k] + 1, len(self._paths[k]) - 1) for k in checked]
-        following_point = np.array([self._paths[k][n] for k, n in zip(checked, following, strict=True)])
-        target = np.array([self._paths[k][self._next[k]] for k in checked])
-        in_view = self._space.is_clear(position[checked], following_point).tolist()
-        passable = self._passable.is_clear(position[checked], target).tolist()
-        for k, n, can_skip, can_continue in zip(checked, following, in_view, passable, strict=True):
-            if can_skip:
-                self._next[k] = n
-            elif not can_continue:
-                self._replan(k, position[k].tolist())
-
-    def _find_room_abreast(self, position: Array, walking: list[int]) -> None:
-        """Find the followers with room to walk beside their leader, in its direction."""
-        present = set(walking)
-        pairs = [(k, self.leader[k]) for k in walking if self.leader[k] != k and self.leader[k] in present]
-        if not pairs:
-            self._abreast = set()
-            return
-        followers, leaders = ([pair[side] for pair in pairs] for side in (0, 1))
-        ahead = self.target[leaders] - position[leaders]
-        distance = np.maximum(lengths(ahead), 1e-6)
-        step = ahead * (np.minimum(distance, ROOM_AHEAD) / distance)[:, None]
-        clear = self._space.is_clear(position[followers], position[followers] + step)
-        self._abreast = {k for k, has_room in zip(followers, clear.tolist(), strict=True) if has_room}
-
-    def _replan(self, k: int, position: list[float]) -> None:
-        """Find a new path to the same destination for a pedestrian that was pushed off its path."""
-        goal = self._paths[k][-1]
-        path = self._space.path((position[0], position[1]), (float(goal[0]), float(goal[1])))
-        if path is not None:
-            self._set_path(k, path)
+            self._set_path(k, np.array([position[k], self._pop_goal(k)]), 1)
 
 
-def _is_near(point: list[float] | Point, other: Array | Point, radius: float) -> bool:
-    dx, dy = float(other[0]) - point[0], float(other[1]) - point[1]
+@subroutine
+def next_without_destination(routes: Routes, first: int, tick: int, humans: Array, is_present: BoolArray) -> int:
+    """Follow the leaders' paths, up to the first pedestrian that needs a destination.
+
+    Args:
+        routes: followers copy the paths of their leaders.
+        first: item of `Routes.order` to begin with.
+        tick: that begins.
+        humans: (N, 9), columns of `core.humans`.
+        is_present: (N,).
+
+    Returns:
+        Item of `Routes.order` whose pedestrian needs a destination; the number of items if there is none.
+    """
+    for n in range(first, len(routes.order)):
+        k = routes.order[n]
+        if not is_present[k]:
+            continue
+        leader = routes.leader[k]
+        if leader != k and not is_present[leader]:
+            leader = k  # followers of an absent leader lead themselves
+        if leader == k:
+            if _needs_destination(routes, k, tick, humans) or _is_stuck(routes, k, tick, humans):
+                return n
+        elif routes.copied[k] != routes.version[leader]:
+            routes.copied[k] = routes.version[k] = routes.version[leader]
+            count = routes.length[leader]
+            for w in range(count):
+                routes.path[k, w, 0], routes.path[k, w, 1] = routes.path[leader, w, 0], routes.path[leader, w, 1]
+            routes.length[k], routes.next[k] = count, min(1, count - 1)
+    return len(routes.order)
+
+
+@subroutine
+def _needs_destination(routes: Routes, k: int, tick: int, humans: Array) -> bool:
+    """Whether a pedestrian has arrived; without a path it tries again every `CHECK_INTERVAL`."""
+    if routes.is_assigned[k] or routes.goals_left[k] == 0:
+        return False
+    count = routes.length[k]
+    if count < 2:
+        return bool(count == 0 or tick % CHECK_INTERVAL == 0)
+    last = routes.path[k, count - 1]
+    return bool(routes.next[k] == count - 1 and _near(humans[k, X], humans[k, Y], last[0], last[1], ARRIVAL_DISTANCE))
+
+
+@subroutine
+def _is_stuck(routes: Routes, k: int, tick: int, humans: Array) -> bool:
+    """Whether a wandering pedestrian made no progress since the last check, `PROGRESS_INTERVAL` ticks ago."""
+    if routes.goals_left[k] >= 0 or routes.is_assigned[k] or (tick + k) % PROGRESS_INTERVAL != 0:
+        return False
+    x, y = routes.checkpoint[k, 0], routes.checkpoint[k, 1]
+    routes.checkpoint[k, 0], routes.checkpoint[k, 1] = humans[k, X], humans[k, Y]
+    return not math.isnan(x) and _near(humans[k, X], humans[k, Y], x, y, MINIMUM_PROGRESS)
+
+
+@subroutine
+def advance_on_paths(
+    routes: Routes, tick: int, humans: Array, is_present: BoolArray, solids: Array, space: Array,
+    space_clearance: float, passable_clearance: float,
+) -> bool:  # fmt: skip
+    """Aim at the next waypoint when the present one is reached or the next one is in view; find blocked paths.
+
+    Args:
+        routes: updated.
+        tick: that begins.
+        humans: (N, 9), columns of `core.humans`.
+        is_present: (N,).
+        solids, space: barriers that must not be touched, and those that paths avoid; rows of `Barriers.table`.
+        space_clearance, passable_clearance: of paths from `space`, and of bodies from `solids`, m.
+
+    Returns:
+        Whether a path is blocked, see `Routes.is_blocked`.
+    """
+    has_path = False
+    for n in range(len(routes.order)):
+        k = routes.order[n]
+        if not is_present[k]:
+            continue
+        has_path = has_path or routes.length[k] > 0
+        step = routes.next[k]
+        if step < routes.length[k] - 1:
+            x, y = routes.path[k, step, 0], routes.path[k, step, 1]
+            if _near(humans[k, X], humans[k, Y], x, y, WAYPOINT_DISTANCE):
+                routes.next[k] = step + 1
+    if tick % CHECK_INTERVAL != 0 or not has_path:
+        return False
+    _find_room_abreast(routes, humans, is_present, space, space_clearance)
+    any_blocked = False
+    for n in range(len(routes.order)):
+        k = routes.order[n]
+        if not is_present[k] or routes.length[k] == 0:
+            continue
+        px, py, step = humans[k, X], humans[k, Y], routes.next[k]
+        following = min(step + 1, routes.length[k] - 1)
+        x, y = routes.path[k, following, 0], routes.path[k, following, 1]
+        if is_clear(space, space_clearance, px, py, x, y):
+            routes.next[k] = following
+            continue
+        x, y = routes.path[k, step, 0], routes.path[k, step, 1]
+        if not is_clear(solids, passable_clearance, px, py, x, y):
+            routes.is_blocked[k] = any_blocked = True
+    return any_blocked
+
+
+@subroutine
+def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, space: Array, clearance: float) -> None:
+    """Find the followers with room to walk beside their leader, in its direction."""
+    for n in range(len(routes.order)):
+        k = routes.order[n]
+        leader = routes.leader[k]
+        routes.is_abreast[k] = False
+        if leader == k or not is_present[k] or not is_present[leader] or routes.leader[leader] < 0:
+            continue
+        dx, dy = routes.target[leader, 0] - humans[leader, X], routes.target[leader, 1] - humans[leader, Y]
+        distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
+        scale = min(distance, ROOM_AHEAD) / distance
+        x, y = humans[k, X], humans[k, Y]
+        routes.is_abreast[k] = is_clear(space, clearance, x, y, x + dx * scale, y + dy * scale)
+
+
+@subroutine
+def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
+    """Set the targets to the present waypoints, and find the pedestrians that are about to stay or to leave."""
+    for n in range(len(routes.order)):
+        k = routes.order[n]
+        if is_present[k] and routes.length[k] > 0:
+            step = routes.next[k]
+            routes.target[k, 0], routes.target[k, 1] = routes.path[k, step, 0], routes.path[k, step, 1]
+    for n in range(len(routes.order)):
+        k = routes.order[n]
+        if not is_present[k]:
+            routes.is_leaving[k] = False
+            continue
+        leader = routes.leader[k]
+        # Followers abreast aim at the leader's target, shifted by their present offset from the leader.
+        if routes.is_abreast[k] and is_present[leader]:
+            for axis in range(2):
+                shifted = routes.target[leader, axis] + humans[k, X + axis] - humans[leader, X + axis]
+                routes.target[k, axis] = shifted
+        stays = routes.is_assigned[k] or routes.goals_left[k] == 0
+        is_last = stays and routes.next[k] == routes.length[k] - 1
+        routes.is_final[k] = routes.length[k] > 0 and is_last and not routes.is_exiting[k]
+        x, y = routes.target[k, 0], routes.target[k, 1]
+        routes.is_leaving[k] = (
+            routes.is_exiting[k] and is_last and _near(humans[k, X], humans[k, Y], x, y, ARRIVAL_DISTANCE)
+        )
+
+
+@subroutine
+def point_ahead(routes: Routes, k: int, x: float, y: float, distance: float) -> Vector:
+    """The point at a distance ahead of (x, y) on the path of pedestrian k, or the end of the path; m.
+
+    Returns:
+        The target of a pedestrian without a path.
+    """
+    ahead_x, ahead_y = routes.target[k, 0], routes.target[k, 1]
+    if routes.leader[k] < 0:
+        return ahead_x, ahead_y
+    for n in range(routes.next[k], routes.length[k]):
+        dx, dy = routes.path[k, n, 0] - x, routes.path[k, n, 1] - y
+        length = math.sqrt(dx * dx + dy * dy)
+        if length >= distance:
+            return x + dx * (distance / length), y + dy * (distance / length)
+        x, y = routes.path[k, n, 0], routes.path[k, n, 1]
+        ahead_x, ahead_y, distance = x, y, distance - length
+    return ahead_x, ahead_y
+
+
+@subroutine
+def _near(x: float, y: float, other_x: float, other_y: float, radius: float) -> bool:
+    dx, dy = other_x - x, other_y - y
     return dx * dx + dy * dy < radius * radius

@@ -63,82 +63,105 @@ class Graph:
         return (*RELATIONS, *between)
 
 
-@dataclass(frozen=True, slots=True)
-class NodeOrder:
+class Nodes:
     """The nodes of one instant in order: the room, pedestrians, objects, the goal, pieces of walls.
 
-    Attributes:
-        humans, objects: ids.
+    Args:
+        present: (P,), indices in the scene of the pedestrians that are nodes.
+        humans, objects: ids of the nodes.
         wall_indices: for each piece of a wall, the index of the wall.
+
+    Attributes:
+        goal: index of the goal's node.
     """
 
-    humans: tuple[int, ...]
-    objects: tuple[int, ...]
-    wall_indices: tuple[int, ...]
+    def __init__(
+        self, present: IntArray, humans: Sequence[int], objects: Sequence[int], wall_indices: Sequence[int]
+    ) -> None:
+        self.present, self.goal = present, 1 + len(humans) + len(objects)
+        kinds = ["room", *["human"] * len(humans), *["object"] * len(objects), "goal", *["wall"] * len(wall_indices)]
+        self._type = np.array([NODE_TYPES.index(kind) for kind in kinds])
+        self._entity = np.array([0, *humans, *objects, 0, *wall_indices])
+        self._index = {id: k for k, id in enumerate((*humans, *objects), 1)}
+        self._letters = [_LETTER[kind] for kind in kinds]
+        pairs = [(k, k, f"S{letter.upper()}") for k, letter in enumerate(self._letters)]
+        for k, letter in enumerate(self._letters[1:], 1):
+            pairs += [(k, 0, f"{letter}_r"), (0, k, f"r_{letter}")]
+        self._static_edges = _edge_rows(pairs)
+        self._edges_of: tuple[Any, ...] | None = None
 
     def __len__(self) -> int:
         """N, the number of nodes of an instant."""
-        return 2 + len(self.humans) + len(self.objects) + len(self.wall_indices)
+        return len(self._type)
 
-    @property
-    def goal(self) -> int:
-        """Index of the goal's node."""
-        return 1 + len(self.humans) + len(self.objects)
+    def edges(self, interactions: Sequence[tuple[Interaction, ...]]) -> tuple[IntArray, IntArray]:
+        """Return the edges within each instant, and between the newest instant and each older one.
 
-    @property
-    def types(self) -> list[str]:
-        """Type of each node."""
-        entities = ["human"] * len(self.humans) + ["object"] * len(self.objects)
-        return ["room", *entities, "goal", *["wall"] * len(self.wall_indices)]
+        Within an instant, every node has a self-loop, every node but the room an edge to the room and one from it, and
+        every interaction one edge in each direction: 1 + 3 (N - 1) + 2 I for I interactions. Interactions with an
+        entity that is not a node, such as the robot, have no edges.
 
-    @property
-    def entities(self) -> list[int]:
-        """Id or index of each node."""
-        return [0, *self.humans, *self.objects, 0, *self.wall_indices]
+        Args:
+            interactions: of each instant, the newest first.
+
+        Returns:
+            (2, E) edges and (E,) relations; they are kept for the next call.
+        """
+        if self._edges_of is None or self._edges_of[0] != interactions:
+            self._edges_of = (interactions, *self._all_edges(interactions))
+        _, edges, relation = self._edges_of
+        return edges, relation
+
+    def _all_edges(self, interactions: Sequence[tuple[Interaction, ...]]) -> tuple[IntArray, IntArray]:
+        count, nodes = len(self), np.arange(len(self))
+        parts = []
+        for i, own in enumerate(interactions):
+            first = (i * count, i * count, 0)
+            parts += [self._static_edges + first, self._interaction_edges(own) + first]
+        for i in range(1, len(interactions)):
+            older, to_newest = nodes + i * count, np.full(count, len(RELATIONS) + 2 * (i - 1))
+            pairs = np.array([[older, nodes, to_newest], [nodes, older, to_newest + 1]])
+            parts.append(pairs.transpose(2, 0, 1).reshape(-1, 3))
+        rows = np.concatenate(parts)
+        return rows[:, :2].T.copy(), rows[:, 2].copy()
+
+    def _interaction_edges(self, interactions: Sequence[Interaction]) -> IntArray:
+        """(2 I, 3)."""
+        index, letters, pairs = self._index, self._letters, []
+        for interaction in interactions:
+            if interaction.src in index and interaction.dst in index:
+                a, b = index[interaction.src], index[interaction.dst]
+                pairs += [(b, a, f"{letters[b]}_{letters[a]}"), (a, b, f"{letters[a]}_{letters[b]}")]
+        return _edge_rows(pairs)
+
+    def graph(
+        self,
+        names: tuple[str, ...],
+        features: Array,
+        position: Array,
+        interactions: Sequence[tuple[Interaction, ...]],
+        ticks: tuple[int, ...],
+        label: Any,
+    ) -> Graph:
+        """Return a graph with these nodes at each of k instants; the arguments are those of `Graph` and `edges`."""
+        edges, relation = self.edges(interactions)
+        return Graph(
+            feature_names=names,
+            features=features,
+            node_type=np.tile(self._type, len(ticks)),
+            entity=np.tile(self._entity, len(ticks)),
+            position=position,
+            instant=np.repeat(np.arange(len(ticks)), len(self)),
+            edges=edges.copy(),
+            relation=relation.copy(),
+            label=label,
+            ticks=ticks,
+        )
 
 
-def edges_within(nodes: NodeOrder, interactions: Sequence[Interaction]) -> list[tuple[int, int, int]]:
-    """Return the edges of one instant: 1 + 3 (N - 1) + 2 I for I interactions.
-
-    Every node has a self-loop, every node but the room an edge to the room and one from it, and every interaction one
-    edge in each direction. Interactions with an entity that is not a node, such as the robot, have no edges.
-
-    Returns:
-        Source, destination and relation of each edge.
-    """
-    types = nodes.types
-    index = {id: k for k, id in enumerate((*nodes.humans, *nodes.objects), 1)}
-    edges = [(k, k, RELATIONS.index(f"S{_LETTER[kind].upper()}")) for k, kind in enumerate(types)]
-    pairs = [pair for k in range(1, len(nodes)) for pair in ((k, 0), (0, k))]
-    for interaction in interactions:
-        src, dst = interaction.src, interaction.dst
-        if src in index and dst in index:
-            pairs += [(index[dst], index[src]), (index[src], index[dst])]
-    for a, b in pairs:
-        edges.append((a, b, RELATIONS.index(f"{_LETTER[types[a]]}_{_LETTER[types[b]]}")))
-    return edges
-
-
-def all_edges(nodes: NodeOrder, interactions: Sequence[Sequence[Interaction]]) -> tuple[IntArray, IntArray]:
-    """Return the edges within each instant, and between the newest instant and each older one.
-
-    Args:
-        nodes: the same for all instants.
-        interactions: of each instant, the newest first.
-
-    Returns:
-        (2, E) edges and (E,) relations.
-    """
-    count = len(nodes)
-    edges: list[tuple[int, int, int]] = []
-    for i, own in enumerate(interactions):
-        edges += [(a + i * count, b + i * count, relation) for a, b, relation in edges_within(nodes, own)]
-    for i in range(1, len(interactions)):
-        to_newest = len(RELATIONS) + 2 * (i - 1)
-        for k in range(count):
-            edges += [(k + i * count, k, to_newest), (k, k + i * count, to_newest + 1)]
-    rows = np.array(edges, dtype=np.int64).reshape(-1, 3)
-    return rows[:, :2].T.copy(), rows[:, 2].copy()
+def _edge_rows(edges: list[tuple[int, int, str]]) -> IntArray:
+    """Source, destination and relation of edges, (E, 3)."""
+    return np.array([(a, b, RELATIONS.index(name)) for a, b, name in edges], dtype=np.int64).reshape(-1, 3)
 
 
 def wall_pieces(walls: Array) -> tuple[tuple[int, ...], Array]:

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 from ...core.entities import Interaction
 from ...core.geometry import Disc
-from ...core.portable_math import Array, BoolArray, IntArray
+from ...core.humans import frozen
+from ...core.portable_math import Array, BoolArray, IntArray, arctan2, unit_vectors
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
-from ...record.layout import interactions_from_rows
+from ...core.vectors import lengths
+from ...record.layout import HUMAN_NAMES, ROBOT_NAMES, ROW_HEAD, ROW_THETA, ROW_X, interactions_from_rows
 from ...record.record import EpisodeRecord
+from .graph import Nodes, wall_pieces
 
-# Columns of the states of robot and pedestrians: x, y, theta, vx, vy, omega, and for pedestrians head.
-THETA, POSE = 2, slice(0, 3)
+# Columns of the table of static nodes: those of pedestrians in files, and size, radius (0 for rectangles and walls) and
+# unit vector of the direction.
+LENGTH, WIDTH, RADIUS, AXIS_X, AXIS_Y, COLUMNS = range(ROW_HEAD + 1, ROW_HEAD + 7)
 
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """The state at one tick, for N pedestrians of the scene; SI units, world frame.
+    """The state at one tick, for N pedestrians of the scene; SI units, world frame; read-only arrays.
 
     Attributes:
         tick: number of the tick.
@@ -39,15 +46,19 @@ class Observation:
 
 def observation_of(snapshot: Snapshot) -> Observation:
     """Return the observation of a snapshot of a running episode."""
+    from .kernels import observe  # imported late: reading files needs no compiler
+
     robot, humans, count = snapshot.robot, snapshot.humans, len(snapshot.scene.humans)
-    rows = np.column_stack((humans.position, humans.theta, humans.velocity, humans.omega, humans.head))
-    return Observation(
-        tick=snapshot.tick,
-        robot=np.array([*robot.position, robot.pose.theta, *robot.velocity, robot.omega]),
-        humans=humans.expand(rows, count, np.nan),
-        present=humans.expand(np.ones(len(humans), dtype=bool), count, False),
-        interactions=snapshot.interactions,
-    )
+    rows, present = np.empty((count, len(HUMAN_NAMES))), np.empty(count, dtype=bool)
+    robot_row = np.empty(len(ROBOT_NAMES))
+    robot_state = (*robot.position, *robot.direction, *robot.velocity, robot.omega)
+    observe(humans.state, _all_rows(count) if humans.row is None else humans.row, robot_state, rows, present, robot_row)
+    return Observation(snapshot.tick, frozen(robot_row), frozen(rows), frozen(present), snapshot.interactions)
+
+
+@cache
+def _all_rows(count: int) -> IntArray:
+    return frozen(np.arange(count))
 
 
 def recorded_observation(record: EpisodeRecord, tick: int) -> Observation:
@@ -63,24 +74,69 @@ def recorded_observation(record: EpisodeRecord, tick: int) -> Observation:
     )
 
 
-def always_present(observations: list[Observation]) -> IntArray:
-    """Return the indices of the pedestrians who are present in all observations: nodes of all instants must match."""
-    return np.flatnonzero(np.logical_and.reduce([observation.present for observation in observations]))
+class SceneNodes:
+    """The nodes of all graphs of a scene, prepared once.
+
+    Args:
+        scene: of the episode.
+
+    Attributes:
+        fixed: (O + 1 + M, 12), objects, goal and pieces of walls: x, y, theta, zero velocity, direction of the head,
+            size, radius, unit vector of theta; world frame.
+        pieces: (M, 4), ends of the pieces of walls, m, world frame.
+        radius: (H,), of all pedestrians, m.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._wall_indices, self.pieces = wall_pieces(_wall_ends(scene))
+        self.fixed = frozen(np.concatenate((_object_rows(scene), _goal_row(scene), _wall_rows(self.pieces))))
+        self.radius = np.array([human.radius for human in scene.humans], dtype=float)
+        self._nodes: tuple[bytes, Nodes] | None = None  # of the last observations, by who is present
+
+    def of(self, observations: Sequence[Observation]) -> Nodes:
+        """Return the nodes at some ticks; the pedestrians are those who are present at all of them."""
+        present = observations[0].present
+        for observation in observations[1:]:
+            present = present & observation.present
+        key = present.tobytes()
+        if self._nodes is None or self._nodes[0] != key:
+            rows = np.flatnonzero(present)
+            humans = [self.scene.humans[k].id for k in rows]
+            objects = [thing.id for thing in self.scene.furniture]
+            self._nodes = key, Nodes(rows, humans, objects, self._wall_indices)
+        return self._nodes[1]
 
 
-def furniture_poses(scene: Scene) -> Array:
-    """Return x, y, theta of the furniture; (O, 3), m, m, rad, world frame."""
+def _object_rows(scene: Scene) -> Array:
     poses = [(thing.pose.x, thing.pose.y, thing.pose.theta) for thing in scene.furniture]
-    return np.array(poses, dtype=float).reshape(-1, 3)
-
-
-def furniture_sizes(scene: Scene) -> Array:
-    """Return the lengths of the furniture along its own x and y; (O, 2), m."""
     shapes = [thing.shape for thing in scene.furniture]
     sizes = [(2 * s.radius, 2 * s.radius) if isinstance(s, Disc) else (s.length, s.width) for s in shapes]
-    return np.array(sizes, dtype=float).reshape(-1, 2)
+    return _fixed_rows(poses, sizes, [s.radius if isinstance(s, Disc) else 0.0 for s in shapes])
 
 
-def wall_ends(scene: Scene) -> Array:
-    """Return x1, y1, x2, y2 of the walls; (W, 4), m, world frame."""
+def _goal_row(scene: Scene) -> Array:
+    goal = scene.goal
+    return _fixed_rows([(goal.x, goal.y, goal.theta)], [(2 * goal.distance, 2 * goal.distance)], [goal.distance])
+
+
+def _wall_rows(pieces: Array) -> Array:
+    along = pieces[:, 2:] - pieces[:, :2]
+    poses = np.column_stack((pieces[:, :2] + along / 2, arctan2(along[:, 1], along[:, 0])))
+    return _fixed_rows(poses, np.column_stack((lengths(along), np.zeros(len(pieces)))), np.zeros(len(pieces)))
+
+
+def _fixed_rows(poses: Any, sizes: Any, radius: Any) -> Array:
+    """Rows of `SceneNodes.fixed` of n nodes, from (n, 3), (n, 2) and (n,)."""
+    rows = np.zeros((len(radius), COLUMNS))
+    rows[:, ROW_X : ROW_THETA + 1] = np.reshape(poses, (-1, 3))
+    rows[:, ROW_HEAD] = rows[:, ROW_THETA]
+    rows[:, LENGTH : WIDTH + 1] = np.reshape(sizes, (-1, 2))
+    rows[:, RADIUS] = radius
+    rows[:, AXIS_X : AXIS_Y + 1] = unit_vectors(rows[:, ROW_THETA])
+    return rows
+
+
+def _wall_ends(scene: Scene) -> Array:
+    """x1, y1, x2, y2 of the walls; (W, 4), m, world frame."""
     return np.array([(*wall.start, *wall.end) for wall in scene.walls], dtype=float).reshape(-1, 4)

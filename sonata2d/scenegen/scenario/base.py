@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import (
     BaseModel,
@@ -18,8 +18,10 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError
 
-from ...core.rng import RandomStream
 from ...registry import Registry, did_you_mean
+
+if TYPE_CHECKING:  # settings are also read where nothing is generated, and random streams load the compiler
+    from ...core.rng import RandomStream
 
 Jitter = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]  # m, m, rad
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -92,12 +94,11 @@ class _Interval:
     @model_serializer
     def _serialise(self) -> Any:
         """Write the shortest form that reads back equal."""
-        fields = {
-            key: value for key, value in vars(self).items() if key in ("min", "max", "step") and value is not None
-        }
-        if "step" in fields:
-            return fields
-        return fields["min"] if fields["min"] == fields["max"] else [fields["min"], fields["max"]]
+        values = vars(self)
+        low, high, step = values["min"], values["max"], values.get("step")
+        if step is not None:
+            return {"min": low, "max": high, "step": step}
+        return low if low == high else [low, high]
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:

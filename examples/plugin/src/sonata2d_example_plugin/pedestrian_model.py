@@ -2,42 +2,82 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-from sonata2d import Array, Scene
-from sonata2d.agents.pedestrians.models.base import Walkers, desired_acceleration, wall_acceleration
-from sonata2d.core.portable_math import exp
+from sonata2d import Array
+from sonata2d.agents.pedestrians.models.base import KernelModel, Walkers, desired_acceleration, wall_acceleration
+from sonata2d.core.compiled import kernel, subroutine
+from sonata2d.core.scalar import Vector, exp, length
 
 
-class CircularModel:
-    """Accelerates pedestrians towards their desired velocity, away from each other and from walls.
+class Circular(NamedTuple):
+    """Parameters: round numbers, not calibrated."""
 
-    Arithmetic uses `+ - * /`, `sqrt` and the functions of `sonata2d.core.portable_math` only, and sums run over the
-    first axis, so that an episode has the same bits on every processor.
+    strength: float = 3.0  # m/s^2, at contact of the outlines
+    decay_length: float = 0.3  # m
+    wall_strength: float = 3.0  # m/s^2
+    wall_decay_length: float = 0.1  # m
+    relaxation_time: float = 0.5  # s
+
+
+PARAMETERS = Circular()
+
+
+@subroutine
+def circular_acceleration(x: float, y: float, contact_distance: float, parameters: Circular) -> Vector:
+    """Repulsion of an agent from another one.
+
+    Args:
+        x, y: vector from the other agent, m.
+        contact_distance: distance of centres at contact, m.
+        parameters: of the model.
+
+    Returns:
+        m/s^2.
 
     Source: A. Johansson, D. Helbing & P. K. Shukla, Advances in Complex Systems 10 (2007) 271, circular specification.
-    The parameters are round numbers of the same order, not calibrated.
+    """
+    distance = max(length(x, y), 1e-6)
+    gap = max(distance - contact_distance, 0.0)
+    push = parameters.strength * exp(-gap / parameters.decay_length) / distance
+    return push * x, push * y
+
+
+@kernel
+def _accelerations(walkers: Walkers, parameters: Circular, barriers: Array, acceleration: Array) -> None:
+    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2."""
+    p, position, radius = parameters, walkers.position, walkers.radius
+    for i in range(len(position)):
+        if not walkers.walks[i]:
+            continue
+        total_x, total_y = 0.0, 0.0
+        for j in range(len(position)):
+            if walkers.attention[i, j] > 0.0:  # also excludes the agent itself
+                dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+                x, y = circular_acceleration(dx, dy, radius[i] + radius[j], p)
+                total_x += walkers.attention[i, j] * x
+                total_y += walkers.attention[i, j] * y
+        direction = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
+        drive = desired_acceleration(walkers, i, direction, p.relaxation_time)
+        wall = wall_acceleration(
+            barriers, position[i, 0], position[i, 1], radius[i], p.wall_strength, p.wall_decay_length
+        )
+        acceleration[i, 0] = total_x + drive[0] + wall[0]
+        acceleration[i, 1] = total_y + drive[1] + wall[1]
+
+
+class CircularModel(KernelModel):
+    """Accelerates pedestrians towards their desired velocity, away from each other and from walls.
+
+    The kernel uses `+ - * /`, `sqrt` and the functions of `sonata2d.core.scalar` only, and adds in a fixed order, so
+    that an episode has the same bits on every processor.
     """
 
     evaluations = 1  # force evaluations in a tick of 0.1 s; stiff models need more
     headed = False  # pedestrians need not walk where their bodies face
 
-    strength, reach = 3.0, 0.3  # m/s^2 at contact of the outlines, m
-    relaxation_time = 0.5  # s
-
-    def __init__(self, scene: Scene) -> None:
-        self._barriers = scene.barriers
-
     def acceleration(self, walkers: Walkers) -> Array:
-        """(M, 2), m/s^2, world frame; the robot is the last row."""
-        x, y = (walkers.position[None, :, k] - walkers.position[:, None, k] for k in (0, 1))  # from row j to column i
-        distance = np.maximum(np.sqrt(x * x + y * y), 1e-6)
-        gap = np.maximum(distance - walkers.radius[:, None] - walkers.radius, 0.0)
-        attention = np.ascontiguousarray(walkers.attention.T)  # row j, column i: how much i attends to j
-        push = attention * self.strength * exp(-gap / self.reach) / distance
-        total = np.stack((np.add.reduce(push * x, axis=0), np.add.reduce(push * y, axis=0)), axis=1)
-        total += desired_acceleration(
-            walkers.velocity, walkers.desired_direction, walkers.desired_speed, relaxation_time=self.relaxation_time
-        )
-        total += wall_acceleration(walkers.position, walkers.radius, self._barriers, strength=3.0, decay_length=0.1)
-        return total
+        """(M, 2), m/s^2, world frame."""
+        acceleration = self._output(walkers)
+        _accelerations(walkers, PARAMETERS, self._barriers, acceleration)
+        return acceleration

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
-import numpy as np
-
+from ....core.compiled import kernel, subroutine
+from ....core.packing import unpack
 from ....core.portable_math import Array
-from ....core.scene import Scene
-from .base import Walkers, biased_directions, desired_acceleration, pair_weights
+from ....core.scalar import Vector, length
+from .base import KernelModel, Walkers, biased_direction, desired_acceleration, offset_of_group
 from .helbing2000 import Helbing2000, contact_acceleration, wall_contact_acceleration
 
 
-@dataclass(frozen=True, slots=True)
-class Farina2017:
+class Farina2017(NamedTuple):
     """Parameters, chosen by the authors. They draw masses from 60 to 90 kg; the mean is used here.
 
     Source: Farina, Fontanelli, Garulli, Giannitrapani & Prattichizzo, PLoS ONE 12(1) (2017) e0169734; the group's
     distances are those of the program that the authors published.
     """
 
-    contact: Helbing2000 = field(default_factory=lambda: Helbing2000(mass=75.0))  # A, B, k1, k2, m, τ
+    contact: Helbing2000 = Helbing2000(mass=75.0)  # A, B, k1, k2, m, τ
     sideways_fraction: float = 1.0  # k^o, of the forces from others, sideways
     sideways_damping: float = 500.0  # k^d, kg/s
     group_ahead: float = 200.0  # k1^g, N
@@ -29,59 +28,91 @@ class Farina2017:
     group_sideways_distance: float = 0.5  # d^o, m
 
 
+PARAMETERS = Farina2017()
+
+
+@subroutine
 def headed_acceleration(
-    drive: Array, others: Array, velocity: Array, body_direction: Array, parameters: Farina2017
-) -> Array:
+    drive: Vector, others: Vector, velocity: Vector, body_direction: Vector, parameters: Farina2017
+) -> Vector:
     """Combine forces in the body frame: all of them ahead, only those from others sideways, with damping.
 
     Args:
-        drive: (M, 2), m/s^2, world frame, the driving force f⁰ / m.
-        others: (M, 2), m/s^2, world frame, the forces from agents and walls fᵉ / m.
-        velocity: (M, 2), m/s, world frame.
-        body_direction: (M, 2), unit vectors.
+        drive: m/s^2, world frame, the driving force f⁰ / m.
+        others: m/s^2, world frame, the forces from agents and walls fᵉ / m.
+        velocity: m/s, world frame.
+        body_direction: unit vector.
         parameters: of the model.
 
     Returns:
-        (M, 2), m/s^2, world frame.
+        m/s^2, world frame.
 
     Source: Farina et al. (2017), the inputs u^f = (f⁰ + fᵉ) · r^f and u^o = k^o fᵉ · r^o - k^d v^o.
     """
-    hx, hy = body_direction[:, 0], body_direction[:, 1]
-    ahead = (drive[:, 0] + others[:, 0]) * hx + (drive[:, 1] + others[:, 1]) * hy
-    slip = velocity[:, 1] * hx - velocity[:, 0] * hy  # v^o
-    aside = parameters.sideways_fraction * (others[:, 1] * hx - others[:, 0] * hy)
+    hx, hy = body_direction[0], body_direction[1]
+    ahead = (drive[0] + others[0]) * hx + (drive[1] + others[1]) * hy
+    slip = velocity[1] * hx - velocity[0] * hy  # v^o
+    aside = parameters.sideways_fraction * (others[1] * hx - others[0] * hy)
     aside = aside - (parameters.sideways_damping / parameters.contact.mass) * slip
-    return np.stack((ahead * hx - aside * hy, ahead * hy + aside * hx), axis=1)
+    return ahead * hx - aside * hy, ahead * hy + aside * hx
 
 
-def headed_group_acceleration(position: Array, body_direction: Array, member: Array, parameters: Farina2017) -> Array:
+@subroutine
+def headed_group_acceleration(walkers: Walkers, i: int, body_direction: Vector, parameters: Farina2017) -> Vector:
     """Constant pull towards the group's centre, ahead and sideways, where it is farther than a threshold.
 
     Args:
-        position: (M, 2), m.
-        body_direction: (M, 2), unit vectors.
-        member: (M, M), 1 where two agents walk in one group, else 0; 0 on the diagonal.
+        walkers: all agents.
+        i: index of the agent.
+        body_direction: unit vector, of agent i.
         parameters: of the model.
 
     Returns:
-        (M, 2), m/s^2, world frame; zero for agents without a group.
+        m/s^2, world frame; zero for an agent without a group.
 
     Source: Farina et al. (2017), group cohesion; p is the vector to the centre of the group, the agent included.
     """
-    count = np.add.reduce(member, axis=0) + 1.0
-    dx, dy = (position[:, None, k] - position[None, :, k] for k in (0, 1))
-    px, py = (np.add.reduce(member * d, axis=0) / count for d in (dx, dy))  # p
-    distance = np.maximum(np.sqrt(px * px + py * py), 1e-6)
-    hx, hy = body_direction[:, 0], body_direction[:, 1]
+    px, py, others = offset_of_group(walkers, i)
+    if others == 0.0:
+        return 0.0, 0.0
+    px, py = px / (others + 1.0), py / (others + 1.0)  # p
+    distance = max(length(px, py), 1e-6)
+    hx, hy = body_direction[0], body_direction[1]
     ahead, aside = px * hx + py * hy, py * hx - px * hy
-    pull = np.where(np.abs(ahead) > parameters.group_ahead_distance, parameters.group_ahead, 0.0) * ahead / distance
-    aside_force = np.where(np.abs(aside) > parameters.group_sideways_distance, parameters.group_sideways, 0.0)
-    close = aside_force * aside / distance
-    pull, close = pull / parameters.contact.mass, close / parameters.contact.mass
-    return np.stack((pull * hx - close * hy, pull * hy + close * hx), axis=1)
+    pull, close = 0.0, 0.0
+    if abs(ahead) > parameters.group_ahead_distance:
+        pull = parameters.group_ahead * ahead / distance / parameters.contact.mass
+    if abs(aside) > parameters.group_sideways_distance:
+        close = parameters.group_sideways * aside / distance / parameters.contact.mass
+    return pull * hx - close * hy, pull * hy + close * hx
 
 
-class Farina2017Model:
+@kernel
+def _accelerations(
+    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, acceleration: Array
+) -> None:
+    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
+    walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Farina2017)
+    contact = parameters.contact
+    for i in range(len(acceleration)):
+        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
+        if not walkers.walks[i]:
+            continue
+        agents = contact_acceleration(walkers, i, contact)
+        walls = wall_contact_acceleration(walkers, i, barriers, contact)
+        others = agents[0] + walls[0], agents[1] + walls[1]
+        direction = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
+        drive = desired_acceleration(walkers, i, direction, contact.relaxation_time)
+        # Bias the body, not the drive: the sideways component of the drive has no effect in this model.
+        body_direction = biased_direction(walkers.body_direction[i, 0], walkers.body_direction[i, 1], side)
+        velocity = walkers.velocity[i, 0], walkers.velocity[i, 1]
+        total = headed_acceleration(drive, others, velocity, body_direction, parameters)
+        group = headed_group_acceleration(walkers, i, body_direction, parameters)
+        acceleration[i, 0] = total[0] + group[0]
+        acceleration[i, 1] = total[1] + group[1]
+
+
+class Farina2017Model(KernelModel):
     """The forces of Helbing et al. (2000) in the body frame, and group cohesion, as published.
 
     The world turns the bodies towards the desired direction (`headed`), not the model.
@@ -89,23 +120,12 @@ class Farina2017Model:
     Source: Farina et al., PLoS ONE 12(1) (2017) e0169734.
     """
 
+    parameters = PARAMETERS
+
     evaluations = 10
     headed = True
 
-    def __init__(self, scene: Scene) -> None:
-        self._barriers, self._side, self._parameters = scene.barriers, scene.rules.side, Farina2017()
-
     def acceleration(self, walkers: Walkers) -> Array:
-        parameters, position, velocity, radius = self._parameters, walkers.position, walkers.velocity, walkers.radius
-        contact = parameters.contact
-        others = contact_acceleration(position, velocity, radius, pair_weights(walkers), contact)
-        others += wall_contact_acceleration(position, velocity, radius, self._barriers, contact)
-        drive = desired_acceleration(
-            velocity, walkers.desired_direction, walkers.desired_speed, relaxation_time=contact.relaxation_time
-        )
-        # Bias the body, not the drive: the sideways component of the drive has no effect in this model.
-        body_direction = biased_directions(walkers.body_direction, self._side)
-        total = headed_acceleration(drive, others, velocity, body_direction, parameters)
-        if walkers.member is not None:
-            total += headed_group_acceleration(position, body_direction, walkers.member, parameters)
-        return total
+        acceleration = self._output(walkers)
+        _accelerations(self._packed(walkers), self._parameters, self._barriers, self._side, acceleration)
+        return acceleration

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....core.portable_math import Array, exp
-from ....core.scene import Scene
-from .base import Walkers, biased_directions, desired_acceleration, pair_weights, wall_acceleration
+from ....core.compiled import kernel, subroutine
+from ....core.packing import unpack
+from ....core.portable_math import Array
+from ....core.scalar import Vector, exp, length
+from .base import KernelModel, Walkers, biased_direction, desired_acceleration, wall_acceleration
 
 _MINIMUM_HALF_AXIS = 1e-3  # m: on the line of the other's step the ellipse degenerates and the force has no direction
 
 
-@dataclass(frozen=True, slots=True)
-class Helbing1995:
+class Helbing1995(NamedTuple):
     """Parameters, chosen by the authors for realistic appearance; not fitted to data.
 
     Source: Helbing & Molnár, Phys. Rev. E 51 (1995) 4282, section III.
@@ -30,75 +32,105 @@ class Helbing1995:
     relaxation_time: float = 0.5  # τ, s
 
 
+PARAMETERS = Helbing1995()
+
+
+@subroutine
+def step_direction(walkers: Walkers, i: int) -> Vector:
+    """Unit vector along which an agent steps and sees: its desired direction, or that of its body if it stands."""
+    x, y = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
+    if x == 0.0 and y == 0.0:
+        return walkers.body_direction[i, 0], walkers.body_direction[i, 1]
+    return x, y
+
+
+@subroutine
+def next_step(walkers: Walkers, i: int, parameters: Helbing1995) -> tuple[float, float, float]:
+    """The next step of an agent: v Δt e (x, y) and v Δt, m."""
+    x, y = step_direction(walkers, i)
+    size = parameters.step_time * length(walkers.velocity[i, 0], walkers.velocity[i, 1])
+    return size * x, size * y, size
+
+
+@subroutine
 def elliptical_acceleration(
-    position: Array, velocity: Array, step_direction: Array, weight: Array, parameters: Helbing1995
-) -> Array:
-    """Repulsion from the other agents and from where they step next.
+    rx: float, ry: float, step_x: float, step_y: float, step: float, direction: Vector, weight: float,
+    parameters: Helbing1995,
+) -> Vector:  # fmt: skip
+    """Repulsion of an agent α from another one, β, and from where β steps next.
 
     Args:
-        position: (M, 2), m.
-        velocity: (M, 2), m/s.
-        step_direction: (M, 2), unit vectors along which agents step and see.
-        weight: (M, M), row j, column i: how much i attends to j, in [0, 1]; zero on the diagonal.
+        rx, ry: r_αβ, vector from β to α, m.
+        step_x, step_y, step: `next_step` of β, m.
+        direction: unit vector along which α sees.
+        weight: attention of α to β, in [0, 1].
         parameters: of the model.
 
     Returns:
-        (M, 2), m/s^2, on agent i from all agents j, summed in the order of j.
+        m/s^2.
 
     Source: Helbing & Molnár (1995), eqs 3, 4, 8 and 9: f = -∇ V0 exp(-b/σ), b the semi-minor axis of the ellipse
     whose foci are the other's position and its position one step later.
     """
-    speed = np.sqrt(velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1])
-    step = parameters.step_time * speed  # v_β Δt
-    rx, ry = (position[None, :, k] - position[:, None, k] for k in (0, 1))  # r_αβ, to i (column, α) from j (row, β)
-    sx, sy = (r - (step * step_direction[:, k])[:, None] for k, r in ((0, rx), (1, ry)))
-    near, far = _length(rx, ry), _length(sx, sy)
+    sx, sy = rx - step_x, ry - step_y
+    near, far = max(length(rx, ry), 1e-6), max(length(sx, sy), 1e-6)
     both = near + far
-    b = 0.5 * np.sqrt(np.maximum(both * both - (step * step)[:, None], 0.0))
-    b = np.maximum(b, _MINIMUM_HALF_AXIS)
+    b = 0.5 * math.sqrt(max(both * both - step * step, 0.0))
+    b = max(b, _MINIMUM_HALF_AXIS)
     v0, sigma = parameters.repulsion, parameters.decay_length
     size = weight * (v0 / sigma) * exp(b * (-1.0 / sigma)) * both / (4.0 * b)  # V0/σ e^(-b/σ) |∇b|
     fx, fy = size * (rx / near + sx / far), size * (ry / near + sy / far)
-    ahead = -(fx * step_direction[None, :, 0] + fy * step_direction[None, :, 1])  # e · (-f), eq. 8
-    in_sight = ahead >= parameters.sight_cosine * np.sqrt(fx * fx + fy * fy)
-    sight = np.where(in_sight, 1.0, parameters.weight_out_of_sight)
-    return np.stack((np.add.reduce(sight * fx, axis=0), np.add.reduce(sight * fy, axis=0)), axis=1)
+    ahead = -(fx * direction[0] + fy * direction[1])  # e · (-f), eq. 8
+    in_sight = ahead >= parameters.sight_cosine * length(fx, fy)
+    sight = 1.0 if in_sight else parameters.weight_out_of_sight
+    return sight * fx, sight * fy
 
 
-def _length(x: Array, y: Array) -> Array:
-    length: Array = np.maximum(np.sqrt(x * x + y * y), 1e-6)
-    return length
+@kernel
+def _accelerations(
+    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, acceleration: Array
+) -> None:
+    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
+    walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Helbing1995)
+    p, position = parameters, walkers.position
+    step = np.empty((len(position), 3))
+    for j in range(len(position)):
+        step[j, 0], step[j, 1], step[j, 2] = next_step(walkers, j, p)
+    for i in range(len(position)):
+        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
+        if not walkers.walks[i]:
+            continue
+        sight_direction = step_direction(walkers, i)
+        total_x, total_y = 0.0, 0.0
+        for j in range(len(position)):
+            if walkers.attention[i, j] != 0.0:
+                rx, ry = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+                x, y = elliptical_acceleration(
+                    rx, ry, step[j, 0], step[j, 1], step[j, 2], sight_direction, walkers.attention[i, j], p
+                )
+                total_x += x
+                total_y += y
+        # U0 e^(-r/R), r from the centre: an agent is a point
+        strength = p.wall_repulsion / p.wall_decay_length
+        wall = wall_acceleration(barriers, position[i, 0], position[i, 1], 0.0, strength, p.wall_decay_length)
+        direction = biased_direction(walkers.desired_direction[i, 0], walkers.desired_direction[i, 1], side)
+        drive = desired_acceleration(walkers, i, direction, p.relaxation_time)
+        acceleration[i, 0] = total_x + wall[0] + drive[0]
+        acceleration[i, 1] = total_y + wall[1] + drive[1]
 
 
-class Helbing1995Model:
+class Helbing1995Model(KernelModel):
     """Driving force, elliptical repulsion and walls, as published; agents are points, and attractions are left out.
 
     Source: Helbing & Molnár, Phys. Rev. E 51 (1995) 4282. Its limit of 1.3 times the desired speed is applied by
     `Crowd`, to every model.
     """
 
-    evaluations = 2
-    headed = False
+    parameters = PARAMETERS
 
-    def __init__(self, scene: Scene) -> None:
-        self._barriers, self._side, self._parameters = scene.barriers, scene.rules.side, Helbing1995()
+    evaluations = 2
 
     def acceleration(self, walkers: Walkers) -> Array:
-        parameters, position, direction = self._parameters, walkers.position, walkers.desired_direction
-        stands = (direction[:, 0] == 0.0) & (direction[:, 1] == 0.0)
-        step_direction = np.where(stands[:, None], walkers.body_direction, direction)
-        total = elliptical_acceleration(position, walkers.velocity, step_direction, pair_weights(walkers), parameters)
-        total += wall_acceleration(  # U0 e^(-r/R), r from the centre: an agent is a point
-            position,
-            np.zeros_like(walkers.radius),
-            self._barriers,
-            strength=parameters.wall_repulsion / parameters.wall_decay_length,
-            decay_length=parameters.wall_decay_length,
-        )
-        total += desired_acceleration(
-            walkers.velocity,
-            biased_directions(direction, self._side),
-            walkers.desired_speed,
-            relaxation_time=parameters.relaxation_time,
-        )
-        return total
+        acceleration = self._output(walkers)
+        _accelerations(self._packed(walkers), self._parameters, self._barriers, self._side, acceleration)
+        return acceleration

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any, NamedTuple
 
-import numpy as np
+from ....core.compiled import kernel, subroutine
+from ....core.packing import unpack
+from ....core.portable_math import Array
+from ....core.scalar import RADIUS, Vector, exp, length, towards
+from .base import KernelModel, Walkers, biased_direction, desired_acceleration
 
-from ....core.geometry import Barriers
-from ....core.portable_math import Array, exp
-from ....core.scene import Scene
-from .base import Walkers, biased_directions, desired_acceleration, pair_weights
 
-
-@dataclass(frozen=True, slots=True)
-class Helbing2000:
+class Helbing2000(NamedTuple):
     """Parameters, chosen by the authors for escape panic at up to 5 m/s; not fitted to data.
 
     Source: Helbing, Farkas & Vicsek, Nature 407 (2000) 487, methods.
@@ -27,77 +25,108 @@ class Helbing2000:
     relaxation_time: float = 0.5  # τ, s
 
 
-def contact_acceleration(
-    position: Array, velocity: Array, radius: Array, weight: Array, parameters: Helbing2000
-) -> Array:
-    """Repulsion between agents; compression and sliding friction where bodies touch.
+PARAMETERS = Helbing2000()
+
+
+@subroutine
+def pair_acceleration(nx: float, ny: float, overlap: float, wx: float, wy: float, parameters: Helbing2000) -> Vector:
+    """Acceleration by an agent or a wall, ([A exp(overlap/B) + k g] n + κ g (w · t) t) / m.
 
     Args:
-        position: (M, 2), m.
-        velocity: (M, 2), m/s.
-        radius: (M,), m.
-        weight: (M, M), row j, column i: how much i attends to j, in [0, 1]; zero on the diagonal.
-        parameters: of the model.
-
-    Returns:
-        (M, 2), m/s^2, on agent i from all agents j, summed in the order of j.
-
-    Source: Helbing, Farkas & Vicsek (2000), eq. 2.
-    """
-    nx, ny = (position[None, :, k] - position[:, None, k] for k in (0, 1))  # to i (column) from j (row)
-    d = np.sqrt(nx * nx + ny * ny)
-    distance = np.where(d > 1e-6, d, 1.0)  # at the same position: no direction, no force
-    overlap = radius[:, None] + radius[None, :] - d  # r_ij - d_ij
-    wx, wy = (velocity[:, None, k] - velocity[None, :, k] for k in (0, 1))  # v_j - v_i
-    x, y = _contact_terms(nx / distance, ny / distance, overlap, wx, wy, parameters)
-    return np.stack((np.add.reduce(weight * x, axis=0), np.add.reduce(weight * y, axis=0)), axis=1)
-
-
-def wall_contact_acceleration(
-    position: Array, velocity: Array, radius: Array, barriers: Barriers, parameters: Helbing2000
-) -> Array:
-    """Repulsion from walls and furniture; compression and sliding friction where a body touches them.
-
-    Args:
-        position: (M, 2), m.
-        velocity: (M, 2), m/s.
-        radius: (M,), m.
-        barriers: thick segments; each acts once, from its nearest point.
-        parameters: of the model.
-
-    Returns:
-        (M, 2), m/s^2, summed in the order of the barriers.
-
-    Source: Helbing, Farkas & Vicsek (2000), eq. 3.
-    """
-    x, y = barriers.towards(position)
-    d = np.sqrt(x * x + y * y)
-    distance = np.where(d > 1e-6, d, 1.0)
-    overlap = radius + barriers.radius[:, None] - d  # r_i - d_iW
-    x, y = _contact_terms(-x / distance, -y / distance, overlap, -velocity[:, 0], -velocity[:, 1], parameters)
-    return np.stack((np.add.reduce(x, axis=0), np.add.reduce(y, axis=0)), axis=1)
-
-
-def _contact_terms(
-    nx: Array, ny: Array, overlap: Array, wx: Array, wy: Array, parameters: Helbing2000
-) -> tuple[Array, Array]:
-    """Acceleration of each pair, ([A exp(overlap/B) + k g] n + κ g (w · t) t) / m.
-
-    Args:
-        nx, ny: n, unit vectors away from the other.
+        nx, ny: n, unit vector away from the other.
         overlap: m; negative where the bodies do not touch.
         wx, wy: w, velocity of the other relative to the agent, m/s.
         parameters: of the model.
+
+    Returns:
+        m/s^2.
+
+    Source: Helbing, Farkas & Vicsek (2000), eqs 2 and 3.
     """
-    touching = np.maximum(overlap, 0.0)  # g
-    decay = exp(np.abs(overlap) * (-1.0 / parameters.decay_length))
-    social = np.where(overlap > 0.0, 1.0 / np.maximum(decay, 1e-6), decay)  # `exp` accepts decays only
-    push = (parameters.strength * social + parameters.compression * touching) / parameters.mass
-    friction = (parameters.friction / parameters.mass) * touching * (wy * nx - wx * ny)  # w · t with t = (-n_y, n_x)
+    p, touching = parameters, max(overlap, 0.0)  # g
+    decay = exp(abs(overlap) * (-1.0 / p.decay_length))
+    social = 1.0 / max(decay, 1e-6) if overlap > 0.0 else decay  # `exp` accepts decays only
+    push = (p.strength * social + p.compression * touching) / p.mass
+    friction = (p.friction / p.mass) * touching * (wy * nx - wx * ny)  # w · t with t = (-n_y, n_x)
     return push * nx - friction * ny, push * ny + friction * nx
 
 
-class Helbing2000Model:
+@subroutine
+def contact_acceleration(walkers: Walkers, i: int, parameters: Helbing2000) -> Vector:
+    """Repulsion of agent i from the others; compression and sliding friction where bodies touch.
+
+    Args:
+        walkers: all agents.
+        i: index of the agent.
+        parameters: of the model.
+
+    Returns:
+        m/s^2, summed in the order of the agents.
+
+    Source: Helbing, Farkas & Vicsek (2000), eq. 2.
+    """
+    position, velocity, radius = walkers.position, walkers.velocity, walkers.radius
+    total_x, total_y = 0.0, 0.0
+    for j in range(len(position)):
+        weight = walkers.attention[i, j]
+        if weight != 0.0:
+            nx, ny = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+            d = length(nx, ny)
+            distance = d if d > 1e-6 else 1.0  # at the same position: no direction, no force
+            overlap = radius[j] + radius[i] - d  # r_ij - d_ij
+            wx, wy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]  # v_j - v_i
+            x, y = pair_acceleration(nx / distance, ny / distance, overlap, wx, wy, parameters)
+            total_x += weight * x
+            total_y += weight * y
+    return total_x, total_y
+
+
+@subroutine
+def wall_contact_acceleration(walkers: Walkers, i: int, barriers: Array, parameters: Helbing2000) -> Vector:
+    """Repulsion of agent i from walls and furniture; compression and sliding friction where its body touches them.
+
+    Args:
+        walkers: all agents.
+        i: index of the agent.
+        barriers: (B, 8), rows of `Barriers.table`; each acts once, from its nearest point.
+        parameters: of the model.
+
+    Returns:
+        m/s^2, summed in the order of the barriers.
+
+    Source: Helbing, Farkas & Vicsek (2000), eq. 3.
+    """
+    vx, vy = walkers.velocity[i, 0], walkers.velocity[i, 1]
+    total_x, total_y = 0.0, 0.0
+    for k in range(len(barriers)):
+        x, y = towards(barriers, k, walkers.position[i, 0], walkers.position[i, 1])
+        d = length(x, y)
+        distance = d if d > 1e-6 else 1.0
+        overlap = walkers.radius[i] + barriers[k, RADIUS] - d  # r_i - d_iW
+        x, y = pair_acceleration(-x / distance, -y / distance, overlap, -vx, -vy, parameters)
+        total_x += x
+        total_y += y
+    return total_x, total_y
+
+
+@kernel
+def _accelerations(
+    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, acceleration: Array
+) -> None:
+    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
+    walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Helbing2000)
+    for i in range(len(acceleration)):
+        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
+        if walkers.walks[i]:
+            others = contact_acceleration(walkers, i, parameters)
+            walls = wall_contact_acceleration(walkers, i, barriers, parameters)
+            direction = biased_direction(walkers.desired_direction[i, 0], walkers.desired_direction[i, 1], side)
+            drive = desired_acceleration(walkers, i, direction, parameters.relaxation_time)
+            acceleration[i, 0] = others[0] + walls[0] + drive[0]
+            acceleration[i, 1] = others[1] + walls[1] + drive[1]
+
+
+class Helbing2000Model(KernelModel):
     """Driving force, repulsion, compression and friction, as published.
 
     The engine's rigid bodies limit the overlap.
@@ -105,20 +134,11 @@ class Helbing2000Model:
     Source: Helbing, Farkas & Vicsek, Nature 407 (2000) 487.
     """
 
-    evaluations = 10
-    headed = False
+    parameters = PARAMETERS
 
-    def __init__(self, scene: Scene) -> None:
-        self._barriers, self._side, self._parameters = scene.barriers, scene.rules.side, Helbing2000()
+    evaluations = 10
 
     def acceleration(self, walkers: Walkers) -> Array:
-        parameters, position, velocity, radius = self._parameters, walkers.position, walkers.velocity, walkers.radius
-        total = contact_acceleration(position, velocity, radius, pair_weights(walkers), parameters)
-        total += wall_contact_acceleration(position, velocity, radius, self._barriers, parameters)
-        total += desired_acceleration(
-            velocity,
-            biased_directions(walkers.desired_direction, self._side),
-            walkers.desired_speed,
-            relaxation_time=parameters.relaxation_time,
-        )
-        return total
+        acceleration = self._output(walkers)
+        _accelerations(self._packed(walkers), self._parameters, self._barriers, self._side, acceleration)
+        return acceleration

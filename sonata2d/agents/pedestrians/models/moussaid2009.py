@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from ....core.portable_math import Array, arctan2, exp
+from ....core.compiled import kernel, subroutine
+from ....core.packing import pack, unpack
+from ....core.portable_math import Array
+from ....core.scalar import Vector, angle_of, exp, length
 from ....core.scene import Scene
-from .base import Walkers, desired_acceleration, pair_weights, wall_acceleration
+from .base import KernelModel, Walkers, desired_acceleration, offset_of_group, wall_acceleration
 
 
-@dataclass(frozen=True, slots=True)
-class Moussaid2010:
+class Moussaid2010(NamedTuple):
     """Parameters of the group forces.
 
     Source: Moussaïd et al., PLoS ONE 5 (2010) e10047, eqs 4-7; the distance of repulsion from the bodies' size.
@@ -24,51 +24,54 @@ class Moussaid2010:
     repulsion_distance: float = 0.55  # d0, m
 
 
-def group_acceleration(
-    position: Array, velocity: Array, direction: Array, member: Array, parameters: Moussaid2010
-) -> Array:
+GROUP_PARAMETERS = Moussaid2010()
+
+
+@subroutine
+def group_acceleration(walkers: Walkers, i: int, parameters: Moussaid2010) -> Vector:
     """Keep walking groups together: brake for members behind, approach the centre, keep a minimum distance.
 
     Args:
-        position: (M, 2), m.
-        velocity: (M, 2), m/s.
-        direction: (M, 2), desired directions, unit vectors.
-        member: (M, M), 1 where two agents walk in one group, else 0; 0 on the diagonal.
+        walkers: all agents.
+        i: index of the agent.
         parameters: of the group forces.
 
     Returns:
-        (M, 2), m/s^2; zero for agents without a group.
+        m/s^2; zero for an agent without a group.
 
     Source: Moussaïd et al. (2010), eqs 4-7. The angle by which the head must turn beyond 90° to see the group's centre
     is replaced by the backward component of the unit vector to the centre, which equals the sine of that angle.
     """
-    others = np.add.reduce(member, axis=0)
-    count = np.maximum(others, 1.0)
-    dx, dy = (position[:, None, k] - position[None, :, k] for k in (0, 1))
-    cx, cy = (np.add.reduce(member * d, axis=0) / count for d in (dx, dy))  # to the centre of the others
-    distance = np.maximum(np.sqrt(cx * cx + cy * cy), 1e-6)
+    cx, cy, others = offset_of_group(walkers, i)
+    if others == 0.0:
+        return 0.0, 0.0
+    cx, cy = cx / others, cy / others  # to the centre of the others
+    distance = max(length(cx, cy), 1e-6)
     ux, uy = cx / distance, cy / distance
-    behind = np.maximum(-(ux * direction[:, 0] + uy * direction[:, 1]), 0.0)
+    behind = max(-(ux * walkers.desired_direction[i, 0] + uy * walkers.desired_direction[i, 1]), 0.0)
     # The threshold of eq. 5, (N - 1) / 2, applies to the distance from the centre of all N, the agent included.
-    is_far = (others > 0.0) & (distance * others / (others + 1.0) > others / 2.0)
-    pull = np.where(is_far, parameters.cohesion, 0.0)
-    d = np.sqrt(dx * dx + dy * dy)
-    push = member * np.where(d < parameters.repulsion_distance, -parameters.repulsion, 0.0) / np.maximum(d, 1e-6)
-    brake = -parameters.gaze * np.where(others > 0.0, behind, 0.0)
-    return np.stack(
-        (
-            brake * velocity[:, 0] + pull * ux + np.add.reduce(push * dx, axis=0),
-            brake * velocity[:, 1] + pull * uy + np.add.reduce(push * dy, axis=0),
-        ),
-        axis=1,
+    is_far = distance * others / (others + 1.0) > others / 2.0
+    pull = parameters.cohesion if is_far else 0.0
+    push_x, push_y = 0.0, 0.0
+    for j in range(len(walkers.member)):
+        if walkers.member[i, j] != 0.0:
+            dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
+            d = length(dx, dy)
+            if d < parameters.repulsion_distance:
+                push = -parameters.repulsion / max(d, 1e-6)
+                push_x += push * dx
+                push_y += push * dy
+    brake = -parameters.gaze * behind
+    return (
+        brake * walkers.velocity[i, 0] + pull * ux + push_x,
+        brake * walkers.velocity[i, 1] + pull * uy + push_y,
     )
 
 
 MEASURED_RADIUS = 0.20  # m, of the people that the model was fitted to
 
 
-@dataclass(frozen=True, slots=True)
-class Moussaid2009:
+class Moussaid2009(NamedTuple):
     """Parameters, fitted to pairs that meet in a corridor (free walking, two people at a time).
 
     The forces vary over decimetres, so one evaluation per tick of 0.1 s suffices.
@@ -87,56 +90,86 @@ class Moussaid2009:
     wall_decay_length: float = 0.1  # b, m
 
 
+PARAMETERS = Moussaid2009()
+
+
+@subroutine
 def interaction_acceleration(
-    position: Array, velocity: Array, weight: Array, excess_radius: Array, side: int, parameters: Moussaid2009
-) -> Array:
-    """Braking and sideways evasion in response to the other agents.
+    dx: float, dy: float, ux: float, uy: float, excess_radius: float, weight: float, side: float,
+    parameters: Moussaid2009,
+) -> Vector:  # fmt: skip
+    """Braking and sideways evasion in response to another agent.
 
     Args:
-        position: (M, 2), m.
-        velocity: (M, 2), m/s.
-        weight: (M, M), row j, column i: how much i attends to j, in [0, 1]; zero on the diagonal.
-        excess_radius: (M, M), m, from `pair_excess_radius`; subtracted from the distance of centres.
+        dx, dy: vector to the other agent, m.
+        ux, uy: velocity relative to the other agent, m/s.
+        excess_radius: from `excess_radius_of`, m; subtracted from the distance of centres.
+        weight: attention to the other agent, in [0, 1].
         side: +1 evades to the right when head-on, -1 to the left.
         parameters: of the model.
 
     Returns:
-        (M, 2), m/s^2, on agent i from all agents j, summed in the order of j.
+        m/s^2.
 
     Source: Moussaïd et al. (2009), eqs 3-7, d from centre to centre; the excess radius is ours, zero among people.
     """
-    ex, ey = (position[:, None, k] - position[None, :, k] for k in (0, 1))  # from i (column) to j (row)
-    d = np.sqrt(ex * ex + ey * ey)
-    d = np.where(d > 1e-6, d, 1.0)
-    ex, ey = ex / d, ey / d
+    d = length(dx, dy)
+    d = d if d > 1e-6 else 1.0
+    ex, ey = dx / d, dy / d
     lam = parameters.relative_velocity  # λ
-    tx, ty = (lam * (velocity[None, :, k] - velocity[:, None, k]) + e for k, e in ((0, ex), (1, ey)))  # D
-    size = np.maximum(np.sqrt(tx * tx + ty * ty), 1e-6)
+    tx, ty = lam * ux + ex, lam * uy + ey  # D
+    size = max(length(tx, ty), 1e-6)
     tx, ty = tx / size, ty / size
     b = parameters.range_time * size  # B
-    theta = arctan2(tx * ey - ty * ex, tx * ex + ty * ey) + (side * parameters.side_bias) * b  # θ + Bε
+    theta = angle_of(tx * ey - ty * ex, tx * ex + ty * ey) + (side * parameters.side_bias) * b  # θ + Bε
     spread = b * theta
-    decay = np.maximum(d - excess_radius, 0.0) / b
+    decay = max(d - excess_radius, 0.0) / b
     braking = exp(-decay - (parameters.angular_braking * spread) * (parameters.angular_braking * spread))
     sideways = exp(-decay - (parameters.angular_sideways * spread) * (parameters.angular_sideways * spread))
     braking = weight * (-parameters.strength) * braking
-    sideways = weight * np.where(theta < 0.0, parameters.strength, -parameters.strength) * sideways  # -A K, K = sign θ
-    return np.stack(
-        (
-            np.add.reduce(braking * tx - sideways * ty, axis=0),
-            np.add.reduce(braking * ty + sideways * tx, axis=0),
-        ),
-        axis=1,
-    )
+    sideways = weight * (parameters.strength if theta < 0.0 else -parameters.strength) * sideways  # -A K, K = sign θ
+    return braking * tx - sideways * ty, braking * ty + sideways * tx
 
 
-def pair_excess_radius(radius: Array) -> Array:
-    """How much the radii of each pair exceed those of the people that the model was fitted to, m; (M,) to (M, M)."""
-    excess: Array = np.maximum(radius[:, None] + radius[None, :] - 2.0 * MEASURED_RADIUS, 0.0)
-    return excess
+@subroutine
+def excess_radius_of(radius: float, other_radius: float) -> float:
+    """How much the radii of a pair exceed those of the people that the model was fitted to, m."""
+    return max(radius + other_radius - 2.0 * MEASURED_RADIUS, 0.0)
 
 
-class Moussaid2009Model:
+@kernel
+def _accelerations(
+    packed_walkers: Any, packed_parameters: Any, packed_group_parameters: Any, barriers: Array, side: float,
+    acceleration: Array,
+) -> None:  # fmt: skip
+    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
+    walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Moussaid2009)
+    group_parameters = unpack(packed_group_parameters, Moussaid2010)
+    p, position, velocity = parameters, walkers.position, walkers.velocity
+    for i in range(len(position)):
+        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
+        if not walkers.walks[i]:
+            continue
+        total_x, total_y = 0.0, 0.0
+        for j in range(len(position)):
+            if walkers.attention[i, j] != 0.0:
+                dx, dy = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1]
+                ux, uy = velocity[i, 0] - velocity[j, 0], velocity[i, 1] - velocity[j, 1]
+                excess_radius = excess_radius_of(walkers.radius[i], walkers.radius[j])
+                x, y = interaction_acceleration(dx, dy, ux, uy, excess_radius, walkers.attention[i, j], side, p)
+                total_x += x
+                total_y += y
+        wall = wall_acceleration(
+            barriers, position[i, 0], position[i, 1], walkers.radius[i], p.wall_strength, p.wall_decay_length
+        )
+        direction = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
+        drive = desired_acceleration(walkers, i, direction, p.relaxation_time)
+        group = group_acceleration(walkers, i, group_parameters)
+        acceleration[i, 0] = total_x + wall[0] + drive[0] + group[0]
+        acceleration[i, 1] = total_y + wall[1] + drive[1] + group[1]
+
+
+class Moussaid2009Model(KernelModel):
     """Driving force, interaction, walls and groups, as published.
 
     Valid for the conditions of the measurements: few people with room to evade. For crowds it is an extrapolation.
@@ -144,31 +177,15 @@ class Moussaid2009Model:
     Source: Moussaïd et al., Proc. R. Soc. B 276 (2009) 2755; Moussaïd et al., PLoS ONE 5 (2010) e10047.
     """
 
-    evaluations = 1
-    headed = False
+    parameters = PARAMETERS
 
     def __init__(self, scene: Scene) -> None:
-        self._barriers, self._side = scene.barriers, scene.rules.side
-        self._parameters, self._group_parameters = Moussaid2009(), Moussaid2010()
-        radius = np.array([*(human.radius for human in scene.humans), scene.robot.radius], dtype=float)
-        self._excess_radius = pair_excess_radius(radius)
+        super().__init__(scene)
+        self._group_parameters = pack(GROUP_PARAMETERS)
 
     def acceleration(self, walkers: Walkers) -> Array:
-        parameters, position, velocity = self._parameters, walkers.position, walkers.velocity
-        total = interaction_acceleration(
-            position, velocity, pair_weights(walkers), self._excess_radius, self._side, parameters
+        acceleration = self._output(walkers)
+        _accelerations(
+            self._packed(walkers), self._parameters, self._group_parameters, self._barriers, self._side, acceleration
         )
-        total += wall_acceleration(
-            position,
-            walkers.radius,
-            self._barriers,
-            strength=parameters.wall_strength,
-            decay_length=parameters.wall_decay_length,
-        )
-        total += desired_acceleration(
-            velocity, walkers.desired_direction, walkers.desired_speed, relaxation_time=parameters.relaxation_time
-        )
-        if walkers.member is not None:
-            direction, member = walkers.desired_direction, walkers.member
-            total += group_acceleration(position, velocity, direction, member, self._group_parameters)
-        return total
+        return acceleration

@@ -1,98 +1,105 @@
-"""`orca2011`: optimal reciprocal collision avoidance (van den Berg et al., 2011)."""
+"""`orca2011`: optimal reciprocal collision avoidance (van den Berg et al., 2011).
+
+Arrays of half-planes have a row (a, b, c) for each.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....core.geometry import Barriers, Point
+from ....core.compiled import kernel, subroutine
+from ....core.packing import unpack
 from ....core.portable_math import Array, BoolArray
-from ....core.scene import Scene
-from .base import Walkers, biased_directions, pair_weights
+from ....core.scalar import RADIUS, Vector, clipped, length, towards
+from .base import KernelModel, Walkers, biased_direction
 
-HalfPlane = tuple[float, float, float]  # a, b, c of a x + b y >= c
+HalfPlane = tuple[float, float, float]  # a, b, c of a x + b y >= c, m/s
 
 _PARALLEL = 1e-9
 _FAR = 1e6  # m/s: the velocity nearest to a point this far off is the extreme one in that direction
 
 
-def choose_velocity(
-    hard: Sequence[HalfPlane], soft: Sequence[HalfPlane], preferred: Point, maximum_speed: float
-) -> Point:
+@subroutine
+def choose_velocity(planes: Array, hard: int, preferred: Vector, maximum_speed: float, scratch: Array) -> Vector:
     """The permitted velocity nearest to the preferred one.
 
     If not all constraints can be satisfied, the velocity that minimises the worst violation of the soft ones.
 
     Args:
-        hard: half-planes that are satisfied first, m/s.
-        soft: half-planes with unit normals, satisfied if possible, m/s.
+        planes: (P, 3), half-planes, m/s: first the hard ones, which are satisfied first, then the soft ones, which have
+            unit normals and are satisfied if possible.
+        hard: how many are hard.
         preferred: m/s.
         maximum_speed: m/s.
+        scratch: (P, 3) at least, overwritten.
 
     Returns:
         Velocity, m/s. If even the hard constraints conflict, it satisfies those that come first.
     """
-    velocity, satisfied = nearest_velocity([*hard, *soft], preferred, maximum_speed)
-    if satisfied < len(hard) + len(soft):
-        return _minimise_violation(hard, soft, velocity, max(satisfied - len(hard), 0), maximum_speed)
-    return velocity
+    x, y, satisfied = nearest_velocity(planes, preferred, maximum_speed)
+    if satisfied < len(planes):
+        return _minimise_violation(planes, hard, (x, y), max(satisfied, hard), maximum_speed, scratch)
+    return x, y
 
 
-def nearest_velocity(planes: Sequence[HalfPlane], preferred: Point, maximum_speed: float) -> tuple[Point, int]:
+@subroutine
+def nearest_velocity(planes: Array, preferred: Vector, maximum_speed: float) -> tuple[float, float, int]:
     """The velocity nearest to the preferred one within half-planes and the maximum speed.
 
     Args:
-        planes: half-planes, m/s.
+        planes: (P, 3), half-planes, m/s.
         preferred: m/s.
         maximum_speed: m/s.
 
     Returns:
-        The velocity, m/s, and how many of the half-planes, from the first on, can be satisfied together.
+        The velocity (x, y), m/s, and how many of the half-planes, from the first on, can be satisfied together.
     """
-    size = math.sqrt(preferred[0] * preferred[0] + preferred[1] * preferred[1])
+    size = length(preferred[0], preferred[1])
     scale = maximum_speed / size if size > maximum_speed else 1.0
     x, y = preferred[0] * scale, preferred[1] * scale
-    for k, (a, b, c) in enumerate(planes):
-        if a * x + b * y >= c:
-            continue
-        found = _nearest_on_edge(planes, k, preferred, maximum_speed)
-        if found is None:
-            return (x, y), k
-        x, y = found
-    return (x, y), len(planes)
+    for k in range(len(planes)):
+        if not planes[k, 0] * x + planes[k, 1] * y >= planes[k, 2]:
+            is_possible, edge_x, edge_y = _nearest_on_edge(planes, k, preferred, maximum_speed)
+            if not is_possible:
+                return x, y, k
+            x, y = edge_x, edge_y
+    return x, y, len(planes)
 
 
-def _nearest_on_edge(planes: Sequence[HalfPlane], k: int, preferred: Point, maximum_speed: float) -> Point | None:
-    """The nearest velocity on the edge of half-plane k that satisfies all earlier ones; None if there is none."""
-    a, b, c = planes[k]
-    size = math.sqrt(a * a + b * b)
+@subroutine
+def _nearest_on_edge(planes: Array, k: int, preferred: Vector, maximum_speed: float) -> tuple[bool, float, float]:
+    """The nearest velocity on the edge of half-plane k that satisfies all earlier ones: whether there is one, x, y."""
+    a, b, c = planes[k, 0], planes[k, 1], planes[k, 2]
+    size = length(a, b)
     a, b, c = a / size, b / size, c / size
     square = maximum_speed * maximum_speed - c * c
     if square < 0.0:  # the edge lies outside the disc of permitted speeds
-        return None
+        return False, 0.0, 0.0
     high = math.sqrt(square)
     low = -high  # the edge is (a, b) c + (b, -a) t, low <= t <= high
-    for e, f, g in planes[:k]:
+    for j in range(k):
+        e, f, g = planes[j, 0], planes[j, 1], planes[j, 2]
         slope, deficit = e * b - f * a, g - c * (e * a + f * b)
         if abs(slope) <= _PARALLEL:
             if deficit > _PARALLEL:
-                return None
+                return False, 0.0, 0.0
         elif slope > 0.0:
             low = max(low, deficit / slope)
         else:
             high = min(high, deficit / slope)
         if low > high:
-            return None
-    t = min(max(preferred[0] * b - preferred[1] * a, low), high)
-    return a * c + b * t, b * c - a * t
+            return False, 0.0, 0.0
+    t = clipped(preferred[0] * b - preferred[1] * a, low, high)
+    return True, a * c + b * t, b * c - a * t
 
 
+@subroutine
 def _minimise_violation(
-    hard: Sequence[HalfPlane], soft: Sequence[HalfPlane], start: Point, first: int, maximum_speed: float
-) -> Point:
+    planes: Array, hard: int, start: Vector, first: int, maximum_speed: float, scratch: Array
+) -> Vector:
     """The velocity that minimises the worst violation of the soft half-planes.
 
     Solves for the velocity v and the violation d, n·v + d >= c: a linear program in three dimensions. A half-plane that
@@ -100,20 +107,26 @@ def _minimise_violation(
     dimensions: go as far as possible along its normal while no earlier half-plane is violated by more.
 
     Args:
-        hard, soft, maximum_speed: as in `choose_velocity`.
+        planes, hard, maximum_speed, scratch: as in `choose_velocity`.
         start: initial velocity, m/s, which satisfies the soft half-planes before `first`.
         first: index of the first soft half-plane to process.
     """
-    (x, y), violation = start, 0.0
-    for k in range(first, len(soft)):
-        a, b, c = soft[k]
+    x, y, violation = start[0], start[1], 0.0
+    for j in range(hard):
+        scratch[j, 0], scratch[j, 1], scratch[j, 2] = planes[j, 0], planes[j, 1], planes[j, 2]
+    for k in range(first, len(planes)):
+        a, b, c = planes[k, 0], planes[k, 1], planes[k, 2]
         if c - (a * x + b * y) <= violation:
             continue
-        equal_violation = [(e - a, f - b, g - c) for e, f, g in soft[:k] if abs(e - a) + abs(f - b) > _PARALLEL]
-        planes = [*hard, *equal_violation]
-        found, satisfied = nearest_velocity(planes, (a * _FAR, b * _FAR), maximum_speed)
-        if satisfied == len(planes):  # otherwise a rounding error: keep the current velocity
-            x, y = found
+        count = hard
+        for j in range(hard, k):  # the velocities at which half-plane j is violated by no more than half-plane k
+            e, f = planes[j, 0] - a, planes[j, 1] - b
+            if abs(e) + abs(f) > _PARALLEL:
+                scratch[count, 0], scratch[count, 1], scratch[count, 2] = e, f, planes[j, 2] - c
+                count += 1
+        found_x, found_y, satisfied = nearest_velocity(scratch[:count], (a * _FAR, b * _FAR), maximum_speed)
+        if satisfied == count:  # otherwise a rounding error: keep the current velocity
+            x, y = found_x, found_y
         violation = max(violation, c - (a * x + b * y))
     return x, y
 
@@ -121,8 +134,7 @@ def _minimise_violation(
 _TINY = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class Orca2011:
+class Orca2011(NamedTuple):
     """Parameters. The authors leave them to the user; these are common values for people.
 
     Source: van den Berg, Guy, Lin & Manocha, "Reciprocal n-body collision avoidance", Robotics Research (ISRR 2009),
@@ -134,94 +146,168 @@ class Orca2011:
     maximum_speed_ratio: float = 1.3  # v_max / desired speed
 
 
-@dataclass(frozen=True, slots=True)
-class HalfPlanes:
-    """The velocities v that each obstacle (row) permits to each agent (column): x v_x + y v_y >= minimum.
-
-    Attributes:
-        x, y: (K, M), unit normals.
-        minimum: (K, M), m/s.
-        is_active: (K, M), False where there is nothing to avoid.
-    """
-
-    x: Array
-    y: Array
-    minimum: Array
-    is_active: BoolArray
+PARAMETERS = Orca2011()
 
 
-def reciprocal_half_planes(
-    position: Array, velocity: Array, radius: Array, weight: Array, evasion: Array, *, horizon: float, dt: float
-) -> HalfPlanes:
-    """The velocities with which each agent avoids each other one if both take on their parts of the evasion.
+@subroutine
+def reciprocal_half_plane(
+    px: float, py: float, velocity: Vector, other_velocity: Vector, r: float, evasion: float, horizon: float, dt: float
+) -> HalfPlane:
+    """The velocities with which an agent avoids another one if both take on their parts of the evasion.
 
     Args:
-        position: (M, 2), m.
-        velocity: (M, 2), m/s.
-        radius: (M,), m.
-        weight: (M, M), row j, column i: how much i attends to j, in [0, 1]; 0 leaves the pair out.
-        evasion: (M, M), the part of the evasion of agent j (row) that agent i (column) takes on: 1/2, or 1.
+        px, py: vector to the other agent, m.
+        velocity, other_velocity: of the two agents, m/s.
+        r: distance of centres at contact, m.
+        evasion: the part of the evasion that the agent takes on: 1/2, or 1; less if it attends less to the other.
         horizon: time for which the velocity must be free of collisions, s.
         dt: time within which overlapping agents must separate, s.
 
     Returns:
-        (M, M) half-planes.
+        Half-plane (a, b, c) with a unit normal, m/s; with a shorter normal for agents at the same position.
 
     Source: van den Berg et al. (2011), section 4: u is the smallest change of the relative velocity that leaves the
     velocity obstacle VO^τ, n its outward normal there; v >= v_A + u/2 along n.
     """
-    px, py = (position[:, None, k] - position[None, :, k] for k in (0, 1))  # from i (column) to j (row)
-    vx, vy = (velocity[None, :, k] - velocity[:, None, k] for k in (0, 1))  # of i relative to j
-    r = radius[:, None] + radius[None, :]
+    vx, vy = velocity[0] - other_velocity[0], velocity[1] - other_velocity[1]
     square = px * px + py * py
-    leg = np.sqrt(np.maximum(square - r * r, 0.0))  # length of the cone's tangent; 0 for overlapping agents
-    arc_x, arc_y, arc_change = _change_to_leave_disc(px, py, vx, vy, r, np.where(leg > 0.0, horizon, dt))
-    side = np.where(px * vy - py * vx > 0.0, 1.0, -1.0)  # the nearer leg of the cone: +1 the left one
-    safe_square = np.maximum(square, _TINY)
+    leg = math.sqrt(max(square - r * r, 0.0))  # length of the cone's tangent; 0 for overlapping agents
+    side = 1.0 if px * vy - py * vx > 0.0 else -1.0  # the nearer leg of the cone: +1 the left one
+    safe_square = max(square, _TINY)
     lx, ly = (px * leg - side * py * r) / safe_square, (py * leg + side * px * r) / safe_square  # along that leg
-    on_leg = (leg > 0.0) & ((vx * lx + vy * ly) * horizon >= leg)
-    nx, ny = np.where(on_leg, -side * ly, arc_x), np.where(on_leg, side * lx, arc_y)
-    change = np.where(on_leg, -(vx * nx + vy * ny), arc_change)  # u · n
-    minimum = nx * velocity[None, :, 0] + ny * velocity[None, :, 1] + evasion * weight * change
-    return HalfPlanes(nx, ny, minimum, (weight > 0.0) & (nx * nx + ny * ny > 0.5))
+    if leg > 0.0 and (vx * lx + vy * ly) * horizon >= leg:
+        nx, ny = -side * ly, side * lx
+        change = -(vx * nx + vy * ny)  # u · n
+    else:
+        nx, ny, change = _change_to_leave_disc(px, py, vx, vy, r, horizon if leg > 0.0 else dt)
+    return nx, ny, nx * velocity[0] + ny * velocity[1] + evasion * change
 
 
+@subroutine
 def _change_to_leave_disc(
-    px: Array, py: Array, vx: Array, vy: Array, r: Array, time: Array
-) -> tuple[Array, Array, Array]:
+    px: float, py: float, vx: float, vy: float, r: float, time: float
+) -> tuple[float, float, float]:
     """Normal and size of the change of velocity that leaves the disc of velocities colliding exactly at `time`."""
     wx, wy = vx - px / time, vy - py / time
-    size = np.sqrt(wx * wx + wy * wy)
-    is_centre = size <= _TINY  # every normal is equally near: go straight back
-    wx, wy = np.where(is_centre, -px, wx), np.where(is_centre, -py, wy)
-    length = np.maximum(np.sqrt(wx * wx + wy * wy), _TINY)
-    return wx / length, wy / length, r / time - size
+    size = length(wx, wy)
+    if size <= _TINY:  # the centre, where every normal is equally near: go straight back
+        wx, wy = -px, -py
+    distance = max(length(wx, wy), _TINY)
+    return wx / distance, wy / distance, r / time - size
 
 
-def wall_half_planes(position: Array, radius: Array, barriers: Barriers, *, horizon: float, dt: float) -> HalfPlanes:
-    """The velocities with which each agent avoids walls and furniture.
+@subroutine
+def wall_half_plane(barriers: Array, k: int, x: float, y: float, radius: float, horizon: float, dt: float) -> HalfPlane:
+    """The velocities with which an agent avoids a wall or an edge of furniture.
 
     Args:
-        position: (M, 2), m.
-        radius: (M,), m.
-        barriers: K thick segments.
+        barriers: (B, 8), rows of `Barriers.table`.
+        k: row of the barrier.
+        x, y: position, m.
+        radius: m.
         horizon: time for which the velocity must be free of collisions, s.
         dt: time within which an agent that overlaps a wall must leave it, s.
 
     Returns:
-        (K, M) half-planes. Standing still is always permitted, except to agents that overlap a wall.
+        Half-plane (a, b, c), m/s, with the normal (0, 0) for an agent on the core line. Standing still is always
+        permitted, except to agents that overlap a wall.
 
     Source: van den Berg et al. (2011), static obstacles: the optimisation velocity is 0, whose nearest point of the
     obstacle in velocity space is the obstacle's nearest point over the horizon.
     """
-    x, y = barriers.towards(position)
-    d = np.sqrt(x * x + y * y)
-    gap = d - barriers.radius[:, None] - radius
-    distance = np.maximum(d, _TINY)
-    return HalfPlanes(-x / distance, -y / distance, -gap / np.where(gap > 0.0, horizon, dt), d > _TINY)
+    wall_x, wall_y = towards(barriers, k, x, y)
+    d = length(wall_x, wall_y)
+    if d <= _TINY:
+        return 0.0, 0.0, 0.0
+    gap = d - barriers[k, RADIUS] - radius
+    return -wall_x / d, -wall_y / d, -gap / (horizon if gap > 0.0 else dt)
 
 
-class Orca2011Model:
+@subroutine
+def _restricts(plane: HalfPlane, maximum_speed: float) -> bool:
+    """Whether a half-plane has a normal, and a velocity up to the maximum speed can violate it."""
+    a, b, c = plane
+    return a * a + b * b > 0.5 and c > -maximum_speed
+
+
+@subroutine
+def _is_walking(walkers: Walkers, i: int) -> bool:
+    """Whether an agent has a desired velocity, so that it evades others."""
+    x, y = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
+    return bool((x != 0.0 or y != 0.0) and walkers.desired_speed[i] > 0.0)
+
+
+@subroutine
+def _half_planes(
+    walkers: Walkers, i: int, barriers: Array, evades: BoolArray, parameters: Orca2011, dt: float, planes: Array
+) -> tuple[int, int]:
+    """The half-planes of an agent, into `planes` (B + M, 3): walls and furniture, then agents.
+
+    Args:
+        walkers: all agents.
+        i: index of the agent.
+        barriers: (B, 8), rows of `Barriers.table`.
+        evades: (M,), the agents that evade those that they attend to.
+        parameters: of the model.
+        dt: tick, s.
+        planes: overwritten; without those that every velocity up to the maximum speed satisfies.
+
+    Returns:
+        The number of half-planes of walls and furniture, and of all.
+    """
+    p, attention = parameters, walkers.attention
+    position, velocity, radius = walkers.position, walkers.velocity, walkers.radius
+    maximum_speed = p.maximum_speed_ratio * walkers.desired_speed[i]
+    x, y, own_velocity = position[i, 0], position[i, 1], (velocity[i, 0], velocity[i, 1])
+    hard = 0
+    for k in range(len(barriers)):
+        plane = wall_half_plane(barriers, k, x, y, radius[i], p.wall_horizon, dt)
+        if _restricts(plane, maximum_speed):
+            planes[hard, 0], planes[hard, 1], planes[hard, 2] = plane
+            hard += 1
+    count = hard
+    for j in range(len(position)):
+        if attention[i, j] > 0.0:
+            evasion = (0.5 if evades[j] and attention[j, i] > 0.0 else 1.0) * attention[i, j]
+            plane = reciprocal_half_plane(
+                position[j, 0] - x, position[j, 1] - y, own_velocity, (velocity[j, 0], velocity[j, 1]),
+                radius[j] + radius[i], evasion, p.horizon, dt,
+            )  # fmt: skip
+            if _restricts(plane, maximum_speed):
+                planes[count, 0], planes[count, 1], planes[count, 2] = plane
+                count += 1
+    return hard, count
+
+
+@kernel
+def _accelerations(
+    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, dt: float, acceleration: Array
+) -> None:
+    """Accelerations that reach the chosen velocities within dt, into `acceleration` (M, 2), m/s^2.
+
+    Zero for the agents that do not walk.
+    """
+    walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Orca2011)
+    count, capacity = len(walkers.position), len(barriers) + len(walkers.position)
+    planes, scratch, evades = np.empty((capacity, 3)), np.empty((capacity, 3)), np.empty(count, np.bool_)
+    for i in range(count):
+        evades[i] = _is_walking(walkers, i)
+    for i in range(count):
+        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
+        if not walkers.walks[i]:
+            continue
+        x, y = 0.0, 0.0
+        if evades[i]:
+            hard, total = _half_planes(walkers, i, barriers, evades, parameters, dt, planes)
+            speed = walkers.desired_speed[i]
+            ex, ey = biased_direction(walkers.desired_direction[i, 0], walkers.desired_direction[i, 1], side)
+            maximum_speed = parameters.maximum_speed_ratio * speed
+            x, y = choose_velocity(planes[:total], hard, (ex * speed, ey * speed), maximum_speed, scratch)
+        acceleration[i, 0] = (x - walkers.velocity[i, 0]) / dt
+        acceleration[i, 1] = (y - walkers.velocity[i, 1]) / dt
+
+
+class Orca2011Model(KernelModel):
     """Each agent takes the velocity nearest to its desired one that is free of collisions for a while.
 
     Groups are ignored. Agents that stand (as the robot does, for the crowd) or do not attend to another agent do not
@@ -230,45 +316,10 @@ class Orca2011Model:
     Source: van den Berg, Guy, Lin & Manocha, Robotics Research, STAR 70, Springer (2011) 3.
     """
 
-    evaluations = 1
-    headed = False
-
-    def __init__(self, scene: Scene) -> None:
-        self._barriers, self._side, self._dt = scene.barriers, scene.rules.side, scene.rules.dt
-        self._parameters = Orca2011()
+    parameters = PARAMETERS
 
     def acceleration(self, walkers: Walkers) -> Array:
         """The acceleration that reaches the chosen velocities within the tick, (M, 2), m/s^2."""
-        parameters, direction = self._parameters, walkers.desired_direction
-        walks = ((direction[:, 0] != 0.0) | (direction[:, 1] != 0.0)) & (walkers.desired_speed > 0.0)
-        evades = (walkers.attention > 0.0) & walks[:, None]  # agent j (row) evades agent i (column)
-        agents = reciprocal_half_planes(
-            walkers.position,
-            walkers.velocity,
-            walkers.radius,
-            pair_weights(walkers),
-            np.where(evades, 0.5, 1.0),
-            horizon=parameters.horizon,
-            dt=self._dt,
-        )
-        walls = wall_half_planes(
-            walkers.position, walkers.radius, self._barriers, horizon=parameters.wall_horizon, dt=self._dt
-        )
-        maximum = parameters.maximum_speed_ratio * walkers.desired_speed
-        preferred = (biased_directions(direction, self._side) * walkers.desired_speed[:, None]).tolist()
-        hard, soft = _relevant_planes(walls, maximum), _relevant_planes(agents, maximum)
-        velocity = np.zeros_like(walkers.velocity)
-        for i in np.flatnonzero(walks).tolist():
-            x, y = preferred[i]
-            velocity[i] = choose_velocity(hard[i], soft[i], (x, y), float(maximum[i]))
-        return (velocity - walkers.velocity) / self._dt
-
-
-def _relevant_planes(planes: HalfPlanes, maximum_speed: Array) -> list[list[HalfPlane]]:
-    """For each agent the half-planes that a velocity up to the maximum speed can violate, in the order of rows."""
-    column, row = np.nonzero((planes.is_active & (planes.minimum > -maximum_speed)).T)
-    values = np.stack((planes.x[row, column], planes.y[row, column], planes.minimum[row, column]), axis=1).tolist()
-    lists: list[list[HalfPlane]] = [[] for _ in maximum_speed]
-    for i, (a, b, c) in zip(column.tolist(), values, strict=True):
-        lists[i].append((a, b, c))
-    return lists
+        acceleration = self._output(walkers)
+        _accelerations(self._packed(walkers), self._parameters, self._barriers, self._side, self._dt, acceleration)
+        return acceleration

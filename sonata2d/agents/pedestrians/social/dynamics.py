@@ -9,9 +9,8 @@ import numpy as np
 
 from ....core.entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, Furniture, Interaction
 from ....core.geometry import Disc, Point, Rectangle
-from ....core.humans import Humans
 from ....core.portable_math import Array
-from ....core.rng import RandomStream
+from ....core.rng import AgentStreams
 from ....core.scene import Scene
 from ..wayfinding import Wayfinding
 from .f_formations import MAXIMUM_MEMBERS, PAIR_DISTANCE, distance, joining_positions, widen
@@ -64,7 +63,7 @@ class SocialDynamics:
         humans = scene.humans
         self._scene, self._social, self._wayfinding = scene, social, wayfinding
         self._settings, self._dt = scene.social, scene.rules.dt
-        self._rng = [RandomStream(scene.seed, scene.episode, "company", human.id) for human in humans]
+        self._rng = AgentStreams(scene.seed, scene.episode, "company", [human.id for human in humans])
         grouped = {member for group in scene.groups if group.kind == "walking" for member in group.members}
         has_own_path = ("walking", "recorded")
         self._may_take_part = [
@@ -79,21 +78,21 @@ class SocialDynamics:
             wayfinding.choose_task = self._choose_task
             self._plan_initial_departures()
 
-    def update(self, tick: int, humans: Humans) -> None:
+    def update(self, tick: int, position: Array) -> None:
         """Advance by one tick: arrivals, ends of tasks and meetings. Call it before `Wayfinding.update`.
 
         Args:
             tick: that begins.
-            humans: one row for each human of the scene.
+            position: (N, 2), m, of all pedestrians of the scene; arbitrary for absent ones.
         """
         if not self._settings.is_lively:
             return
-        self._tick, self._position = tick, humans.position
+        self._tick, self._position = tick, position
         was_walking = self._social.is_walking.copy()
         for k, task in list(self._tasks.items()):
             self._advance_task(k, task)
         if self._settings.meets > 0.0:
-            self._start_meetings(humans)
+            self._start_meetings(position)
         if (was_walking != self._social.is_walking).any():
             self._wayfinding.set_obstacles(self._social.standing_humans(), self._social.shared_spaces())
 
@@ -232,13 +231,12 @@ class SocialDynamics:
         on_the_way = [task for task in self._tasks.values() if not task.has_arrived]
         return all(distance(position, task.position) > POSITION_SPACING for task in on_the_way)
 
-    def _start_meetings(self, humans: Humans) -> None:
+    def _start_meetings(self, position: Array) -> None:
         """Let pairs of wandering pedestrians that come near each other stop and talk."""
         walking = np.flatnonzero(self._social.is_walking).tolist()
         candidates = [k for k in walking if self._may_take_part[k] and k not in self._tasks]
         if len(candidates) < 2:
             return
-        position = humans.position
         x, y = (position[:, None, axis] - position[None, :, axis] for axis in (0, 1))
         square = x * x + y * y
         self._have_met &= square < SEPARATION * SEPARATION

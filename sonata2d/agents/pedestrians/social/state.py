@@ -3,14 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
 from ....core.entities import TALKING, Interaction
 from ....core.geometry import Barriers, Disc, Point, Pose
 from ....core.humans import activity_indices
-from ....core.portable_math import Array, IntArray, unit_vectors
+from ....core.packing import Bools, Floats2, Ints, Ints2
+from ....core.portable_math import BoolArray, IntArray, unit_vectors
 from ....core.scene import Scene, closed_outlines
+
+
+class SocialArrays(NamedTuple):
+    """The social state for kernels; the attributes of `SocialState`, and the partners in a table.
+
+    Attributes:
+        partners: (N, P) of int, the first `partner_count[k]` items of row k are valid.
+        partner_count: (N,) of int.
+    """
+
+    is_walking: Bools
+    standing_position: Floats2
+    facing_point: Floats2
+    has_object: Bools
+    keeps_facing: Bools
+    partners: Ints2
+    partner_count: Ints
 
 
 class SocialState:
@@ -28,6 +47,7 @@ class SocialState:
         interactions: the present ones, including those of absent pedestrians.
         activity: (N,) of int, into `humans.ACTIVITIES`.
         partners: for each pedestrian, the indices of the present pedestrians that it talks or walks with.
+        arrays: the state for kernels.
         is_always_present: for each pedestrian, whether it is present from the start to the end.
     """
 
@@ -52,15 +72,18 @@ class SocialState:
         self.interactions = scene.interactions
         self.partners: list[list[int]] = []
         self.activity: IntArray
+        self.arrays: SocialArrays
         self._update()
 
-    def set_presence(self, presence: Array | None) -> None:
+    def set_presence(self, is_present: BoolArray | None) -> None:
         """Exclude absent pedestrians from `partners`.
 
         Args:
-            presence: (N + 1,), 0 for absent pedestrians, the robot last; None: all are present.
+            is_present: (N,); None: all are present.
         """
-        absent = frozenset() if presence is None else frozenset(np.flatnonzero(presence[:-1] == 0.0).tolist())
+        if is_present is None and not self._absent:
+            return
+        absent = frozenset() if is_present is None else frozenset(np.flatnonzero(~is_present).tolist())
         if self._absent != absent:
             self._absent = absent
             self._update()
@@ -117,3 +140,16 @@ class SocialState:
             elif not {src, dst} & self._absent:
                 self.partners[src].append(dst)
                 self.partners[dst].append(src)
+        counts = [len(partners) for partners in self.partners]
+        table = np.zeros((len(counts), max(counts, default=0)), dtype=np.int64)
+        for k, partners in enumerate(self.partners):
+            table[k, : len(partners)] = partners
+        self.arrays = SocialArrays(
+            self.is_walking,
+            self.standing_position,
+            self.facing_point,
+            self.has_object,
+            self.keeps_facing,
+            table,
+            np.array(counts, dtype=np.int64),
+        )

@@ -1,0 +1,176 @@
+"""Outlines of discs and rectangles: gaps between them, and whether they have space in a room."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .compiled import kernel, subroutine
+from .geometry import Disc, Pose, Rectangle, Shape
+from .portable_math import Array
+from .scalar import (
+    ALONG_X,
+    ALONG_Y,
+    END_X,
+    END_Y,
+    INVERSE,
+    RADIUS,
+    START_X,
+    START_Y,
+    crosses,
+    gap,
+    inverse_square,
+    is_inside,
+    length,
+    line_gap,
+    unit_vector,
+)
+from .vectors import X, Y
+
+# Columns of an outline for kernels, after the position of its centre: its heading, half its length and width, radius of
+# the smallest circle around it, 1 for a disc and 0 for a rectangle, and the gap that it must keep from walls.
+COLUMNS = 8
+THETA, HALF_LENGTH, HALF_WIDTH, CIRCUMRADIUS, IS_DISC, WALL_GAP = range(2, COLUMNS)
+
+OutlineRow = tuple[float, float, float, float, float, float, float, float]
+Line = tuple[float, float, float, float]  # start and end, m
+
+
+def outline_row(shape: Shape, pose: Pose, wall_gap: float = 0.0) -> OutlineRow:
+    """An outline as a row of numbers for kernels.
+
+    Args:
+        shape, pose: of the outline.
+        wall_gap: that the outline must keep from walls, m.
+    """
+    if isinstance(shape, Disc):
+        return pose.x, pose.y, pose.theta, shape.radius, shape.radius, shape.radius, 1.0, wall_gap
+    return pose.x, pose.y, pose.theta, shape.length / 2, shape.width / 2, shape.circumradius, 0.0, wall_gap
+
+
+def shape_gap(shape: Shape, pose: Pose, other: Shape, other_pose: Pose) -> float:
+    """Gap between the outlines of two shapes at their poses, m; 0 where they touch or overlap."""
+    return float(_pair_gap(np.array([outline_row(shape, pose)]), 0, np.array([outline_row(other, other_pose)]), 0))
+
+
+def rectangle_sides(shape: Shape, pose: Pose) -> list[Line]:
+    """Start and end of the sides of a rectangle, m; none for a disc."""
+    return [(*a, *b) for a, b, _ in shape.edges(pose)] if isinstance(shape, Rectangle) else []
+
+
+@kernel
+def has_space(
+    walls: Array, borders: Array, outlines: Array, others: Array, clearance: float, sight_lines: Array
+) -> bool:
+    """Whether outlines have space in a room.
+
+    Args:
+        walls: (M, 8), `Barriers.table` of the walls.
+        borders: (K, 4), edges of the room's polygon, m.
+        outlines: (N, COLUMNS); each must lie in the room, and keep its gap to the walls and the clearance to the others
+            and to each other.
+        others: (O, COLUMNS), outlines in the room.
+        clearance: m.
+        sight_lines: (L, 4), straight lines that must not cross a wall, m.
+    """
+    for i in range(len(sight_lines)):
+        for k in range(len(walls)):
+            if crosses(walls, k, sight_lines[i, 0], sight_lines[i, 1], sight_lines[i, 2], sight_lines[i, 3]):
+                return False
+    for i in range(len(outlines)):
+        if not _is_off_walls(outlines, i, walls) or not is_inside(borders, outlines[i, X], outlines[i, Y]):
+            return False
+        for k in range(len(others)):
+            if not _has_clearance(outlines, i, others, k, clearance):
+                return False
+        for k in range(i):
+            if not _has_clearance(outlines, i, outlines, k, clearance):
+                return False
+    return True
+
+
+@kernel
+def _pair_gap(outlines: Array, i: int, others: Array, k: int) -> float:
+    return _gap(outlines, i, others, k)
+
+
+@subroutine
+def _is_off_walls(outlines: Array, i: int, walls: Array) -> bool:
+    """Whether an outline keeps its gap to all walls."""
+    x, y = outlines[i, X], outlines[i, Y]
+    minimum: float = outlines[i, WALL_GAP]
+    inner_radius = min(outlines[i, HALF_LENGTH], outlines[i, HALF_WIDTH])
+    for k in range(len(walls)):
+        if gap(walls, k, x, y) < inner_radius + minimum:  # the inscribed circle: a cheap test that rejects most poses
+            return False
+    if outlines[i, IS_DISC] == 1.0:
+        return True
+    return _edges_gap(_edges(outlines, i), walls) >= minimum
+
+
+@subroutine
+def _has_clearance(outlines: Array, i: int, others: Array, k: int, clearance: float) -> bool:
+    """Whether outline i keeps a clearance to outline k of the others."""
+    dx, dy = outlines[i, X] - others[k, X], outlines[i, Y] - others[k, Y]
+    near = outlines[i, CIRCUMRADIUS] + others[k, CIRCUMRADIUS] + clearance
+    # the circumscribed circles are a cheap test that excludes most pairs
+    return bool(dx * dx + dy * dy >= near * near or _gap(outlines, i, others, k) >= clearance)
+
+
+@subroutine
+def _gap(outlines: Array, i: int, others: Array, k: int) -> float:
+    """Gap between two outlines, m; 0 where they touch or overlap."""
+    radius: float = outlines[i, CIRCUMRADIUS] if outlines[i, IS_DISC] == 1.0 else 0.0
+    if outlines[i, IS_DISC] == 1.0 and others[k, IS_DISC] == 1.0:
+        distance = length(outlines[i, X] - others[k, X], outlines[i, Y] - others[k, Y])
+        between: float = distance - radius - others[k, CIRCUMRADIUS]
+        return max(between, 0.0)
+    # A shape within the other one has a positive distance to its edges.
+    if _contains(outlines, i, others[k, X], others[k, Y]) or _contains(others, k, outlines[i, X], outlines[i, Y]):
+        return 0.0
+    return max(_edges_gap(_edges(outlines, i), _edges(others, k)) - radius, 0.0)
+
+
+@subroutine
+def _contains(outlines: Array, i: int, x: float, y: float) -> bool:
+    """Whether a point lies within an outline."""
+    c, s = unit_vector(outlines[i, THETA])
+    dx, dy = x - outlines[i, X], y - outlines[i, Y]
+    ahead, left = dx * c + dy * s, dy * c - dx * s
+    if outlines[i, IS_DISC] == 1.0:
+        return bool(ahead * ahead + left * left <= outlines[i, CIRCUMRADIUS] * outlines[i, CIRCUMRADIUS])
+    return bool(abs(ahead) <= outlines[i, HALF_LENGTH] and abs(left) <= outlines[i, HALF_WIDTH])
+
+
+@subroutine
+def _edges(outlines: Array, i: int) -> Array:
+    """An outline as thick segments, in rows of `Barriers.table` and the order of `Shape.edges`."""
+    is_disc = outlines[i, IS_DISC] == 1.0
+    edges = np.empty((1 if is_disc else 4, 8))
+    c, s = unit_vector(outlines[i, THETA])
+    for e in range(len(edges)):
+        x, y = outlines[i, X], outlines[i, Y]
+        if not is_disc:
+            ahead = -outlines[i, HALF_LENGTH] if e == 1 or e == 2 else outlines[i, HALF_LENGTH]
+            left = -outlines[i, HALF_WIDTH] if e == 2 or e == 3 else outlines[i, HALF_WIDTH]
+            x, y = x + ahead * c - left * s, y + ahead * s + left * c
+        edges[e, START_X], edges[e, START_Y] = x, y
+    for e in range(len(edges)):
+        following = (e + 1) % len(edges)
+        edges[e, END_X], edges[e, END_Y] = edges[following, START_X], edges[following, START_Y]
+        dx, dy = edges[e, END_X] - edges[e, START_X], edges[e, END_Y] - edges[e, START_Y]
+        edges[e, ALONG_X], edges[e, ALONG_Y], edges[e, INVERSE] = dx, dy, inverse_square(dx, dy)
+        edges[e, RADIUS] = outlines[i, CIRCUMRADIUS] if is_disc else 0.0
+    return edges
+
+
+@subroutine
+def _edges_gap(edges: Array, barriers: Array) -> float:
+    """Smallest gap between the core lines of edges and barriers, m; rows of `Barriers.table`."""
+    nearest = math.inf
+    for e in range(len(edges)):
+        ax, ay, bx, by = edges[e, START_X], edges[e, START_Y], edges[e, END_X], edges[e, END_Y]
+        for k in range(len(barriers)):
+            nearest = min(nearest, line_gap(barriers, k, ax, ay, bx, by))
+    return nearest

@@ -1,0 +1,161 @@
+"""Named tuples of arrays that are handed to kernels by their addresses.
+
+Numba unpacks every array of an argument at every call, which takes longer than the work on a few pedestrians. `pack`
+does it once: it returns one array of addresses, shapes and numbers, from which `unpack` makes the named tuple again,
+inside the kernel and without any cost. The interpreter passes the named tuple itself.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import count
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import IS_COMPILED
+
+T = TypeVar("T", bound=tuple[Any, ...])
+
+# Annotations of the fields of a named tuple that can be packed, besides `float`: element type and dimensions.
+Floats = Annotated[NDArray[np.float64], np.float64, 1]
+Floats2 = Annotated[NDArray[np.float64], np.float64, 2]
+Floats3 = Annotated[NDArray[np.float64], np.float64, 3]
+Ints = Annotated[NDArray[np.int64], np.int64, 1]
+Ints2 = Annotated[NDArray[np.int64], np.int64, 2]
+Bools = Annotated[NDArray[np.bool_], np.bool_, 1]
+
+
+class _Field(NamedTuple):
+    """A field of a named tuple.
+
+    Attributes:
+        name: of the field.
+        dtype: element type; of a named tuple its class.
+        dimensions: of an array; 0 for a float, -1 for a named tuple.
+    """
+
+    name: str
+    dtype: Any
+    dimensions: int
+
+
+@cache
+def layout(kind: type) -> tuple[_Field, ...]:
+    """The fields of a named tuple class.
+
+    Raises:
+        TypeError: a field is neither a float, nor one of the arrays above, nor a named tuple of these.
+    """
+    hints = get_type_hints(kind, include_extras=True)
+    fields = []
+    for name in kind._fields:  # type: ignore[attr-defined]
+        hint = hints[name]
+        if hint is float:
+            fields.append(_Field(name, np.float64, 0))
+        elif get_origin(hint) is Annotated:
+            fields.append(_Field(name, *get_args(hint)[1:]))
+        elif isinstance(hint, type) and hasattr(hint, "_fields"):
+            fields.append(_Field(name, hint, -1))
+        else:
+            raise TypeError(f"{kind.__name__}.{name} cannot be packed; annotate it as one of the types of core.packing")
+    return tuple(fields)
+
+
+def pack(value: T) -> Any:
+    """The argument of a kernel that stands for a named tuple of arrays and floats.
+
+    The kernel works on the memory of the arrays, which must live as long as the packed argument is used.
+
+    Args:
+        value: named tuple whose class has a `layout`.
+
+    Raises:
+        TypeError: an array has another element type or other dimensions than its field, or is not contiguous.
+    """
+    return np.array(_numbers(value), dtype=np.int64) if IS_COMPILED else value
+
+
+def _numbers(value: Any) -> list[int]:
+    """Addresses and shapes of the arrays of a named tuple, and the bits of its floats."""
+    numbers: list[int] = []
+    for field, item in zip(layout(value.__class__), value, strict=True):
+        if field.dimensions < 0:
+            numbers += _numbers(item)
+        elif field.dimensions == 0:
+            numbers.append(int(np.float64(item).view(np.int64)))
+        elif item.dtype == field.dtype and item.ndim == field.dimensions and item.flags.c_contiguous:
+            numbers += [item.ctypes.data, *item.shape]
+        else:
+            expected = f"a contiguous array of {np.dtype(field.dtype)} with {field.dimensions} dimensions"
+            raise TypeError(f"{type(value).__name__}.{field.name} must be {expected}, got {item.dtype} {item.shape}")
+    return numbers
+
+
+if IS_COMPILED:
+    from numba import from_dtype, types
+    from numba.core import cgutils
+    from numba.extending import intrinsic
+    from numba.np.arrayobj import make_array, populate_array
+
+    def _numba_type(kind: type) -> Any:
+        """Numba's type of a named tuple class."""
+        items = []
+        for field in layout(kind):
+            if field.dimensions < 0:
+                items.append(_numba_type(field.dtype))
+            elif field.dimensions == 0:
+                items.append(types.float64)
+            else:
+                items.append(types.Array(from_dtype(np.dtype(field.dtype)), field.dimensions, "C"))
+        return types.NamedTuple(items, kind)
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def _compiled_unpack(typing_context: Any, packed: Any, kind: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            source = make_array(signature.args[0])(context, builder, arguments[0])
+            word = context.get_value_type(types.intp)
+            positions = count()
+
+            def read() -> Any:
+                place = context.get_constant(types.intp, next(positions))
+                return builder.load(builder.gep(source.data, [place]))
+
+            def build(kind: Any) -> Any:
+                if isinstance(kind, types.NamedTuple):
+                    return context.make_tuple(builder, kind, [build(item) for item in kind.types])
+                if kind is types.float64:
+                    return builder.bitcast(read(), context.get_value_type(kind))
+                array = make_array(kind)(context, builder)
+                data = builder.inttoptr(read(), array.data.type)
+                shape = [read() for _ in range(kind.ndim)]
+                strides = [word(context.get_abi_sizeof(context.get_data_type(kind.dtype)))]
+                for length in reversed(shape[1:]):
+                    strides.insert(0, builder.mul(strides[0], length))
+                populate_array(
+                    array,
+                    data=data,
+                    shape=cgutils.pack_array(builder, shape, word),
+                    strides=cgutils.pack_array(builder, strides, word),
+                    itemsize=strides[-1],
+                    meminfo=None,  # the memory belongs to the caller
+                )
+                return array._getvalue()
+
+            return build(signature.return_type)
+
+        return _numba_type(kind.instance_class)(packed, kind), generate
+
+    unpack: Any = _compiled_unpack
+
+else:
+
+    def unpack(packed: T, kind: type[T]) -> T:
+        """The named tuple that `pack` stands for, inside a kernel.
+
+        Args:
+            packed: argument of the kernel.
+            kind: class of the named tuple.
+        """
+        return packed

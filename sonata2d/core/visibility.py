@@ -1,0 +1,466 @@
+"""Kernels of `navigation`: free positions, visibility, the visibility graph, and shortest paths."""
+
+from __future__ import annotations
+
+import math
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .compiled import kernel, subroutine
+from .portable_math import PI, Array, BoolArray, IntArray, unit_vectors
+from .scalar import (
+    END_X,
+    END_Y,
+    RADIUS,
+    START_X,
+    START_Y,
+    Vector,
+    gap,
+    inverse_square,
+    is_inside,
+    length,
+    line_gap,
+    to_line,
+    towards,
+)
+from .vectors import X, Y
+
+TOLERANCE = 1e-6  # m, by which a clearance may be missed
+MARGIN = 1e-3  # m, distance of turning points from the inflated corners
+
+# Candidates for turning points, as offsets (ahead, left) from discs, corners and free ends of barriers: for each of
+# these kinds a wide polygon, and one with more points that keeps closer to the barrier, for places where the wide one
+# does not fit. Polygons around discs touch the unit circle; those at corners are in units of `_MITRE` and `_CUT`.
+_DISC, _CORNER, _FREE_END = 0, 1, 2
+_TAN_PI_8 = 0.41421356237309503
+_POLYGONS: tuple[Any, ...] = (
+    unit_vectors(np.arange(6) * PI / 3) * 1.1547005383792517,
+    unit_vectors(np.arange(12) * PI / 6) * 1.0352761804100832,
+    [(1.0, 0.0)],
+    [(1.0, 1.0), (1.0, -1.0)],
+    [(1.0, 1.0), (1.0, -1.0)],
+    [(1.0, _TAN_PI_8), (1.0, -_TAN_PI_8), (_TAN_PI_8, 1.0), (_TAN_PI_8, -1.0)],
+)
+_STEPS = np.concatenate(_POLYGONS)
+_FIRST = np.array([*accumulate((len(polygon) for polygon in _POLYGONS), initial=0)])  # step of each polygon
+_AHEAD_X, _AHEAD_Y, _REACH, _KIND, _MITRE, _CUT = range(2, 8)  # columns of origins of turning points, after x and y
+_MIN_SINE = 0.5  # of half the angle of a corner; a corner under 60° would have a long mitre, so it counts as two ends
+_MIN_COSINE = 1e-6  # of half the angle of a corner; below it the barriers are collinear and need no turning point
+_MAX_PUSHES = 8  # attempts to reach a free position by moving off the nearest barriers
+
+NONE, FOUND, NEEDS_GRAPH = 0, 1, -1  # results of a search
+
+
+class Space(NamedTuple):
+    """A free space for kernels.
+
+    Attributes:
+        barriers: (M, 8), `Barriers.table`.
+        ends: (3, E), x and y of the barriers' ends, m, and squares of their minimum distances, m^2.
+        lines: (6, L), x and y of start, end and the vector between them, of the barriers that have a length, m.
+        borders: (B, 4), start and end of the edges of the outline and, as holes, of solid objects, m.
+        clearance: m.
+    """
+
+    barriers: Array
+    ends: Array
+    lines: Array
+    borders: Array
+    clearance: float
+
+
+class Graph(NamedTuple):
+    """Visibility graph.
+
+    Attributes:
+        nodes: (n, 2), turning points, m.
+        lengths: (n, n), of the shortest paths between nodes, m.
+        next_node: (n, n), next node on the path from the first to the second node.
+        is_built: False for a graph that has not been needed yet, which is empty.
+    """
+
+    nodes: Array
+    lengths: Array
+    next_node: IntArray
+    is_built: bool
+
+
+NOT_BUILT = Graph(np.empty((0, 2)), np.empty((0, 0)), np.empty((0, 0), dtype=np.int64), False)
+
+
+# Free positions and straight lines
+
+
+@kernel
+def prepare(barriers: Array, outline: Array, clearance: float) -> tuple[Array, Array, Array]:
+    """The ends and lines of a `Space`, transposed, and its borders.
+
+    A solid object is a closed line of consecutive barriers without a corner of the room's outline.
+    """
+    count = len(barriers)
+    ends, end_count, lines, line_count = np.empty((2 * count, 3)), 0, np.empty((count, 6)), 0
+    borders, border_count = np.empty((len(outline) + count, 4)), len(outline)
+    for k in range(len(outline)):
+        following = (k + 1) % len(outline)
+        borders[k, 0], borders[k, 1] = outline[k, X], outline[k, Y]
+        borders[k, 2], borders[k, 3] = outline[following, X], outline[following, Y]
+    first, is_apart = 0, True  # start of the line, and whether it has no corner of the outline
+    for k in range(count):
+        start_x, start_y = barriers[k, START_X], barriers[k, START_Y]
+        end_x, end_y = barriers[k, END_X], barriers[k, END_Y]
+        minimum = barriers[k, RADIUS] + (clearance - TOLERANCE)
+        ends[end_count, 0], ends[end_count, 1], ends[end_count, 2] = start_x, start_y, minimum * minimum
+        end_count += 1
+        if start_x != end_x or start_y != end_y:
+            lines[line_count, 0], lines[line_count, 1], lines[line_count, 2] = start_x, start_y, end_x
+            lines[line_count, 3], lines[line_count, 4], lines[line_count, 5] = end_y, end_x - start_x, end_y - start_y
+            line_count += 1
+        for c in range(len(outline)):
+            if outline[c, X] == start_x and outline[c, Y] == start_y:
+                is_apart = False
+        closes = end_x == barriers[first, START_X] and end_y == barriers[first, START_Y]
+        continues = False
+        if not closes and k + 1 < count:
+            continues = end_x == barriers[k + 1, START_X] and end_y == barriers[k + 1, START_Y]
+        following = first if closes else k + 1
+        if not (closes or continues) or barriers[following, RADIUS] != barriers[k, RADIUS]:
+            ends[end_count, 0], ends[end_count, 1], ends[end_count, 2] = end_x, end_y, minimum * minimum
+            end_count += 1
+        if closes and k > first + 1 and is_apart:
+            for i in range(first, k + 1):
+                borders[border_count, 0], borders[border_count, 1] = barriers[i, START_X], barriers[i, START_Y]
+                borders[border_count, 2], borders[border_count, 3] = barriers[i, END_X], barriers[i, END_Y]
+                border_count += 1
+        if not continues:
+            first, is_apart = k + 1, True
+    return ends[:end_count], lines[:line_count], borders[:border_count]
+
+
+@kernel
+def check_points(space: Space, points: Array, free: BoolArray) -> None:
+    """`FreeSpace.is_free` for points (N, 2), m, into an array (N,)."""
+    for k in range(len(points)):
+        free[k] = _is_free(space, points[k, X], points[k, Y])
+
+
+@subroutine
+def _is_free(space: Space, x: float, y: float) -> bool:
+    """`FreeSpace.is_free` for one point."""
+    minimum = space.clearance - TOLERANCE
+    for k in range(len(space.barriers)):
+        if gap(space.barriers, k, x, y) < minimum:
+            return False
+    return is_inside(space.borders, x, y)
+
+
+@kernel
+def check_lines(barriers: Array, clearance: float, start: Array, end: Array, clear: BoolArray) -> None:
+    """`FreeSpace.is_clear` for straight lines from start (N, 2) to end (N, 2), m, into an array (N,)."""
+    for i in range(len(start)):
+        clear[i] = is_clear(barriers, clearance, start[i, X], start[i, Y], end[i, X], end[i, Y])
+
+
+@subroutine
+def is_clear(barriers: Array, clearance: float, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """`FreeSpace.is_clear` for one straight line."""
+    for k in range(len(barriers)):
+        if line_gap(barriers, k, x, y, end_x, end_y) < clearance - TOLERANCE:
+            return False
+    return True
+
+
+@subroutine
+def _is_visible(ends: Array, lines: Array, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """`FreeSpace.is_clear` for one line between positions known to be free.
+
+    Between free positions a barrier comes too near only at one of its ends or by being crossed, which is faster
+    to test.
+    """
+    along_x, along_y, near = end_x - x, end_y - y, 0
+    inverse = inverse_square(along_x, along_y)
+    for k in range(ends.shape[1]):  # without an exit, the loop uses the processor's vectors
+        dx, dy = to_line(ends[0, k] - x, ends[1, k] - y, along_x, along_y, inverse)
+        near += dx * dx + dy * dy < ends[2, k]
+    return near == 0 and not _is_separated(lines, x, y, end_x, end_y)
+
+
+@subroutine
+def _is_separated(lines: Array, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """Whether a barrier is properly crossed between two points, as in `crosses`."""
+    wx, wy, crossed = end_x - x, end_y - y, 0
+    for k in range(lines.shape[1]):  # without an exit, as above
+        ax, ay, dx, dy = lines[0, k], lines[1, k], lines[4, k], lines[5, k]
+        p = dx * (y - ay) - dy * (x - ax)
+        q = dx * (end_y - ay) - dy * (end_x - ax)
+        a = wx * (ay - y) - wy * (ax - x)
+        b = wx * (lines[3, k] - y) - wy * (lines[2, k] - x)
+        crossed += (p * q < 0.0) & (a * b < 0.0)
+    return crossed > 0
+
+
+@kernel
+def find_free(space: Space, graph: Graph, x: float, y: float) -> tuple[int, float, float]:
+    """`FreeSpace.nearest_free`: status, x, y."""
+    return _nearest_free(space, graph, x, y)
+
+
+@subroutine
+def _nearest_free(space: Space, graph: Graph, x: float, y: float) -> tuple[int, float, float]:
+    """The free position near a point: status, x, y; see `FreeSpace.nearest_free`."""
+    free_x, free_y = x, y
+    for k in range(_MAX_PUSHES):
+        if _is_free(space, free_x, free_y):
+            if k > 0 and _is_separated(space.lines, x, y, free_x, free_y):
+                return NONE, x, y
+            return FOUND, free_x, free_y
+        push_x, push_y = _push(space, free_x, free_y)
+        free_x, free_y = free_x + push_x, free_y + push_y
+    if not graph.is_built:
+        return NEEDS_GRAPH, x, y
+    status, nearest = NONE, math.inf
+    for i in range(len(graph.nodes)):
+        node_x, node_y = graph.nodes[i, X], graph.nodes[i, Y]
+        distance = length(node_x - x, node_y - y)
+        if distance < nearest and not _is_separated(space.lines, x, y, node_x, node_y):
+            status, nearest, free_x, free_y = FOUND, distance, node_x, node_y
+    return status, free_x, free_y
+
+
+@subroutine
+def _push(space: Space, x: float, y: float) -> tuple[float, float]:
+    """Displacement that moves a position off the barrier whose clearance it misses most."""
+    deepest, dx, dy = math.inf, 0.0, 0.0
+    for k in range(len(space.barriers)):
+        depth = gap(space.barriers, k, x, y)
+        if depth < deepest:
+            deepest = depth
+            dx, dy = towards(space.barriers, k, x, y)
+    distance = length(dx, dy)
+    if distance == 0.0:  # on the core line: no direction is better than another
+        return 0.0, 0.0
+    scale = max(space.clearance - deepest, 0.0) / distance
+    return -dx * scale, -dy * scale
+
+
+# The graph
+
+
+@kernel
+def build_graph(space: Space) -> tuple[Array, Array, IntArray]:
+    """Nodes, lengths and next nodes of a `Graph`."""
+    nodes = _turning_points(space)
+    count = len(nodes)
+    lengths, next_node = np.empty((count, count)), np.empty((count, count), dtype=np.int64)
+    for i in range(count):
+        for j in range(count):
+            lengths[i, j], next_node[i, j] = math.inf if i != j else 0.0, j
+    for i in range(count):
+        x, y = nodes[i, X], nodes[i, Y]
+        for j in range(i + 1, count):
+            if _is_visible(space.ends, space.lines, x, y, nodes[j, X], nodes[j, Y]):
+                lengths[i, j] = lengths[j, i] = length(x - nodes[j, X], y - nodes[j, Y])
+    for k in range(count):  # Floyd's algorithm
+        for i in range(count):
+            if lengths[i, k] < math.inf:
+                for j in range(i):
+                    detour = lengths[i, k] + lengths[k, j]
+                    if detour < lengths[i, j]:
+                        lengths[i, j] = lengths[j, i] = detour
+                        next_node[i, j], next_node[j, i] = next_node[i, k], next_node[j, k]
+    return nodes, lengths, next_node
+
+
+@subroutine
+def _turning_points(space: Space) -> Array:
+    """Free positions (n, 2) around the inflated barriers: wide polygons, or closer ones where these do not fit."""
+    origins = _origins(space.barriers, space.clearance + MARGIN)
+    nodes, count = np.empty((12 * len(origins), 2)), 0
+    fits = np.empty(len(origins), dtype=np.bool_)
+    for polygon in range(len(_FIRST) - 1):
+        kind, is_close = polygon // 2, polygon % 2 == 1
+        for k in range(len(origins)):
+            if origins[k, _KIND] != kind or (is_close and fits[k]):
+                continue
+            first = count
+            for step in range(_FIRST[polygon], _FIRST[polygon + 1]):
+                x, y = _candidate(origins, k, step, is_close)
+                if _is_free(space, x, y):
+                    nodes[count, X], nodes[count, Y] = x, y
+                    count += 1
+            if not is_close:
+                fits[k] = count - first == _FIRST[polygon + 1] - _FIRST[polygon]
+                if not fits[k]:
+                    count = first
+    return nodes[:count]
+
+
+@subroutine
+def _candidate(origins: Array, k: int, step: int, is_close: bool) -> Vector:
+    """A point of the wide or the close polygon around origin k, m."""
+    ahead, left = _STEPS[step, 0], _STEPS[step, 1]
+    if is_close:
+        left = left * origins[k, _CUT]
+    else:
+        ahead = ahead * origins[k, _MITRE]
+    ahead_x, ahead_y, radius = origins[k, _AHEAD_X], origins[k, _AHEAD_Y], origins[k, _REACH]
+    x = origins[k, X] + radius * (ahead_x * ahead - ahead_y * left)
+    return x, origins[k, Y] + radius * (ahead_y * ahead + ahead_x * left)
+
+
+@subroutine
+def _origins(barriers: Array, offset: float) -> Array:
+    """The discs, corners and free ends of barriers, around which paths turn.
+
+    Args:
+        barriers: (M, 8).
+        offset: distance of turning points from the barriers' surfaces, m.
+
+    Returns:
+        (C, 8): position, m; direction to which the barrier ends (unit vector); radius of the barrier and offset, m;
+        kind; for corners, the factors by which the points lie farther ahead and aside.
+    """
+    ends, end_count = _directed_ends(barriers, offset)
+    origins, count = np.empty((len(barriers) + end_count, 8)), 0
+    for k in range(len(barriers)):
+        if barriers[k, START_X] == barriers[k, END_X] and barriers[k, START_Y] == barriers[k, END_Y]:
+            origins[count, X], origins[count, Y] = barriers[k, START_X], barriers[k, START_Y]
+            origins[count, _AHEAD_X], origins[count, _AHEAD_Y] = 1.0, 0.0
+            origins[count, _REACH], origins[count, _KIND] = barriers[k, RADIUS] + offset, _DISC
+            origins[count, _MITRE], origins[count, _CUT] = 1.0, 1.0
+            count += 1
+    for k in range(end_count):
+        partner, meeting = -1, 0
+        for other in range(end_count):
+            if ends[other, X] == ends[k, X] and ends[other, Y] == ends[k, Y] and other != k:
+                partner, meeting = other, meeting + 1
+        for column in range(5):
+            origins[count, column] = ends[k, column]
+        origins[count, _KIND], origins[count, _MITRE], origins[count, _CUT] = _FREE_END, 1.0, 1.0
+        if meeting == 1:
+            x, y = ends[k, _AHEAD_X] + ends[partner, _AHEAD_X], ends[k, _AHEAD_Y] + ends[partner, _AHEAD_Y]
+            cosine = length(x, y) / 2  # of half the angle between the two barriers
+            sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+            if sine >= _MIN_SINE:
+                # Each corner once, at the first of its two ends; none where a wall continues straight on.
+                if not (k < partner and cosine > _MIN_COSINE):
+                    continue
+                origins[count, _AHEAD_X], origins[count, _AHEAD_Y] = x / (2 * cosine), y / (2 * cosine)
+                origins[count, _MITRE], origins[count, _CUT] = 1 / sine, (1.0 - sine) / cosine
+                origins[count, _KIND] = _CORNER
+        count += 1
+    return origins[:count]
+
+
+@subroutine
+def _directed_ends(barriers: Array, offset: float) -> tuple[Array, int]:
+    """The starts, then the ends of barriers that have a length: rows as in `_origins`, and their number."""
+    ends, count = np.empty((2 * len(barriers), 5)), 0
+    for side in range(2):
+        for k in range(len(barriers)):
+            along_x, along_y = barriers[k, END_X] - barriers[k, START_X], barriers[k, END_Y] - barriers[k, START_Y]
+            size, sign = length(along_x, along_y), 2.0 * side - 1.0
+            if size > 0.0:
+                ends[count, X], ends[count, Y] = barriers[k, 2 * side], barriers[k, 2 * side + 1]
+                ends[count, _AHEAD_X], ends[count, _AHEAD_Y] = sign * (along_x / size), sign * (along_y / size)
+                ends[count, _REACH] = barriers[k, RADIUS] + offset
+                count += 1
+    return ends, count
+
+
+# Paths
+
+
+@kernel
+def find_paths(
+    space: Space, graph: Graph, points: Array, goal_x: float, goal_y: float, lengths: Array, route: Array
+) -> int:
+    """The shortest paths from points (P, 2) to a goal.
+
+    Args:
+        space, graph: free space and its graph.
+        points: starts, m.
+        goal_x, goal_y: m.
+        lengths: (P,), output, m; infinite where there is no path.
+        route: (n + 4, 2), output: points of the path from the last start, m.
+
+    Returns:
+        Number of points of the route; 0 if there is no path. `NEEDS_GRAPH` if the graph must be built first.
+    """
+    end_status, end_x, end_y = _nearest_free(space, graph, goal_x, goal_y)
+    if end_status == NEEDS_GRAPH:
+        return NEEDS_GRAPH
+    totals, exits = np.empty(0), np.empty(0, dtype=np.int64)
+    count = 0
+    for p in range(len(points)):
+        lengths[p], count, entry = math.inf, 0, -1
+        status, x, y = _nearest_free(space, graph, points[p, X], points[p, Y])
+        if status == NEEDS_GRAPH:
+            return NEEDS_GRAPH
+        if status == NONE or end_status == NONE:
+            continue
+        shortest = length(end_x - x, end_y - y)
+        if not _is_visible(space.ends, space.lines, x, y, end_x, end_y):
+            if not graph.is_built:
+                return NEEDS_GRAPH
+            if len(totals) == 0:
+                totals, exits = _exits(space, graph, end_x, end_y)
+            shortest, entry = _entry(space, graph, x, y, totals)
+            if entry < 0:
+                continue
+        lengths[p] = shortest + length(x - points[p, X], y - points[p, Y])
+        route[0, X], route[0, Y], route[1, X], route[1, Y] = points[p, X], points[p, Y], x, y
+        count = 2
+        last = exits[entry] if entry >= 0 else -1
+        while entry >= 0:
+            route[count, X], route[count, Y] = graph.nodes[entry, X], graph.nodes[entry, Y]
+            count += 1
+            entry = graph.next_node[entry, last] if entry != last else -1
+        route[count, X], route[count, Y], route[count + 1, X], route[count + 1, Y] = end_x, end_y, goal_x, goal_y
+        count += 2
+    kept = min(count, 1)
+    for k in range(1, count):  # drop the points that equal the previous one
+        if route[k, X] != route[k - 1, X] or route[k, Y] != route[k - 1, Y]:
+            route[kept, X], route[kept, Y] = route[k, X], route[k, Y]
+            kept += 1
+    return kept
+
+
+@subroutine
+def _exits(space: Space, graph: Graph, end_x: float, end_y: float) -> tuple[Array, IntArray]:
+    """For each of n nodes: length of its path to the end (n,), m, and the last node on that path (n,)."""
+    count = len(graph.nodes)
+    totals, exits = np.empty(count), np.empty(count, dtype=np.int64)
+    for i in range(count):
+        totals[i], exits[i] = math.inf, 0
+    for k in range(count):
+        x, y = graph.nodes[k, X], graph.nodes[k, Y]
+        if _is_visible(space.ends, space.lines, x, y, end_x, end_y):
+            last = length(x - end_x, y - end_y)
+            for i in range(count):
+                total = graph.lengths[k, i] + last  # the lengths are symmetric
+                if total < totals[i]:
+                    totals[i], exits[i] = total, k
+    return totals, exits
+
+
+@subroutine
+def _entry(space: Space, graph: Graph, x: float, y: float, totals: Array) -> tuple[float, int]:
+    """Length of the shortest path from a free position, m, and the first node on it; infinite and -1 without a path.
+
+    Nodes are tried in the order of the path length that they would give: testing visibility is the expensive part,
+    and mostly one of the first nodes is visible.
+    """
+    count = len(graph.nodes)
+    bounds = np.empty(count)
+    for i in range(count):
+        bounds[i] = length(graph.nodes[i, X] - x, graph.nodes[i, Y] - y) + totals[i]
+    while True:
+        best, shortest = -1, math.inf
+        for i in range(count):
+            if bounds[i] < shortest:
+                best, shortest = i, bounds[i]
+        if best < 0 or _is_visible(space.ends, space.lines, x, y, graph.nodes[best, X], graph.nodes[best, Y]):
+            return shortest, best
+        bounds[best] = math.inf

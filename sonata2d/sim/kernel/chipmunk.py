@@ -1,0 +1,151 @@
+"""Calls of the physics engine from kernels: the C functions behind `pymunk.Space.step` and `pymunk.batch`.
+
+Compiled kernels call them by their addresses, the interpreter calls them through pymunk.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import pymunk
+from numpy.typing import NDArray
+from pymunk import batch
+from pymunk._chipmunk_cffi import ffi, lib
+
+from ...core.compiled import IS_COMPILED, subroutine
+from ...core.packing import Floats2, Ints
+
+# Items of `Engine.handle`, addresses: of C functions, of the space, and of the requests for reading and writing.
+_STEP, _EACH_BODY, _GET, _SET, _SPACE, _READ, _WRITE = range(7)
+_READ_COUNT, _WRITE_COUNT = 0, 4  # items of `Engine.counts`: the fields `num` of the two buffers
+
+
+Counts = Annotated[NDArray[np.int32], np.int32, 1]
+
+
+class Engine(NamedTuple):
+    """A physics space for kernels. Bodies come in the order in which they were added to the space.
+
+    Attributes:
+        handle: addresses.
+        counts: memory of the engine's buffer headers.
+        bodies: (M, 4), x, y, vx, vy, m and m/s: what `read_bodies` reads.
+        forces: (M, 2), N: what `apply_forces` writes.
+    """
+
+    handle: Ints
+    counts: Counts
+    bodies: Floats2
+    forces: Floats2
+
+
+class EngineMemory:
+    """The memory behind an `Engine`; it must live as long as the engine is used.
+
+    Args:
+        space: with all its bodies.
+
+    Attributes:
+        engine: the space for kernels.
+    """
+
+    def __init__(self, space: pymunk.Space) -> None:
+        count = len(space.bodies)
+        # The engine would move a buffer with fewer than two free places, so that both are longer than needed.
+        numbers = np.zeros(4 * count + 8), np.zeros(2 * count + 8)
+        self._headers = ffi.new("pmFloatArray[2]")
+        self._requests = [ffi.new("pmBatchedData *") for _ in numbers]
+        fields = batch.BodyFields.POSITION | batch.BodyFields.VELOCITY, batch.BodyFields.FORCE
+        self._no_integers = ffi.new("pmIntArray *")
+        self._buffers = [ffi.from_buffer("cpFloat[]", array) for array in numbers]
+        for header, request, buffer, wanted in zip(self._headers, self._requests, self._buffers, fields, strict=True):
+            header.arr, header.max = buffer, len(buffer)
+            request.floatArray, request.intArray, request.fields = (
+                ffi.addressof(header),
+                self._no_integers,
+                wanted.value,
+            )
+        self._space = space  # pymunk frees the C space with it
+        functions = [
+            ffi.addressof(lib, name)
+            for name in (
+                "cpSpaceStep",
+                "cpSpaceEachBody",
+                "pmSpaceBodyGetIteratorFuncBatched",
+                "pmSpaceBodySetIteratorFuncBatched",
+            )
+        ]
+        addresses = [int(ffi.cast("intptr_t", item)) for item in (*functions, space._space, *self._requests)]
+        counts = np.frombuffer(ffi.buffer(self._headers), dtype=np.int32)
+        bodies, forces = numbers[0][: 4 * count].reshape(count, 4), numbers[1][: 2 * count].reshape(count, 2)
+        self.engine = Engine(np.array(addresses, dtype=np.int64), counts, bodies, forces)
+
+
+def _pointer(kind: str, address: int) -> Any:
+    return ffi.cast(kind, int(address))
+
+
+def _interpreted_step(function: int, space: int, h: float) -> None:
+    lib.cpSpaceStep(_pointer("cpSpace *", space), float(h))
+
+
+def _interpreted_each_body(function: int, space: int, visit: int, request: int) -> None:
+    visitor = _pointer("cpSpaceBodyIteratorFunc", visit)
+    lib.cpSpaceEachBody(_pointer("cpSpace *", space), visitor, _pointer("void *", request))
+
+
+if IS_COMPILED:
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def _compiled_step(typing_context: Any, function: Any, space: Any, h: Any) -> Any:
+        """Call the C function at an address with an address and a number."""
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64), ir.DoubleType()])
+            builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.int64, types.float64), generate
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def _compiled_each_body(typing_context: Any, function: Any, space: Any, visit: Any, request: Any) -> Any:
+        """Call the C function at an address with three addresses."""
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64)] * 3)
+            builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.int64, types.int64, types.int64), generate
+
+    _call_step: Any = _compiled_step
+    _call_each_body: Any = _compiled_each_body
+else:
+    _call_step = _interpreted_step
+    _call_each_body = _interpreted_each_body
+
+
+@subroutine
+def step_space(engine: Engine, h: float) -> None:
+    """Move all bodies by h seconds."""
+    _call_step(engine.handle[_STEP], engine.handle[_SPACE], h)
+
+
+@subroutine
+def read_bodies(engine: Engine) -> None:
+    """Copy positions and velocities from the engine to `Engine.bodies`."""
+    handle = engine.handle
+    engine.counts[_READ_COUNT] = 0
+    _call_each_body(handle[_EACH_BODY], handle[_SPACE], handle[_GET], handle[_READ])
+
+
+@subroutine
+def apply_forces(engine: Engine) -> None:
+    """Set the forces of all bodies from `Engine.forces`; they act in the next step only."""
+    handle = engine.handle
+    engine.counts[_WRITE_COUNT] = 0
+    _call_each_body(handle[_EACH_BODY], handle[_SPACE], handle[_SET], handle[_WRITE])

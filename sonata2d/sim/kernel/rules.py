@@ -1,0 +1,56 @@
+"""Numbers of a scene that stay the same during an episode, as one array for kernels."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from ...core.entities import Human
+from ...core.portable_math import Array
+from ...core.scene import Scene
+
+# Items of the array. TICK and SUBSTEP in s; CONTACT_DISTANCE, ROBOT_RADIUS and HUMAN_RANGE in m; the limits of the
+# drive in m/s, rad/s, m/s^2 and rad/s^2; HOLONOMIC and GUARD are 0 or 1, SIDE is -1 or 1.
+(
+    TICK, SUBSTEP, SUBSTEPS, CONTACT_DISTANCE, GUARD, SIDE, ROBOT_RADIUS, HOLONOMIC, AHEAD, BACK, SIDEWAYS, TURN,
+    ACCELERATION, TURN_ACCELERATION, OWN_SPEED, HUMAN_RANGE,
+) = range(16)  # fmt: skip
+
+
+def rules_of(scene: Scene, fastest_person: float) -> Array:
+    """The array of a scene, (16,).
+
+    Args:
+        scene: rules, robot and pedestrians.
+        fastest_person: m/s; pedestrians are expected to be at least as fast.
+    """
+    rules, robot = scene.rules, scene.robot
+    limits = robot.limits
+    speeds = (max(2.0 * human.desired_speed, _track_speed(human, rules.dt)) for human in scene.humans)
+    values = {
+        TICK: rules.dt,
+        SUBSTEP: rules.dt / rules.substeps,
+        SUBSTEPS: rules.substeps,
+        CONTACT_DISTANCE: rules.contact_distance,
+        GUARD: rules.guard,
+        SIDE: rules.side,
+        ROBOT_RADIUS: robot.radius,
+        HOLONOMIC: robot.kinematics == "holonomic",
+        AHEAD: limits.ahead,
+        BACK: limits.back,
+        SIDEWAYS: limits.sideways,
+        TURN: limits.turn,
+        ACCELERATION: limits.acceleration,
+        TURN_ACCELERATION: limits.turn_acceleration,
+        OWN_SPEED: max(limits.ahead + limits.sideways, limits.back + limits.sideways),
+        HUMAN_RANGE: max([fastest_person, *speeds]) * rules.dt + rules.contact_distance,
+    }
+    return np.array([float(values[k]) for k in range(len(values))])
+
+
+def _track_speed(human: Human, dt: float) -> float:
+    """Maximum speed along the track of a recorded pedestrian, m/s; 0 for other pedestrians."""
+    steps = ((x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(human.track))
+    return max((math.sqrt(dx * dx + dy * dy) for dx, dy in steps), default=0.0) / dt

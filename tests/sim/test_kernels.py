@@ -1,0 +1,120 @@
+"""The compiled tick: the interpreter gives the same bits, worlds run in threads, and a client can push commands."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import sonata2d as s2
+from sonata2d.agents.controllers.base import External
+from sonata2d.core.compiled import IS_COMPILED
+from sonata2d.core.devices import DeviceEvent
+from sonata2d.core.geometry import Twist
+from sonata2d.core.snapshot import Snapshot
+from sonata2d.errors import ControllerError
+
+from ..conftest import room, walker
+from .episodes import digests, recorded
+
+
+def test_the_interpreter_gives_the_same_bits_as_compiled_code() -> None:
+    """Every pedestrian model and stock controller, and rooms with walls, groups, reactions and social behaviour."""
+    if not IS_COMPILED:
+        pytest.skip("numba is missing or disabled: there is no compiled code to compare with")
+    command = [sys.executable, "-W", "error", "-m", "tests.sim.episodes"]
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    found = subprocess.run(
+        command, env=environment, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=True
+    )
+    assert found.stdout.split() == digests()
+
+
+def test_worlds_in_threads_give_the_same_bytes_as_one_after_the_other() -> None:
+    """Kernels release the interpreter's lock, so that the ticks of several worlds overlap."""
+    seeds = range(4)
+    one_by_one = [recorded("sonata-2020-crowded", seed, s2.SocialPlanner(), 6.0) for seed in seeds]
+    with ThreadPoolExecutor(4) as pool:
+        runs = [pool.submit(recorded, "sonata-2020-crowded", seed, s2.SocialPlanner(), 6.0) for seed in seeds]
+    assert [run.result() for run in runs] == one_by_one
+
+
+class Half(s2.Controller):
+    """Drives ahead and labels each frame with its tick."""
+
+    def act(self, snapshot: Snapshot) -> Twist:
+        return Twist(0.5, 0.0, 0.1)
+
+    def label(self, snapshot: Snapshot, twist: Twist) -> Any:
+        return {"tick": snapshot.tick}
+
+
+def test_pushed_commands_give_the_same_episode_as_a_controller() -> None:
+    scene = room([walker(1, 0.0, 1.0), walker(2, 1.0, -1.0)])
+    driven, pushed = s2.Episode(scene, Half()), s2.Episode(scene)
+    driven.run()
+    while not pushed.is_over:
+        snapshot = pushed.observe()
+        pushed.apply(Twist(0.5, 0.0, 0.1), {"tick": snapshot.tick})
+    assert pushed.past == driven.past
+    assert pushed.outcome == driven.outcome
+    assert pushed.snapshot().state.row.tobytes() == driven.snapshot().state.row.tobytes()
+
+
+def test_observing_again_gives_the_same_snapshot_and_adds_events() -> None:
+    episode = s2.Episode(room())
+    first, second = (DeviceEvent("keyboard", key, 1.0) for key in ("w", "a"))
+    assert episode.observe() is episode.observe()
+    assert episode.observe([first]).events == (first,)
+    frame = episode.apply(Twist(), events=[second])
+    assert frame is not None
+    assert frame.snapshot.events == episode.past[0].events == (first, second)
+    assert episode.observe().events == ()
+
+
+def test_after_the_end_nothing_is_applied_and_the_last_snapshot_can_be_observed() -> None:
+    episode = s2.Episode(room(goal=(-3.0, 0.0)))  # the robot starts at its goal
+    assert episode.apply(Twist(vx=1.0)) is None
+    assert episode.outcome is not None
+    assert episode.outcome.status == "goal"
+    assert episode.observe().tick == 0
+    assert episode.past == []
+
+
+@pytest.mark.parametrize("command", [Twist(vx=float("nan")), 0.5, Twist(vx=1e300)])
+def test_a_command_that_no_file_can_hold_is_refused_and_moves_nothing(command: Any) -> None:
+    episode = s2.Episode(room())
+    with pytest.raises(ControllerError, match="the command"):
+        episode.apply(command)
+    assert episode.outcome is None
+    assert episode.apply(Twist()) is not None
+
+
+def test_an_episode_without_a_controller_says_where_its_commands_come_from() -> None:
+    with pytest.raises(ControllerError, match=r"Episode\.apply"):
+        s2.Episode(room()).run()
+    assert not External.deterministic
+
+
+def test_what_a_controller_does_not_read_is_not_built() -> None:
+    class OnlyTheRobot(s2.Controller):
+        def act(self, snapshot: Snapshot) -> Twist:
+            assert snapshot.robot.radius > 0.0
+            snapshots.append(snapshot)
+            return Twist()
+
+    snapshots: list[Snapshot] = []
+    episode = s2.Episode(room([walker(1, 0.0, 0.0)]), OnlyTheRobot())
+    for _ in range(3):
+        episode.step()
+    slots = Snapshot.__dict__
+    for snapshot in snapshots:
+        with pytest.raises(AttributeError):
+            slots["humans"].__get__(snapshot)
+    assert len(snapshots[0].humans) == 1  # built when it is read
+    assert len(slots["humans"].__get__(snapshots[0])) == 1
