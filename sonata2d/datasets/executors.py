@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import threading
@@ -99,6 +100,7 @@ def _start_worker(set_up: Callable[[], Callable[[Any], Any]], is_last: Callable[
 
     threading.Thread(target=exit_with_parent, daemon=True).start()
     _worker = set_up(), is_last, stop
+    gc.freeze()  # the imported modules stay: searching them for garbage takes 45 ms each time
 
 
 def _run_chunk(items: Sequence[Any]) -> list[Any]:
