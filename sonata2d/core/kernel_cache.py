@@ -37,6 +37,7 @@ STAMP = "last"  # a file in the folder, touched at each compilation
 _SUFFIX = ".kernel"
 _MAX_FILES = 16  # of one kernel: versions, settings, argument types
 _MAX_AGE = 90 * 86400.0  # s since a file was last used
+_SILENT_WAIT = 3.0  # s of waiting for another process, after which the user is told
 _LOCK_TIMEOUT = 120.0  # s; then a process compiles although another one seems to
 _SAME_START = 60.0  # s between compilations that are announced once
 
@@ -236,7 +237,11 @@ def _locked(name: str) -> Iterator[None]:
 
     lock = filelock.FileLock(folder / f"{name}.lock")
     with suppress(OSError, NotImplementedError):  # a file system without locks, or a process that hangs
-        lock.acquire(timeout=_LOCK_TIMEOUT)
+        try:
+            lock.acquire(timeout=_SILENT_WAIT)
+        except filelock.Timeout:
+            _say("waiting for another process that compiles the same ...")
+            lock.acquire(timeout=_LOCK_TIMEOUT)
     try:
         yield
     finally:
@@ -266,11 +271,15 @@ def _announce(is_kept: bool) -> None:
         is_said = parent_process() is not None  # the workers compile the same as their parent, or as each other
     else:
         is_said = _is_start_announced(folder / STAMP)
-    how = "once per version" if is_kept and folder else "in every process"
+    how = "once per installed copy" if is_kept and folder else "in every process"
     if not is_said:
-        with suppress(AttributeError, OSError, ValueError):  # no standard error, or a closed one
-            sys.stderr.write(f"sonata2d: compiling for this processor, {how}; this may take half a minute ...\n")
-            sys.stderr.flush()
+        _say(f"compiling for this processor, {how}; this may take half a minute ...")
+
+
+def _say(message: str) -> None:
+    with suppress(AttributeError, OSError, ValueError):  # no standard error, or a closed one
+        sys.stderr.write(f"sonata2d: {message}\n")
+        sys.stderr.flush()
 
 
 def _is_start_announced(stamp: Path) -> bool:

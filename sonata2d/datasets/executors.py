@@ -8,10 +8,14 @@ import signal
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from multiprocessing.synchronize import Event
 from typing import Any, TypeVar
+
+from ..errors import Sonata2dError
 
 CHUNK_SIZE = 4  # items sent to a worker at a time
 
@@ -32,8 +36,24 @@ def parallel_map(function: Callable[[T], R], items: Sequence[T], *, workers: int
     if workers <= 1 or len(items) <= 1:
         yield from map(function, items)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with _crashes_explained(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         yield from pool.map(function, items, chunksize=CHUNK_SIZE)
+
+
+@contextmanager
+def _crashes_explained() -> Iterator[None]:
+    """Turn the crash of a worker process into an error that says what to do.
+
+    Raises:
+        Sonata2dError: a worker process crashed.
+    """
+    try:
+        yield
+    except BrokenProcessPool as error:
+        raise Sonata2dError(
+            "a worker process crashed or was killed; if memory was short, use fewer workers, and if a kernel of your "
+            "own is used, look for an index outside an array with NUMBA_BOUNDSCHECK=1 and one worker"
+        ) from error
 
 
 def unordered_map(
@@ -54,9 +74,12 @@ def unordered_map(
         return
     context = get_context("spawn")  # the same start method on every system
     stop = context.Event()
-    with ProcessPoolExecutor(
-        workers, mp_context=context, initializer=_start_worker, initargs=(set_up, is_last, stop)
-    ) as pool:
+    with (
+        _crashes_explained(),
+        ProcessPoolExecutor(
+            workers, mp_context=context, initializer=_start_worker, initargs=(set_up, is_last, stop)
+        ) as pool,
+    ):
         try:
             yield from _submit_chunks(pool, _chunks(items), maximum_pending=2 * workers)
         finally:

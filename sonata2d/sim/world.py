@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 import pymunk
 
+from ..core.compiled import say_if_slow
 from ..core.devices import DeviceEvent
 from ..core.entities import Furniture, Human
 from ..core.geometry import Disc, Point, Twist
@@ -55,6 +56,7 @@ class World:
     """
 
     def __init__(self, scene: Scene) -> None:
+        say_if_slow()
         self.scene, self.tick = scene, 0
         count, rules = len(scene.humans), scene.rules
         space = _space_with_obstacles(scene)

@@ -141,7 +141,7 @@ def test_doctor_passes_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> No
         return version(name)
 
     monkeypatch.setattr(compiled, "IS_COMPILED", False)
-    monkeypatch.setattr(compiled, "BACKEND", "interpreted, more slowly; pip install numba")
+    monkeypatch.setattr(compiled, "BACKEND", "interpreted, some 30 times slower than compiled; pip install numba")
     monkeypatch.setattr(doctor, "version", find_version)
     monkeypatch.setattr(doctor, "trial_digest", lambda: (doctor.DIGEST, 1))
     found = doctor.findings()

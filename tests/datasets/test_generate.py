@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 import sonata2d as s2
+from sonata2d.datasets.executors import parallel_map
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.verification import verify
-from sonata2d.errors import ControllerError, RecordError
+from sonata2d.errors import ControllerError, RecordError, Sonata2dError
 from sonata2d.testing.controllers import check_controller
 
 QUICK = s2.ScenarioConfig(name="quick", standing=2, wandering=3, tables=1, rules={"time_limit": 3.0})
@@ -181,3 +182,12 @@ def test_an_error_of_the_controller_names_its_episode(tmp_path: Path) -> None:
         generate_dataset(tmp_path / "out", QUICK, f"{__name__}:Odd", episodes=2)
     with pytest.raises(ControllerError, match="no controller is named"):
         generate_dataset(tmp_path / "other", QUICK, "straight", episodes=2)
+
+
+def crash(item: int) -> int:
+    os._exit(7)
+
+
+def test_a_crashed_worker_is_explained() -> None:
+    with pytest.raises(Sonata2dError, match="NUMBA_BOUNDSCHECK=1"):
+        list(parallel_map(crash, [1, 2, 3], workers=2))
