@@ -78,7 +78,7 @@ class RobotState:
 Constant = tuple[IntArray, Array]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Snapshot:
     """State of the world at one tick, frozen; controller and crowd receive the same one.
 
@@ -126,13 +126,18 @@ class Snapshot:
             constant: ids (N,) and radii (N,), m, of all pedestrians of the scene; read-only.
         """
         snapshot = object.__new__(cls)
-        # The class is frozen; `robot` and `humans` stay unset.
-        for put, value in zip(
-            _PUT,
-            (tick, round(tick * scene.rules.dt, 4), scene, interactions, contacts, events, None, state, constant),
-            strict=True,
-        ):
-            put(snapshot, value)
+        values = {  # of all attributes except `robot` and `humans`
+            "tick": tick,
+            "time": round(tick * scene.rules.dt, 4),
+            "scene": scene,
+            "interactions": interactions,
+            "contacts": contacts,
+            "events": events,
+            "image": None,
+            "_state": state,
+            "_constant": constant,
+        }
+        object.__setattr__(snapshot, "__dict__", values)  # the class is frozen
         return snapshot
 
     def __getattr__(self, name: str) -> Any:
@@ -186,11 +191,6 @@ class Snapshot:
     def dt(self) -> float:
         """Control period, s."""
         return self.scene.rules.dt
-
-
-# Setters of the attributes that `Snapshot.of_state` sets, in its order.
-_SET = ("tick", "time", "scene", "interactions", "contacts", "events", "image", "_state", "_constant")
-_PUT = tuple(vars(Snapshot)[name].__set__ for name in _SET)
 
 
 def _robot_state(row: list[float], body: Robot) -> RobotState:

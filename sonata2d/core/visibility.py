@@ -165,7 +165,18 @@ def check_lines(barriers: Array, clearance: float, start: Array, end: Array, cle
 @subroutine
 def is_clear(barriers: Array, clearance: float, x: float, y: float, end_x: float, end_y: float) -> bool:
     """`FreeSpace.is_clear` for one straight line."""
+    low_x, high_x, low_y, high_y = min(x, end_x), max(x, end_x), min(y, end_y), max(y, end_y)
     for k in range(len(barriers)):
+        # Most barriers are beyond one side of the rectangle around the line.
+        reach = barriers[k, RADIUS] + clearance
+        ax, ay, bx, by = barriers[k, START_X], barriers[k, START_Y], barriers[k, END_X], barriers[k, END_Y]
+        if (
+            min(ax, bx) > high_x + reach
+            or max(ax, bx) < low_x - reach
+            or min(ay, by) > high_y + reach
+            or max(ay, by) < low_y - reach
+        ):
+            continue
         if line_gap(barriers, k, x, y, end_x, end_y) < clearance - TOLERANCE:
             return False
     return True

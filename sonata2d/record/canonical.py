@@ -76,7 +76,7 @@ def to_json_value(value: Any, location: str, *, exact: bool = False) -> Any:
     if isinstance(value, float):
         return _finite(float(value), location, exact)
     if isinstance(value, str):
-        return _encodable(value, location)
+        return value if value.isascii() else _encodable(value, location)
     if isinstance(value, int):
         if not -(1 << 63) <= value < 1 << 64:
             raise RecordError(f"{location} contains {value}; files contain integers of 64 bits only")

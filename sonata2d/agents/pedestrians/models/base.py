@@ -226,6 +226,9 @@ def wall_acceleration(
     total_x, total_y = 0.0, 0.0
     for k in range(len(barriers)):
         wall_x, wall_y = towards(barriers, k, x, y)
+        reach = radius + barriers[k, RADIUS] + 61.0 * decay_length  # `exp` is 0 below -60
+        if wall_x * wall_x + wall_y * wall_y > reach * reach:
+            continue
         distance = max(length(wall_x, wall_y), 1e-6)
         gap = max(distance - barriers[k, RADIUS] - radius, 0.0)
         push = exp(gap * (-1.0 / decay_length)) * (-strength) / distance
