@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from enum import Enum, EnumType
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import llvmlite
 import numba
@@ -92,6 +92,7 @@ class _Dependencies:
     def __init__(self) -> None:
         self.parts: list[str] = []
         self.functions: list[FunctionType] = []
+        self._named_tuples: list[type] = []
 
     def add(self, value: Any) -> None:
         """Add a value that a kernel uses."""
@@ -131,12 +132,28 @@ class _Dependencies:
     def _add_class(self, value: type) -> None:
         self.parts.append(f"{value.__module__} {value.__qualname__}")
         if issubclass(value, tuple) and hasattr(value, "_fields"):
-            # `packing.unpack` reads the types of the fields from the annotations.
-            self.add((value._fields, repr(value.__annotations__)))
+            self._add_fields(value)
         elif isinstance(value, EnumType):
             self.add([(name, value[name].value) for name in value.__members__])
         elif not _is_versioned(value.__module__) and value.__module__ != "builtins":
             raise NotCacheableError
+
+    def _add_fields(self, named_tuple: Any) -> None:
+        """Add the names and the types of the fields, from which `packing.unpack` makes offsets."""
+        if named_tuple in self._named_tuples:
+            return
+        self._named_tuples.append(named_tuple)
+        try:
+            hints = get_type_hints(named_tuple, include_extras=True)
+        except Exception:  # of whatever the annotations contain
+            raise NotCacheableError from None
+        for name in named_tuple._fields:
+            hint = hints.get(name)
+            if get_origin(hint) is Annotated:
+                hint = get_args(hint)[1:]
+            self.parts.append(f"{name} {hint!r}")
+            if isinstance(hint, type) and hasattr(hint, "_fields"):
+                self._add_fields(hint)
 
     def _add_function(self, function: FunctionType) -> None:
         """Add a function and the values of the names that it uses."""

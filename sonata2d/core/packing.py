@@ -2,11 +2,12 @@
 
 Numba unpacks every array of an argument at every call, which takes longer than the work on a few pedestrians. `pack`
 does it once: it returns one array of addresses, shapes and numbers, from which `unpack` makes the named tuple again,
-inside the kernel and without any cost. The interpreter passes the named tuple itself.
+inside the kernel and almost without cost. The interpreter passes the named tuple itself.
 """
 
 from __future__ import annotations
 
+import hashlib
 from functools import cache
 from itertools import count
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
@@ -63,6 +64,16 @@ def layout(kind: type) -> tuple[_Field, ...]:
     return tuple(fields)
 
 
+@cache
+def layout_id(kind: type) -> int:
+    """A number that classes share only if their fields have the same names and types."""
+    fields = [
+        (field.name, layout_id(field.dtype) if field.dimensions < 0 else np.dtype(field.dtype).str, field.dimensions)
+        for field in layout(kind)
+    ]
+    return int.from_bytes(hashlib.blake2b(repr(fields).encode(), digest_size=7).digest())
+
+
 def pack(value: T) -> Any:
     """The argument of a kernel that stands for a named tuple of arrays and floats.
 
@@ -74,7 +85,7 @@ def pack(value: T) -> Any:
     Raises:
         TypeError: an array has another element type or other dimensions than its field, or is not contiguous.
     """
-    return np.array(_numbers(value), dtype=np.int64) if IS_COMPILED else value
+    return np.array([layout_id(value.__class__), *_numbers(value)], dtype=np.int64) if IS_COMPILED else value
 
 
 def _numbers(value: Any) -> list[int]:
@@ -117,6 +128,7 @@ if IS_COMPILED:
             source = make_array(signature.args[0])(context, builder, arguments[0])
             word = context.get_value_type(types.intp)
             positions = count()
+            named_tuple = kind.instance_class
 
             def read() -> Any:
                 place = context.get_constant(types.intp, next(positions))
@@ -143,6 +155,10 @@ if IS_COMPILED:
                 )
                 return array._getvalue()
 
+            expected = context.get_constant(types.intp, layout_id(named_tuple))
+            with cgutils.if_unlikely(builder, builder.icmp_signed("!=", read(), expected)):
+                message = f"the packed argument is not a {named_tuple.__name__}, or one of another layout"
+                context.call_conv.return_user_exc(builder, TypeError, (message,))
             return build(signature.return_type)
 
         return _numba_type(kind.instance_class)(packed, kind), generate
@@ -157,5 +173,8 @@ else:
         Args:
             packed: argument of the kernel.
             kind: class of the named tuple.
+
+        Raises:
+            TypeError: another class was packed, with other fields (compiled kernels only).
         """
         return packed

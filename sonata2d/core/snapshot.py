@@ -209,6 +209,8 @@ def _robot_state(row: list[float], body: Robot) -> RobotState:
 class CrowdCommands(NamedTuple):
     """The crowd's answer to a snapshot: one row per pedestrian of the scene, in its order, whether present or not.
 
+    The arrays are valid until the crowd's next answer.
+
     Attributes:
         acceleration: (N, 2), m/s^2, world frame.
         facing: (N, 2), unit vectors of the desired headings of the bodies.

@@ -163,6 +163,8 @@ class Episode:
     def apply(self, command: Twist, label: Any = None, events: Sequence[DeviceEvent] = ()) -> Frame | None:
         """Execute a command for one tick instead of asking the controller, and record the frame.
 
+        Of a controller, `Controller.command_overridden` is called.
+
         Args:
             command: of the robot, body frame.
             label: of the frame, any value that JSON can hold; None: the command itself is the label.
@@ -179,6 +181,7 @@ class Episode:
         snapshot = self._observe_unless_over(tuple(events))
         if snapshot is None:
             return None
+        self.controller.command_overridden(twist)
         return self._record_and_move(snapshot, TickInput(twist, deepcopy(label), snapshot.events))
 
     def snapshot(self) -> Snapshot:
@@ -230,21 +233,30 @@ class Episode:
         Returns:
             The outcome; of an episode that has already ended, its earlier one.
         """
-        snapshot = self._world.snapshot(tuple(events))
         if self.outcome is None:
+            snapshot = self._with_events(tuple(events))
             self._close(snapshot, Outcome(status, reason, snapshot.tick, snapshot.time))
         assert self.outcome is not None
         return self.outcome
 
     def _observe(self, events: tuple[DeviceEvent, ...]) -> Snapshot:
-        """The snapshot of the present tick, with events added to those that it already has; may end the episode."""
+        """`_with_events`; may end the episode, and ignores events after its end."""
+        if self.outcome is not None:
+            return self._with_events(())
+        snapshot = self._with_events(events)
+        outcome = outcome_at(snapshot)
+        if outcome is not None:
+            self._close(snapshot, outcome)
+        return snapshot
+
+    def _with_events(self, events: tuple[DeviceEvent, ...]) -> Snapshot:
+        """The snapshot of the present tick, with events added to those that it already has."""
         snapshot = self._observed
         if snapshot is None or events:
+            for event in events:
+                if not isinstance(event, DeviceEvent):
+                    raise TypeError(f"events must be a sequence of DeviceEvent, got {event!r} in it")
             snapshot = self._observed = self._world.snapshot(snapshot.events + events if snapshot else events)
-        if self.outcome is None:
-            outcome = outcome_at(snapshot)
-            if outcome is not None:
-                self._close(snapshot, outcome)
         return snapshot
 
     def _observe_unless_over(self, events: tuple[DeviceEvent, ...]) -> Snapshot | None:
@@ -279,11 +291,11 @@ class Episode:
         try:
             for observer in self.observers:
                 observer.note(frame)
+            self._world.execute(tick_input.command, self._crowd.act(snapshot))
         except Exception as error:
             self._close_after(error, snapshot)
             raise
         self.past.append(tick_input)
-        self._world.execute(tick_input.command, self._crowd.act(snapshot))
         self._observed = None
         return frame
 

@@ -190,10 +190,11 @@ class World:
         read_state(self._packed)
 
     def _check_order(self) -> None:
-        """Assert that the engine lists bodies in the order of insertion, which all rows rely on."""
+        """Check that the engine lists bodies in the order of insertion, which all rows rely on."""
         placed = [*(h.pose.position for h in self.scene.humans), self.scene.robot.pose.position]
         positions = self._matter.engine.bodies[:, X : Y + 1].tolist()
-        assert positions == [list(position) for position in placed], "pymunk.batch has another order of bodies"
+        if positions != [list(position) for position in placed]:
+            raise RuntimeError(f"pymunk {pymunk.version} lists bodies in another order; install another version")
 
 
 def _guard(scene: Scene) -> Guard:

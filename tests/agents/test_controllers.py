@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
 import subprocess
 import sys
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +17,7 @@ import pytest
 from sonata2d.agents.controllers.base import Controller
 from sonata2d.agents.controllers.loading import named_controllers
 from sonata2d.agents.controllers.planner import CELL, HAS_NEGATIVE_WEIGHTS, STEP, CostField, SocialPlanner, Weights
+from sonata2d.agents.controllers.reactive import SocialForce
 from sonata2d.core.entities import TALKING, Furniture, Human, Interaction, Robot
 from sonata2d.core.geometry import Pose, Rectangle, Twist
 from sonata2d.core.proxemics import clearance
@@ -200,3 +203,12 @@ def test_people_who_are_absent_have_no_effect(name: str) -> None:
         commands_in(room(humans, table), named_controllers()[name](), 40) for humans in ([late, human], [human])
     )
     assert with_absent == without
+
+
+def test_a_copy_of_social_force_gives_the_same_commands() -> None:
+    episode = Episode(room([walker(1, 0.0, 0.5), walker(2, -1.0, -0.5)]), controller := SocialForce())
+    for _ in range(3):
+        episode.step()
+    copies = deepcopy(controller), pickle.loads(pickle.dumps(controller))
+    snapshot = episode.observe()
+    assert [copied.act(snapshot) for copied in copies] == [controller.act(snapshot)] * 2

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+import pickle
+import re
+from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +14,7 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.pedestrians.crowd import Crowd
+from sonata2d.agents.pedestrians.wayfinding import point_ahead
 from sonata2d.core.entities import AT_LAPTOP, TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction, Wall
 from sonata2d.core.geometry import Pose, Rectangle, Twist
 from sonata2d.core.portable_math import Array, BoolArray
@@ -208,3 +213,60 @@ def test_the_walls_of_a_square_room_block_no_view() -> None:
     attention, robot_in_sight = views(room([walker(1, -3.0, -3.0), walker(2, 3.0, 3.0)]))
     assert attention.tolist() == [[0.0, 1.0], [1.0, 0.0]]
     assert robot_in_sight.all()
+
+
+def test_a_follower_before_its_leader_looks_where_it_walks() -> None:
+    """In the first tick it copies the leader's path, which is empty then."""
+    people = [walker(1, 3.0, 3.0), walker(2, 3.0, 2.0)]
+    scene = room(people, groups=(Group(1, "walking", (2, 1)),))
+    crowd = Crowd(scene)
+    crowd.act(World(scene).snapshot())
+    routes = crowd._wayfinding.routes
+    assert routes.length.tolist() == [0, 2]
+    routes.target[0] = 3.5, 3.0
+    assert point_ahead(routes, 0, 3.0, 3.0, 1.0) == (3.5, 3.0)
+
+
+@pytest.mark.parametrize("copied", [deepcopy, lambda crowd: pickle.loads(pickle.dumps(crowd))], ids=["copy", "pickle"])
+def test_a_copy_of_a_crowd_goes_on_by_itself(busy: Scene, copied: Callable[[Crowd], Crowd]) -> None:
+    world, crowd = World(busy), Crowd(busy)
+    for _ in range(3):
+        world.step(Twist(), crowd.act(world.snapshot()))
+    other, snapshot = copied(crowd), world.snapshot()
+    assert other.act(snapshot).acceleration.tobytes() == crowd.act(snapshot).acceleration.tobytes()
+    world.step(Twist(), crowd.act(snapshot))
+    before = [array.copy() for array in crowd._plan]
+    del world
+    other.act(replace(snapshot, tick=snapshot.tick + 1))
+    assert all(np.array_equal(array, old) for array, old in zip(crowd._plan, before, strict=True))
+
+
+def test_a_snapshot_of_another_scene_is_refused(busy: Scene) -> None:
+    with pytest.raises(ValueError, match=r"a crowd of 1 got a snapshot of \d+ pedestrians"):
+        Crowd(room([walker(1, 0.0, 0.0)])).act(World(busy).snapshot())
+
+
+@pytest.mark.parametrize(
+    ("answer", "found"),
+    [
+        (np.zeros((1, 2)), "shape (1, 2)"),
+        (np.zeros((2, 1)), "shape (2, 1)"),
+        (np.zeros(4), "shape (4,)"),
+        (None, "None"),
+        ([[0.0, 0.0]], "[[0.0, 0.0]]"),
+    ],
+)
+def test_accelerations_of_another_shape_are_refused(answer: object, found: str) -> None:
+    scene = room([walker(1, 0.0, 0.0), walker(2, 1.0, 1.0)])
+    crowd, snapshot = Crowd(scene), World(scene).snapshot()
+    crowd._model.acceleration = lambda walkers: answer  # type: ignore[method-assign, assignment, return-value]
+    with pytest.raises(ValueError, match=rf"of shape \(2, 2\), one row for each agent, got {re.escape(found)}"):
+        crowd.act(snapshot)
+
+
+@pytest.mark.parametrize("kind", [list, np.asfortranarray, np.float32])
+def test_accelerations_may_be_of_any_kind_of_numbers(kind: Callable[[Array], object]) -> None:
+    scene = room([walker(1, 0.0, 0.0), walker(2, 1.0, 1.0)])
+    crowd, snapshot = Crowd(scene), World(scene).snapshot()
+    crowd._model.acceleration = lambda walkers: kind(np.full((2, 2), 0.5))  # type: ignore[method-assign, assignment, return-value]
+    assert crowd.act(snapshot).acceleration == pytest.approx(np.full((2, 2), 0.5))

@@ -296,6 +296,56 @@ def test_an_edited_part_is_compiled_again(plugin: Path, folder: Path, edited: st
     assert was_loaded(law)  # the file of the old version is still there
 
 
+PACKED = """
+from typing import Annotated, Any, NamedTuple
+import numpy as np
+from numpy.typing import NDArray
+from sonata2d.core.compiled import kernel
+from sonata2d.core.packing import pack, unpack
+Column = Annotated[NDArray[np.float64], np.float64, 1]
+class Inner(NamedTuple):
+    near: Column
+    far: Column
+class Outer(NamedTuple):
+    offset: float
+    inner: Inner
+@kernel
+def law(packed: Any) -> float:
+    return unpack(packed, Outer).inner.far[0]
+def call() -> float:
+    kind = Inner.__annotations__["far"].__metadata__[0]
+    near, far = np.array([1], dtype=kind), np.array([2], dtype=kind)
+    return float(law(pack(Outer(offset=0.5, inner=Inner(near=near, far=far)))))
+"""
+
+
+@compiled_only
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("near: Column\n    far: Column", "far: Column\n    near: Column"),
+        ("np.float64, 1", "np.int64, 1"),
+        ("offset: float\n    inner: Inner", "inner: Inner\n    offset: float"),
+    ],
+    ids=["nested fields", "alias of an array", "fields"],
+)
+def test_a_packed_argument_of_another_layout_is_compiled_again(plugin: Path, folder: Path, old: str, new: str) -> None:
+    def call() -> float:
+        return float(sys.modules["mine.laws"].call())
+
+    (plugin / "laws.py").write_text(PACKED)
+    law = load()
+    assert call() == 2.0
+    edit(plugin / "laws.py", old, new)
+    law = load()
+    assert call() == 2.0
+    assert not was_loaded(law)
+    edit(plugin / "laws.py", new, old)
+    law = load()
+    assert call() == 2.0
+    assert was_loaded(law)
+
+
 @compiled_only
 def test_comments_docstrings_and_the_place_do_not_matter(plugin: Path, folder: Path) -> None:
     call(load())

@@ -86,6 +86,53 @@ def test_after_the_end_nothing_is_applied_and_the_last_snapshot_can_be_observed(
     assert episode.past == []
 
 
+def test_events_observed_before_the_end_are_in_the_final_state_and_later_ones_are_not() -> None:
+    first, second, third = (DeviceEvent("keyboard", key, 1.0) for key in ("w", "a", "q"))
+    recorder = s2.EpisodeRecorder()
+    episode = s2.Episode(room(), observers=[recorder])
+    episode.observe([first])
+    episode.end("stopped", "by the driver", [second])
+    document = recorder.document()
+    assert episode.observe([third]).events == (first, second)
+    assert b'"w"' in document
+    assert b'"a"' in document
+
+
+@pytest.mark.parametrize("events", [["w"], "w", [None]])
+def test_events_of_another_kind_are_refused(events: Any) -> None:
+    episode = s2.Episode(room())
+    with pytest.raises(TypeError, match="must be a sequence of DeviceEvent"):
+        episode.observe(events)
+    assert episode.observe().events == ()
+
+
+def test_a_controller_hears_of_commands_that_are_applied_instead_of_its_own() -> None:
+    class Listener(Half):
+        def command_overridden(self, twist: Twist) -> None:
+            heard.append(twist)
+
+    heard: list[Twist] = []
+    episode = s2.Episode(room(), Listener())
+    episode.step()
+    episode.apply(Twist(vx=0.2))
+    assert heard == [Twist(vx=0.2)]
+
+
+def test_an_error_of_a_pedestrian_model_ends_the_episode_before_the_tick() -> None:
+    recorder = s2.EpisodeRecorder()
+    episode = s2.Episode(room([walker(1, 0.0, 0.0)]), Half(), observers=[recorder])
+    episode.step()
+    episode._crowd._model.acceleration = lambda walkers: None  # type: ignore[method-assign, assignment, return-value]
+    with pytest.raises(ValueError, match="must return an array") as caught:
+        episode.step()
+    assert caught.value.__notes__ == ["at tick 1 of the episode"]
+    assert episode.outcome is not None
+    assert (episode.outcome.status, episode.outcome.tick) == ("error", 1)
+    assert len(episode.past) == 1
+    assert recorder.document().count(b'\n{"tick":') == 1
+    assert episode.step() is None
+
+
 @pytest.mark.parametrize("command", [Twist(vx=float("nan")), 0.5, Twist(vx=1e300)])
 def test_a_command_that_no_file_can_hold_is_refused_and_moves_nothing(command: Any) -> None:
     episode = s2.Episode(room())

@@ -14,7 +14,7 @@ from ...core.portable_math import angle_of, unit_vector
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...registry import PEDESTRIAN_MODELS
-from ..pedestrians.models.base import Walkers, evaluations_per_tick, pedestrian_model
+from ..pedestrians.models.base import Walkers, checked_acceleration, evaluations_per_tick, pedestrian_model
 from .base import Controller
 
 REPLANNING_INTERVAL = 5  # ticks
@@ -101,7 +101,7 @@ class SocialForce(Controller):
         for k in range(evaluations):
             if k > 0:
                 position += velocity * h
-            velocity[-1] += self._model.acceleration(self._walkers)[-1] * h
+            velocity[-1] += checked_acceleration(self._model, self._walkers)[-1] * h
         return float(velocity[-1, 0]), float(velocity[-1, 1])
 
     def _observe(self, snapshot: Snapshot, direction: Point) -> None:

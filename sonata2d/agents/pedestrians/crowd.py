@@ -18,7 +18,13 @@ from ...core.scalar import crosses, unit_or
 from ...core.scene import Scene
 from ...core.snapshot import CrowdCommands, Snapshot
 from ...registry import PEDESTRIAN_MODELS
-from .models.base import Walkers, evaluations_per_tick, pedestrian_model, standing_acceleration
+from .models.base import (
+    Walkers,
+    checked_acceleration,
+    evaluations_per_tick,
+    pedestrian_model,
+    standing_acceleration,
+)
 from .orientation import (
     HEAD_LEAD_TIME,
     MINIMUM_HEAD_LEAD,
@@ -159,10 +165,21 @@ class Crowd:
         self._people = self._gather()
         self._packed_people = pack(self._people)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """A copy packs its own people: packed ones refer to memory."""
+        vars(self).update(state)
+        self._packed_people = pack(self._people)
+
     def act(self, snapshot: Snapshot) -> CrowdCommands:
-        """The commands of all pedestrians for the next tick."""
+        """The commands of all pedestrians for the next tick.
+
+        Raises:
+            ValueError: the snapshot is of another scene, or the model's answer is not an (N, 2) array.
+        """
         state, social, wayfinding = snapshot.state, self._social, self._wayfinding
         tick, humans, robot = snapshot.tick, state.humans, state.robot
+        if len(humans) != len(self._is_present):
+            raise ValueError(f"a crowd of {len(self._is_present)} got a snapshot of {len(humans)} pedestrians")
         self._set_presence(state.is_present)
         self._social_dynamics.update(tick, humans[:, X : Y + 1])
         wayfinding.begin_tick(tick, humans, self._is_present)
@@ -212,7 +229,7 @@ class Crowd:
 
     def _acceleration(self) -> Array:
         """(N, 2), m/s^2: by the model for walking pedestrians, back to their positions for standing ones."""
-        walking = self._model.acceleration(self._walkers)
+        walking = checked_acceleration(self._model, self._walkers)
         x, y = self._robot_position
         total_acceleration(self._packed_people, walking, x, y, self._interval)
         return self._plan.acceleration

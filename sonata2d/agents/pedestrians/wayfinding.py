@@ -50,7 +50,7 @@ class Routes(NamedTuple):
         leader: (N,) of int, for each of these the leader of its group, or the pedestrian itself; else -1.
         path: (N, P, 2), m, waypoints; the first `length` ones of each row are valid.
         length: (N,) of int; 0 means that the pedestrian stays where it is.
-        next: (N,) of int, index of the present waypoint.
+        next: (N,) of int, index of the present waypoint; of an empty path -1 or 0.
         version: (N,) of int, a number of its own for every path; followers share that of the path that they copied.
         copied: (N,) of int, version of the leader's path that a follower copied last.
         goals_left: (N,) of int, goals of the scene that are still to be visited; -1 for pedestrians without goals.
@@ -437,7 +437,7 @@ def point_ahead(routes: Routes, k: int, x: float, y: float, distance: float) -> 
     ahead_x, ahead_y = routes.target[k, 0], routes.target[k, 1]
     if routes.leader[k] < 0:
         return ahead_x, ahead_y
-    for n in range(routes.next[k], routes.length[k]):
+    for n in range(max(routes.next[k], 0), routes.length[k]):  # `next` is -1 on an empty path
         dx, dy = routes.path[k, n, 0] - x, routes.path[k, n, 1] - y
         length = math.sqrt(dx * dx + dy * dy)
         if length >= distance:

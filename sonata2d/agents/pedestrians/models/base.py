@@ -110,6 +110,10 @@ class KernelModel:
         self._result = np.zeros((0, 2))
         self._walkers: tuple[Walkers | None, Any] = None, None  # the last input, and the same packed
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Copies pack their own input: a packed one refers to memory."""
+        return {**vars(self), "_walkers": (None, None)}
+
     def _packed(self, walkers: Walkers) -> Any:
         """The packed input; agents are mostly the same arrays as at the last call."""
         if self._walkers[0] is not walkers:
@@ -121,6 +125,23 @@ class KernelModel:
         if len(self._result) != len(walkers.position):
             self._result = np.zeros((len(walkers.position), 2))
         return self._result
+
+
+def checked_acceleration(model: PedestrianModel, walkers: Walkers) -> Array:
+    """The accelerations by a model, (M, 2), contiguous, as kernels take them.
+
+    Raises:
+        ValueError: the model returns an array of another shape.
+    """
+    answer = model.acceleration(walkers)
+    acceleration: Array = np.ascontiguousarray(answer, dtype=float)
+    if acceleration.shape != walkers.position.shape:
+        found = f"shape {acceleration.shape}" if isinstance(answer, np.ndarray) else repr(answer)
+        raise ValueError(
+            f"{type(model).__name__}.acceleration must return an array of shape {walkers.position.shape}, one row for "
+            f"each agent, got {found}"
+        )
+    return acceleration
 
 
 def pedestrian_model(name: str) -> type[PedestrianModel]:

@@ -1,0 +1,81 @@
+"""Named tuples handed to kernels by their addresses."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from sonata2d.core.compiled import IS_COMPILED, kernel
+from sonata2d.core.packing import Bools, Floats, Floats2, pack, unpack
+
+compiled_only = pytest.mark.skipif(not IS_COMPILED, reason="kernels are interpreted")
+
+
+class Part(NamedTuple):
+    values: Floats
+    table: Floats2
+
+
+class Whole(NamedTuple):
+    scale: float
+    part: Part
+    flags: Bools
+
+
+class Permuted(NamedTuple):
+    part: Part
+    scale: float
+    flags: Bools
+
+
+class Shorter(NamedTuple):
+    scale: float
+
+
+@kernel
+def fill(packed: Any) -> float:
+    """Fill the table, and return the sum of the flagged values."""
+    whole = unpack(packed, Whole)
+    total = 0.0
+    for k in range(len(whole.part.values)):
+        for column in range(whole.part.table.shape[1]):
+            whole.part.table[k, column] = whole.scale * whole.part.values[k] + column
+        if whole.flags[k]:
+            total += whole.part.values[k]
+    return total
+
+
+def whole(**changes: Any) -> Whole:
+    part = Part(np.array([1.0, 2.0, 4.0]), np.zeros((3, 2)))._replace(**changes)
+    return Whole(10.0, part, np.array([True, False, True]))
+
+
+def test_a_kernel_works_on_the_memory_of_the_arrays() -> None:
+    value = whole()
+    assert fill(pack(value)) == 5.0
+    assert value.part.table.tolist() == [[10.0, 11.0], [20.0, 21.0], [40.0, 41.0]]
+
+
+@compiled_only
+@pytest.mark.parametrize("other", [Permuted(whole().part, 10.0, whole().flags), Shorter(10.0), whole().part])
+def test_a_named_tuple_with_other_fields_is_refused(other: Any) -> None:
+    with pytest.raises(TypeError, match="not a Whole"):
+        fill(pack(other))
+
+
+@compiled_only
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"values": np.array([1, 2, 4])},
+        {"values": np.zeros((3, 1))},
+        {"table": np.zeros((2, 3)).T},
+        {"table": np.zeros((3, 4))[:, ::2]},
+    ],
+    ids=["type", "dimensions", "order", "stride"],
+)
+def test_an_array_that_a_kernel_would_misread_is_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(TypeError, match=r"Part\.\w+ must be a contiguous array of float64"):
+        pack(whole(**changes))
