@@ -81,6 +81,10 @@ def engine_steps(work: Callable[[], Any], *, through_pymunk: bool) -> list[float
             super().__init__(space)
             spaces.append((space, space._space))
 
+    class Unpacked:
+        def __init__(self, value: Any) -> None:
+            self.value = self.argument = value
+
     def step_space(function: int, address: int, h: float) -> None:
         space, c_space = spaces[-1]
         h, step_once = float(h), space.step if through_pymunk else lib.cpSpaceStep
@@ -92,7 +96,7 @@ def engine_steps(work: Callable[[], Any], *, through_pymunk: bool) -> list[float
     interpreted = {name: getattr(getattr(step, name), "py_func", getattr(step, name)) for name in KERNELS}
     with (
         patch.object(world, "EngineMemory", Memory),
-        patch.multiple(world, pack=lambda value: value, **interpreted),
+        patch.multiple(world, Packed=Unpacked, **interpreted),
         patch.multiple(step, unpack=lambda value, kind: value),
         patch.multiple(chipmunk, _call_each_body=chipmunk._interpreted_each_body, _call_step=step_space),
     ):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .geometry import Barriers, Point
+from .packing import Packed
 from .portable_math import Array, BoolArray
 from .vectors import X, Y
 from .visibility import (
@@ -15,6 +16,7 @@ from .visibility import (
     Space,
     build_graph,
     check_lines,
+    check_point,
     check_points,
     find_free,
     find_paths,
@@ -44,13 +46,17 @@ class FreeSpace:
         if not clearance > 0.0:
             raise ValueError(f"clearance must be positive, got {clearance}")
         self.outline, self.barriers, self.clearance = outline, barriers, float(clearance)
-        self._prepared: Space | None = None
+        self._prepared: Packed[Space] | None = None
         self._graph = NOT_BUILT  # most spaces need none: many paths are straight
+
+    def is_free_at(self, point: Point) -> bool:
+        """Whether the disc can be at a point, m."""
+        return bool(check_point(self._space().argument, float(point[X]), float(point[Y])))
 
     def is_free(self, points: Array) -> BoolArray:
         """Whether the disc can be at the points; (N, 2) to (N,) of bool."""
         free = np.empty(len(points), dtype=bool)
-        check_points(self._space(), _rows(points), free)
+        check_points(self._space().argument, _rows(points), free)
         return free
 
     def is_clear(self, start: Array, end: Array) -> BoolArray:
@@ -61,8 +67,9 @@ class FreeSpace:
 
     def is_open(self, start: Point, end: Point) -> bool:
         """Whether the disc can be at the end, and move straight there from the start; m."""
-        ends = np.array([end], dtype=float)
-        return bool(self.is_free(ends)[0] and self.is_clear(np.array([start], dtype=float), ends)[0])
+        if not self.is_free_at(end):
+            return False
+        return bool(self.is_clear(np.array([start], dtype=float), np.array([end], dtype=float))[0])
 
     def nearest_free(self, point: Point) -> Point | None:
         """A free position near a point.
@@ -72,9 +79,10 @@ class FreeSpace:
             turning point; None if there is none on this side of the barriers.
         """
         x, y = float(point[X]), float(point[Y])
-        status, free_x, free_y = find_free(self._space(), self._graph, x, y)
+        space = self._space().argument
+        status, free_x, free_y = find_free(space, self._graph.argument, x, y)
         if status == NEEDS_GRAPH:
-            status, free_x, free_y = find_free(self._space(), self._built_graph(), x, y)
+            status, free_x, free_y = find_free(space, self._built_graph().argument, x, y)
         return (float(free_x), float(free_y)) if status == FOUND else None
 
     def towards(self, goal: Point) -> GoalField:
@@ -106,23 +114,24 @@ class FreeSpace:
         assert route is not None
         return lengths, route
 
-    def _find_paths(self, points: Array, goal: Point, lengths: Array, graph: Graph) -> Array | None:
+    def _find_paths(self, points: Array, goal: Point, lengths: Array, graph: Packed[Graph]) -> Array | None:
         """Fill the lengths, and return the path of the last point; None if the graph must be built first."""
         # besides the nodes: start and goal, and the free positions near to them
-        route = np.empty((len(graph.nodes) + 4, 2))
-        count = find_paths(self._space(), graph, points, float(goal[X]), float(goal[Y]), lengths, route)
+        route = np.empty((len(graph.value.nodes) + 4, 2))
+        space, x, y = self._space(), float(goal[X]), float(goal[Y])
+        count = find_paths(space.argument, graph.argument, points, x, y, lengths, route)
         return None if count == NEEDS_GRAPH else route[:count]
 
-    def _space(self) -> Space:
+    def _space(self) -> Packed[Space]:
         if self._prepared is None:
             table = self.barriers.table
             ends, lines, borders = prepare(table, _rows(self.outline), self.clearance)
-            self._prepared = Space(table, _columns(ends), _columns(lines), borders, self.clearance)
+            self._prepared = Packed(Space(table, _columns(ends), _columns(lines), borders, self.clearance))
         return self._prepared
 
-    def _built_graph(self) -> Graph:
-        if not self._graph.is_built:
-            self._graph = Graph(*build_graph(self._space()), True)
+    def _built_graph(self) -> Packed[Graph]:
+        if not self._graph.value.is_built:
+            self._graph = Packed(Graph(*build_graph(self._space().argument), True))
         return self._graph
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 from functools import cache
 from itertools import count
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from .compiled import IS_COMPILED
 
 T = TypeVar("T", bound=tuple[Any, ...])
 
-# Annotations of the fields of a named tuple that can be packed, besides `float`: element type and dimensions.
+# Annotations of the fields of a named tuple that can be packed, besides `float` and `bool`: element type, dimensions.
 Floats = Annotated[NDArray[np.float64], np.float64, 1]
 Floats2 = Annotated[NDArray[np.float64], np.float64, 2]
 Floats3 = Annotated[NDArray[np.float64], np.float64, 3]
@@ -28,13 +28,31 @@ Ints2 = Annotated[NDArray[np.int64], np.int64, 2]
 Bools = Annotated[NDArray[np.bool_], np.bool_, 1]
 
 
+class Packed(Generic[T]):
+    """A named tuple and its packed form, whose arrays live as long; a copy has arrays of its own.
+
+    Args:
+        value: see `pack`.
+
+    Attributes:
+        value: the named tuple.
+        argument: of kernels.
+    """
+
+    def __init__(self, value: T) -> None:
+        self.value, self.argument = value, pack(value)
+
+    def __reduce__(self) -> tuple[type[Packed[T]], tuple[T]]:
+        return Packed, (self.value,)
+
+
 class _Field(NamedTuple):
     """A field of a named tuple.
 
     Attributes:
         name: of the field.
         dtype: element type; of a named tuple its class.
-        dimensions: of an array; 0 for a float, -1 for a named tuple.
+        dimensions: of an array; 0 for a float or a bool, -1 for a named tuple.
     """
 
     name: str
@@ -47,14 +65,14 @@ def layout(kind: type) -> tuple[_Field, ...]:
     """The fields of a named tuple class.
 
     Raises:
-        TypeError: a field is neither a float, nor one of the arrays above, nor a named tuple of these.
+        TypeError: a field is neither a float or a bool, nor one of the arrays above, nor a named tuple of these.
     """
     hints = get_type_hints(kind, include_extras=True)
     fields = []
     for name in kind._fields:  # type: ignore[attr-defined]
         hint = hints[name]
-        if hint is float:
-            fields.append(_Field(name, np.float64, 0))
+        if hint is float or hint is bool:
+            fields.append(_Field(name, np.bool_ if hint is bool else np.float64, 0))
         elif get_origin(hint) is Annotated:
             fields.append(_Field(name, *get_args(hint)[1:]))
         elif isinstance(hint, type) and hasattr(hint, "_fields"):
@@ -75,7 +93,7 @@ def layout_id(kind: type) -> int:
 
 
 def pack(value: T) -> Any:
-    """The argument of a kernel that stands for a named tuple of arrays and floats.
+    """The argument of a kernel that stands for a named tuple of arrays, floats and bools.
 
     The kernel works on the memory of the arrays, which must live as long as the packed argument is used.
 
@@ -89,13 +107,13 @@ def pack(value: T) -> Any:
 
 
 def _numbers(value: Any) -> list[int]:
-    """Addresses and shapes of the arrays of a named tuple, and the bits of its floats."""
+    """Addresses and shapes of the arrays of a named tuple, and the bits of its numbers."""
     numbers: list[int] = []
     for field, item in zip(layout(value.__class__), value, strict=True):
         if field.dimensions < 0:
             numbers += _numbers(item)
         elif field.dimensions == 0:
-            numbers.append(int(np.float64(item).view(np.int64)))
+            numbers.append(int(item) if field.dtype is np.bool_ else int(np.float64(item).view(np.int64)))
         elif item.dtype == field.dtype and item.ndim == field.dimensions and item.flags.c_contiguous:
             numbers += [item.ctypes.data, *item.shape]
         else:
@@ -117,7 +135,7 @@ if IS_COMPILED:
             if field.dimensions < 0:
                 items.append(_numba_type(field.dtype))
             elif field.dimensions == 0:
-                items.append(types.float64)
+                items.append(types.boolean if field.dtype is np.bool_ else types.float64)
             else:
                 items.append(types.Array(from_dtype(np.dtype(field.dtype)), field.dimensions, "C"))
         return types.NamedTuple(items, kind)
@@ -137,6 +155,8 @@ if IS_COMPILED:
             def build(kind: Any) -> Any:
                 if isinstance(kind, types.NamedTuple):
                     return context.make_tuple(builder, kind, [build(item) for item in kind.types])
+                if kind is types.boolean:
+                    return builder.icmp_signed("!=", read(), context.get_constant(types.intp, 0))
                 if kind is types.float64:
                     return builder.bitcast(read(), context.get_value_type(kind))
                 array = make_array(kind)(context, builder)

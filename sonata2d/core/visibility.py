@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .compiled import kernel, subroutine
+from .packing import Floats2, Ints2, Packed, unpack
 from .portable_math import PI, Array, BoolArray, IntArray, unit_vectors
 from .scalar import (
     END_X,
@@ -64,10 +65,10 @@ class Space(NamedTuple):
         clearance: m.
     """
 
-    barriers: Array
-    ends: Array
-    lines: Array
-    borders: Array
+    barriers: Floats2
+    ends: Floats2
+    lines: Floats2
+    borders: Floats2
     clearance: float
 
 
@@ -81,13 +82,13 @@ class Graph(NamedTuple):
         is_built: False for a graph that has not been needed yet, which is empty.
     """
 
-    nodes: Array
-    lengths: Array
-    next_node: IntArray
+    nodes: Floats2
+    lengths: Floats2
+    next_node: Ints2
     is_built: bool
 
 
-NOT_BUILT = Graph(np.empty((0, 2)), np.empty((0, 0)), np.empty((0, 0), dtype=np.int64), False)
+NOT_BUILT = Packed(Graph(np.empty((0, 2)), np.empty((0, 0)), np.empty((0, 0), dtype=np.int64), False))
 
 
 # Free positions and straight lines
@@ -139,8 +140,15 @@ def prepare(barriers: Array, outline: Array, clearance: float) -> tuple[Array, A
 
 
 @kernel
-def check_points(space: Space, points: Array, free: BoolArray) -> None:
-    """`FreeSpace.is_free` for points (N, 2), m, into an array (N,)."""
+def check_point(packed_space: Any, x: float, y: float) -> bool:
+    """`FreeSpace.is_free_at` in a packed `Space`."""
+    return bool(_is_free(unpack(packed_space, Space), x, y))
+
+
+@kernel
+def check_points(packed_space: Any, points: Array, free: BoolArray) -> None:
+    """`FreeSpace.is_free` in a packed `Space` for points (N, 2), m, into an array (N,)."""
+    space = unpack(packed_space, Space)
     for k in range(len(points)):
         free[k] = _is_free(space, points[k, X], points[k, Y])
 
@@ -212,9 +220,9 @@ def _is_separated(lines: Array, x: float, y: float, end_x: float, end_y: float) 
 
 
 @kernel
-def find_free(space: Space, graph: Graph, x: float, y: float) -> tuple[int, float, float]:
-    """`FreeSpace.nearest_free`: status, x, y."""
-    return _nearest_free(space, graph, x, y)
+def find_free(packed_space: Any, packed_graph: Any, x: float, y: float) -> tuple[int, float, float]:
+    """`FreeSpace.nearest_free` in a packed `Space` with a packed `Graph`: status, x, y."""
+    return _nearest_free(unpack(packed_space, Space), unpack(packed_graph, Graph), x, y)
 
 
 @subroutine
@@ -259,8 +267,9 @@ def _push(space: Space, x: float, y: float) -> tuple[float, float]:
 
 
 @kernel
-def build_graph(space: Space) -> tuple[Array, Array, IntArray]:
+def build_graph(packed_space: Any) -> tuple[Array, Array, IntArray]:
     """Nodes, lengths and next nodes of a `Graph`."""
+    space = unpack(packed_space, Space)
     nodes = _turning_points(space)
     count = len(nodes)
     lengths, next_node = np.empty((count, count)), np.empty((count, count), dtype=np.int64)
@@ -385,12 +394,12 @@ def _directed_ends(barriers: Array, offset: float) -> tuple[Array, int]:
 
 @kernel
 def find_paths(
-    space: Space, graph: Graph, points: Array, goal_x: float, goal_y: float, lengths: Array, route: Array
+    packed_space: Any, packed_graph: Any, points: Array, goal_x: float, goal_y: float, lengths: Array, route: Array
 ) -> int:
     """The shortest paths from points (P, 2) to a goal.
 
     Args:
-        space, graph: free space and its graph.
+        packed_space, packed_graph: packed `Space` and `Graph`.
         points: starts, m.
         goal_x, goal_y: m.
         lengths: (P,), output, m; infinite where there is no path.
@@ -399,6 +408,7 @@ def find_paths(
     Returns:
         Number of points of the route; 0 if there is no path. `NEEDS_GRAPH` if the graph must be built first.
     """
+    space, graph = unpack(packed_space, Space), unpack(packed_graph, Graph)
     end_status, end_x, end_y = _nearest_free(space, graph, goal_x, goal_y)
     if end_status == NEEDS_GRAPH:
         return NEEDS_GRAPH

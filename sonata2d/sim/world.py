@@ -32,7 +32,7 @@ from ..core.humans import (
     human_ids,
     initial_activities,
 )
-from ..core.packing import pack
+from ..core.packing import Packed
 from ..core.scene import Scene
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
@@ -78,7 +78,7 @@ class World:
             facing=np.zeros((count, 2)),
             gaze=np.zeros((count, 2)),
         )
-        self._packed = pack(self._matter)
+        self._packed = Packed(self._matter)
         self._matter.robot[BODY_X], self._matter.robot[BODY_Y] = scene.robot.pose.direction
         for k, human in enumerate(scene.humans):
             self._face(k, human.pose.direction)
@@ -141,7 +141,7 @@ class World:
             acceleration = crowd.refresh(matter.engine.bodies) if crowd.refresh and first else crowd.acceleration
             matter.acceleration[:] = acceleration
             end = min(first + interval, substeps)
-            advance(self._packed, float(twist.vx), float(twist.vy), float(twist.omega), is_limited, first, end)
+            advance(self._packed.argument, float(twist.vx), float(twist.vy), float(twist.omega), is_limited, first, end)
         self._activity, self._interactions = crowd.activity, crowd.interactions
         self.tick += 1
         if self._presence.can_change or crowd.leaving:
@@ -187,7 +187,7 @@ class World:
 
     def _read_bodies(self) -> None:
         """Copy positions and velocities from the engine to the state."""
-        read_state(self._packed)
+        read_state(self._packed.argument)
 
     def _check_order(self) -> None:
         """Check that the engine lists bodies in the order of insertion, which all rows rely on."""

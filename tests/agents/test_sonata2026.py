@@ -10,13 +10,23 @@ import pytest
 
 from sonata2d.agents.pedestrians.models.base import Walkers
 from sonata2d.agents.pedestrians.models.sonata2026 import (
+    AHEAD,
+    ALIGNMENT,
     ANGLES,
+    ASIDE,
+    CONTACT,
+    MOVE_AHEAD,
+    MOVE_ASIDE,
     PARAMETERS,
+    WEIGHT,
     adaptive_acceleration,
     anticipation_acceleration,
+    anticipation_reach,
     group_cohesion_acceleration,
+    headway_reach,
     headway_speed,
     proximity_acceleration,
+    proximity_reach,
     steer,
 )
 from sonata2d.core.entities import Group, Human
@@ -128,6 +138,43 @@ def test_proximity_by_hand() -> None:
     )
     assert before == pytest.approx((-0.5 * math.exp(-1.0), 0.0), abs=1e-6)
     assert behind == pytest.approx((0.2 * 0.5 * math.exp(-1.0), 0.0), abs=1e-6)
+
+
+def test_neighbours_out_of_reach_contribute_exactly_nothing() -> None:
+    random = np.random.default_rng(1)
+    for _ in range(1000):
+        angle, (ux, uy) = random.uniform(-math.pi, math.pi), random.normal(scale=2.0, size=2)
+        ahead, left, beyond = math.cos(angle), math.sin(angle), random.uniform(1.000001, 1.2)
+        reach = beyond * anticipation_reach(CONTACT_DISTANCE, math.hypot(ux, uy), PARAMETERS)
+        pair = ahead * reach, left * reach, ux, uy, 1.0, CONTACT_DISTANCE, 1.0, PARAMETERS
+        assert anticipation_acceleration(*pair) == (0.0, 0.0)
+        reach = beyond * proximity_reach(CONTACT_DISTANCE, PARAMETERS)
+        assert proximity_acceleration(ahead * reach, left * reach, (1.0, 0.0), 1.0, CONTACT_DISTANCE, PARAMETERS) == (
+            0.0,
+            0.0,
+        )
+
+
+def test_neighbours_out_of_reach_do_not_change_the_choice_of_direction_and_speed() -> None:
+    random, value = np.random.default_rng(2), np.empty(len(ANGLES))
+    held_up = 0
+    for _ in range(2000):
+        velocity, desired_speed = random.normal(scale=1.0, size=(4, 2)), random.uniform(0.0, 2.0)
+        # Two neighbours ahead, and one out of reach that comes nearer, mostly in one of the directions.
+        far = headway_reach(CONTACT_DISTANCE, math.hypot(*velocity[2]), desired_speed, PARAMETERS)
+        distance = np.array([*random.uniform(0.4, 1.2, size=2), max(far, 0.0) * random.uniform(1.0001, 1.1)])
+        angle = np.radians(random.choice(ANGLES, size=3)) + random.normal(scale=0.05, size=3)
+        velocity[2] = -np.hypot(*velocity[2]) * np.array((math.cos(angle[2]), -math.sin(angle[2])))
+        path = np.empty((3, 7))
+        path[:, AHEAD], path[:, ASIDE] = distance * np.cos(angle), -distance * np.sin(angle)
+        path[:, MOVE_AHEAD], path[:, MOVE_ASIDE] = velocity[:3].T * PARAMETERS.look_ahead_time
+        path[:, ALIGNMENT] = random.uniform(-1.0, 1.0, size=3)
+        path[:, CONTACT], path[:, WEIGHT] = CONTACT_DISTANCE, random.choice((1.0, 0.4), size=3)
+        own = (1.0, 0.0), (float(velocity[3, 0]), float(velocity[3, 1])), desired_speed, 1.0, PARAMETERS, value
+        found = steer(path, *own)
+        held_up += found != (1.0, 0.0, desired_speed)
+        assert found == steer(path[:2], *own)
+    assert held_up > 300
 
 
 def test_pedestrians_start_at_once_and_follow_smoothly() -> None:

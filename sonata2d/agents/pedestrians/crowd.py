@@ -12,7 +12,7 @@ from ...core.compiled import kernel, subroutine
 from ...core.entities import DEFAULT_MODEL
 from ...core.geometry import Barriers, Point
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
-from ...core.packing import Bools, Floats, Floats2, pack, unpack
+from ...core.packing import Bools, Floats, Floats2, Packed, unpack
 from ...core.portable_math import Array, BoolArray
 from ...core.scalar import crosses, unit_or
 from ...core.scene import Scene
@@ -162,13 +162,7 @@ class Crowd:
         self._evaluations = min(evaluations_per_tick(self._model.evaluations, self._dt), scene.rules.substeps)
         self._interval = self._dt / self._evaluations
         self._robot_position: Point = scene.robot.pose.position
-        self._people = self._gather()
-        self._packed_people = pack(self._people)
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """A copy packs its own people: packed ones refer to memory."""
-        vars(self).update(state)
-        self._packed_people = pack(self._people)
+        self._people = Packed(self._gather())
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """The commands of all pedestrians for the next tick.
@@ -204,7 +198,7 @@ class Crowd:
         while True:
             self._repack()
             need, item = plan(
-                self._packed_people, step, first, tick, robot, humans, self._is_present, self._model.headed
+                self._people.argument, step, first, tick, robot, humans, self._is_present, self._model.headed
             )
             if need == _IS_PLANNED:
                 return
@@ -231,7 +225,7 @@ class Crowd:
         """(N, 2), m/s^2: by the model for walking pedestrians, back to their positions for standing ones."""
         walking = checked_acceleration(self._model, self._walkers)
         x, y = self._robot_position
-        total_acceleration(self._packed_people, walking, x, y, self._interval)
+        total_acceleration(self._people.argument, walking, x, y, self._interval)
         return self._plan.acceleration
 
     def _set_presence(self, is_present: BoolArray | None) -> None:
@@ -249,15 +243,14 @@ class Crowd:
 
     def _repack(self) -> None:
         """Pack the people anew if one of their parts is another object now."""
-        people, routes, social = self._people, self._wayfinding.routes, self._social.arrays
+        people, routes, social = self._people.value, self._wayfinding.routes, self._social.arrays
         if (
             people.routes is not routes
             or people.social is not social
             or people.walkers is not self._walkers
             or people.surroundings is not self._surroundings
         ):
-            self._people = self._gather()
-            self._packed_people = pack(self._people)
+            self._people = Packed(self._gather())
 
     def _gather(self) -> People:
         return People(

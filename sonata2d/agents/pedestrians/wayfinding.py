@@ -170,12 +170,12 @@ class Wayfinding:
             goal = (rng.uniform(x0, x1), rng.uniform(y0, y1))
             if _near(position[0], position[1], goal[0], goal[1], MINIMUM_TRIP):
                 continue
-            point = np.array([goal])
-            if not self.space.is_free(point)[0]:
+            if not self.space.is_free_at(goal):
                 continue
-            is_group = group_half_width > MEMBER_HALF_WIDTH
-            if is_group and attempt < _ATTEMPTS // 2 and self._scene.barriers.gaps(point).min() < group_half_width:
-                continue  # the first half of the attempts looks for a place with room for all members
+            # The first half of the attempts looks for a place with room for all members.
+            needs_room = group_half_width > MEMBER_HALF_WIDTH and attempt < _ATTEMPTS // 2
+            if needs_room and self._scene.barriers.gaps(np.array([goal])).min() < group_half_width:
+                continue
             path = self.space.path(position, goal)
             if path is not None:
                 self._set_path(k, path)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ....core.compiled import subroutine
-from ....core.packing import Bools, Floats, Floats2, pack
+from ....core.packing import Bools, Floats, Floats2, Packed, pack
 from ....core.portable_math import Array
 from ....core.scalar import RADIUS, Vector, exp, length, towards
 from ....core.scene import Scene
@@ -108,17 +108,13 @@ class KernelModel:
         self._barriers, self._side, self._dt = scene.barriers.table, float(scene.rules.side), float(scene.rules.dt)
         self._parameters = pack(self.parameters) if self.parameters else None
         self._result = np.zeros((0, 2))
-        self._walkers: tuple[Walkers | None, Any] = None, None  # the last input, and the same packed
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Copies pack their own input: a packed one refers to memory."""
-        return {**vars(self), "_walkers": (None, None)}
+        self._walkers: Packed[Walkers] | None = None  # the last input
 
     def _packed(self, walkers: Walkers) -> Any:
         """The packed input; agents are mostly the same arrays as at the last call."""
-        if self._walkers[0] is not walkers:
-            self._walkers = walkers, pack(walkers)
-        return self._walkers[1]
+        if self._walkers is None or self._walkers.value is not walkers:
+            self._walkers = Packed(walkers)
+        return self._walkers.argument
 
     def _output(self, walkers: Walkers) -> Array:
         """The array (M, 2) for the accelerations, the same one while M is the same."""

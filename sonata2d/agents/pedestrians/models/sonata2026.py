@@ -81,6 +81,9 @@ PARAMETERS = Sonata2026()
 FAST_WALK = 1.0  # m/s, from which the starting time has no effect
 FOLLOWING_FRACTION = 0.8  # of the desired speed; at lower permitted speeds the following time applies in full
 MAXIMUM_SPEED_CHANGE = 4.0  # m/s^2, limit of acceleration and braking along the path
+LONGEST_PREDICTION = 10.0  # s, limit of the time to the closest approach
+EXPONENT = 61.0  # `exp` is 0 below -60
+ROUNDING = 1e-3  # m, more than the rounding errors of a distance
 
 
 @subroutine
@@ -166,7 +169,7 @@ def anticipation_acceleration(
     if not closing > 0.0:
         return 0.0, 0.0
     square = ux * ux + uy * uy
-    t = min(closing / max(square, 1e-4), 10.0)
+    t = min(closing / max(square, 1e-4), LONGEST_PREDICTION)
     closing = min(closing / max(length(dx, dy), 0.01), 1.0)  # m/s
     fx, fy = dx + ux * t, dy + uy * t  # to the neighbour at the closest approach
     scale = side * p.anticipation_offset / math.sqrt(max(square, 1e-6))
@@ -336,7 +339,9 @@ def _accelerations(
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Sonata2026)
     p, position, velocity, radius = parameters, walkers.position, walkers.velocity, walkers.radius
     direction, desired_speed, has_groups = walkers.desired_direction, walkers.desired_speed, len(walkers.member) > 0
-    path, value = np.empty((len(position), 7)), np.empty(len(ANGLES))
+    path, value, pace = np.empty((len(position), 7)), np.empty(len(ANGLES)), np.empty(len(position))
+    for i in range(len(position)):
+        pace[i] = length(velocity[i, 0], velocity[i, 1])
     for i in range(len(position)):
         acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
@@ -354,19 +359,24 @@ def _accelerations(
             if weight == 0.0:
                 continue
             dx, dy, contact = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1], radius[j] + radius[i]
-            ux, uy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
-            x, y = anticipation_acceleration(dx, dy, ux, uy, weight, contact, side, p)
-            anticipation_x += x
-            anticipation_y += y
-            x, y = proximity_acceleration(dx, dy, own_direction, weight, contact, p)
-            proximity_x += x
-            proximity_y += y
-            x, y = velocity[j, 0] * p.look_ahead_time, velocity[j, 1] * p.look_ahead_time
-            path[count, AHEAD], path[count, ASIDE] = dx * ex + dy * ey, dx * ey - dy * ex
-            path[count, MOVE_AHEAD], path[count, MOVE_ASIDE] = x * ex + y * ey, x * ey - y * ex
-            path[count, ALIGNMENT] = direction[j, 0] * ex + direction[j, 1] * ey
-            path[count, CONTACT], path[count, WEIGHT] = contact, weight
-            count += 1
+            square = dx * dx + dy * dy
+            # Neighbours out of reach contribute exactly 0, or permit the desired speed in every direction.
+            if not _is_beyond(square, anticipation_reach(contact, pace[i] + pace[j], p)):
+                ux, uy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
+                x, y = anticipation_acceleration(dx, dy, ux, uy, weight, contact, side, p)
+                anticipation_x += x
+                anticipation_y += y
+            if not _is_beyond(square, proximity_reach(contact, p)):
+                x, y = proximity_acceleration(dx, dy, own_direction, weight, contact, p)
+                proximity_x += x
+                proximity_y += y
+            if not _is_beyond(square, headway_reach(contact, pace[j], desired_speed[i], p)):
+                x, y = velocity[j, 0] * p.look_ahead_time, velocity[j, 1] * p.look_ahead_time
+                path[count, AHEAD], path[count, ASIDE] = dx * ex + dy * ey, dx * ey - dy * ex
+                path[count, MOVE_AHEAD], path[count, MOVE_ASIDE] = x * ex + y * ey, x * ey - y * ex
+                path[count, ALIGNMENT] = direction[j, 0] * ex + direction[j, 1] * ey
+                path[count, CONTACT], path[count, WEIGHT] = contact, weight
+                count += 1
         x, y, speed = steer(path[:count], own_direction, own_velocity, desired_speed[i], side, p, value)
         # Pedestrians that face away from their direction turn before they walk.
         facing = walkers.body_direction[i, 0] * x + walkers.body_direction[i, 1] * y
@@ -378,6 +388,39 @@ def _accelerations(
         )
         acceleration[i, 0] = drive[0] + group[0] + anticipation_x + proximity_x + wall[0]
         acceleration[i, 1] = drive[1] + group[1] + anticipation_y + proximity_y + wall[1]
+
+
+@subroutine
+def proximity_reach(contact_distance: float, parameters: Sonata2026) -> float:
+    """Distance of centres beyond which `proximity_acceleration` is 0, m."""
+    return contact_distance + EXPONENT * parameters.proximity_decay_length
+
+
+@subroutine
+def anticipation_reach(contact_distance: float, relative_speed: float, parameters: Sonata2026) -> float:
+    """Distance of centres beyond which `anticipation_acceleration` is 0 at a relative speed, or a lower one, m."""
+    p = parameters
+    gap = EXPONENT * p.anticipation_decay_length + p.anticipation_offset
+    return contact_distance + gap + LONGEST_PREDICTION * relative_speed
+
+
+@subroutine
+def headway_reach(
+    contact_distance: float, neighbour_speed: float, desired_speed: float, parameters: Sonata2026
+) -> float:
+    """Distance of centres beyond which a neighbour in the strip permits the desired speed, m.
+
+    It is ahead by its distance less the half width of the strip at least, and comes nearer by its own motion.
+    """
+    p = parameters
+    gap = p.standstill_gap + p.time_gap * desired_speed
+    return contact_distance + gap + p.headway_half_width + p.look_ahead_time * neighbour_speed + ROUNDING
+
+
+@subroutine
+def _is_beyond(square: float, reach: float) -> bool:
+    """Whether a distance, given its square, exceeds a reach."""
+    return square > reach * reach and reach > 0.0
 
 
 class Sonata2026Model(KernelModel):
