@@ -127,8 +127,10 @@ class Rectangle:
 
     def corners(self, pose: Pose) -> list[Point]:
         """The four corners at a pose, counter-clockwise, world frame."""
-        a, b = self.length / 2, self.width / 2
-        return [pose.to_world(corner) for corner in ((a, b), (-a, b), (-a, -b), (a, -b))]
+        a, b, x, y = self.length / 2, self.width / 2, pose.x, pose.y
+        c, s = pose.direction
+        corners = ((a, b), (-a, b), (-a, -b), (a, -b))
+        return [(x + ahead * c - left * s, y + ahead * s + left * c) for ahead, left in corners]
 
     def edges(self, pose: Pose) -> list[Edge]:
         """The outline at a pose as four segments of zero radius."""
@@ -158,9 +160,15 @@ class Barriers:
     @classmethod
     def of(cls, edges: Iterable[Edge]) -> Barriers:
         """Barriers from thick segments; the arrays are read-only."""
-        rows = np.array([(*a, *b, r) for a, b, r in edges], dtype=float).reshape(-1, 5)
-        rows.flags.writeable = False
-        return cls(rows[:, _START], rows[:, _END], rows[:, _RADIUS])
+        rows = [(*a, *b, r, 0.0, 0.0, 0.0) for a, b, r in edges]
+        return cls._of_table(_completed(np.array(rows, dtype=float).reshape(-1, 8)))
+
+    @classmethod
+    def _of_table(cls, table: Array) -> Barriers:
+        """Barriers whose `table` is given."""
+        barriers = cls(table[:, _START], table[:, _END], table[:, _RADIUS])
+        barriers.__dict__["table"] = table  # not to be computed again
+        return barriers
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -171,9 +179,7 @@ class Barriers:
             return self
         table = np.concatenate((self.table, other.table))
         table.flags.writeable = False
-        joined = Barriers(table[:, _START], table[:, _END], table[:, _RADIUS])
-        joined.__dict__["table"] = table  # not to be computed again
-        return joined
+        return Barriers._of_table(table)
 
     def subset(self, chosen: BoolArray | IntArray | list[int]) -> Barriers:
         """The barriers that an (M,) mask or an array of indices selects."""
@@ -184,11 +190,7 @@ class Barriers:
         """All numbers of the barriers for kernels, (M, 8), read-only; columns as in `core.scalar`."""
         table = np.zeros((len(self), 8))
         table[:, _START], table[:, _END], table[:, _RADIUS] = self.start, self.end, self.radius
-        along = np.subtract(self.end, self.start, out=table[:, _ALONG])
-        square = along[:, X] * along[:, X] + along[:, Y] * along[:, Y]
-        np.divide(1.0, square, out=table[:, _INVERSE], where=square > 0.0)
-        table.flags.writeable = False
-        return table
+        return _completed(table)
 
     def towards(self, points: Array) -> tuple[Array, Array]:
         """Vectors from points to the nearest point on each segment's core line.
@@ -210,6 +212,16 @@ class Barriers:
         x, y = self.towards(points)
         gaps: Array = np.sqrt(x * x + y * y) - self.radius[:, None]
         return gaps
+
+
+def _completed(table: Array) -> Array:
+    """A `Barriers.table` whose last columns, which are zeros, are filled from the other ones; read-only."""
+    if len(table):
+        along = np.subtract(table[:, _END], table[:, _START], out=table[:, _ALONG])
+        square = along[:, X] * along[:, X] + along[:, Y] * along[:, Y]
+        np.divide(1.0, square, out=table[:, _INVERSE], where=square > 0.0)
+    table.flags.writeable = False
+    return table
 
 
 def segment_distances(start: Array, end: Array, barriers: Barriers) -> Array:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from .compiled import kernel, subroutine
-from .geometry import Disc, Pose, Rectangle, Shape
+from .geometry import MAX_MAGNITUDE, Disc, Pose, Rectangle, Shape
 from .portable_math import Array
 from .scalar import (
     ALONG_X,
@@ -18,12 +18,14 @@ from .scalar import (
     RADIUS,
     START_X,
     START_Y,
+    canonical_angle,
     crosses,
     gap,
     inverse_square,
     is_inside,
     length,
     line_gap,
+    quantised,
     unit_vector,
 )
 from .vectors import X, Y
@@ -78,6 +80,36 @@ def has_space(
         for k in range(len(walls)):
             if crosses(walls, k, sight_lines[i, 0], sight_lines[i, 1], sight_lines[i, 2], sight_lines[i, 3]):
                 return False
+    return _have_space(walls, borders, outlines, others, clearance)
+
+
+@kernel
+def has_space_at(
+    x: float, y: float, theta: float, outlines: Array, walls: Array, borders: Array, others: Array, clearance: float
+) -> bool:
+    """Whether outlines have space in a room at poses that are relative to another pose.
+
+    Args:
+        x, y, theta: the pose, m and rad.
+        outlines: (N, COLUMNS), positions and headings relative to this pose. Those in the room are rounded as by
+            `Pose.rounded`.
+        walls, borders, others, clearance: as for `has_space`.
+    """
+    moved = outlines.copy()
+    c, s = unit_vector(theta)
+    for i in range(len(outlines)):
+        ahead, left = outlines[i, X], outlines[i, Y]
+        moved_x, moved_y = x + ahead * c - left * s, y + ahead * s + left * c
+        if max(abs(moved_x), abs(moved_y)) > MAX_MAGNITUDE:
+            return False
+        moved[i, X], moved[i, Y] = quantised(moved_x), quantised(moved_y)
+        moved[i, THETA] = canonical_angle(theta + outlines[i, THETA])
+    return _have_space(walls, borders, moved, others, clearance)
+
+
+@subroutine
+def _have_space(walls: Array, borders: Array, outlines: Array, others: Array, clearance: float) -> bool:
+    """`has_space` without sight lines."""
     for i in range(len(outlines)):
         if not _is_off_walls(outlines, i, walls) or not is_inside(borders, outlines[i, X], outlines[i, Y]):
             return False

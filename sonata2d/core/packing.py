@@ -8,6 +8,7 @@ inside the kernel and almost without cost. The interpreter passes the named tupl
 from __future__ import annotations
 
 import hashlib
+import struct
 from functools import cache
 from itertools import count
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
@@ -15,7 +16,7 @@ from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_o
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import IS_COMPILED
+from .compiled import IS_COMPILED, kernel
 
 T = TypeVar("T", bound=tuple[Any, ...])
 
@@ -26,6 +27,9 @@ Floats3 = Annotated[NDArray[np.float64], np.float64, 3]
 Ints = Annotated[NDArray[np.int64], np.int64, 1]
 Ints2 = Annotated[NDArray[np.int64], np.int64, 2]
 Bools = Annotated[NDArray[np.bool_], np.bool_, 1]
+
+
+_FLOAT, _WORD = struct.Struct("=d"), struct.Struct("=q")
 
 
 class Packed(Generic[T]):
@@ -106,19 +110,25 @@ def pack(value: T) -> Any:
     return np.array([layout_id(value.__class__), *_numbers(value)], dtype=np.int64) if IS_COMPILED else value
 
 
+@kernel
+def _address(array: Any) -> int:
+    """The address of an array's memory; NumPy's own attribute takes four times as long."""
+    return array.ctypes.data  # type: ignore[no-any-return]
+
+
 def _numbers(value: Any) -> list[int]:
     """Addresses and shapes of the arrays of a named tuple, and the bits of its numbers."""
     numbers: list[int] = []
-    for field, item in zip(layout(value.__class__), value, strict=True):
-        if field.dimensions < 0:
+    for (name, dtype, dimensions), item in zip(layout(value.__class__), value, strict=True):
+        if dimensions < 0:
             numbers += _numbers(item)
-        elif field.dimensions == 0:
-            numbers.append(int(item) if field.dtype is np.bool_ else int(np.float64(item).view(np.int64)))
-        elif item.dtype == field.dtype and item.ndim == field.dimensions and item.flags.c_contiguous:
-            numbers += [item.ctypes.data, *item.shape]
+        elif dimensions == 0:
+            numbers.append(int(item) if dtype is np.bool_ else _WORD.unpack(_FLOAT.pack(item))[0])
+        elif item.dtype == dtype and item.ndim == dimensions and item.flags.c_contiguous:
+            numbers += (_address(item), *item.shape)
         else:
-            expected = f"a contiguous array of {np.dtype(field.dtype)} with {field.dimensions} dimensions"
-            raise TypeError(f"{type(value).__name__}.{field.name} must be {expected}, got {item.dtype} {item.shape}")
+            expected = f"a contiguous array of {np.dtype(dtype)} with {dimensions} dimensions"
+            raise TypeError(f"{type(value).__name__}.{name} must be {expected}, got {item.dtype} {item.shape}")
     return numbers
 
 

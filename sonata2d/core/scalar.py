@@ -25,6 +25,19 @@ wrap_angle = subroutine(vectors.wrap_angle)
 
 
 @subroutine
+def quantised(value: float) -> float:
+    """`geometry.quantised` of a number within its bounds."""
+    return float(round(value * 10_000.0)) / 10_000.0 + 0.0
+
+
+@subroutine
+def canonical_angle(theta: float) -> float:
+    """`geometry.canonical_angle`."""
+    angle = quantised(wrap_angle(theta))
+    return 3.1416 if angle <= -3.1416 else angle
+
+
+@subroutine
 def clipped(value: float, low: float, high: float) -> float:
     """The value limited to [low, high]."""
     return min(max(value, low), high)

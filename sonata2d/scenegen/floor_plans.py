@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.entities import Wall
 from ..core.geometry import Barriers, Point, Pose, Shape, quantised
-from ..core.outlines import COLUMNS, Line, OutlineRow, has_space, outline_row, rectangle_sides
+from ..core.outlines import COLUMNS, Line, OutlineRow, has_space, has_space_at, outline_row, rectangle_sides
 from ..core.portable_math import Array
 from ..core.rng import RandomStream
 from ..registry import ROOM_KINDS
@@ -86,8 +86,24 @@ class FloorPlan:
             clearance: m.
             sight_lines: straight lines that must not cross a wall, m.
         """
+        rows = np.array(outlines) if outlines else _NO_OUTLINES
         lines = np.array(sight_lines, dtype=float).reshape(-1, 4) if sight_lines else _NO_LINES
-        return bool(has_space(self.barriers.table, self._borders, np.array(outlines), others, float(clearance), lines))
+        return bool(has_space(self.barriers.table, self._borders, rows, others, float(clearance), lines))
+
+    def sees(self, start: Point, end: Point) -> bool:
+        """Return whether no wall crosses the straight line between two points, m."""
+        return self.has_space([], sight_lines=[(*start, *end)])
+
+    def has_space_at(self, x: float, y: float, theta: float, outlines: Array, others: Array, clearance: float) -> bool:
+        """Return whether outlines have space at poses that are relative to another pose.
+
+        Args:
+            x, y, theta: the other pose, m and rad.
+            outlines: (N, COLUMNS), rows of outlines, relative to the pose.
+            others, clearance: as for `has_space`.
+        """
+        walls = self.barriers.table
+        return bool(has_space_at(x, y, theta, outlines, walls, self._borders, others, clearance))
 
     @cached_property
     def _borders(self) -> Array:

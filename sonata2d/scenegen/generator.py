@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -12,7 +13,6 @@ from ..core.scene import Rules, Scene, standing_throughout
 from ..errors import SceneError
 from .floor_plans import FloorPlan, draw_floor_plan
 from .placed import (
-    add_placed_entities,
     apply_jitter,
     check_placed_positions,
     create_placed_entities,
@@ -22,12 +22,11 @@ from .placed import (
 from .placement import Layout, cluster_radius
 from .robot_task import draw_robot_task, reserved_outlines
 from .sampling import (
-    Entity,
     EntityCluster,
-    NumberedEntities,
-    assign_reactions,
+    Manners,
     fixed_furniture,
     number_entities,
+    ordered_entities,
     sample_entities,
     shape_of,
 )
@@ -61,19 +60,15 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
     fixed = fixed_furniture(given)
     _check_furniture(fixed, plan)
     clusters = sample_entities(given, rng)
+    manners = Manners(config.person, seed, episode)
+    scene = None
     for _ in range(config.max_layouts - 1):
         with suppress(SceneError):
-            return _complete(_try_layout(given, plan, fixed, clusters, rng), config, seed, episode)
-    return _complete(_try_layout(given, plan, fixed, clusters, rng), config, seed, episode)  # the last error is raised
-
-
-def _complete(scene: Scene, config: ScenarioConfig, seed: int, episode: int) -> Scene:
-    """Add the settings, the seed, the episode number and the reactions to the robot."""
-    given = [person.reaction for person in config.people]  # `people` are the first humans of a scene
-    humans = assign_reactions(
-        scene.humans, given, config.person.reactions, config.person.robot_clearance, seed, episode
-    )
-    return replace(scene, humans=humans, seed=seed, episode=episode, settings=config.settings())
+            scene = _try_layout(given, plan, fixed, clusters, manners, rng)
+            break
+    if scene is None:
+        scene = _try_layout(given, plan, fixed, clusters, manners, rng)  # the last error is raised
+    return replace(scene, seed=seed, episode=episode, settings=config.settings())
 
 
 def _check_furniture(fixed: tuple[Furniture, ...], plan: FloorPlan) -> None:
@@ -88,6 +83,7 @@ def _try_layout(
     plan: FloorPlan,
     fixed: tuple[Furniture, ...],
     clusters: list[EntityCluster],
+    manners: Manners,
     rng: RandomStream,
 ) -> Scene:
     """Draw poses once for everything: given pedestrians, then clusters, then the robot and its goal.
@@ -110,32 +106,37 @@ def _try_layout(
             placed[k] = poses
         elif not config.drop:
             raise SceneError(_no_space_message(clusters, k, plan, config.max_attempts))
-    entities = number_entities([(clusters[k], placed[k]) for k in sorted(placed)], fixed)
-    obstacles = _obstacles(plan, entities).joined(standing_throughout(given.humans))
+    drawn = [(clusters[k], placed[k]) for k in sorted(placed)]
+    humans, furniture = ordered_entities(drawn, fixed)
+    obstacles = _obstacles(plan, humans.values(), furniture.values()).joined(standing_throughout(given.humans))
     robot, goal = draw_robot_task(config, layout, obstacles, rng)
-    scene = Scene(
+    # The given pedestrians are the first ones; drawn entities get the ids that these leave free.
+    taken, taken_groups = {human.id for human in given.humans}, {group.id for group in given.groups}
+    entities = number_entities(drawn, humans, furniture, taken, taken_groups, manners)
+    people = zip(given.humans, config.people, strict=True)
+    return Scene(
         name=config.name,
         family=f"{config.name}/{plan.kind}",
         polygon=plan.polygon,
         walls=plan.walls,
         furniture=entities.furniture,
-        humans=entities.humans,
+        humans=(*(manners.given_to(human, person.reaction) for human, person in people), *entities.humans),
         robot=robot,
         goal=goal,
-        groups=entities.groups,
-        interactions=entities.interactions,
-        rules=Rules(**config.rules.model_dump()),
+        groups=(*given.groups, *entities.groups),
+        interactions=(*given.interactions, *entities.interactions),
+        rules=Rules(**dict(config.rules)),
         social=config.social.social(),
         dropped=tuple(_label(clusters, k) for k in range(len(clusters)) if k not in placed),
     )
-    return add_placed_entities(scene, given)
 
 
-def _obstacles(plan: FloorPlan, entities: NumberedEntities) -> Barriers:
+def _obstacles(
+    plan: FloorPlan, humans: Iterable[tuple[Human, Pose]], furniture: Iterable[tuple[Furniture, Pose]]
+) -> Barriers:
     """Return walls, furniture on the floor and standing pedestrians: what the robot must avoid."""
-    solid: list[Entity] = [piece for piece in entities.furniture if piece.on is None]
-    solid += [human for human in entities.humans if human.behaviour == "standing"]
-    edges = (edge for entity in solid for edge in shape_of(entity).edges(entity.pose))
+    edges = [edge for piece, pose in furniture if piece.on is None for edge in piece.shape.edges(pose)]
+    edges += [edge for human, pose in humans if human.behaviour == "standing" for edge in shape_of(human).edges(pose)]
     return plan.barriers.joined(Barriers.of(edges))
 
 

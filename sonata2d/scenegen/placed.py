@@ -13,7 +13,6 @@ from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, 
 from ..core.outlines import outline_row
 from ..core.portable_math import PI, Array, angle_of
 from ..core.rng import RandomStream
-from ..core.scene import Scene
 from ..errors import SceneError
 from .placement import Layout
 from .scenario.base import Jitter
@@ -30,8 +29,10 @@ _MAX_OVERLAP, _POINT_RADIUS = 0.09, 1e-6  # m, overlap of given outlines at the 
 
 def apply_jitter(config: ScenarioConfig, rng: RandomStream) -> ScenarioConfig:
     """Add random offsets to the given start, goal and people; nothing is drawn where all jitters are 0."""
-    people = tuple(_jitter_person(person, rng) for person in config.people)
     robot, goal = config.robot, config.goal
+    if not any(map(any, (*(person.jitter for person in config.people), robot.jitter, goal.jitter))):
+        return config
+    people = tuple(_jitter_person(person, rng) for person in config.people)
     if robot.pose is not None and any(robot.jitter):
         dx, dy, turn = _draw_offset(robot.jitter, rng)
         x, y, theta = robot.pose
@@ -290,6 +291,8 @@ def check_placed_positions(placed: PlacedEntities, outline: Array, robot: Pose |
     Raises:
         SceneError: a start, track or goal is outside the room, or the robot overlaps a pedestrian at tick 0.
     """
+    if not placed.humans:
+        return
     given = [point for human in placed.humans for point in (human.pose.position, *human.track, *human.goals)]
     is_inside = iter(inside_polygon(np.array(given, dtype=float).reshape(-1, 2), outline).tolist())
     for human in placed.humans:
@@ -336,29 +339,3 @@ def _fits(person: PersonSpec, human: Human, layout: Layout) -> bool:
     return is_in_room and (
         human.enters > 0 or layout.is_free(centre, human.pose, _POINT_RADIUS, -math.inf, ignores_robot=True)
     )
-
-
-def add_placed_entities(scene: Scene, placed: PlacedEntities) -> Scene:
-    """Add the given pedestrians to a scene, as the first ones; drawn entities get the ids that these leave free."""
-    if not placed.humans:
-        return scene
-    taken, taken_groups = {human.id for human in placed.humans}, {group.id for group in placed.groups}
-    drawn = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
-    new_id = dict(zip(drawn, _free_ids(taken, len(drawn)), strict=True))
-    new_group = dict(zip((g.id for g in scene.groups), _free_ids(taken_groups, len(scene.groups)), strict=True))
-    humans = (replace(h, id=new_id[h.id], group=None if h.group is None else new_group[h.group]) for h in scene.humans)
-    furniture = (replace(f, id=new_id[f.id], on=None if f.on is None else new_id[f.on]) for f in scene.furniture)
-    groups = (replace(g, id=new_group[g.id], members=tuple(new_id[id] for id in g.members)) for g in scene.groups)
-    interactions = (replace(i, src=new_id[i.src], dst=new_id[i.dst]) for i in scene.interactions)
-    return replace(
-        scene,
-        humans=(*placed.humans, *humans),
-        furniture=tuple(furniture),
-        groups=(*placed.groups, *groups),
-        interactions=(*placed.interactions, *interactions),
-    )
-
-
-def _free_ids(taken: set[int], count: int) -> list[int]:
-    """Return the lowest `count` ids from 1 that are not taken."""
-    return [number for number in range(1, len(taken) + count + 1) if number not in taken][:count]

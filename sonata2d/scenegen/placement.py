@@ -7,10 +7,11 @@ import math
 import numpy as np
 
 from ..core.entities import TALKING, Furniture, Human
-from ..core.geometry import Disc, Pose, Rectangle, Shape
-from ..core.outlines import COLUMNS, outline_row
+from ..core.geometry import Disc, Pose, Rectangle, Shape, canonical_angle, quantised
+from ..core.outlines import COLUMNS, THETA, outline_row
 from ..core.portable_math import PI, angle_of
 from ..core.rng import RandomStream
+from ..core.vectors import X, Y, length
 from .floor_plans import FloorPlan
 from .sampling import Entity, EntityCluster, shape_of
 from .scenario.config import ScenarioConfig
@@ -60,19 +61,23 @@ class Layout:
         """
         gap, target = self.config.clearance, None if cluster.fixed is None else fixed[cluster.fixed].pose
         members = cluster.members
-        bodies = [
-            (k, shape_of(member), self._wall_gap(member)) for k, member in enumerate(members) if _has_body(member)
-        ]
+        others, local = self._rows[: self._count], [member.pose for member in members]
+        bodies = [(k, shape_of(member)) for k, member in enumerate(members) if _has_body(member)]
+        rows = np.array([outline_row(shape, local[k], self._wall_gap(members[k])) for k, shape in bodies])
         for _ in range(self.config.max_attempts):
-            pose = target or self._draw_pose(cluster, rng)
-            poses = _poses_in_world(cluster, pose, rng)
-            outlines = [outline_row(shape, poses[k], wall_gap) for k, shape, wall_gap in bodies]
+            x, y, theta = (target.x, target.y, target.theta) if target else self._draw_pose(cluster, rng)
+            if cluster.distance is not None:  # in front (-y) of fixed furniture, facing it
+                local = [Pose(0.0, -cluster.distance.draw(rng), PI / 2)]
+                rows[0, X], rows[0, Y], rows[0, THETA] = local[0].x, local[0].y, local[0].theta
+            if not self.plan.has_space_at(x, y, theta, rows, others, gap):
+                continue
+            pose = Pose(x, y, theta)
+            poses = [_pose_in_world(pose, member) for member in local]
             # no wall may separate interacting members, or a member from its target
-            sight_lines = [(*poses[0].position, *(target or poses[-1]).position)] if cluster.relation else []
-            if not self.plan.has_space(outlines, self._rows[: self._count], gap, sight_lines):
+            if cluster.relation and not self.plan.sees(poses[0].position, (target or poses[-1]).position):
                 continue
             if self._is_o_space_free(cluster, poses, pose):
-                self.occupy([(shape, poses[k]) for k, shape, _ in bodies] + _interaction_space(cluster, poses, pose))
+                self.occupy([(shape, poses[k]) for k, shape in bodies] + _interaction_space(cluster, poses, pose))
                 return poses
         return None
 
@@ -88,10 +93,9 @@ class Layout:
         others = self._rows[self._reserved if ignores_robot else 0 : self._count]
         return self.plan.has_space([outline_row(shape, pose, wall_gap)], others, gap)
 
-    def _draw_pose(self, cluster: EntityCluster, rng: RandomStream) -> Pose:
-        if cluster.position is not None:
-            return Pose(*cluster.position, cluster.yaw.draw(rng))
-        return Pose(*self.plan.sample_point(rng), cluster.yaw.draw(rng))
+    def _draw_pose(self, cluster: EntityCluster, rng: RandomStream) -> tuple[float, float, float]:
+        x, y = cluster.position or self.plan.sample_point(rng)
+        return x, y, cluster.yaw.draw(rng)
 
     def _is_o_space_free(self, cluster: EntityCluster, poses: list[Pose], origin: Pose) -> bool:
         """Return whether all members see the centre of their o-space, and nothing stands in it."""
@@ -129,18 +133,14 @@ def _sight_line(first: Pose, second: Pose) -> PlacedShape:
 
 def cluster_radius(cluster: EntityCluster) -> float:
     """Return the radius of a cluster around its origin, m; large clusters are hard to place, and placed first."""
-    return max(math.sqrt(m.pose.x * m.pose.x + m.pose.y * m.pose.y) + shape_of(m).circumradius for m in cluster.members)
+    return max(length(m.pose.x, m.pose.y) + _circumradius(m) for m in cluster.members)
 
 
-def _poses_in_world(cluster: EntityCluster, pose: Pose, rng: RandomStream) -> list[Pose]:
-    """Return the poses of the members in the world frame, rounded to the precision of files.
+def _circumradius(member: Entity) -> float:
+    return member.radius if isinstance(member, Human) else member.shape.circumradius
 
-    Args:
-        cluster: the members.
-        pose: of the cluster, or of the fixed piece of furniture that its member attends to.
-        rng: for the distance from fixed furniture.
-    """
-    local = [member.pose for member in cluster.members]
-    if cluster.distance is not None:  # in front (-y) of fixed furniture, facing it
-        local = [Pose(0.0, -cluster.distance.draw(rng), PI / 2)]
-    return [Pose(*pose.to_world((p.x, p.y)), pose.theta + p.theta).rounded() for p in local]
+
+def _pose_in_world(origin: Pose, pose: Pose) -> Pose:
+    """Return a pose that is relative to another one in the world frame, rounded to the precision of files."""
+    x, y = origin.to_world(pose.position)
+    return Pose(quantised(x), quantised(y), canonical_angle(origin.theta + pose.theta))

@@ -100,8 +100,8 @@ def _is_feasible(
         return False
     if config.goal.position is None and not _is_suitable(config, layout, paths, goal, 0.0):
         return False
-    free = space.is_free(np.array([start.position, goal.position]))
-    return bool(free.all()) and space.path(start.position, goal.position) is not None
+    is_free = space.is_free_at(start.position) and space.is_free_at(goal.position)
+    return is_free and space.connects(start.position, goal.position)
 
 
 def _is_suitable(config: ScenarioConfig, layout: Layout, paths: Barriers, pose: Pose, clearance: float) -> bool:
@@ -113,7 +113,7 @@ def _is_suitable(config: ScenarioConfig, layout: Layout, paths: Barriers, pose: 
 
 
 def _create_robot(config: ScenarioConfig, start: Pose) -> Robot:
-    limits = Limits(**{name: quantised(value) for name, value in config.robot.limits.model_dump().items()})
+    limits = Limits(**{name: quantised(value) for name, value in config.robot.limits})
     return Robot(start, quantised(config.robot.radius), config.robot.kinematics, limits)
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Literal
+from typing import Any, Literal
 
 from ..core.entities import (
     AT_LAPTOP,
@@ -27,7 +28,7 @@ from ..core.portable_math import PI, unit_vector
 from ..core.rng import RandomStream
 from .scenario.base import Range
 from .scenario.config import ScenarioConfig
-from .scenario.sections import ClearanceConfig, shape_of_size
+from .scenario.sections import PersonConfig, shape_of_size
 
 # Formations of groups
 
@@ -365,31 +366,60 @@ class NumberedEntities:
     interactions: tuple[Interaction, ...]
 
 
-def number_entities(placed: list[tuple[EntityCluster, list[Pose]]], fixed: tuple[Furniture, ...]) -> NumberedEntities:
-    """Give ids from 1 to standing pedestrians, wandering pedestrians, tables, laptops, plants, other furniture.
+def ordered_entities(
+    placed: list[tuple[EntityCluster, list[Pose]]], fixed: tuple[Furniture, ...]
+) -> tuple[dict[Key, tuple[Human, Pose]], dict[Key, tuple[Furniture, Pose]]]:
+    """Order pedestrians, then furniture, with their poses in the world frame, as they will be numbered.
+
+    Standing pedestrians come before wandering ones; tables before laptops, plants and other furniture.
 
     Args:
         placed: clusters, each with the poses of its members in the world frame.
         fixed: fixed furniture.
     """
-    entries: dict[Key, Entity] = {(_FIXED, k): piece for k, piece in enumerate(fixed)}
-    entries |= {(k, m): member for k, (cluster, _) in enumerate(placed) for m, member in enumerate(cluster.members)}
-    poses = {(_FIXED, k): piece.pose for k, piece in enumerate(fixed)}
-    poses |= {(k, m): pose for k, (_, members) in enumerate(placed) for m, pose in enumerate(members)}
-    humans = {key: entity for key, entity in entries.items() if isinstance(entity, Human)}
-    furniture = {key: entity for key, entity in entries.items() if isinstance(entity, Furniture)}
-    human_keys = sorted(humans, key=lambda key: humans[key].behaviour != "standing")
-    furniture_keys = sorted(furniture, key=lambda key: _type_rank(furniture[key].type))
-    ids = {key: k for k, key in enumerate(human_keys + furniture_keys, start=1)}
+    humans: list[tuple[Key, tuple[Human, Pose]]] = []
+    furniture: list[tuple[Key, tuple[Furniture, Pose]]] = [
+        ((_FIXED, k), (piece, piece.pose)) for k, piece in enumerate(fixed)
+    ]
+    for k, (cluster, poses) in enumerate(placed):
+        for m, (member, pose) in enumerate(zip(cluster.members, poses, strict=True)):
+            if isinstance(member, Human):
+                humans.append(((k, m), (member, pose)))
+            else:
+                furniture.append(((k, m), (member, pose)))
+    humans.sort(key=lambda item: item[1][0].behaviour != "standing")
+    furniture.sort(key=lambda item: _type_rank(item[1][0].type))
+    return dict(humans), dict(furniture)
 
+
+def number_entities(
+    placed: list[tuple[EntityCluster, list[Pose]]],
+    humans: dict[Key, tuple[Human, Pose]],
+    furniture: dict[Key, tuple[Furniture, Pose]],
+    taken: Collection[int],
+    taken_groups: Collection[int],
+    manners: Manners,
+) -> NumberedEntities:
+    """Give ids to pedestrians, furniture and groups, and to each pedestrian its reaction to the robot.
+
+    Args:
+        placed, humans, furniture: as for `ordered_entities`, and as it returns them.
+        taken, taken_groups: ids that others have; the lowest free ones are given.
+        manners: reactions by id.
+    """
+    keys = [*humans, *furniture]
+    ids = dict(zip(keys, free_ids(taken, len(keys)), strict=True))
     related = [(k, cluster) for k, (cluster, _) in enumerate(placed) if cluster.relation]
     groups = [(k, cluster) for k, cluster in related if cluster.relation in _GROUP_KINDS]
-    group_ids = {k: number for number, (k, _) in enumerate(groups, start=1)}
+    group_ids = dict(zip((k for k, _ in groups), free_ids(taken_groups, len(groups)), strict=True))
     return NumberedEntities(
-        tuple(replace(humans[key], id=ids[key], pose=poses[key], group=group_ids.get(key[0])) for key in human_keys),
         tuple(
-            replace(furniture[key], id=ids[key], pose=poses[key], on=_support_id(key, furniture[key], ids))
-            for key in furniture_keys
+            manners.given_to(human, id=ids[key], pose=pose, group=group_ids.get(key[0]))
+            for key, (human, pose) in humans.items()
+        ),
+        tuple(
+            Furniture(ids[key], piece.type, pose, piece.shape, _support_id(key, piece, ids))
+            for key, (piece, pose) in furniture.items()
         ),
         tuple(
             Group(
@@ -406,6 +436,11 @@ def number_entities(placed: list[tuple[EntityCluster, list[Pose]]], fixed: tuple
             for a, b in _interacting_keys(k, cluster)
         ),
     )
+
+
+def free_ids(taken: Collection[int], count: int) -> list[int]:
+    """Return the lowest `count` ids from 1 that are not taken."""
+    return [number for number in range(1, len(taken) + count + 1) if number not in taken][:count]
 
 
 def _type_rank(type_: str) -> int:
@@ -431,36 +466,30 @@ def _interacting_keys(k: int, cluster: EntityCluster) -> list[tuple[Key, Key]]:
 # Reactions to the robot
 
 
-def assign_reactions(
-    humans: tuple[Human, ...],
-    given: list[Reaction | None],
-    weights: dict[Reaction, float],
-    clearance: ClearanceConfig,
-    seed: int,
-    episode: int,
-) -> tuple[Human, ...]:
-    """Give each pedestrian a reaction to the robot and a clearance; a pedestrian that ignores the robot keeps that.
+class Manners:
+    """Draws the reaction of each pedestrian to the robot, and its clearance.
 
     Each pedestrian has its own random stream, so that these settings change nothing else in a scene.
 
     Args:
-        humans: all pedestrians, in the scene's order.
-        given: reactions of the first of them; None: drawn, as those of the others.
-        weights: of the drawn reactions.
-        clearance: distribution of the clearance.
+        person: distributions of reactions and clearance.
         seed: of the data set.
         episode: number of the episode in the data set.
     """
-    reactions = [*given, *[None] * (len(humans) - len(given))]
-    return tuple(
-        _with_reaction(human, reaction, weights, clearance, RandomStream(seed, episode, "manners", human.id))
-        for human, reaction in zip(humans, reactions, strict=True)
-    )
 
+    def __init__(self, person: PersonConfig, seed: int, episode: int) -> None:
+        self._clearance, self._seed, self._episode = person.robot_clearance, seed, episode
+        self._reactions, self._weights = list(person.reactions), list(person.reactions.values())
 
-def _with_reaction(
-    human: Human, given: Reaction | None, weights: dict[Reaction, float], clearance: ClearanceConfig, rng: RandomStream
-) -> Human:
-    robot_clearance = quantised(clearance.draw(rng))
-    reaction = rng.choice(list(weights), list(weights.values())) if given is None else given
-    return replace(human, reaction=reaction, robot_clearance=robot_clearance)
+    def given_to(self, human: Human, reaction: Reaction | None = None, **changes: Any) -> Human:
+        """Return a pedestrian with its reaction and clearance; one that ignores the robot keeps that.
+
+        Args:
+            human: without them.
+            reaction: None: drawn.
+            changes: other fields to replace, by name.
+        """
+        rng = RandomStream(self._seed, self._episode, "manners", changes.get("id", human.id))
+        robot_clearance = quantised(self._clearance.draw(rng))
+        chosen = rng.choice(self._reactions, self._weights) if reaction is None else reaction
+        return replace(human, reaction=chosen, robot_clearance=robot_clearance, **changes)

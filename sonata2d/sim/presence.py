@@ -14,7 +14,7 @@ import numpy as np
 import pymunk
 
 from ..core.humans import X, Y
-from ..core.portable_math import Array, BoolArray, IntArray
+from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
 
 ENTRY_OVERLAP = 0.04  # m, overlap of outlines that is accepted on entering; with a larger one, a pedestrian waits
@@ -30,7 +30,6 @@ class Presence:
 
     Attributes:
         all_present: whether no pedestrian is absent.
-        row: (n,) of int, indices of the pedestrians that are present; read-only.
         is_absent: (N,) of bool.
         absent_ids: ids of the absent pedestrians.
         has_recorded: whether some pedestrians follow tracks.
@@ -40,11 +39,10 @@ class Presence:
     """
 
     all_present: bool
-    row: IntArray
     absent_ids: frozenset[int]
 
     def __init__(self, scene: Scene, bodies: list[pymunk.Body], is_absent: BoolArray) -> None:
-        self._humans, self._bodies, self._parking = scene.humans, bodies, scene.parking.tolist()
+        self._humans, self._bodies, self._scene = scene.humans, bodies, scene
         self._dt, self._radius = scene.rules.dt, np.array([*(h.radius for h in scene.humans), scene.robot.radius])
         self._recorded = _recorded_rows(scene)
         self.has_recorded = bool(self._recorded)
@@ -124,14 +122,12 @@ class Presence:
 
     def _park(self, k: int) -> None:
         self.is_absent[k] = True
-        self._bodies[k].position, self._bodies[k].velocity = tuple(self._parking[k]), (0.0, 0.0)
+        self._bodies[k].position, self._bodies[k].velocity = tuple(self._scene.parking[k].tolist()), (0.0, 0.0)
 
     def _update_attributes(self) -> None:
-        self.all_present = not self.is_absent.any()
-        self.row = np.flatnonzero(~self.is_absent)
-        self.row.flags.writeable = False
-        absent = zip(self._humans, self.is_absent, strict=True)
-        self.absent_ids = frozenset(human.id for human, is_absent in absent if is_absent)
+        is_absent = self.is_absent.tolist()
+        self.all_present = True not in is_absent
+        self.absent_ids = frozenset(human.id for human, away in zip(self._humans, is_absent, strict=True) if away)
 
 
 def _recorded_rows(scene: Scene) -> list[int]:

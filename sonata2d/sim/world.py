@@ -25,8 +25,6 @@ from ..core.humans import (
     GAZE_X,
     GAZE_Y,
     OMEGA,
-    X,
-    Y,
     activities_of_present,
     frozen,
     human_ids,
@@ -60,8 +58,10 @@ class World:
         self.scene, self.tick = scene, 0
         count, rules = len(scene.humans), scene.rules
         space = _space_with_obstacles(scene)
-        bodies = [_add_disc(space, h.pose.position, h.radius, h.velocity, _body_type(h)) for h in scene.humans]
-        _add_disc(space, scene.robot.pose.position, scene.robot.radius)
+        discs = [_disc(h.pose.position, h.radius, h.velocity, _body_type(h)) for h in scene.humans]
+        discs.append(_disc(scene.robot.pose.position, scene.robot.radius))
+        bodies = [body for body, _ in discs]
+        space.add(*bodies, *(shape for _, shape in discs))
         self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
         self._engine = EngineMemory(space)
         self._matter = Matter(
@@ -80,8 +80,9 @@ class World:
         )
         self._packed = Packed(self._matter)
         self._matter.robot[BODY_X], self._matter.robot[BODY_Y] = scene.robot.pose.direction
-        for k, human in enumerate(scene.humans):
-            self._face(k, human.pose.direction)
+        facing = [human.pose.direction for human in scene.humans]
+        if facing:
+            self._matter.humans[:, BODY_X : BODY_Y + 1] = self._matter.humans[:, GAZE_X : GAZE_Y + 1] = facing
         self._last_contacts: tuple[bytes, tuple[Contact, ...]] = b"", ()
         self._activity = initial_activities(scene)
         self._interactions = scene.interactions
@@ -89,7 +90,7 @@ class World:
         self._substeps = rules.substeps
         self._read_bodies()
         self._check_order()
-        self._presence = Presence(scene, bodies, self._matter.is_absent)
+        self._presence = Presence(scene, bodies[:-1], self._matter.is_absent)
         self._read_bodies()
 
     def snapshot(self, events: tuple[DeviceEvent, ...] = ()) -> Snapshot:
@@ -192,8 +193,8 @@ class World:
     def _check_order(self) -> None:
         """Check that the engine lists bodies in the order of insertion, which all rows rely on."""
         placed = [*(h.pose.position for h in self.scene.humans), self.scene.robot.pose.position]
-        positions = self._matter.engine.bodies[:, X : Y + 1].tolist()
-        if positions != [list(position) for position in placed]:
+        positions = [(x, y) for x, y, _, _ in self._matter.engine.bodies.tolist()]
+        if positions != placed:
             raise RuntimeError(f"pymunk {pymunk.version} lists bodies in another order; install another version")
 
 
@@ -226,18 +227,13 @@ def _static_shape(ground: pymunk.Body, furniture: Furniture) -> pymunk.Shape:
     return pymunk.Poly(ground, furniture.shape.corners(furniture.pose))
 
 
-def _add_disc(
-    space: pymunk.Space,
-    position: Point,
-    radius: float,
-    velocity: Point = (0.0, 0.0),
-    body_type: int = pymunk.Body.DYNAMIC,
-) -> pymunk.Body:
-    """Add a disc that slides but does not rotate: headings of pedestrians and robot are not kept by the engine."""
+def _disc(
+    position: Point, radius: float, velocity: Point = (0.0, 0.0), body_type: int = pymunk.Body.DYNAMIC
+) -> tuple[pymunk.Body, pymunk.Shape]:
+    """A disc that slides but does not rotate: headings of pedestrians and robot are not kept by the engine."""
     body = pymunk.Body(MASS, math.inf, body_type)
     body.position, body.velocity = position, velocity
-    space.add(body, pymunk.Circle(body, radius))
-    return body
+    return body, pymunk.Circle(body, radius)
 
 
 def _body_type(human: Human) -> int:

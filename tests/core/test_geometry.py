@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
+from sonata2d.core import scalar
 from sonata2d.core.geometry import (
     Barriers,
     Pose,
@@ -94,6 +95,13 @@ def test_scalar_functions_have_the_bits_of_their_array_versions(seed: int) -> No
             assert gap(barriers.table, m, a, b) == gaps[m, n]
             assert line_gap(barriers.table, m, a, b, c, d) == line_gaps[m, n]
             assert crosses(barriers.table, m, a, b, c, d) == is_crossed[m, n]
+
+
+@given(st.floats(-1e9, 1e9))
+def test_kernels_round_to_the_precision_of_files_as_poses_do(value: float) -> None:
+    pose = Pose(value, round(value, 4) + 0.00005, value).rounded()  # the second one lies near a tie
+    rounded = scalar.quantised(value), scalar.quantised(round(value, 4) + 0.00005), scalar.canonical_angle(value)
+    assert [number.hex() for number in rounded] == [number.hex() for number in (pose.x, pose.y, pose.theta)]
 
 
 def test_a_scalar_point_is_inside_where_its_array_version_is() -> None:

@@ -7,13 +7,15 @@ import pytest
 from hypothesis import given, strategies as st
 
 from sonata2d.core.geometry import Barriers, Disc, Pose, Rectangle, Shape
-from sonata2d.core.outlines import COLUMNS, has_space, outline_row, rectangle_sides, shape_gap
+from sonata2d.core.outlines import COLUMNS, has_space, has_space_at, outline_row, rectangle_sides, shape_gap
 from sonata2d.core.portable_math import Array
 
 metres = st.floats(-20.0, 20.0)
 poses = st.builds(Pose, metres, metres, st.floats(-50.0, 50.0))
 
 SQUARE = np.array([[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]])
+BORDERS = np.concatenate((SQUARE, np.roll(SQUARE, -1, axis=0)), axis=1)
+WALLS = Barriers.of([*(((a, b), (c, d), 0.0) for a, b, c, d in BORDERS.tolist()), ((0.0, 0.0), (4.0, 0.0), 0.0)])
 NOTHING, NO_LINES = np.empty((0, COLUMNS)), np.empty((0, 4))
 
 
@@ -21,11 +23,8 @@ def fits(
     *outlines: tuple[Shape, Pose], wall_gap: float = 0.1, others: Array = NOTHING, sight_lines: Array = NO_LINES
 ) -> bool:
     """Whether outlines have space, with a clearance of 0.1 m, in a square room with a wall from (0, 0) to (4, 0)."""
-    following = np.roll(SQUARE, -1, axis=0)
-    edges = [(tuple(a), tuple(b), 0.0) for a, b in zip(SQUARE, following, strict=True)]
-    walls = Barriers.of([*edges, ((0.0, 0.0), (4.0, 0.0), 0.0)])
     rows = np.array([outline_row(shape, pose, wall_gap) for shape, pose in outlines])
-    return bool(has_space(walls.table, np.concatenate((SQUARE, following), axis=1), rows, others, 0.1, sight_lines))
+    return bool(has_space(WALLS.table, BORDERS, rows, others, 0.1, sight_lines))
 
 
 def test_shape_gap_equals_values_worked_out_by_hand() -> None:
@@ -100,3 +99,21 @@ def test_sight_lines_do_not_cross_walls() -> None:
     place = Disc(0.3), Pose(-2.0, 0.0)
     assert fits(place, sight_lines=np.array([[-2.0, 1.0, -2.0, -1.0]]))
     assert not fits(place, sight_lines=np.array([[-2.0, 1.0, -2.0, -1.0], [2.0, 1.0, 2.0, -1.0]]))
+
+
+@given(st.builds(Pose, st.floats(-4.5, 4.5), st.floats(-4.5, 4.5), st.floats(-50.0, 50.0)), st.booleans())
+def test_relative_outlines_have_space_where_they_have_it_after_being_moved(origin: Pose, is_near: bool) -> None:
+    shapes = Disc(0.3), Rectangle(0.9, 0.4)
+    relative = Pose(0.0, 0.0), Pose(1.0 if is_near else 3.0, -0.5, 1.2)
+    moved = [Pose(*origin.to_world(pose.position), origin.theta + pose.theta).rounded() for pose in relative]
+    rows = np.array([outline_row(shape, pose, 0.1) for shape, pose in zip(shapes, relative, strict=True)])
+    before = rows.copy()
+    others = np.array([outline_row(Disc(0.5), Pose(-2.0, 2.0))])
+    found = has_space_at(origin.x, origin.y, origin.theta, rows, WALLS.table, BORDERS, others, 0.1)
+    assert found == fits(*zip(shapes, moved, strict=True), others=others)
+    assert np.array_equal(rows, before)
+
+
+def test_relative_outlines_beyond_the_numbers_of_files_have_no_space() -> None:
+    rows = np.array([outline_row(Disc(0.3), Pose(1e300, 0.0))])
+    assert not has_space_at(0.0, 0.0, 0.0, rows, WALLS.table, BORDERS, NOTHING, 0.1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -79,3 +80,24 @@ def test_a_named_tuple_with_other_fields_is_refused(other: Any) -> None:
 def test_an_array_that_a_kernel_would_misread_is_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match=r"Part\.\w+ must be a contiguous array of float64"):
         pack(whole(**changes))
+
+
+class Numbers(NamedTuple):
+    first: float
+    second: float
+    is_third: bool
+    table: Floats2
+
+
+@kernel
+def numbers_of(packed: Any) -> tuple[float, float, bool, int, int]:
+    value = unpack(packed, Numbers)
+    return value.first, value.second, value.is_third, value.table.shape[0], value.table.shape[1]
+
+
+@pytest.mark.parametrize("second", [-0.0, math.nan, math.inf, 5e-324, 3, np.float64(0.1)])
+def test_numbers_keep_their_bits(second: float) -> None:
+    frozen = np.zeros((0, 3))
+    frozen.flags.writeable = False
+    found = numbers_of(pack(Numbers(1.5, second, True, frozen)))
+    assert [float(number).hex() for number in found] == [float(n).hex() for n in (1.5, second, True, 0, 3)]

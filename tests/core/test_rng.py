@@ -1,5 +1,7 @@
 """Random streams: their numbers never change, and their distributions are right."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -19,6 +21,12 @@ def test_streams_are_seeded_as_by_a_seed_sequence_of_numpy(seed: int, episode: i
     expected = np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key))
     stream = RandomStream(seed, episode, "people", entity)
     assert [stream.uniform() for _ in range(3)] == [(int(expected.random_raw()) >> 11) / 2**53 for _ in range(3)]
+
+
+@pytest.mark.parametrize(("seed", "error"), [(-1, ValueError), (1.5, TypeError), ("3", TypeError)])
+def test_a_seed_that_numpy_refuses_is_refused(seed: Any, error: type[Exception]) -> None:
+    with pytest.raises(error):
+        RandomStream(seed, 0, "people")
 
 
 def test_streams_differ_by_seed_episode_and_name() -> None:

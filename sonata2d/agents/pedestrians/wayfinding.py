@@ -136,8 +136,8 @@ class Wayfinding:
         self.space: FreeSpace
         self.passable: FreeSpace
         self.set_obstacles(scene.standing_humans, scene.shared_spaces)
-        low, high = scene.outline.min(axis=0), scene.outline.max(axis=0)
-        self._bounding_box = (*low.tolist(), *high.tolist())
+        xs, ys = zip(*scene.polygon, strict=True)
+        self._bounding_box = min(xs), min(ys), max(xs), max(ys)
 
     def begin_tick(self, tick: int, humans: Array, is_present: BoolArray) -> None:
         """What must happen before the compiled part of a tick: targets of recorded pedestrians, and the first paths.
@@ -229,15 +229,16 @@ class Wayfinding:
         return tuple(np.flatnonzero(self.routes.is_leaving).tolist()) if self._has_exits else ()
 
     def _choose_leaders(self, walking: list[int]) -> None:
-        humans, index = self._scene.humans, {human.id: k for k, human in enumerate(self._scene.humans)}
+        index = {human.id: k for k, human in enumerate(self._scene.humans)}
         groups = (group for group in self._scene.groups if group.kind == "walking")
         leader_of = {index[m]: index[group.members[0]] for group in groups for m in group.members}
-        for k in walking:
-            self.routes.version[k] = self._new_version()
-            # Members with goals of their own, or whose leader does not walk, lead themselves.
-            leader = leader_of.get(k, k)
-            leads_itself = k in self._goals or humans[leader].behaviour not in ("wandering", "walking")
-            self.routes.leader[k] = k if leads_itself else leader
+        self.routes.version[walking] = [self._new_version() for _ in walking]
+        # Members with goals of their own, or whose leader does not walk, lead themselves.
+        followed = [k if k in self._goals else leader_of.get(k, k) for k in walking]
+        walks = set(walking)
+        self.routes.leader[walking] = [
+            leader if leader in walks else k for k, leader in zip(walking, followed, strict=True)
+        ]
 
     def _pop_goal(self, k: int) -> Point:
         goal = self._goals[k].pop(0)

@@ -21,6 +21,17 @@ _STEP, _EACH_BODY, _GET, _SET, _SPACE, _READ, _WRITE = range(7)
 _READ_COUNT, _WRITE_COUNT = 0, 4  # items of `Engine.counts`: the fields `num` of the two buffers
 
 
+# Addresses of the C functions, the first items of `Engine.handle`.
+_FUNCTIONS = [
+    int(ffi.cast("intptr_t", ffi.addressof(lib, name)))
+    for name in (
+        "cpSpaceStep",
+        "cpSpaceEachBody",
+        "pmSpaceBodyGetIteratorFuncBatched",
+        "pmSpaceBodySetIteratorFuncBatched",
+    )
+]
+
 Counts = Annotated[NDArray[np.int32], np.int32, 1]
 
 
@@ -67,16 +78,7 @@ class EngineMemory:
                 wanted.value,
             )
         self._space = space  # pymunk frees the C space with it
-        functions = [
-            ffi.addressof(lib, name)
-            for name in (
-                "cpSpaceStep",
-                "cpSpaceEachBody",
-                "pmSpaceBodyGetIteratorFuncBatched",
-                "pmSpaceBodySetIteratorFuncBatched",
-            )
-        ]
-        addresses = [int(ffi.cast("intptr_t", item)) for item in (*functions, space._space, *self._requests)]
+        addresses = [*_FUNCTIONS, *(int(ffi.cast("intptr_t", item)) for item in (space._space, *self._requests))]
         counts = np.frombuffer(ffi.buffer(self._headers), dtype=np.int32)
         bodies, forces = numbers[0][: 4 * count].reshape(count, 4), numbers[1][: 2 * count].reshape(count, 2)
         self.engine = Engine(np.array(addresses, dtype=np.int64), counts, bodies, forces)

@@ -28,7 +28,8 @@ def rules_of(scene: Scene, fastest_person: float) -> Array:
     """
     rules, robot = scene.rules, scene.robot
     limits = robot.limits
-    speeds = (max(2.0 * human.desired_speed, _track_speed(human, rules.dt)) for human in scene.humans)
+    speeds = [2.0 * human.desired_speed for human in scene.humans]
+    speeds += [_track_speed(human, rules.dt) for human in scene.humans if human.track]
     values = {
         TICK: rules.dt,
         SUBSTEP: rules.dt / rules.substeps,
@@ -51,6 +52,6 @@ def rules_of(scene: Scene, fastest_person: float) -> Array:
 
 
 def _track_speed(human: Human, dt: float) -> float:
-    """Maximum speed along the track of a recorded pedestrian, m/s; 0 for other pedestrians."""
+    """Maximum speed along the track of a recorded pedestrian, m/s."""
     steps = ((x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(human.track))
     return max((math.sqrt(dx * dx + dy * dy) for dx, dy in steps), default=0.0) / dt

@@ -11,7 +11,7 @@ from ....core.entities import TALKING, Interaction
 from ....core.geometry import Barriers, Disc, Point, Pose
 from ....core.humans import activity_indices
 from ....core.packing import Bools, Floats2, Ints, Ints2
-from ....core.portable_math import BoolArray, IntArray, unit_vectors
+from ....core.portable_math import BoolArray, IntArray
 from ....core.scene import Scene, closed_outlines
 
 
@@ -59,8 +59,8 @@ class SocialState:
         self._object_positions = {thing.id: thing.pose.position for thing in scene.furniture}
         self.is_walking = np.array([human.behaviour != "standing" for human in humans], dtype=bool)
         self.standing_position = np.array([human.pose.position for human in humans], dtype=float).reshape(-1, 2)
-        theta = np.array([human.pose.theta for human in humans])
-        self.facing_point = self.standing_position + 3.0 * unit_vectors(theta)
+        direction = np.array([human.pose.direction for human in humans], dtype=float).reshape(-1, 2)
+        self.facing_point = self.standing_position + 3.0 * direction
         self.has_object = np.zeros(len(humans), dtype=bool)
         self._formations = [
             [self._index[m] for m in g.members] for g in scene.groups if g.kind == "talking" and g.formation
