@@ -16,7 +16,7 @@ from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_o
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import IS_COMPILED, kernel
+from .compiled import IS_COMPILED
 
 T = TypeVar("T", bound=tuple[Any, ...])
 
@@ -110,12 +110,6 @@ def pack(value: T) -> Any:
     return np.array([layout_id(value.__class__), *_numbers(value)], dtype=np.int64) if IS_COMPILED else value
 
 
-@kernel
-def _address(array: Any) -> int:
-    """The address of an array's memory; NumPy's own attribute takes four times as long."""
-    return array.ctypes.data  # type: ignore[no-any-return]
-
-
 def _numbers(value: Any) -> list[int]:
     """Addresses and shapes of the arrays of a named tuple, and the bits of its numbers."""
     numbers: list[int] = []
@@ -125,7 +119,7 @@ def _numbers(value: Any) -> list[int]:
         elif dimensions == 0:
             numbers.append(int(item) if dtype is np.bool_ else _WORD.unpack(_FLOAT.pack(item))[0])
         elif item.dtype == dtype and item.ndim == dimensions and item.flags.c_contiguous:
-            numbers += (_address(item), *item.shape)
+            numbers += (item.ctypes.data, *item.shape)
         else:
             expected = f"a contiguous array of {np.dtype(dtype)} with {dimensions} dimensions"
             raise TypeError(f"{type(value).__name__}.{name} must be {expected}, got {item.dtype} {item.shape}")
