@@ -15,6 +15,7 @@ from .common import PATH, examples, json_option, progress, show_json, workers_op
 from .controllers import CONTROLLER_NAMES
 
 if TYPE_CHECKING:
+    from sonata2d.datasets.executors import Workers
     from sonata2d.metrics.definition import Metric
     from sonata2d.metrics.measurement import Evaluation, Measured
 
@@ -98,6 +99,7 @@ def command(
     The table shows means with 95 % bootstrap intervals. Each data set gets a metrics.json with all metrics of every
     episode. docs/metrics.md explains the metrics.
     """
+    from sonata2d.datasets.executors import Workers
     from sonata2d.metrics.catalogue import headline_metrics, select_metrics
     from sonata2d.metrics.measurement import Evaluation, episode_files, measure_files
     from sonata2d.metrics.plots import chart, check_picture_path
@@ -110,13 +112,16 @@ def command(
         from sonata2d.metrics.page import check_page_path, save_page  # loads pygame and jinja2
 
         check_page_path(page)
-    settings = episodes, seed, workers
-    with _sources(paths, controllers, scenarios or (DEFAULT_SCENARIO,), out, settings) as sources:
+    settings = episodes, seed
+    with (
+        Workers(workers) as pool,
+        _sources(paths, controllers, scenarios or (DEFAULT_SCENARIO,), out, settings, pool) as sources,
+    ):
         files = {label: [file for path in own for file in episode_files(path)] for label, own in sources.items()}
         paths_of_all = [file for own in files.values() for file in own]
         with progress(len(paths_of_all), "episodes measured") as advance:
-            # all in one call: the controllers share processes, and the runs of their scenes without a robot
-            results = iter(measure_files(paths_of_all, rerun=rerun, workers=workers, advance=advance))
+            # all in one call: the controllers share the runs of their scenes without a robot
+            results = iter(measure_files(paths_of_all, rerun=rerun, workers=pool, advance=advance))
         measured = {label: list(islice(results, len(own))) for label, own in files.items()}
         evaluations = [Evaluation(label, own, resamples) for label, own in measured.items()]
         _save_metrics(sources, measured, resamples)
@@ -154,7 +159,8 @@ def _sources(
     controllers: Sequence[str],
     scenarios: Sequence[str],
     out: Path | None,
-    settings: tuple[int, int, int],
+    settings: tuple[int, int],
+    workers: Workers,
 ) -> Iterator[dict[str, list[Path]]]:
     """Yield the folders or files to evaluate by label: the given ones, or data sets generated for the controllers."""
     if paths:
@@ -165,12 +171,14 @@ def _sources(
     with TemporaryDirectory(prefix="sonata2d-") as temporary:
         root, names = out or Path(temporary), list(dict.fromkeys(controllers))
         yield {
-            name: [_generate(root / folder, name, scenario, *settings) for scenario in dict.fromkeys(scenarios)]
+            name: [
+                _generate(root / folder, name, scenario, *settings, workers) for scenario in dict.fromkeys(scenarios)
+            ]
             for name, folder in zip(names, safe_texts(names), strict=True)
         }
 
 
-def _generate(parent: Path, controller: str, scenario: str, episodes: int, seed: int, workers: int) -> Path:
+def _generate(parent: Path, controller: str, scenario: str, episodes: int, seed: int, workers: Workers) -> Path:
     """Generate, or continue, the data set of a controller in a scenario, and return its folder."""
     from sonata2d.datasets.generate import generate_dataset
     from sonata2d.datasets.manifest import MANIFEST

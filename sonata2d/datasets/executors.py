@@ -1,19 +1,21 @@
-"""Worker processes: an ordered map over files, and a pool of generation workers that can stop early."""
+"""Worker processes, which several calls can share: an ordered map, and one that can stop early."""
 
 from __future__ import annotations
 
 import gc
 import os
+import pickle
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from functools import cached_property, partial
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from multiprocessing.synchronize import Event
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 from ..errors import Sonata2dError
 
@@ -25,19 +27,106 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-def parallel_map(function: Callable[[T], R], items: Sequence[T], *, workers: int) -> Iterator[R]:
+class Workers:
+    """Worker processes that several calls share; they start when a call first needs them, and end with the context.
+
+    Starting a process takes as long as running dozens of episodes.
+
+    Args:
+        count: number of processes; with 1 the calling process does the work.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if "_pool" in vars(self):
+            self._stop.set()  # each worker finishes its current item only
+            self._pool.shutdown(cancel_futures=True)
+
+    def ordered(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+        """See `parallel_map`."""
+        if self.count <= 1 or len(items) <= 1:
+            yield from map(function, items)
+            return
+        with _crashes_explained():
+            yield from self._pool.map(function, items, chunksize=CHUNK_SIZE)
+
+    def unordered(
+        self, set_up: Callable[[], Callable[[T], R]], items: Iterator[T], is_last: Callable[[R], bool]
+    ) -> Generator[R, None, None]:
+        """See `unordered_map`."""
+        if self.count <= 1:
+            yield from map(set_up(), items)
+            return
+        pool, run = self._pool, partial(_run_chunk, pickle.dumps((set_up, is_last)))
+        pending: set[Future[list[R]]] = set()
+        chunks = iter(lambda: tuple(islice(items, CHUNK_SIZE)), ())
+        self._stop.clear()
+        try:
+            with _crashes_explained():
+                while True:
+                    free = 2 * self.count - len(pending)
+                    pending |= {pool.submit(run, chunk) for chunk in islice(chunks, free)}
+                    if not pending:
+                        return
+                    finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+                    for future in finished:
+                        yield from future.result()
+        finally:
+            self._stop.set()
+            wait({future for future in pending if not future.cancel()})
+
+    @cached_property
+    def _pool(self) -> ProcessPoolExecutor:
+        context = get_context("spawn")  # the same start method on every system
+        return ProcessPoolExecutor(self.count, mp_context=context, initializer=_start_worker, initargs=(self._stop,))
+
+    @cached_property
+    def _stop(self) -> Event:
+        return get_context("spawn").Event()
+
+
+def parallel_map(function: Callable[[T], R], items: Sequence[T], *, workers: int | Workers) -> Iterator[R]:
     """Apply a function to each item and yield the results in the order of the items.
 
     Args:
         function: picklable if `workers` is above 1.
         items: its arguments.
-        workers: number of processes; with 1, or a single item, the calling process does the work.
+        workers: processes, or their number; with 1, or a single item, the calling process does the work.
     """
-    if workers <= 1 or len(items) <= 1:
-        yield from map(function, items)
+    with _shared(workers) as pool:
+        yield from pool.ordered(function, items)
+
+
+def unordered_map(
+    set_up: Callable[[], Callable[[T], R]], items: Iterator[T], *, workers: int | Workers, is_last: Callable[[R], bool]
+) -> Generator[R, None, None]:
+    """Apply a function to items and yield the results as they are finished; closing the generator stops the workers.
+
+    `items` may be endless: only a few chunks per worker are requested in advance.
+
+    Args:
+        set_up: returns the function; called once in each worker process. Picklable if `workers` is above 1.
+        items: arguments of the function.
+        workers: processes, or their number; with 1 the calling process does the work.
+        is_last: whether a worker skips the rest of its chunk after this result. Picklable if `workers` is above 1.
+    """
+    with _shared(workers) as pool, closing(pool.unordered(set_up, items, is_last)) as results:
+        yield from results
+
+
+@contextmanager
+def _shared(workers: int | Workers) -> Iterator[Workers]:
+    """The given workers, or new ones for one call."""
+    if isinstance(workers, Workers):
+        yield workers
         return
-    with _crashes_explained(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(function, items, chunksize=CHUNK_SIZE)
+    with Workers(workers) as own:
+        yield own
 
 
 @contextmanager
@@ -56,63 +145,14 @@ def _crashes_explained() -> Iterator[None]:
         ) from error
 
 
-def unordered_map(
-    set_up: Callable[[], Callable[[T], R]], items: Iterator[T], *, workers: int, is_last: Callable[[R], bool]
-) -> Generator[R, None, None]:
-    """Apply a function to items and yield the results as they are finished; closing the generator stops the workers.
-
-    `items` may be endless: only a few chunks per worker are requested in advance.
-
-    Args:
-        set_up: returns the function; called once in each worker process. Picklable if `workers` is above 1.
-        items: arguments of the function.
-        workers: number of processes; with 1 the calling process does the work.
-        is_last: whether a worker skips the rest of its chunk after this result. Picklable if `workers` is above 1.
-    """
-    if workers <= 1:
-        yield from map(set_up(), items)
-        return
-    context = get_context("spawn")  # the same start method on every system
-    stop = context.Event()
-    with (
-        _crashes_explained(),
-        ProcessPoolExecutor(
-            workers, mp_context=context, initializer=_start_worker, initargs=(set_up, is_last, stop)
-        ) as pool,
-    ):
-        try:
-            yield from _submit_chunks(pool, _chunks(items), maximum_pending=2 * workers)
-        finally:
-            stop.set()  # each worker finishes its current item only
-            pool.shutdown(cancel_futures=True)
+# Set in each worker process: the request to stop, and the functions of the present call, pickled and ready for use.
+_stop_request: Event
+_present_call: tuple[bytes, Any, Any] = b"", None, None
 
 
-def _submit_chunks(
-    pool: ProcessPoolExecutor, chunks: Iterator[Sequence[Any]], *, maximum_pending: int
-) -> Iterator[Any]:
-    """Keep a bounded number of chunks submitted and yield results in the order in which chunks are finished."""
-    pending: set[Future[list[Any]]] = set()
-    while True:
-        pending |= {pool.submit(_run_chunk, chunk) for chunk in islice(chunks, maximum_pending - len(pending))}
-        if not pending:
-            return
-        finished, pending = wait(pending, return_when=FIRST_COMPLETED)
-        for future in finished:
-            yield from future.result()
-
-
-def _chunks(items: Iterable[T]) -> Iterator[tuple[T, ...]]:
-    rest = iter(items)
-    while chunk := tuple(islice(rest, CHUNK_SIZE)):
-        yield chunk
-
-
-_worker: tuple[Callable[[Any], Any], Callable[[Any], bool], Event] | None = None  # set once in each worker process
-
-
-def _start_worker(set_up: Callable[[], Callable[[Any], Any]], is_last: Callable[[Any], bool], stop: Event) -> None:
+def _start_worker(stop: Event) -> None:
     """Prepare a worker process: it ignores Ctrl-C and exits when its parent process ends."""
-    global _worker
+    global _stop_request
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     assert parent is not None
@@ -122,17 +162,25 @@ def _start_worker(set_up: Callable[[], Callable[[Any], Any]], is_last: Callable[
         os._exit(1)
 
     threading.Thread(target=exit_with_parent, daemon=True).start()
-    _worker = set_up(), is_last, stop
-    gc.freeze()  # the imported modules stay: searching them for garbage takes 45 ms each time
+    _stop_request = stop
 
 
-def _run_chunk(items: Sequence[Any]) -> list[Any]:
-    """Results for the items of a chunk, up to a stop request or a last result."""
-    assert _worker is not None
-    function, is_last, stop = _worker
+def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:
+    """Results for the items of a chunk, up to a stop request or a last result.
+
+    Args:
+        pickled_call: `set_up` and `is_last` of `unordered_map`.
+        items: arguments of the function.
+    """
+    global _present_call
+    if _present_call[0] != pickled_call:
+        set_up, is_last = pickle.loads(pickled_call)
+        _present_call = pickled_call, set_up(), is_last
+        gc.freeze()  # the imported modules stay: searching them for garbage takes 45 ms each time
+    _, function, is_last = _present_call
     results: list[Any] = []
     for item in items:
-        if stop.is_set():
+        if _stop_request.is_set():
             break
         results.append(function(item))
         if is_last(results[-1]):

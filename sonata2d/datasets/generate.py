@@ -25,7 +25,7 @@ from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, controller_info_of, renderer_for
 from .card import write_manifest_and_card
-from .executors import Advance, unordered_map
+from .executors import Advance, Workers, unordered_map
 from .manifest import (
     MANIFEST,
     DatasetSpec,
@@ -69,7 +69,7 @@ def generate_dataset(
     *,
     episodes: int = 20,
     seed: int = 0,
-    workers: int = 1,
+    workers: int | Workers = 1,
     resume: bool = False,
     suffix: str = ".json",
     keep: Sequence[str] = (),
@@ -83,8 +83,8 @@ def generate_dataset(
         controller: name of the controller, as on the command line; each worker creates its own.
         episodes: number of episodes; with `keep`, number of kept episodes.
         seed: seed of the data set; the bytes of episode k depend on no other argument but scenario and controller.
-        workers: number of processes. With more than one, a script must guard its entry point by
-            `if __name__ == "__main__":`.
+        workers: number of processes, or processes that several calls share. With more than one, a script must guard
+            its entry point by `if __name__ == "__main__":`.
         resume: continue an interrupted data set with the same settings.
         suffix: `.json`, `.json.gz` or `.json.zst`.
         keep: outcomes to keep (`Status`); empty: all. Episodes 0, 1, 2, … are run until the requested number has one
@@ -167,7 +167,7 @@ def _known_results(out: Path, spec: DatasetSpec, listed: Mapping[str, str]) -> l
     return [*(read_excluded(out) if spec.keep else ()), *entries.values()]
 
 
-def _run_episodes(job: Job, progress: Progress, workers: int, advance: Advance) -> None:
+def _run_episodes(job: Job, progress: Progress, workers: int | Workers, advance: Advance) -> None:
     """Run pending episodes until the progress is finished."""
     with closing(
         unordered_map(partial(_episode_runner, job), progress.pending(), workers=workers, is_last=_is_failure)
@@ -239,7 +239,7 @@ def _failure_message(failure: FailedEpisode, out: Path, stored: int, episodes: i
 
 
 @contextmanager
-def _logged(out: Path, missing: int, workers: int) -> Iterator[None]:
+def _logged(out: Path, missing: int, workers: int | Workers) -> Iterator[None]:
     """Append a line about this run to the run log when it ends."""
     start, begun = time.perf_counter(), time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     outcome = "interrupted"
@@ -255,7 +255,7 @@ def _logged(out: Path, missing: int, workers: int) -> Iterator[None]:
             begun=begun,
             seconds=round(time.perf_counter() - start, 1),
             host=platform.node(),
-            workers=workers,
+            workers=workers.count if isinstance(workers, Workers) else workers,
             asked=missing,
             command=sys.argv,
             outcome=outcome,

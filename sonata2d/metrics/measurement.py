@@ -11,7 +11,7 @@ from typing import Any
 
 import orjson
 
-from ..datasets.executors import Advance, parallel_map
+from ..datasets.executors import Advance, Workers, parallel_map
 from ..datasets.manifest import METRICS as METRICS_FILE, files_of as episode_files, write_json
 from ..record.layout import scene_to_json, software_versions
 from ..record.reader import read_episode
@@ -138,7 +138,7 @@ def measure(
 
 
 def measure_files(
-    paths: Sequence[Path], *, rerun: bool = True, workers: int = 1, advance: Advance = lambda step: None
+    paths: Sequence[Path], *, rerun: bool = True, workers: int | Workers = 1, advance: Advance = lambda step: None
 ) -> list[Measured]:
     """Compute all metrics of episode files.
 
@@ -148,7 +148,8 @@ def measure_files(
     Args:
         paths: episode files.
         rerun: as for `measure`.
-        workers: number of processes. With more than one, a script needs `if __name__ == "__main__":` around its start.
+        workers: number of processes, or processes that several calls share. With more than one, a script needs
+            `if __name__ == "__main__":` around its start.
         advance: called after each group of such files, with their number.
 
     Returns:

@@ -1,0 +1,68 @@
+"""Worker processes that several calls share."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from contextlib import closing
+from functools import partial
+from itertools import count
+
+from sonata2d.datasets.executors import CHUNK_SIZE, Workers, parallel_map, unordered_map
+
+
+def tagged(factor: int, item: int) -> tuple[int, int]:
+    """The process, and the product."""
+    time.sleep(0.005)
+    return os.getpid(), factor * item
+
+
+def multiplier(factor: int) -> Callable[[int], tuple[int, int]]:
+    return partial(tagged, factor)
+
+
+def never(result: object) -> bool:
+    return False
+
+
+def is_large(result: tuple[int, int]) -> bool:
+    return result[1] >= 20
+
+
+def test_calls_share_processes_and_each_call_has_its_own_function() -> None:
+    with Workers(2) as workers:
+        found = [
+            list(unordered_map(partial(multiplier, factor), iter(range(40)), workers=workers, is_last=never))
+            for factor in (1, 10)
+        ]
+        found.append(list(parallel_map(partial(tagged, 100), range(40), workers=workers)))
+    processes = {process for results in found for process, _ in results}
+    assert len(processes) <= 2
+    assert os.getpid() not in processes
+    for factor, results in zip((1, 10, 100), found, strict=True):
+        assert sorted(value for _, value in results) == [factor * item for item in range(40)]
+    assert [value for _, value in found[2]] == [100 * item for item in range(40)]  # in order
+
+
+def test_a_call_that_is_closed_early_leaves_the_processes_to_the_next_one() -> None:
+    with Workers(2) as workers:
+        endless = unordered_map(partial(multiplier, 1), count(), workers=workers, is_last=never)
+        with closing(endless) as results:
+            assert next(results)[1] < 2 * CHUNK_SIZE * 2
+        found = list(unordered_map(partial(multiplier, 2), iter(range(9)), workers=workers, is_last=never))
+    assert sorted(value for _, value in found) == [2 * item for item in range(9)]
+
+
+def test_a_worker_skips_the_rest_of_its_chunk_after_a_last_result() -> None:
+    with Workers(2) as workers:
+        found = list(unordered_map(partial(multiplier, 20), iter(range(CHUNK_SIZE)), workers=workers, is_last=is_large))
+    assert [value for _, value in found] == [0, 20]
+
+
+def test_no_process_is_started_for_one_worker_or_without_a_call() -> None:
+    with Workers(1) as workers:
+        assert list(parallel_map(partial(tagged, 2), range(2), workers=workers)) == [(os.getpid(), 0), (os.getpid(), 2)]
+    with Workers(4) as workers:
+        pass
+    assert "_pool" not in vars(workers)
