@@ -14,7 +14,6 @@ from .visibility import (
     NOT_BUILT,
     Graph,
     Space,
-    are_connected,
     build_graph,
     check_lines,
     check_point,
@@ -71,11 +70,6 @@ class FreeSpace:
         if not self.is_free_at(end):
             return False
         return bool(self.is_clear(np.array([start], dtype=float), np.array([end], dtype=float))[0])
-
-    def connects(self, start: Point, goal: Point) -> bool:
-        """Whether there is a path between two free positions, m; faster than `path`, which needs the whole graph."""
-        x, y = float(start[X]), float(start[Y])
-        return bool(are_connected(self._space().argument, x, y, float(goal[X]), float(goal[Y])))
 
     def nearest_free(self, point: Point) -> Point | None:
         """A free position near a point.

@@ -292,31 +292,6 @@ def build_graph(packed_space: Any) -> tuple[Array, Array, IntArray]:
     return nodes, lengths, next_node
 
 
-@kernel
-def are_connected(packed_space: Any, x: float, y: float, goal_x: float, goal_y: float) -> bool:
-    """`FreeSpace.connects` in a packed `Space`: the nodes of the graph are visited one after the other."""
-    space = unpack(packed_space, Space)
-    if _is_visible(space.ends, space.lines, x, y, goal_x, goal_y):
-        return True
-    nodes = _turning_points(space)
-    found, is_found, count = np.empty(len(nodes), dtype=np.int64), np.zeros(len(nodes), dtype=np.bool_), 0
-    for n in range(-1, len(nodes)):  # the start, then the nodes in the order in which they are found
-        if n == count:
-            return False
-        i = found[n] if n >= 0 else -1
-        if i >= 0 and _is_visible(space.ends, space.lines, nodes[i, X], nodes[i, Y], goal_x, goal_y):
-            return True
-        for j in range(len(nodes)):
-            if is_found[j]:
-                continue
-            a, b = min(i, j), max(i, j)  # as the graph does: rounding depends on the direction
-            from_x, from_y = (x, y) if i < 0 else (nodes[a, X], nodes[a, Y])
-            if _is_visible(space.ends, space.lines, from_x, from_y, nodes[b, X], nodes[b, Y]):
-                found[count], is_found[j] = j, True
-                count += 1
-    return False
-
-
 @subroutine
 def _turning_points(space: Space) -> Array:
     """Free positions (n, 2) around the inflated barriers: wide polygons, or closer ones where these do not fit."""

@@ -101,7 +101,7 @@ def _is_feasible(
     if config.goal.position is None and not _is_suitable(config, layout, paths, goal, 0.0):
         return False
     is_free = space.is_free_at(start.position) and space.is_free_at(goal.position)
-    return is_free and space.connects(start.position, goal.position)
+    return is_free and space.path(start.position, goal.position) is not None
 
 
 def _is_suitable(config: ScenarioConfig, layout: Layout, paths: Barriers, pose: Pose, clearance: float) -> bool:

