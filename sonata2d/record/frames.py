@@ -135,7 +135,7 @@ def _changing_items(values: Sequence[tuple[Any, ...]], convert: Callable[[Any], 
     items: list[bytes] = []
     previous, item = (), b"[]"
     for value in values:
-        if value != previous:
+        if value is not previous and value != previous:
             previous, item = value, dumps(convert(value))
         items.append(item)
     return items
