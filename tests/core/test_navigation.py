@@ -86,10 +86,6 @@ def test_a_path_turns_at_the_corner_of_an_l_shape():
     assert math.dist(path[1], (4.0, 4.0)) == pytest.approx(0.3 * math.sqrt(2), abs=0.01)
 
 
-def test_a_wall_across_the_room_separates_its_halves():
-    room = space(walls=[((4.0, 0.0), (4.0, 8.0))])
-
-
 def test_a_path_needs_a_doorway_wider_than_the_disc():
     def doorway(width):
         return space(walls=[((4.0, 0.0), (4.0, 4.0)), ((4.0, 4.0 + width), (4.0, 8.0))])
