@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
@@ -70,6 +72,34 @@ def show_table(rows: Iterable[tuple[str, object]], indent: str = "") -> None:
     width = max((len(name) for name, _ in pairs), default=0)
     for name, value in pairs:
         click.echo(f"{indent}{name:<{width}}  {value}")
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM was received, as from a cluster that needs the machine."""
+
+
+@contextmanager
+def raising_terminated() -> Iterator[None]:
+    """Raise `Terminated` on SIGTERM, so that work in progress ends in an orderly way, as on Ctrl-C."""
+
+    def stop(number: int, frame: object) -> None:
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def exit_interrupted(error: KeyboardInterrupt, hint: str = "") -> NoReturn:
+    """Say that the command was interrupted, and exit with the code that shells expect: 128 plus the signal."""
+    is_terminated = isinstance(error, Terminated)
+    click.echo(f"\n{'terminated' if is_terminated else 'interrupted'}{hint}", err=True)
+    sys.exit(128 + (signal.SIGTERM if is_terminated else signal.SIGINT))
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from .common import (
     compress_option,
     episode_suffix,
     examples,
+    exit_interrupted,
     json_option,
     progress,
     show_json,
@@ -101,14 +102,11 @@ def command(
 
 @contextmanager
 def _hint_at_resume(out: Path) -> Iterator[None]:
-    """On Ctrl-C, exit with 130 and explain how to continue."""
+    """On Ctrl-C and SIGTERM, explain how to continue."""
     try:
         yield
-    except KeyboardInterrupt:
-        click.echo(
-            f"\ninterrupted; complete episodes are in {out}, continue with the same command and --resume", err=True
-        )
-        sys.exit(130)
+    except KeyboardInterrupt as error:
+        exit_interrupted(error, f"; complete episodes are in {out}, continue with the same command and --resume")
 
 
 def _draw(episode: Path, picture: Path) -> None:

@@ -10,6 +10,8 @@ from typing import Any
 
 import click
 
+from .common import exit_interrupted, raising_terminated
+
 # section of the overview: name of the command: (module and attribute, description)
 SECTIONS = {
     "Create data": {
@@ -61,7 +63,10 @@ class Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         warnings.formatwarning = _warning_line
         try:
-            return super().invoke(ctx)
+            with raising_terminated():
+                return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            exit_interrupted(error)
         except BrokenPipeError:  # the reader of a pipe has ended, as in `sonata2d describe out | head`
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise SystemExit(141) from None

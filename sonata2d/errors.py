@@ -17,6 +17,15 @@ class ControllerError(Sonata2dError):
     """A controller cannot be loaded, or its answer is not a valid command."""
 
 
+# What the code of others (controllers, pedestrian models, plug-ins) may raise. SystemExit is among them: a controller,
+# or a library that it calls, must not end a batch, let alone with the exit code 0.
+FOREIGN_ERRORS = (Exception, SystemExit)
+
+
+class WorkerError(Sonata2dError):
+    """A worker process crashed, or was killed."""
+
+
 class RecordError(Sonata2dError):
     """An episode file or a data set cannot be read or written, or fails verification."""
 

@@ -17,7 +17,7 @@ from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from .errors import ConfigError, ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
+from .errors import FOREIGN_ERRORS, ConfigError, ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
 
 Check = Callable[[object], str | None]  # why an object is not of the registry's kind, or None
 
@@ -117,7 +117,7 @@ class Registry:
         plugin = f"{self.kind} plug-in {point.name!r} ({point.value})"
         try:
             found = point.load()
-        except Exception as error:  # importing another package can raise anything
+        except FOREIGN_ERRORS as error:  # importing another package can raise anything
             raise self.error(f"{plugin} does not load: {type(error).__name__}: {error}") from error
         reason = check(found)
         if reason is not None:

@@ -17,7 +17,7 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.synchronize import Event
 from typing import Any, Self, TypeVar
 
-from ..errors import Sonata2dError
+from ..errors import WorkerError
 
 CHUNK_SIZE = 4  # items sent to a worker at a time
 
@@ -53,7 +53,9 @@ class Workers:
             yield from map(function, items)
             return
         with _crashes_explained():
-            yield from self._pool.map(function, items, chunksize=CHUNK_SIZE)
+            with _signals_blocked():
+                results = self._pool.map(function, items, chunksize=CHUNK_SIZE)
+            yield from results
 
     def unordered(
         self, set_up: Callable[[], Callable[[T], R]], items: Iterator[T], is_last: Callable[[R], bool]
@@ -70,7 +72,8 @@ class Workers:
             with _crashes_explained():
                 while True:
                     free = 2 * self.count - len(pending)
-                    pending |= {pool.submit(run, chunk) for chunk in islice(chunks, free)}
+                    with _signals_blocked():
+                        pending |= {pool.submit(run, chunk) for chunk in islice(chunks, free)}
                     if not pending:
                         return
                     finished, pending = wait(pending, return_when=FIRST_COMPLETED)
@@ -134,15 +137,28 @@ def _crashes_explained() -> Iterator[None]:
     """Turn the crash of a worker process into an error that says what to do.
 
     Raises:
-        Sonata2dError: a worker process crashed.
+        WorkerError: a worker process crashed.
     """
     try:
         yield
     except BrokenProcessPool as error:
-        raise Sonata2dError(
+        raise WorkerError(
             "a worker process crashed or was killed; if memory was short, use fewer workers, and if a kernel of your "
             "own is used, look for an index outside an array with NUMBA_BOUNDSCHECK=1 and one worker"
         ) from error
+
+
+@contextmanager
+def _signals_blocked() -> Iterator[None]:
+    """Hold Ctrl-C back while a process may be started, which inherits that: else it would end with a traceback."""
+    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 # Set in each worker process: the request to stop, and the functions of the present call, pickled and ready for use.

@@ -18,7 +18,7 @@ from typing import get_args
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import load_controller
 from ..core.snapshot import Status
-from ..errors import ControllerError, RecordError, Sonata2dError
+from ..errors import FOREIGN_ERRORS, ControllerError, RecordError, Sonata2dError, WorkerError
 from ..record.layout import JsonDict
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
@@ -98,6 +98,7 @@ def generate_dataset(
         RecordError: the folder cannot be used or written, it holds a data set with other settings, or fewer than 1 in
             50 episodes is kept.
         ControllerError: the controller cannot be created, or an error ended an episode; finished episodes stay.
+        WorkerError: a worker process crashed, or was killed; finished episodes stay.
         SceneError: a scene cannot be generated; finished episodes stay.
         ValueError: `keep` names an outcome that cannot be kept.
     """
@@ -111,7 +112,10 @@ def generate_dataset(
     advance(len(progress.kept))
     missing = episodes - min(progress.stored_count, episodes)
     with _logged(out, missing, workers):
-        _run_episodes(Job(out, scenario, spec), progress, workers if missing > 1 else 1, advance)
+        try:
+            _run_episodes(Job(out, scenario, spec), progress, workers if missing > 1 else 1, advance)
+        except WorkerError as error:
+            raise WorkerError(f"{error}; {_how_to_resume(out, progress.stored_count, episodes)}") from error
         if progress.failure is not None:
             message = _failure_message(progress.failure, out, progress.stored_count, episodes)
             raise progress.failure.error(message)
@@ -206,7 +210,7 @@ def _run_episode(job: Job, controller: Controller, episode: int) -> EpisodeResul
         if spec.keep and status not in spec.keep:
             return ExcludedEpisode(episode, status)
         return store_episode(job.out, spec, episode, recorder.document())
-    except Exception as error:
+    except FOREIGN_ERRORS as error:
         kind = type(error) if isinstance(error, Sonata2dError) else ControllerError
         return FailedEpisode(episode, kind, _message(error), _store_partial(job, recorder, episode))
 
@@ -220,7 +224,7 @@ def _store_partial(job: Job, recorder: EpisodeRecorder, episode: int) -> Path | 
         return None
 
 
-def _message(error: Exception) -> str:
+def _message(error: BaseException) -> str:
     """The error on one line; for an error outside sonata2d also its class and its place in the source."""
     notes = getattr(error, "__notes__", [])
     if isinstance(error, Sonata2dError):
@@ -232,10 +236,11 @@ def _message(error: Exception) -> str:
 
 def _failure_message(failure: FailedEpisode, out: Path, stored: int, episodes: int) -> str:
     partial_file = f"; the frames before it are in {failure.partial_file}" if failure.partial_file else ""
-    return (
-        f"episode {failure.episode}: {failure.message}{partial_file}; {stored} of {episodes} episodes are complete in"
-        f" {out}, resume to generate the others"
-    )
+    return f"episode {failure.episode}: {failure.message}{partial_file}; {_how_to_resume(out, stored, episodes)}"
+
+
+def _how_to_resume(out: Path, stored: int, episodes: int) -> str:
+    return f"{stored} of {episodes} episodes are complete in {out}, continue with the same command and --resume"
 
 
 @contextmanager

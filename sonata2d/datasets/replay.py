@@ -12,7 +12,7 @@ from ..agents.controllers.loading import load_controller
 from ..core.devices import DeviceEvent
 from ..core.geometry import Twist
 from ..core.snapshot import Observer, Snapshot
-from ..errors import ControllerError, RecordError, SceneError
+from ..errors import FOREIGN_ERRORS, ControllerError, RecordError, SceneError
 from ..record.canonical import serialise
 from ..record.files import read_bytes
 from ..record.reader import read_episode
@@ -111,7 +111,7 @@ def rerun_document(record: EpisodeRecord, controller: Controller) -> bytes:
         for events in (*(tick.events for tick in inputs), _final_events(record)):
             episode.step(events)
         episode.run()
-    except Exception:
+    except FOREIGN_ERRORS:
         if record.outcome.status != "error":
             raise
     return recorder.document()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from ..errors import FOREIGN_ERRORS
 from .check import ListedFile, Problem, check_manifest, check_record, listed_files, open_to_check
 from .executors import Advance, parallel_map
 from .manifest import MANIFEST, files_of
@@ -56,6 +57,6 @@ def _verify_file(file: Path | ListedFile, *, replay: bool, rerun: bool, controll
     for place, check in checks.items():
         try:
             problems += check(record.path, record=record) if check else []
-        except Exception as error:  # a changed file or a faulty controller may raise any error
+        except FOREIGN_ERRORS as error:  # a changed file or a faulty controller may raise any error
             problems.append(Problem(record.path.name, place, f"{type(error).__name__}: {error}"))
     return problems

@@ -15,7 +15,7 @@ from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, Snapshot, Status
 from ..core.vectors import wrap_angle
-from ..errors import ControllerError, Sonata2dError
+from ..errors import FOREIGN_ERRORS, ControllerError, Sonata2dError
 from .world import World
 
 ANY_HEADING = 3.14  # rad; a goal whose angle tolerance is at least this accepts every heading
@@ -281,7 +281,7 @@ class Episode:
             if label is not None:
                 label = deepcopy(label)  # the controller may reuse the object
             return TickInput(command, label, snapshot.events)
-        except Exception as error:
+        except FOREIGN_ERRORS as error:
             self._close_after(error, snapshot)
             raise
 
@@ -292,14 +292,14 @@ class Episode:
             for observer in self.observers:
                 observer.note(frame)
             self._world.execute(tick_input.command, self._crowd.act(snapshot))
-        except Exception as error:
+        except FOREIGN_ERRORS as error:
             self._close_after(error, snapshot)
             raise
         self.past.append(tick_input)
         self._observed = None
         return frame
 
-    def _close_after(self, error: Exception, snapshot: Snapshot) -> None:
+    def _close_after(self, error: BaseException, snapshot: Snapshot) -> None:
         """Close the episode because an exception was raised; the exception gets the tick as a note."""
         error.add_note(f"at tick {snapshot.tick} of the episode")
         reason = f"{type(error).__name__}: {error}"

@@ -12,7 +12,7 @@ from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import load_controller
 from ..core.devices import View
 from ..core.snapshot import Snapshot
-from ..errors import SceneError, Sonata2dError
+from ..errors import FOREIGN_ERRORS, SceneError, Sonata2dError
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode
@@ -134,7 +134,7 @@ class LiveScreen:
                 return
             except SceneError as error:
                 self._notice = str(error)
-            except Exception as error:  # the controller's `reset` is foreign code, and the window must stay open
+            except FOREIGN_ERRORS as error:  # the controller's `reset` is foreign code, and the window must stay open
                 self._report(error)
                 return
 
@@ -151,7 +151,7 @@ class LiveScreen:
         assert self._devices is not None
         try:
             frame = self._episode.step(self._devices.poll())
-        except Exception as error:  # as in `_go`
+        except FOREIGN_ERRORS as error:  # as in `_go`
             self._report(error)
             return
         if self._episode.outcome is not None:
@@ -159,7 +159,7 @@ class LiveScreen:
         self.before = frame.snapshot if frame else self.after
         self.after = self._episode.snapshot()
 
-    def _report(self, error: Exception) -> None:
+    def _report(self, error: BaseException) -> None:
         """Show an error in the window and log its traceback; the scene stays visible."""
         self._notice = str(error) if isinstance(error, Sonata2dError) else f"{type(error).__name__}: {error}"
         self.failed, self._rest = True, math.inf

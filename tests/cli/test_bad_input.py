@@ -8,6 +8,7 @@ import resource
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -140,15 +141,74 @@ def test_empty_room_and_a_single_tick_are_valid(sonata2d: Run, here: Path) -> No
         sonata2d(f"render out/000000.json -o x.{kind}")
 
 
-def test_interrupt_message_says_how_to_resume(here: Path) -> None:
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+@pytest.mark.parametrize(("number", "word"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")])
+def test_a_stopped_batch_says_how_to_resume(here: Path, number: signal.Signals, word: str) -> None:
     line = "generate out --scenario quick.yaml --episodes 2000 --workers 1"
     process = subprocess.Popen([sys.executable, "-m", "sonata2d_cli", *line.split()], stderr=subprocess.PIPE, text=True)
     while not (here / "out/000001.json").exists():
         assert process.poll() is None
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, output = process.communicate(timeout=30)
+    assert process.returncode == 128 + number
+    assert one_line(output).startswith(f"{word}; complete episodes are in out")
+    assert "--resume" in output
+    assert b'"outcome":"interrupted"' in (here / "out/run.jsonl").read_bytes()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+@pytest.mark.parametrize("delay", [0.4, 0.7, 1.0, 1.5])
+def test_ctrl_c_while_the_workers_start_gives_no_traceback(here: Path, delay: float) -> None:
+    line = "generate out --scenario quick.yaml --episodes 20000 --workers 2"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sonata2d_cli", *line.split()], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    time.sleep(delay)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes of the command
+    _, output = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "--resume" in one_line(output)
+    assert output.strip().splitlines()[-1].startswith("interrupted")
+    assert "Traceback" not in output
+
+
+FATAL = """
+import os, signal, sys
+import sonata2d as s2
+{at_import}
+class Fatal(s2.Controller):
+    def act(self, snapshot):
+        if snapshot.tick == 3 and snapshot.scene.episode == 2:
+            {in_act}
+        return s2.Twist()
+"""
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_controller_that_exits_is_an_error_of_its_episode(sonata2d: Run, here: Path, workers: int) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="sys.exit(0)"))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
+    output = one_line(sonata2d(line, code=1).output)
+    assert "episode 2: SystemExit: 0; at tick 3 of the episode (fatal.py, line 8)" in output
+    assert "--resume" in output
+    assert (here / "out/failed/000002.json").exists()
+
+
+def test_a_controller_file_that_exits_when_it_is_imported_is_an_error(sonata2d: Run, here: Path) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="sys.exit(0)", in_act="pass"))
+    output = one_line(sonata2d("generate out --controller ./fatal.py:Fatal --episodes 1", code=1).output)
+    assert "fatal.py cannot be imported: SystemExit: 0" in output
+
+
+@pytest.mark.skipif(os.name != "posix", reason="SIGKILL exists on POSIX systems only")
+def test_a_killed_worker_is_reported_with_the_way_to_go_on(sonata2d: Run, here: Path) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os.kill(os.getpid(), signal.SIGKILL)"))
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 2"
+    output = one_line(sonata2d(line, code=1).output)
+    assert "WorkerError: a worker process crashed or was killed" in output
+    assert "of 6 episodes are complete in out, continue with the same command and --resume" in output
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="pass"))
+    sonata2d(f"{line} --resume")
+    sonata2d("check out --replay")
 
 
 def test_existing_data_set_is_continued_only_with_resume_and_equal_settings(sonata2d: Run) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ...errors import ControllerError
+from ...errors import FOREIGN_ERRORS, ControllerError
 from ...registry import CONTROLLERS
 from .base import Controller, current_path
 from .labelled import Labelled
@@ -50,7 +50,7 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
         return controller_class() if settings is None else controller_class.from_settings(settings)
     except ControllerError:
         raise
-    except Exception as error:
+    except FOREIGN_ERRORS as error:
         how = "without arguments" if settings is None else "from its recorded settings"
         raise ControllerError(f"{name} cannot be created {how}: {type(error).__name__}: {error}") from error
 
@@ -117,7 +117,7 @@ def _import_module(place: str) -> ModuleType:
         return _import_file(path)
     except ControllerError:
         raise
-    except Exception as error:  # whatever the user's module raises
+    except FOREIGN_ERRORS as error:  # whatever the user's module raises
         raise ControllerError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
 
 
