@@ -17,7 +17,7 @@ DEFAULT_PARTS = "train=0.8,dev=0.1,test=0.1"
 @click.argument("path", type=PATH, metavar="DIR|FILE")
 @click.option("--replay", is_flag=True, help="Also run the recorded commands again and compare every byte.")
 @click.option("--rerun", is_flag=True, help="Also run the controller again and compare every byte.")
-@click.option("--controller", metavar="NAME", help="Controller for --rerun, if its name has changed.")
+@click.option("--controller", metavar="NAME", help="Controller for --rerun, if not built in or renamed.")
 @workers_option
 @json_option
 def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers: int, as_json: bool) -> None:

@@ -118,7 +118,7 @@ def check_listed(file: ListedFile) -> list[Problem]:
 def open_to_check(file: Path | ListedFile) -> tuple[EpisodeRecord | None, list[Problem]]:
     """The content of a file; or None, and why it cannot be checked."""
     path = file.path if isinstance(file, ListedFile) else file
-    if isinstance(file, ListedFile) and (path.name != file.entry["name"] or not path.is_file()):
+    if isinstance(file, ListedFile) and not path.is_file():
         return None, [Problem(MANIFEST, "files", f"{file.entry['name']} is listed but not in the folder")]
     try:
         return read_episode(path), []

@@ -10,11 +10,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 from uuid import uuid4
 
 import orjson
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from ..core.geometry import PRECISION
 from ..core.snapshot import ControllerInfo, Status
@@ -34,10 +34,20 @@ METRICS = "metrics.json"  # written by `sonata2d evaluate`
 _NOT_EPISODES = (METRICS, CROISSANT, "evaluation.json")  # JSON files that may lie beside episodes without a manifest
 
 
+def _in_folder(name: str) -> str:
+    """Require the name of a file in the folder of the data set: a manifest must not lead out of it."""
+    if name in ("", ".", "..") or any(letter in name for letter in "/\\\0"):
+        raise ValueError(f"{name!r} is not a file name")
+    return name
+
+
+FileName = Annotated[str, AfterValidator(_in_folder)]
+
+
 class ManifestFile(Part):
     """One file of a data set."""
 
-    name: str
+    name: FileName
     sha256: str = Field(pattern="^[0-9a-f]{64}$")
     bytes: Count
     episode: Count
@@ -60,7 +70,7 @@ class Source(Part):
     keep: list[Status] | None = Field(default=None, description="as in a manifest")
     left_out: dict[str, Count] | None = Field(default=None, description="as in a manifest")
     controller: Controller | None
-    files: list[str]
+    files: list[FileName]
 
 
 class Counts(Part):
@@ -97,7 +107,7 @@ class Manifest(Part):
     left_out: dict[str, Count] | None = Field(
         default=None, description="number of episodes not kept before the last listed one, by outcome; only with `keep`"
     )
-    split: dict[str, list[str]] | None = Field(
+    split: dict[str, list[FileName]] | None = Field(
         description="file names by part: train, dev, test; null: the data set is not split"
     )
     sources: list[Source] | None = Field(default=None, description="the data sets that were merged")
@@ -212,8 +222,6 @@ def read_listed_file(folder: Path, entry: JsonDict) -> bytes:
         RecordError: the file cannot be read, or its hash differs from the manifest.
     """
     path = folder / entry["name"]
-    if path.name != entry["name"]:
-        raise RecordError(f"{folder / MANIFEST} lists {entry['name']!r}, which is not a file name in this folder")
     try:
         data: bytes = path.read_bytes()
     except OSError as error:

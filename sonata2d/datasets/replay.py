@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..agents.controllers.base import Controller
-from ..agents.controllers.loading import load_controller
+from ..agents.controllers.loading import is_installed, load_controller
 from ..core.devices import DeviceEvent
 from ..core.geometry import Twist
 from ..core.snapshot import Observer, Snapshot
@@ -145,7 +145,8 @@ def check_rerun(path: Path, name: str | None = None, *, record: EpisodeRecord | 
 
     Args:
         path: an episode file.
-        name: name of the controller, if the name in the file no longer finds it.
+        name: name of the controller; None: the recorded one, if it is built in or a plug-in's. Code and weights that
+            only the file names are not loaded.
         record: its content, if it was read already.
     """
     stored = read_episode(path) if record is None else record
@@ -153,7 +154,14 @@ def check_rerun(path: Path, name: str | None = None, *, record: EpisodeRecord | 
     if record is not stored and stored.document["mirrored_from"]["labels"]:
         message = "its labels were mirrored by an unknown function; mirror it back (--labels twist) and check that"
         return [Problem(path.name, "rerun", message)]
-    controller = load_controller(name or record.controller_info.path, record.controller_info.settings or {})
+    recorded, settings = record.controller_info.path, record.controller_info.settings or {}
+    if name is None and not is_installed(recorded, settings):
+        message = (
+            f"the controller {recorded!r} is neither built in nor a plug-in, and code that a file names is not run; "
+            f"if you trust it, give --controller {recorded}"
+        )
+        return [Problem(path.name, "rerun", message)]
+    controller = load_controller(name or recorded, settings)
     if not controller.deterministic:
         return []
     return _first_difference(path.name, "rerun", _stored_document(path, record), rerun_document(record, controller))

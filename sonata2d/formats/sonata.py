@@ -17,6 +17,7 @@ from ..core.portable_math import Array, IntArray
 from ..core.scene import Scene
 from ..errors import RecordError
 from ..record.canonical import rounded, rounded_rows
+from ..record.files import safe_stem, safe_text
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
 from .base import (
@@ -99,7 +100,9 @@ def original_name(record: EpisodeRecord) -> str:
     from datetime import UTC, datetime
 
     start = datetime.fromtimestamp(_nominal_start(record), UTC)
-    return f"{record.contributor or 'default'}__{start:%Y-%m-%d__%H:%M:%S}.json"
+    name = record.contributor or "default"
+    # what would lead to another folder, or is no name everywhere, is replaced
+    return f"{name if safe_text(name) == name else safe_stem(name)}__{start:%Y-%m-%d__%H:%M:%S}.json"
 
 
 def _check_exportable(record: EpisodeRecord, options: Options) -> None:

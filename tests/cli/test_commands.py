@@ -81,7 +81,10 @@ def test_controller_from_a_file_drives_and_labels(sonata2d: Run, here: Path) -> 
     assert episode["controller"]["path"] == "./polite.py:Polite"
     assert episode["labels"] == {"near": "a person is nearer than 1.2 m"}
     assert all(isinstance(frame["label"]["near"], bool) for frame in episode["frames"])
-    sonata2d("check out --rerun --workers 1")
+    assert "code that a file names is not run; if you trust it, give --controller ./polite.py:Polite" in (
+        sonata2d("check out --rerun --workers 1", code=1).output
+    )
+    sonata2d("check out --rerun --controller ./polite.py:Polite --workers 1")
 
 
 def test_describe_summarises_data_sets_and_episodes(sonata2d: Run) -> None:

@@ -125,6 +125,7 @@ def test_an_edited_manifest_is_found(folder: Path) -> None:
     assert "seed: differs from the manifest" in problems_after(seed=8)
     assert "lists 000000.json more than once" in problems_after(files=[*manifest["files"], manifest["files"][0]])
     assert "files.0.sha256" in problems_after(files=[{**manifest["files"][0], "sha256": "?"}])
-    assert "is listed but not in" in problems_after(files=[{**manifest["files"][0], "name": "../000000.json"}])
+    for name in ("../000000.json", "/dev/zero", "..", "", "a\\b.json", "a\0.json"):
+        assert "is not a file name" in problems_after(files=[{**manifest["files"][0], "name": name}])
     path.write_text("{")
     assert "not valid JSON" in _text(check_dataset(folder))

@@ -16,6 +16,7 @@ from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets.replay import branch, check_replay, check_rerun
 from sonata2d.datasets.verification import verify
 from sonata2d.record.reader import read_episode
+from sonata2d.sim.episode import controller_info_of
 from sonata2d.version import PHYSICS_VERSION
 
 
@@ -154,3 +155,39 @@ def test_a_recorded_branch_replays_and_names_its_origin(tmp_path: Path, busy: Sc
         branch(tmp_path / "one.json", 12, s2.SocialForce(), observers=[recorder]).run()
     assert read_episode(tmp_path / "two.json").document["branched_from"] == {"id": "one", "tick": 12}
     assert check_replay(tmp_path / "two.json") == []
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("./evil.py:Evil", {}),
+        ("evil:Evil", {}),
+        ("straight-to-goal+./evil.py:Evil", {}),
+        ("evil:Evil+straight-to-goal", {}),
+        ("./evil.npz", {}),
+        ("graph-policy", {"weights": "/dev/zero", "sha256": "0"}),
+        ("graph-policy+straight-to-goal", {"driver": {"weights": "/dev/zero"}, "labeller": {}}),
+    ],
+)
+def test_code_and_weights_that_a_file_names_are_not_loaded(
+    tmp_path: Path, busy: Scene, monkeypatch: pytest.MonkeyPatch, name: str, settings: dict[str, object]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "evil.py").write_text("open('was-run', 'w').close()")
+    path = recorded(tmp_path / "run.json", busy, s2.StraightToGoal())
+    document = json.loads(path.read_bytes())
+    document["controller"] |= {"path": name, "settings": settings}
+    path.write_text(json.dumps(document))
+    (problem,) = check_rerun(path)
+    assert f"the controller {name!r} is neither built in nor a plug-in" in problem.message
+    assert not Path("was-run").exists()
+
+
+@pytest.mark.parametrize("name", ["straight-to-goal", "sonata2d.agents.straight:StraightToGoal"])
+def test_built_in_controllers_are_run_again_by_all_their_names(tmp_path: Path, busy: Scene, name: str) -> None:
+    path, controller = tmp_path / "run.json", s2.StraightToGoal()
+    with s2.JsonRecorder(path) as recorder:
+        info = controller_info_of(controller, name)
+        s2.Episode(busy, controller, observers=[recorder], controller_info=info).run()
+    assert check_rerun(path) == []

@@ -308,3 +308,14 @@ def test_rotated_and_moved_scene_gives_the_same_frame(tmp_path: Path) -> None:
     rotated = exported(recorded(tmp_path, scene))[0]
     for key in ("goal", "people", "objects"):
         assert rotated[key] == [pytest.approx(entity, abs=1e-4) for entity in first[key]]
+
+
+@pytest.mark.parametrize("contributor", ["../../x", "/etc/x", "a\\b", "..", "con", "x\0y", "a" * 300])
+def test_the_contributor_of_a_file_does_not_lead_to_another_folder(
+    records: list[EpisodeRecord], tmp_path: Path, contributor: str
+) -> None:
+    record = replace(records[0], document={**records[0].document, "contributor": contributor})
+    name = sonata.original_name(record)
+    assert (tmp_path / name).parent == tmp_path
+    assert not any(letter in name for letter in "/\\\0")
+    assert len(name) < 128

@@ -90,7 +90,7 @@ def test_data_sets_of_controllers_with_images_are_generated_and_verified(tmp_pat
     name = f"{tmp_path / 'image_controller.py'}:ImageController"
     config = ScenarioConfig(humans=2, rules={"time_limit": 2.0})
     generate_dataset(tmp_path / "out", config, name, episodes=2)
-    assert verify(tmp_path / "out", replay=True, rerun=True) == []
+    assert verify(tmp_path / "out", replay=True, rerun=True, controller=name) == []
 
 
 def test_check_controller_provides_images() -> None:

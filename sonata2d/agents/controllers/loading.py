@@ -14,7 +14,7 @@ from typing import Any
 
 from ...errors import FOREIGN_ERRORS, ControllerError
 from ...registry import CONTROLLERS
-from .base import Controller, current_path
+from .base import RECORDED_PATHS, Controller, current_path
 from .labelled import Labelled
 
 WEIGHTS_SUFFIX = ".npz"
@@ -53,6 +53,22 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
     except FOREIGN_ERRORS as error:
         how = "without arguments" if settings is None else "from its recorded settings"
         raise ControllerError(f"{name} cannot be created {how}: {type(error).__name__}: {error}") from error
+
+
+def is_installed(name: str, settings: Mapping[str, Any]) -> bool:
+    """Whether a recorded controller is a built-in one or a plug-in's, with the weights that belong to it.
+
+    Only such a controller may be created because a file names it: another name would let a file run any code.
+
+    Args:
+        name, settings: as stored in an episode file.
+    """
+    driver, labeller = _split_pair(name)
+    if labeller:
+        pair = (driver, settings.get("driver")), (labeller, settings.get("labeller"))
+        return all(is_installed(part, own or {}) for part, own in pair)
+    is_known = name in CONTROLLERS or current_path(name) in RECORDED_PATHS
+    return is_known and settings.get("weights") is None
 
 
 def named_controllers() -> dict[str, type[Controller]]:
