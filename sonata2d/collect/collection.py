@@ -14,6 +14,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from ..core.geometry import PRECISION
+from ..core.whole_file import sync_folder
 from ..datasets.card import write_manifest_and_card
 from ..datasets.manifest import (
     CROISSANT,
@@ -36,7 +37,6 @@ from ..record.files import (
     read_bytes,
     safe_name,
     safe_stem,
-    sync_folder,
     write_atomically,
 )
 from ..record.layout import JsonDict, software_versions

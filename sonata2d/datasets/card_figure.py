@@ -12,6 +12,7 @@ import numpy as np
 
 from ..core.portable_math import Array, IntArray
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ..core.whole_file import whole_file
 from ..errors import RenderError
 from ..record.record import EpisodeRecord
 from .motion import VX, VY, X, Y
@@ -146,7 +147,8 @@ def draw_statistics(path: Path, statistics: EpisodeStatistics, title: str) -> No
     FigureCanvasAgg(figure)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, metadata={"Software": None})  # the same data give the same bytes
+        with whole_file(path) as temporary:
+            figure.savefig(temporary, metadata={"Software": None})  # the same data give the same bytes
     except OSError as error:
         raise RenderError(f"{path} cannot be written: {error.strerror or error}") from error
 

@@ -18,9 +18,10 @@ from pydantic import AfterValidator, Field
 
 from ..core.geometry import PRECISION
 from ..core.snapshot import ControllerInfo, Status
+from ..core.whole_file import TEMPORARY_PREFIX
 from ..errors import NewerFormatError, RecordError
 from ..record.canonical import parse_header, to_json_value
-from ..record.files import SUFFIXES, TEMPORARY_PREFIX, compress, file_stem, file_suffix, read_bytes, write_atomically
+from ..record.files import SUFFIXES, compress, file_stem, file_suffix, read_bytes, write_atomically
 from ..record.layout import JsonDict, software_versions
 from ..record.models import Controller, Count, Part, Positive, Software
 from ..record.reader import read_episode

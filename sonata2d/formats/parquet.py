@@ -22,8 +22,9 @@ import numpy as np
 import orjson
 
 from ..core.humans import ACTIVITIES
+from ..core.whole_file import TEMPORARY_PREFIX
 from ..errors import RecordError
-from ..record.files import TEMPORARY_PREFIX, file_stem, write_atomically
+from ..record.files import file_stem, write_atomically
 from ..record.layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
 from .base import Format, Options

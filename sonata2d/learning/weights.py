@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..core.portable_math import Array
+from ..core.whole_file import whole_file
 from ..errors import ControllerError
 from .fixed_point import LARGEST_WEIGHT
 from .graph.features import FEATURES, INPUTS, INSTANTS
@@ -73,7 +74,7 @@ def write_weights(path: str | Path, weights: Weights) -> None:
     check_arrays(weights.graph, weights.kind, weights.arrays)
     header = json.dumps({"graph": weights.graph, "kind": weights.kind, "note": dict(weights.note)}, sort_keys=True)
     arrays = {name: np.asarray(array, dtype=np.float32) for name, array in sorted(weights.arrays.items())}
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+    with whole_file(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in {HEADER: np.array(header), **arrays}.items():
             data = io.BytesIO()
             np.save(data, array, allow_pickle=False)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.portable_math import Array
+from ..core.whole_file import whole_file
 from ..errors import RenderError
 from .definition import ARROWS, Metric
 from .measurement import Evaluation
@@ -67,8 +68,8 @@ def chart(path: str | Path, evaluations: Sequence[Evaluation], metrics: Sequence
     # files without time stamps and, for SVG, without random ids: the same numbers give the same bytes
     metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(path.suffix.lower(), {})
     try:
-        with rc_context({"svg.hashsalt": "sonata2d"}):
-            figure.savefig(path, dpi=200, metadata=metadata)
+        with rc_context({"svg.hashsalt": "sonata2d"}), whole_file(path) as temporary:
+            figure.savefig(temporary, dpi=200, metadata=metadata)
     except OSError as error:
         raise RenderError(f"{path} cannot be written: {error.strerror or error}") from error
 

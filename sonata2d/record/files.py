@@ -5,22 +5,20 @@ from __future__ import annotations
 import gzip
 import hashlib
 import io
-import os
 import re
 import zlib
 from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from uuid import uuid4
 
 import zstandard
 
+from ..core.whole_file import whole_file
 from ..errors import RecordError
 
 SUFFIXES = (".json", ".json.gz", ".json.zst")
 MAX_BYTES = 2**30  # of one uncompressed file: more than an hour with a thousand pedestrians
-TEMPORARY_PREFIX = ".sonata2d-"  # of the names of incomplete files
 _RESERVED_NAME = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)  # device names on Windows
 
 
@@ -102,35 +100,12 @@ def write_atomically(path: Path, data: bytes) -> None:
     Raises:
         RecordError: the file cannot be written; no partial file remains.
     """
-    temporary = path.parent / f"{TEMPORARY_PREFIX}{uuid4().hex}.tmp"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            _write_and_sync(temporary, data)
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
-        sync_folder(path.parent)
+        with whole_file(path) as temporary:
+            temporary.write_bytes(data)
     except OSError as error:
         raise RecordError(f"{path} cannot be written: {error.strerror or error}") from error
-
-
-def _write_and_sync(path: Path, data: bytes) -> None:
-    with path.open("xb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def sync_folder(folder: Path) -> None:
-    """Flush the entries of a folder to disk, which makes a rename durable; Windows neither needs nor supports it."""
-    if os.name != "posix":
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def read_bytes(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:

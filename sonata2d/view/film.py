@@ -13,6 +13,7 @@ from typing import Any
 import pygame
 
 from ..core.snapshot import Snapshot
+from ..core.whole_file import whole_file
 from ..errors import RenderError
 from .draw import Layers
 from .interpolation import between
@@ -67,9 +68,10 @@ def save_film(
     samples = _sampled(snapshots, speed / fps, interpolate=interpolate)
     shown = _pictures(samples, round(fps * _HOLD), size, scale, layers, caption, outcome)
     try:
-        (_write_gif if is_gif else _write_mp4)(path, shown, fps)
+        with whole_file(path) as temporary:
+            (_write_gif if is_gif else _write_mp4)(temporary, shown, fps)
     except OSError as error:
-        raise RenderError(f"cannot write {path}: {error}") from error
+        raise RenderError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def paced(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool = True) -> Iterator[Snapshot]:
@@ -169,9 +171,10 @@ def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
         output_params=["-crf", "17", "-preset", "veryfast", "-movflags", "+faststart"],
     )  # fmt: skip
     writer.send(None)
-    even = pygame.Surface(size, 0, 32)
+    even, count = pygame.Surface(size, 0, 32), 0  # of pictures
     try:
         for drawn in chain([first], shown):
+            count += 1
             if drawn.get_size() != size:
                 even.blit(drawn, (0, 0))
                 drawn = even
@@ -179,6 +182,13 @@ def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
                 writer.send(pixels)
     finally:
         writer.close()
+    # ffmpeg says on standard error only that the disk is full
+    try:
+        written, _ = ffmpeg.count_frames_and_secs(str(path))
+    except RuntimeError:
+        written = 0
+    if written != count:
+        raise OSError(f"ffmpeg wrote {written} of {count} pictures; is the disk full?")
 
 
 def _pillow_image(image: Any, drawn: pygame.Surface) -> Any:

@@ -23,7 +23,7 @@ from .draw import QUICK, Layers, backdrop, camera_for
 from .furniture import half_size
 from .layers import visible_interactions
 from .palette import ACTIVITY, GOAL, ROBOT, hex_colour, shaded
-from .stills import url_of
+from .stills import url_of, write_file
 
 _DIGITS = 3  # decimal places of metres, seconds and radians
 _REACTIONS = {
@@ -68,10 +68,7 @@ def save_page(
     data = _scene_data(scene, layers or Layers()) | _frame_data(snapshots)
     data |= _controller_data(commands, labels) | {"outcome": outcome}
     page = _template().render(title=scene.name if caption is None else caption, subtitle=origin(scene), data=data)
-    try:
-        Path(path).write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise RenderError(f"cannot write {path}: {error}") from error
+    write_file(path, page.encode())
 
 
 def _template() -> Any:

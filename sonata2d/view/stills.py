@@ -19,6 +19,7 @@ from ..core.humans import BODY_X, GAZE_Y, Humans, X, Y, activities_of_present, f
 from ..core.portable_math import unit_vector
 from ..core.scene import Scene
 from ..core.snapshot import RobotState, Snapshot
+from ..core.whole_file import whole_file
 from ..errors import RenderError
 from .annotations import STRIP, TEXT, draw_strip, origin, summary
 from .brush import Brush
@@ -49,18 +50,31 @@ def save_surface(surface: pygame.Surface, path: str | Path) -> None:
     """
     if Path(path).suffix.lower() != ".png":
         raise RenderError(f"{path}: a picture is written as PNG; end the name in .png")
+    write_file(path, _png(surface))
+
+
+def write_file(path: str | Path, content: bytes) -> None:
+    """Write a file, whole or not at all.
+
+    Raises:
+        RenderError: the file cannot be written.
+    """
     try:
-        with open(path, "wb") as file:
-            pygame.image.save(surface, file, "picture.png")
-    except (OSError, pygame.error) as error:
-        raise RenderError(f"cannot write {path}: {error}") from error
+        with whole_file(path) as temporary:
+            temporary.write_bytes(content)
+    except OSError as error:
+        raise RenderError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def url_of(surface: pygame.Surface) -> str:
     """A data URL that holds a surface as PNG, for pages that consist of one file."""
+    return "data:image/png;base64," + base64.b64encode(_png(surface)).decode("ascii")
+
+
+def _png(surface: pygame.Surface) -> bytes:
     file = io.BytesIO()
     pygame.image.save(surface, file, "picture.png")
-    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode("ascii")
+    return file.getvalue()
 
 
 def save_picture(

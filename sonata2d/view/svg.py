@@ -11,6 +11,7 @@ import pygame
 
 from ..core.geometry import Point
 from ..core.portable_math import Array
+from ..core.whole_file import whole_file
 from ..errors import RenderError
 from .fonts import font, printable, width_of
 from .palette import Colour, hex_colour
@@ -91,9 +92,10 @@ class SvgCanvas:
             RenderError: the file cannot be written.
         """
         try:
-            ElementTree.ElementTree(self.root).write(path, encoding="utf-8", xml_declaration=True)
+            with whole_file(path) as temporary:
+                ElementTree.ElementTree(self.root).write(temporary, encoding="utf-8", xml_declaration=True)
         except OSError as error:
-            raise RenderError(f"cannot write {path}: {error}") from error
+            raise RenderError(f"cannot write {path}: {error.strerror or error}") from error
 
     @contextmanager
     def _nested(self, element: ElementTree.Element) -> Iterator[None]:

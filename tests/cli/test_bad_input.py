@@ -245,6 +245,28 @@ def test_full_disk_leaves_no_partial_file(here: Path) -> None:
     assert not (here / "big/000000.json").exists()
 
 
+@pytest.mark.skipif(os.name != "posix", reason="needs a limit of the file size")
+@pytest.mark.parametrize("name", ["x.png", "x.svg", "x.html", "x.gif", "x.mp4", "strip.png", "graph.png"])
+@pytest.mark.parametrize("exists", [False, True])
+def test_a_full_disk_leaves_the_old_picture_or_none(sonata2d: Run, here: Path, name: str, exists: bool) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
+    if exists:
+        (here / name).write_bytes(b"old")
+    before = sorted(path.name for path in here.iterdir())
+    options = {"strip": ["--strip", "3"], "graph": ["--graph"]}.get(name.partition(".")[0], [])
+    done = subprocess.run(
+        [sys.executable, "-m", "sonata2d_cli", "render", "out/000000.json", "-o", name, *options],
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000)),
+    )
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith(f"Error: RenderError: cannot write {name}: ")
+    assert "Traceback" not in done.stderr
+    assert sorted(path.name for path in here.iterdir()) == before
+    assert not exists or (here / name).read_bytes() == b"old"
+
+
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
