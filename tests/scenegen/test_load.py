@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from itertools import pairwise
 
 import pytest
 
 from sonata2d.errors import ConfigError
 from sonata2d.scenegen.generator import generate
+from sonata2d.scenegen.scenario import parse
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.scenegen.scenario.load import load_scenario, scenario_names
 
@@ -124,3 +126,45 @@ def test_an_unknown_preset_or_file_is_an_error_with_a_suggestion(write_scenario)
 def test_yaml_is_loaded_only_when_a_scenario_is_read():
     code = "import sys, sonata2d.scenegen; sys.exit('yaml' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+BOMB = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{this}: &{this} [{', '.join([f'*{last}'] * 10)}]\n" for last, this in pairwise("abcdefgh")
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("x.yaml", BOMB, "aliases repeat more than 1000000 values"),
+        ("x.yaml", "a: &a [*a]\n", "aliases repeat more than 1000000 values"),
+        ("x.yaml", "a: " + "[" * 3000, "line 1: values are nested more than 32 deep"),
+        ("x.yaml", "a:" + "".join(f"\n{' ' * k}b:" for k in range(1, 60)) + " 1", "nested more than 32 deep"),
+        ("x.yaml", "standing: 1\ntables: 2\nstanding: 3\n", "line 3: the key 'standing' is given twice"),
+        ("x.yaml", "rules:\n  time_limit: 1\n  time_limit: 2\n", "line 3: the key 'time_limit' is given twice"),
+        ("x.yaml", "a: \x07\n", "special characters are not allowed"),
+        ("x.json", '{"a": ' + "[" * 3000 + "]" * 3000 + "}", "nested"),
+        ("x.json", '{"a": ' + "[" * 300_000, "nested too deeply"),
+        ("x.json", '{"rules": {"time_limit": 1, "time_limit": 2}}', "the key 'time_limit' is given twice"),
+        ("x.toml", "a = " + "[" * 3000 + "]" * 3000, "nested"),
+        ("x.yaml", f"extends: {'a' * 5000}", "no scenario file or preset 'aaa.*: File name too long"),
+        ("x.toml", "a = 1\na = 2", "Cannot overwrite a value"),
+    ],
+)
+def test_a_file_beyond_the_limits_is_one_clear_error(write_scenario, name, text, message):
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_scenario(write_scenario(text, name))
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 300
+
+
+def test_a_file_that_is_too_large_is_not_parsed(write_scenario, monkeypatch):
+    monkeypatch.setattr(parse, "MAX_BYTES", 100)
+    with pytest.raises(ConfigError, match="has at most 100 bytes, this file has 202"):
+        load_scenario(write_scenario("#" * 200 + "\n\n"))
+
+
+def test_aliases_and_merge_keys_within_the_limits_are_read(write_scenario):
+    text = "name: &n kept\ndescription: *n\nrules: {<<: {time_limit: 7, substeps: 4}, substeps: 5}\n"
+    loaded = load_scenario(write_scenario(text))
+    assert (loaded.description, loaded.rules.time_limit, loaded.rules.substeps) == ("kept", 7.0, 5)

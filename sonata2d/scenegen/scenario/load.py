@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ from ...errors import ConfigError
 from ...registry import did_you_mean
 from .base import Settings
 from .config import ScenarioConfig
+from .parse import line_of, parse_settings
 
 _PRESETS = Path(__file__).parents[1] / "presets"
 _SUFFIXES = (".yaml", ".yml", ".json", ".toml")
@@ -20,7 +19,7 @@ _SUFFIXES = (".yaml", ".yml", ".json", ".toml")
 
 def scenario_names() -> dict[str, str]:
     """Return the names of the presets, each with its one-line description."""
-    return {name: str(_read(_PRESETS / f"{name}.yaml")["description"]) for name in _preset_names()}
+    return {name: str(parse_settings(_PRESETS / f"{name}.yaml")["description"]) for name in _preset_names()}
 
 
 def load_scenario(name_or_path: str | Path) -> ScenarioConfig:
@@ -47,9 +46,14 @@ def _find(name: str, folder: Path) -> Path:
     path = folder / name
     if name in _preset_names():
         return _PRESETS / f"{name}.yaml"
-    if path.is_file():
-        return path
-    neighbours = [str(other) for other in sorted(path.parent.glob("*")) if other.suffix in _SUFFIXES]
+    try:
+        if path.is_file():
+            return path
+        neighbours = [str(other) for other in sorted(path.parent.glob("*")) if other.suffix in _SUFFIXES]
+    except (OSError, ValueError) as error:  # no name of a file, e.g. one that is too long
+        raise ConfigError(
+            f"no scenario file or preset {_shortened(name)}: {getattr(error, 'strerror', error)}"
+        ) from None
     hint = did_you_mean(name, [*_preset_names(), *neighbours]) or f"; presets are {', '.join(_preset_names())}"
     raise ConfigError(f"no scenario file or preset {name!r}{hint}")
 
@@ -66,7 +70,7 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
     """
     if path.resolve() in extended_by:
         raise ConfigError(f"{path.name} extends itself")
-    settings = _read(path)
+    settings = parse_settings(path)
     if "extends" in settings:
         base = _load_base(path, str(settings.pop("extends")), extended_by)
         base = {key: value for key, value in base.items() if key not in ("name", "description")}
@@ -83,7 +87,7 @@ def _load_base(path: Path, base: str, extended_by: tuple[Path, ...]) -> dict[str
     try:
         return _load(_find(base, path.parent), (*extended_by, path.resolve()))[1]
     except ConfigError as error:
-        raise ConfigError(f"{path.name}{_line_of(path, ['extends'])}: extends: {error}") from None
+        raise ConfigError(f"{path.name}{line_of(path, ['extends'])}: extends: {error}") from None
 
 
 def _merge(base: dict[str, Any], changes: dict[str, Any], model: type[Settings]) -> dict[str, Any]:
@@ -100,28 +104,6 @@ def _merge(base: dict[str, Any], changes: dict[str, Any], model: type[Settings])
     return merged
 
 
-def _read(path: Path) -> dict[str, Any]:
-    """Parse a file."""
-    import yaml
-
-    try:
-        text = path.read_text(encoding="utf-8")
-        if path.suffix == ".toml":
-            content = tomllib.loads(text)
-        else:
-            content = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
-    except yaml.MarkedYAMLError as error:
-        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise ConfigError(f"{path.name}{line}: {error.problem}") from None
-    except json.JSONDecodeError as error:
-        raise ConfigError(f"{path.name}, line {error.lineno}: {error.msg}") from None
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path.name}: {error}") from None
-    if not isinstance(content, dict):
-        raise ConfigError(f"{path.name}: a scenario is a mapping of settings, not {type(content).__name__}")
-    return content
-
-
 def _error_message(path: Path, settings: dict[str, Any], error: ValidationError) -> str:
     """Format the first validation error as one line: file, line, key, message, value."""
     first, *others = error.errors(include_url=False)
@@ -130,7 +112,7 @@ def _error_message(path: Path, settings: dict[str, Any], error: ValidationError)
     key_path = ".".join(str(key) for key in keys) + ": " if keys else ""
     got = f" (got {_shortened(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
     more = f" (and {len(others)} more)" if others else ""
-    return f"{path.name}{_line_of(path, keys)}: {key_path}{first['msg']}{got}{more}"
+    return f"{path.name}{line_of(path, keys)}: {key_path}{first['msg']}{got}{more}"
 
 
 def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
@@ -154,25 +136,3 @@ def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str]
 def _shortened(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _line_of(path: Path, keys: list[int | str]) -> str:
-    """Return `, line 3` for the last of the keys that the file contains; empty where the line cannot be determined."""
-    import yaml
-
-    if path.suffix == ".toml":
-        return ""
-    try:
-        node = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)  # reads JSON as well
-    except yaml.YAMLError:  # JSON indented with tabs
-        return ""
-    line = None
-    for key in keys:
-        if isinstance(node, yaml.MappingNode):
-            found = next(((k, v) for k, v in node.value if k.value == str(key)), None)
-        else:
-            found = (node.value[key],) * 2 if isinstance(node, yaml.SequenceNode) else None
-        if found is None:
-            break
-        line, node = found[0].start_mark.line + 1, found[1]
-    return f", line {line}" if line else ""

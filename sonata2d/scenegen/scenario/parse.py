@@ -1,0 +1,147 @@
+"""Parsing of settings files: YAML, JSON and TOML, within limits that no sensible file reaches.
+
+A file is refused if it is too large or nested too deeply, if aliases repeat more values than a file of that size could
+hold, or if a key is given twice, which would silently drop the first value.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ...errors import ConfigError
+
+MAX_BYTES = 64_000_000
+MAX_DEPTH = 32
+MAX_VALUES = 1_000_000  # with all that aliases repeat
+
+
+def parse_settings(path: Path) -> dict[str, Any]:
+    """Parse a file of settings.
+
+    Raises:
+        ConfigError: the file cannot be read, is not valid, or exceeds a limit; one line with file and, if known, line.
+    """
+    import yaml
+
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise ConfigError(f"{path.name}: a scenario has at most {MAX_BYTES} bytes, this file has {size}")
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".toml":
+            content = tomllib.loads(text)
+        elif path.suffix == ".json":
+            content = json.loads(text, object_pairs_hook=_object)
+        else:
+            content = yaml.load(text, _yaml_loader())
+    except yaml.MarkedYAMLError as error:
+        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise ConfigError(f"{path.name}{line}: {error.problem}") from None
+    except json.JSONDecodeError as error:
+        raise ConfigError(f"{path.name}, line {error.lineno}: {error.msg}") from None
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path.name}: {' '.join(str(error).split())}") from None
+    except RecursionError:
+        raise ConfigError(f"{path.name}: values are nested too deeply") from None
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path.name}: a scenario is a mapping of settings, not {type(content).__name__}")
+    if _depth(content) > MAX_DEPTH:
+        raise ConfigError(f"{path.name}: values are nested more than {MAX_DEPTH} deep")
+    return content
+
+
+def line_of(path: Path, keys: list[int | str]) -> str:
+    """Return `, line 3` for the last of the keys that the file contains; empty where the line cannot be determined."""
+    import yaml
+
+    if path.suffix == ".toml":
+        return ""
+    try:
+        node = yaml.compose(path.read_text(encoding="utf-8"), Loader=_yaml_loader())  # reads JSON as well
+    except yaml.YAMLError:  # JSON indented with tabs
+        return ""
+    line = None
+    for key in keys:
+        if isinstance(node, yaml.MappingNode):
+            found = next(((k, v) for k, v in node.value if k.value == str(key)), None)
+        else:
+            found = (node.value[key],) * 2 if isinstance(node, yaml.SequenceNode) else None
+        if found is None:
+            break
+        line, node = found[0].start_mark.line + 1, found[1]
+    return f", line {line}" if line else ""
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object without repeated keys."""
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key {next(key for key in keys if keys.count(key) > 1)!r} is given twice")
+    return content
+
+
+def _depth(content: Any) -> int:
+    """How deeply lists and dicts are nested."""
+    depth, level = 0, [content]
+    while level:
+        inner = [value for value in level if isinstance(value, (dict, list))]
+        level = [item for value in inner for item in (value.values() if isinstance(value, dict) else value)]
+        depth += bool(inner)
+        if depth > MAX_DEPTH:
+            break
+    return depth
+
+
+@cache
+def _yaml_loader() -> Any:
+    """PyYAML's safe loader, with limits."""
+    import yaml
+
+    class Loader(yaml.SafeLoader):
+        depth = 0
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.AliasEvent):
+                return super().compose_node(parent, index)
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            if self.depth > MAX_DEPTH:
+                raise yaml.MarkedYAMLError(None, None, f"values are nested more than {MAX_DEPTH} deep", mark)
+            self.depth += 1
+            node = super().compose_node(parent, index)
+            self.depth -= 1
+            if isinstance(node, yaml.MappingNode):
+                seen: set[str] = set()
+                for key, _ in node.value:
+                    if isinstance(key, yaml.ScalarNode) and key.value != "<<":
+                        if key.value in seen:
+                            problem = f"the key {key.value!r} is given twice"
+                            raise yaml.MarkedYAMLError(None, None, problem, key.start_mark)
+                        seen.add(key.value)
+            return node
+
+        def get_single_node(self) -> Any:
+            node = super().get_single_node()
+            if node is not None and _value_count(node, {}) > MAX_VALUES:
+                raise yaml.YAMLError(f"aliases repeat more than {MAX_VALUES} values")
+            return node
+
+    return Loader
+
+
+def _value_count(node: Any, known: dict[int, int]) -> int:
+    """Number of values of a YAML node, those of aliases included."""
+    if isinstance(node.value, str):
+        return 1
+    if id(node) not in known:
+        known[id(node)] = MAX_VALUES  # an alias of the node within itself has no end
+        count = 1
+        for item in node.value:
+            for part in item if isinstance(item, tuple) else (item,):
+                count += _value_count(part, known)
+        known[id(node)] = count
+    return known[id(node)]
