@@ -127,3 +127,23 @@ def test_weights_that_changed_since_the_recording_are_rejected(folder: Path) -> 
     for name, settings in (("./policy.npz", recorded), ("graph-policy", other)):
         with pytest.raises(ControllerError, match=r"^(./policy.npz|graph-policy) has other weights now"):
             load_controller(name, settings)
+
+
+@pytest.mark.parametrize(
+    ("classes", "found"),
+    [
+        (["First"], None),
+        (["First", "Second"], "one.py defines First, Second; name one Controller class, as in ./one.py:Name"),
+        ([], "one.py defines no class; name one Controller class"),
+    ],
+)
+def test_the_only_controller_class_of_a_file_needs_no_name(folder: Path, classes: list[str], found: str | None) -> None:
+    body = "(s2.Controller):\n    def act(self, snapshot):\n        return s2.Twist()\n"
+    text = "import sonata2d as s2\nfrom sonata2d import StraightToGoal\n" + "".join(f"class {n}{body}" for n in classes)
+    (folder / "one.py").write_text(text)
+    if found is None:
+        assert type(load_controller("./one.py")).__name__ == "First"
+        assert type(load_controller("straight-to-goal+./one.py")).__name__ == "Labelled"
+        return
+    with pytest.raises(ControllerError, match=re.escape(found)):
+        load_controller("./one.py")

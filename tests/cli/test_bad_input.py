@@ -314,3 +314,8 @@ def test_missing_path_and_unknown_option_are_refused(sonata2d: Run) -> None:
     assert "does not exist" in one_line(sonata2d("check nowhere", code=1).output)
     assert "nowhere" in one_line(sonata2d("describe nowhere.json", code=1).output)
     assert "No such option" in sonata2d("generate out --episods 3", code=2).output
+
+
+def test_a_misspelt_command_gets_a_suggestion(sonata2d: Run) -> None:
+    assert "No such command 'generat'; did you mean 'generate'?" in sonata2d("generat out", code=2).output
+    assert "No such command 'zzz'" in sonata2d("zzz", code=2).output

@@ -25,7 +25,8 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
 
     Args:
         name: a built-in name or a plug-in's (`social-planner`), a class `package.module:Class` or `./file.py:Class`,
-            the weights of a graph policy `./policy.npz`, or two of these, `driver+labeller` (see `agents.Labelled`).
+            a file `./file.py` that defines one controller class, the weights of a graph policy `./policy.npz`, or two
+            of these, `driver+labeller` (see `agents.Labelled`).
         settings: as stored in an episode file; reconstructs the recorded controller. None: default settings.
 
     Raises:
@@ -83,7 +84,7 @@ def find_controller(name: str) -> type[Controller]:
         return controller_class
     module, colon, attribute = current_path(name).rpartition(":")
     if not colon or (len(module) == 1 and module.isalpha()):  # the colon of a Windows drive separates no class
-        return _find_plugin(name)
+        return _only_class(_import_module(name), name) if name.endswith(".py") else _find_plugin(name)
     return _find_class(_import_module(module), attribute, name)
 
 
@@ -167,6 +168,16 @@ def _find_class(module: ModuleType, attribute: str, name: str) -> type[Controlle
         raise ControllerError(f"{name} {problem}")
     assert isinstance(found, type)
     return found
+
+
+def _only_class(module: ModuleType, name: str) -> type[Controller]:
+    """The controller class that a file defines, if it defines just one; `name` is the path of the file."""
+    classes = [v for v in vars(module).values() if _is_controller_class(v) and v.__module__ == module.__name__]
+    if len(classes) != 1:
+        found = ", ".join(one.__name__ for one in classes) or "no class"
+        raise ControllerError(f"{name} defines {found}; name one Controller class, as in {name}:Name")
+    found_class: type[Controller] = classes[0]
+    return found_class
 
 
 def _problem(found: object) -> str | None:
