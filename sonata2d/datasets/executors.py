@@ -53,7 +53,7 @@ class Workers:
             yield from map(function, items)
             return
         with _crashes_explained():
-            with _signals_blocked():
+            with _signals_deferred():
                 results = self._pool.map(function, items, chunksize=CHUNK_SIZE)
             yield from results
 
@@ -72,7 +72,7 @@ class Workers:
             with _crashes_explained():
                 while True:
                     free = 2 * self.count - len(pending)
-                    with _signals_blocked():
+                    with _signals_deferred():
                         pending |= {pool.submit(run, chunk) for chunk in islice(chunks, free)}
                     if not pending:
                         return
@@ -149,16 +149,29 @@ def _crashes_explained() -> Iterator[None]:
 
 
 @contextmanager
-def _signals_blocked() -> Iterator[None]:
-    """Hold Ctrl-C back while a process may be started, which inherits that: else it would end with a traceback."""
-    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
+def _signals_deferred() -> Iterator[None]:
+    """Hold Ctrl-C and SIGTERM back until the block ends: in it processes may be started.
+
+    Half-started processes end with a traceback, so the handlers wait; and processes inherit that Ctrl-C is blocked.
+    """
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    caught: list[int] = []
+    handlers = {
+        number: signal.signal(number, lambda number, _: caught.append(number)) or signal.SIG_DFL
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if hasattr(signal, "pthread_sigmask") else None
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if mask is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        if caught:
+            signal.raise_signal(caught[0])
 
 
 # Set in each worker process: the request to stop, and the functions of the present call, pickled and ready for use.
