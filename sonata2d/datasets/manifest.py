@@ -303,6 +303,12 @@ def new_folder(out: Path) -> Iterator[Path]:
         shutil.rmtree(work, ignore_errors=True)
 
 
+def remove_partial_files(folder: Path) -> None:
+    """Remove what a killed run left of files that it was writing."""
+    for partial_file in folder.glob(f"{TEMPORARY_PREFIX}*"):
+        partial_file.unlink(missing_ok=True)
+
+
 def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False) -> dict[str, str]:
     """Begin a data set in a new or empty folder, or continue an interrupted one.
 
@@ -323,8 +329,7 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False) -> d
         raise RecordError(f"{folder} is a file; choose another name for the folder")
     elif folder.exists() and any(not path.name.startswith(TEMPORARY_PREFIX) for path in folder.iterdir()):
         raise RecordError(f"{folder} is not empty and has no {MANIFEST}; choose another folder")
-    for partial_file in folder.glob(f"{TEMPORARY_PREFIX}*"):
-        partial_file.unlink(missing_ok=True)
+    remove_partial_files(folder)
     # The manifest is written first, because a later resumption recognises the data set by it.
     write_json(folder / MANIFEST, manifest_of(spec, (), complete=False))
     if spec.settings is not None:
