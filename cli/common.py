@@ -15,7 +15,22 @@ import click
 
 from sonata2d.registry import Registry
 
-PATH = click.Path(path_type=Path)
+
+class _PathType(click.Path):
+    """A path that the system can open: without NUL, and not too long. Whether it exists is for commands to say."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            os.lstat(value)
+        except FileNotFoundError:
+            pass
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            self.fail(f"{os.fsdecode(value)[:80]!r} cannot be a path: {reason}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH = _PathType(path_type=Path)
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 workers_option = click.option(

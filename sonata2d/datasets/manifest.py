@@ -205,10 +205,12 @@ def read_stored_manifest(folder: Path) -> JsonDict:
 
     try:
         Manifest.model_validate_json(orjson.dumps(manifest))
+    except orjson.JSONEncodeError:
+        raise RecordError(f"{path} is not a valid manifest: its values are nested too deeply") from None
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         location = ".".join(map(str, first["loc"]))
-        raise RecordError(f"{path} is not a valid manifest: {location}: {first['msg']}") from None
+        raise RecordError(f"{path} is not a valid manifest: {location:.200}: {first['msg']:.200}") from None
     return manifest
 
 

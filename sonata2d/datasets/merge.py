@@ -83,7 +83,7 @@ def _prefixes(paths: Sequence[Path]) -> list[str]:
     """A distinct file-name prefix for each source folder."""
     prefixes: list[str] = []
     for path in paths:
-        stem, number = safe_text(path.resolve().name), 1
+        stem, number = safe_text(path.absolute().name), 1
         while (prefix := f"{stem}-{number}" if number > 1 else stem) in prefixes:
             number += 1
         prefixes.append(prefix)

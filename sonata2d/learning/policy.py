@@ -47,7 +47,7 @@ class GraphPolicy(Controller):
 
     def __init__(self, weights: str | Path | None = None) -> None:
         self._path = None if weights is None else str(weights)
-        self._weights = read_weights(STOCK if weights is None else Path(weights).resolve())
+        self._weights = read_weights(STOCK if weights is None else Path(weights).absolute())
         self._network = network_of(self._weights)
 
     def settings(self) -> dict[str, Any]:

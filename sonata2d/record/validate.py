@@ -59,10 +59,11 @@ def _schema_findings(document: Any) -> Iterator[Finding]:
         Episode.model_validate(document)
     except ValidationError as error:
         for finding in error.errors(include_url=False, include_context=False)[:_MAX_FINDINGS]:
+            place = ".".join(map(str, finding["loc"]))
             if finding["type"] == "missing":
-                yield ".".join(map(str, finding["loc"])), "is missing"
+                yield place, "is missing"
             else:
-                yield ".".join(map(str, finding["loc"])), f"{finding['msg']}, got {finding['input']!r:.60}"
+                yield place, f"{finding['msg']}, got {finding['input']!r:.60}"
 
 
 def _content_findings(document: JsonDict) -> Iterator[Finding]:

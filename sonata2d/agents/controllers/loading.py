@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -103,7 +104,8 @@ def _split_pair(name: str) -> tuple[str, str]:
 def _is_file(name: str) -> bool:
     """Whether a name is the path of a file, or `file:Class`."""
     path, _, attribute = name.rpartition(":")
-    return Path(name).is_file() or (Path(path).is_file() and "+" not in attribute)
+    # os.path.isfile is False for an impossible name, for which Path.is_file raises an exception
+    return os.path.isfile(name) or (os.path.isfile(path) and "+" not in attribute)
 
 
 @contextmanager
@@ -128,10 +130,9 @@ def _import_module(place: str) -> ModuleType:
     try:
         if not place.endswith(".py"):
             return importlib.import_module(place)
-        path = Path(place)
-        if not path.is_file():
-            raise ControllerError(f"controller file {place} does not exist")
-        return _import_file(path)
+        if not os.path.isfile(place):
+            raise ControllerError(f"controller file {place:.300} does not exist")
+        return _import_file(Path(place))
     except ControllerError:
         raise
     except FOREIGN_ERRORS as error:  # whatever the user's module raises

@@ -18,6 +18,8 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError
 
+from ...core.geometry import MAX_MAGNITUDE
+from ...core.limits import MAX_COUNT
 from ...registry import Registry, did_you_mean
 
 if TYPE_CHECKING:  # settings are also read where nothing is generated, and random streams load the compiler
@@ -25,12 +27,14 @@ if TYPE_CHECKING:  # settings are also read where nothing is generated, and rand
 
 Jitter = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]  # m, m, rad
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+Coordinate = Annotated[float, Field(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]  # m
 
 
 def parse_weights(value: Any) -> Any:
     """Convert a name, or a list of names, to a mapping with weight 1 for each name; other values are returned as is."""
     names = [value] if isinstance(value, str) else value
-    return dict.fromkeys(names, 1.0) if isinstance(names, list | tuple) else names
+    is_names = isinstance(names, list | tuple) and all(isinstance(name, str) for name in names)
+    return dict.fromkeys(names, 1.0) if is_names else names
 
 
 def require_registered(registry: Registry, name: str) -> str:
@@ -142,7 +146,7 @@ class IntRange(_Interval):
     """
 
     min: NonNegativeInt
-    max: NonNegativeInt
+    max: Annotated[int, Field(ge=0, le=MAX_COUNT)]
 
     def draw(self, rng: RandomStream) -> int:
         """Draw a count."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Self
 
 from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from ...core.geometry import MAX_MAGNITUDE
 from ...errors import ConfigError
 from ...registry import did_you_mean
 from .base import Fraction, IntRange, Range, Settings
@@ -129,6 +131,14 @@ class ScenarioConfig(Settings):
         return values | {"standing": None, "wandering": None}
 
     @model_validator(mode="after")
+    def _reject_huge_numbers(self) -> Self:
+        """Numbers that no file holds, and that would overflow where they are used."""
+        if (path := _huge_number(self.settings())) is not None:
+            context = {"limit": f"{MAX_MAGNITUDE:g}", "path": path}
+            raise PydanticCustomError("huge", "a number is beyond the limit of settings, {limit}", context)
+        return self
+
+    @model_validator(mode="after")
     def _check_counts(self) -> Self:
         if self.humans is None and (self.standing is None or self.wandering is None):
             raise PydanticCustomError("humans", "standing and wandering must be ranges where humans is not given")
@@ -189,3 +199,16 @@ class ScenarioConfig(Settings):
     def settings(self) -> dict[str, Any]:
         """Return all settings, with defaults, as JSON values; `ScenarioConfig(**settings)` restores the scenario."""
         return self.model_dump(mode="json")
+
+
+def _huge_number(value: Any, path: tuple[int | str, ...] = ()) -> tuple[int | str, ...] | None:
+    """The keys that lead to a number beyond `MAX_MAGNITUDE`; None if there is none."""
+    if isinstance(value, int | float):
+        return path if abs(value) > MAX_MAGNITUDE else None
+    if isinstance(value, dict):
+        items: Iterable[tuple[Any, Any]] = value.items()
+    elif isinstance(value, list | tuple):
+        items = enumerate(value)
+    else:
+        return None
+    return next((found for key, item in items if (found := _huge_number(item, (*path, key))) is not None), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,7 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
     Returns:
         The scenario, and its settings as written in the file, merged into those of the scenario that it extends.
     """
-    if path.resolve() in extended_by:
+    if _real(path) in extended_by:
         raise ConfigError(f"{path.name} extends itself")
     settings = parse_settings(path)
     if "extends" in settings:
@@ -82,10 +83,15 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
         raise ConfigError(_error_message(path, settings, error)) from None
 
 
+def _real(path: Path) -> Path:
+    """The path without symbolic links; unlike `Path.resolve`, without an exception for a link to itself."""
+    return Path(os.path.realpath(path))
+
+
 def _load_base(path: Path, base: str, extended_by: tuple[Path, ...]) -> dict[str, Any]:
     """Return the settings of the scenario `base` that the file `path` extends."""
     try:
-        return _load(_find(base, path.parent), (*extended_by, path.resolve()))[1]
+        return _load(_find(base, path.parent), (*extended_by, _real(path)))[1]
     except ConfigError as error:
         raise ConfigError(f"{path.name}{line_of(path, ['extends'])}: extends: {error}") from None
 
@@ -109,10 +115,10 @@ def _error_message(path: Path, settings: dict[str, Any], error: ValidationError)
     first, *others = error.errors(include_url=False)
     inner_path = first.get("ctx", {}).get("path", ())  # model validators put the key that is wrong there
     keys, value = _follow(settings, (*first["loc"], *inner_path))
-    key_path = ".".join(str(key) for key in keys) + ": " if keys else ""
+    key_path = f"{'.'.join(str(key) for key in keys):.200}: " if keys else ""
     got = f" (got {_shortened(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
     more = f" (and {len(others)} more)" if others else ""
-    return f"{path.name}{line_of(path, keys)}: {key_path}{first['msg']}{got}{more}"
+    return f"{path.name}{line_of(path, keys)}: {key_path}{first['msg']:.300}{got}{more}"
 
 
 def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str], Any]:

@@ -11,11 +11,11 @@ from pydantic_core import PydanticCustomError
 
 from ...core.geometry import Barriers, Point, segments_cross
 from ...registry import ROOM_KINDS
-from .base import IntRange, Range, Settings, parse_weights, require_registered
+from .base import Coordinate, IntRange, Range, Settings, parse_weights, require_registered
 
 MIN_DOOR_WIDTH = 0.7  # m: diameter of the default robot, with its path margin on both sides
 RoomKindName = Annotated[str, AfterValidator(partial(require_registered, ROOM_KINDS))]
-WallEnds = tuple[float, float, float, float]  # x1, y1, x2, y2, m
+WallEnds = tuple[Coordinate, Coordinate, Coordinate, Coordinate]  # x1, y1, x2, y2, m
 
 
 class RoomConfig(Settings):
@@ -55,7 +55,7 @@ class RoomConfig(Settings):
     door_offset: Range = Range(-1.0, 1.0)
     hall: Range = Range(12.0, 18.0)
     turns: IntRange = IntRange(0, 3)
-    polygon: Annotated[tuple[Point, ...], Field(min_length=3)] | None = None
+    polygon: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3)] | None = None
     walls: tuple[WallEnds, ...] = ()
 
     @field_validator("kinds", mode="before")

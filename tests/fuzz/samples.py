@@ -1,0 +1,126 @@
+"""Valid files of every kind, made once; cases damage copies of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import sonata2d as s2
+from sonata2d.collect.journal import Journal
+from sonata2d.collect.rating import Rating, append_rating, path_for, sha256_of
+from sonata2d.core.labels import LabelSpec
+from sonata2d.datasets.card import write_card
+from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets.mirror import mirror_file
+from sonata2d.formats.api import export_to
+from sonata2d.learning.weights import STOCK
+from sonata2d.record.files import compress
+from sonata2d.record.reader import read_episode
+from sonata2d.scenegen.scenario.load import load_scenario
+from sonata2d.window.profiles import Profile
+
+from ..formats.test_socnav3 import foreign
+
+SCENARIO: dict[str, Any] = {
+    "name": "fuzz",
+    "extends": "sonata-2020",
+    "context": "a ward",
+    "room": {"kinds": ["rectangle", "l"], "breadth": [6, 7], "length": [7, 8], "side": 7, "unit": 3},
+    "standing": [0, 2],
+    "wandering": 2,
+    "talking_pairs": 1,
+    "tables": 1,
+    "plants": 1,
+    "at_laptop": 1,
+    "person": {"model": "moussaid2009", "desired_speed": {"mean": 1.2, "sd": 0.2, "min": 0.8, "max": 1.6}},
+    "rules": {"time_limit": 2.5, "ends_on": ["time"]},
+    "robot": {"kinematics": "unicycle"},
+}  # fmt: skip
+PLACED: dict[str, Any] = {
+    "name": "placed",
+    "room": {"polygon": [[-4, -4], [4, -4], [4, 4], [-4, 4]], "walls": [[0, 1, 0, 3]]},
+    "robot": {"pose": [-3, 0, 0]},
+    "goal": {"position": [3, 0]},
+    "people": [
+        {"id": 1, "x": 1, "y": 1, "goals": [[-2, 2], [2, 2]], "exits": True},
+        {"id": 2, "track": [[0, -1, -1], [1, 0, -1], [2, 1, -1]]},
+    ],
+    "furniture": [{"type": "plant", "x": 2, "y": -2}],
+}
+TOML = """\
+name = "fuzz"
+standing = 2
+[rules]
+time_limit = 2.0
+[room]
+kinds = "square"
+side = [6, 8]
+"""
+SPEC = LabelSpec("classes", "run", "comfort", "How comfortable?", ("poor", "fair", "good"))
+
+
+def make_samples(folder: Path) -> None:
+    """Write a folder for each kind of `targets.KINDS`."""
+    rng = Random(1)
+    config = s2.ScenarioConfig(**{key: value for key, value in SCENARIO.items() if key != "extends"})
+    data = folder / "dataset" / "set"
+    generate_dataset(data, config, "social-planner", episodes=3, seed=3, workers=1)
+    write_card(data, figures=False)
+    rate(data, rng)
+    (data / "metrics.json").write_text(json.dumps({"metrics": [], "episodes": {}}))
+    first = data / "000000.json"
+
+    episodes = folder / "episode"
+    episodes.mkdir()
+    (episodes / "plain.json").write_bytes(first.read_bytes())
+    for suffix in (".json.gz", ".json.zst"):
+        (episodes / f"plain{suffix}").write_bytes(compress(first.read_bytes(), episodes / f"plain{suffix}"))
+    mirror_file(first, episodes / "mirrored.json")
+    document = json.loads(first.read_bytes())
+    document |= {"label": 2, "label_spec": {**{key: getattr(SPEC, key) for key in SPEC.__dataclass_fields__}}}
+    (episodes / "labelled.json").write_text(json.dumps(document))
+
+    for name in ("csv", "npz", "parquet", "socnav3", "sonata"):
+        export_to(first, name, folder / name)
+    (folder / "csv" / "000000.obstacles.csv").write_text("x1,y1,x2,y2\n-4,-4,4,-4\n4,-4,4,4\n")
+    (folder / "csv" / "000000.json").write_text('{"desired_speed": 1.2}')
+    (folder / "socnav3" / "foreign.json").write_text(json.dumps(foreign()))
+    (folder / "trajnet").mkdir()
+    scene = {"scene": {"id": 0, "p": 1, "s": 0, "e": 4, "fps": 2.5}}
+    tracks = [{"track": {"f": f, "p": p, "x": 0.1 * f, "y": 1.0 * p}} for f in range(9) for p in (1, 2)]
+    (folder / "trajnet" / "0.ndjson").write_text("\n".join(json.dumps(line) for line in (scene, *tracks)))
+
+    (folder / "scenario").mkdir()
+    for name, settings in (("drawn", SCENARIO), ("placed", PLACED)):
+        (folder / "scenario" / f"{name}.json").write_text(json.dumps(settings))
+        lines = [f"{key}: {json.dumps(value)}" for key, value in settings.items()]
+        (folder / "scenario" / f"{name}.yaml").write_text("\n".join(lines) + "\n")
+        load_scenario(str(folder / "scenario" / f"{name}.yaml"))
+    (folder / "scenario" / "flat.toml").write_text(TOML)
+
+    (folder / "weights").mkdir()
+    (folder / "weights" / "policy.npz").write_bytes(STOCK.read_bytes())
+
+    (folder / "collected").mkdir()
+    journal = Journal(folder / "collected" / "journal.jsonl")
+    header = {key: document[key] for key in ("settings", "seed", "episode", "physics", "controller", "contributor")}
+    journal.begin(header)
+    for frame in read_episode(first).frames():
+        journal.note(frame)
+    journal.shut()
+    devices = {"keyboard": Profile.default("keyboard").settings(), "mouse": Profile.default("mouse").settings()}
+    (folder / "collected" / "devices.json").write_text(json.dumps({"devices": devices}))
+
+
+def rate(data: Path, rng: Random) -> None:
+    """Rate the episodes of a data set."""
+    for rater in ("ann", "bob"):
+        for path in sorted(data.glob("00*.json")):
+            for showing in (1, 2):
+                rating = Rating(
+                    rater, path.name, path.stem, sha256_of(path), rng.randint(1, 3), showing,
+                    "2026-01-01T00:00:00Z", 3.0, True, SPEC,
+                )  # fmt: skip
+                append_rating(path_for(data, rater), rating)

@@ -1,0 +1,211 @@
+# ruff: noqa: E501 (lists of words)
+"""The readers and commands that cases call, by kind of input."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from random import Random
+
+from click.testing import CliRunner
+
+Use = Callable[[Path], None]  # gives a damaged file to a reader; raises as the reader does
+
+
+class Refusal(Exception):
+    """A command ended with an error message."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of input.
+
+    Attributes:
+        damaged: patterns of the files in the sample folder, one of which is damaged.
+        uses: readers and commands, one of which is called with the damaged file, or with the data set it lies in.
+        folder: name of the sample folder, if it is not that of the kind.
+    """
+
+    damaged: tuple[str, ...]
+    uses: tuple[Use, ...]
+    folder: str = ""
+
+
+def run(words: str, path: Path) -> None:
+    """Run a command line, in which F is the damaged file and D its folder.
+
+    Raises:
+        Refusal: the command ended with a message.
+        Exception: it ended with another exception, which is a failure.
+    """
+    from cli.main import main
+
+    line = [str(path) if word == "F" else str(path.parent) if word == "D" else word for word in shlex.split(words)]
+    result = CliRunner().invoke(main, line, prog_name="sonata2d")
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    if "Traceback" in result.output:
+        raise AssertionError(f"the output holds a traceback: {result.output[-500:]}")
+    if result.exit_code:
+        raise Refusal(result.output)
+
+
+def commands(*lines: str) -> tuple[Use, ...]:
+    return tuple(partial(run, line) for line in lines)
+
+
+def read_everything(path: Path) -> None:
+    """Restore all that a record holds, and what the window shows of it."""
+    from sonata2d.datasets.motion import motion_of
+    from sonata2d.record.reader import read_episode
+    from sonata2d.window.playback import Player, frame_label, frame_summary, run_summary
+
+    record = read_episode(path)
+    for index, _ in enumerate(record.frames()):
+        frame_summary(record, record.snapshot(index), index)
+        frame_label(record, index)
+    record.labels, record.label_spec, record.controller_info, run_summary(record), repr(record)
+    motion_of(record)
+    player = Player(record)
+    player.contacts()
+    player.advance(0.5)
+    player.between  # noqa: B018
+
+
+def few_ticks(path: Path) -> None:
+    """Generate the scene of a scenario, and run a few ticks; a whole episode may be as long as the scenario says."""
+    import sonata2d as s2
+    from sonata2d.scenegen.scenario.load import load_scenario
+
+    scene = s2.generate(load_scenario(str(path)), seed=1)
+    recorder = s2.EpisodeRecorder(id="fuzz")
+    episode = s2.Episode(scene, s2.SocialForce(), observers=[recorder])
+    for _ in range(5):
+        if episode.outcome is None:
+            episode.step()
+    if episode.outcome is None:
+        episode.end("stopped", "enough")
+    recorder.document()
+
+
+def weights(path: Path) -> None:
+    import sonata2d as s2
+    from sonata2d.agents.controllers.loading import load_controller
+
+    controller = load_controller(str(path))
+    scene = s2.generate(s2.ScenarioConfig(standing=1, wandering=1), seed=1)
+    episode = s2.Episode(scene, controller)
+    episode.step()
+    episode.step()
+
+
+def collected(path: Path) -> None:
+    from sonata2d.collect.journal import read_journal
+    from sonata2d.window.profiles import Profiles, remembered
+
+    if path.name == "devices.json":
+        Profiles(path.parent)
+        remembered(path.parent)
+    else:
+        read_journal(path)
+
+
+def imported(name: str, path: Path) -> None:
+    """Import a file; what is made of it must be a valid episode."""
+    from sonata2d.datasets.check import check_episode
+    from sonata2d.formats.api import import_from
+    from sonata2d.formats.base import Options
+    from sonata2d.record.reader import read_episode
+
+    source = path.parent if name == "parquet" else path.parent / "000000.csv" if name == "csv" else path
+    result = import_from(source, name, path.parent / "made", Options(frame_time=0.1))
+    for file in result.files:
+        read_episode(file)
+        check_episode(file)
+    if result.refused:
+        raise Refusal(result.refused[0])
+
+
+def imports(name: str, *lines: str) -> tuple[Use, ...]:
+    return (*[partial(imported, name)] * 3, *commands(f"import F --from {name} -o made", *lines))
+
+
+DATASET = commands(
+    "check D", "describe D", "split D", "merge D D/../other -o merged", "mirror D -o mirrored", "card D --no-figures",
+    "export D --to csv -o out", "evaluate D --no-rerun --workers 1 --resamples 100", "check D --replay --workers 1",
+    "generate D --resume --episodes 3 --seed 3 --workers 1 --no-picture", "describe D --json",
+)  # fmt: skip
+
+KINDS: dict[str, Kind] = {
+    "episode": Kind(
+        ("*",),
+        (
+            *[read_everything] * 4,
+            *commands(
+                "describe F", "describe F --json", "check F", "check F --replay --workers 1", "check F --rerun --workers 1",
+                "render F -o x.svg --ids --zones", "render F -o x.png --strip 2", "render F -o x.html",
+                "render F -o x.png --graph", "mirror F -o m.json", "mirror F -o m.json --labels twist",
+                "evaluate F --workers 1 --resamples 100", "evaluate F --workers 1 --resamples 100 --metric all --no-rerun",
+                "export F --to csv -o out", "export F --to npz -o out", "export F --to socnav3 -o out",
+                "export F --to sonata -o out", "export F --to sonata --quirks original -o out",
+                "export F --to trajnet -o out", "export F --to parquet -o out",
+            ),
+        ),
+    ),
+    "dataset": Kind(("set/manifest.json", "set/manifest.json", "set/scenario.json", "set/00*.json"), DATASET),
+    "beside": Kind(
+        ("set/croissant.json", "set/metrics.json", "set/run.jsonl", "set/README.md", "set/ratings/*"),
+        (*DATASET, *commands("describe D/..")), "dataset",
+    ),
+    "scenario": Kind(
+        ("*",), (*[few_ticks] * 3, *commands("scenarios show F", "scenarios draw F --scenes 1 -o x.png"))
+    ),
+    "csv": Kind(("*",), imports("csv", "scenarios from-tracks F -o s.yaml --frame-time 0.1")),
+    "trajnet": Kind(("*",), imports("trajnet", "scenarios from-tracks F -o s.yaml")),
+    "npz": Kind(("*",), imports("npz")),
+    "parquet": Kind(("*.parquet",), imports("parquet")[:3]),
+    "socnav3": Kind(("*.json",), imports("socnav3")),
+    "sonata": Kind(("*.json",), imports("sonata")),
+    "weights": Kind(("*",), (weights,)),
+    "collected": Kind(("*",), (collected,)),
+}  # fmt: skip
+
+# Command lines are damaged word by word. Counts stay small, as a command rightly runs for as long as it was asked to.
+WORDS = (
+    "generate", "new", "set", "set/manifest.json", "set/000000.json", "describe", "check", "render", "export", "import",
+    "mirror", "split", "merge", "card", "scenarios", "show", "draw", "list", "from-tracks", "controllers", "evaluate",
+    "--json", "-o", "--output", "--to", "--from", "csv", "sonata", "parquet", "npz", "--replay", "--rerun", "--controller",
+    "--scenario", "--episodes", "1", "--seed", "--parts", "train=.5,test=.5", "train=nan", "train=-1", "--labels", "twist",
+    "--strip", "--fps", "--speed", "--zones", "--graph", "--licence", "--metric", "all", "--resamples", "--picture", "--page",
+    "--workers", "social-planner", "sonata-2020", "x.png", "x.svg", "x.html", "x.yaml", "0", "-1", "nan", "inf", "1e400", "é",
+    "99999999999999999999999", "", "\0", "a\0b", "\udcff", "😀", "x" * 300, "x" * 5000, "/dev/null", "/dev/zero", "/", ".",
+    "..", "~", "new/new/new", "set/000000.json/x", "--", "-", "a:b", ":", "./x.py:", "json:dumps", "../../x", "a+b", "a+b+c",
+    "{}", "[", "*", "--frame-time", "0.1", "--quirks", "original", "--whole-families", "--resume", "--keep", "goal", "--help",
+)  # fmt: skip
+LINES = (
+    "describe set", "check set --workers 1", "render set/000000.json -o x.svg", "export set --to csv -o new",
+    "import set/000000.json --from sonata -o new", "mirror set -o new", "split set --parts train=.5,test=.5 --seed 1",
+    "merge set other -o new", "card set --no-figures --licence mit", "scenarios show sonata-2020",
+    "scenarios draw sonata-2020 --scenes 1 -o x.png", "controllers", "evaluate set --workers 1 --no-rerun --resamples 100",
+    "evaluate set --metric all --no-rerun --workers 1 --resamples 100", "generate set --resume --episodes 1 --workers 1",
+    "check set/000000.json --rerun --controller social-planner --workers 1", "scenarios from-tracks set/000000.json -o x.yaml",
+)  # fmt: skip
+LONG = {"generate", "evaluate"}  # with other arguments they run for as long as they are asked to
+
+
+def arguments(rng: Random) -> list[str]:
+    """A command line with up to three other words."""
+    words = rng.choice(LINES).split()
+    for _ in range(rng.randint(1, 3)):
+        k = rng.randint(1, len(words))
+        words[k : k + rng.choice((0, 1, 1))] = [rng.choice(WORDS)] * rng.choice((0, 1, 1, 1))
+    if "generate" in words[1:] or (words[0] in LONG and not {"set"} & set(words)):
+        return ["describe", *words[1:]]
+    return words
+
+
+def use_arguments(words: list[str]) -> None:
+    run(" ".join(shlex.quote(word) for word in words), Path("F"))
