@@ -168,7 +168,7 @@ def _sources(
         return
     from sonata2d.record.files import safe_texts
 
-    with TemporaryDirectory(prefix="sonata2d-") as temporary:
+    with TemporaryDirectory(prefix="sonata2d-", ignore_cleanup_errors=True) as temporary:
         root, names = out or Path(temporary), list(dict.fromkeys(controllers))
         yield {
             name: [

@@ -13,7 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
 from functools import cached_property, partial
 from itertools import islice
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.synchronize import Event
 from typing import Any, Self, TypeVar
 
@@ -53,7 +53,7 @@ class Workers:
             yield from map(function, items)
             return
         with _crashes_explained():
-            with _signals_deferred():
+            with _starting_processes():
                 results = self._pool.map(function, items, chunksize=CHUNK_SIZE)
             yield from results
 
@@ -64,23 +64,25 @@ class Workers:
         if self.count <= 1:
             yield from map(set_up(), items)
             return
-        pool, run = self._pool, partial(_run_chunk, pickle.dumps((set_up, is_last)))
+        run = partial(_run_chunk, pickle.dumps((set_up, is_last)))
         pending: set[Future[list[R]]] = set()
         chunks = iter(lambda: tuple(islice(items, CHUNK_SIZE)), ())
-        self._stop.clear()
+        with _starting_processes():
+            pool, stop = self._pool, self._stop
+        stop.clear()
         try:
             with _crashes_explained():
                 while True:
-                    free = 2 * self.count - len(pending)
-                    with _signals_deferred():
-                        pending |= {pool.submit(run, chunk) for chunk in islice(chunks, free)}
+                    batch = list(islice(chunks, 2 * self.count - len(pending)))
+                    with _starting_processes():
+                        pending |= {pool.submit(run, chunk) for chunk in batch}
                     if not pending:
                         return
                     finished, pending = wait(pending, return_when=FIRST_COMPLETED)
                     for future in finished:
                         yield from future.result()
         finally:
-            self._stop.set()
+            stop.set()
             wait({future for future in pending if not future.cancel()})
 
     @cached_property
@@ -145,6 +147,26 @@ def _crashes_explained() -> Iterator[None]:
         raise WorkerError(
             "a worker process crashed or was killed; if memory was short, use fewer workers, and if a kernel of your "
             "own is used, look for an index outside an array with NUMBA_BOUNDSCHECK=1 and one worker"
+        ) from error
+
+
+@contextmanager
+def _starting_processes() -> Iterator[None]:
+    """Start processes in this block: whole, or not at all.
+
+    Raises:
+        WorkerError: the system refuses a process.
+    """
+    before = set(active_children())
+    try:
+        with _signals_deferred():
+            yield
+    except OSError as error:
+        for child in set(active_children()) - before:
+            child.terminate()  # it would wait for work, and the program for it
+        raise WorkerError(
+            f"a worker process cannot be started: {error.strerror or error}; use fewer workers, or raise the limit of "
+            "open files (ulimit -n)"
         ) from error
 
 
