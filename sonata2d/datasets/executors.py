@@ -52,10 +52,10 @@ class Workers:
         if self.count <= 1 or len(items) <= 1:
             yield from map(function, items)
             return
-        with _crashes_explained():
-            with _starting_processes():
-                results = self._pool.map(function, items, chunksize=CHUNK_SIZE)
-            yield from results
+        chunks = [items[start : start + CHUNK_SIZE] for start in range(0, len(items), CHUNK_SIZE)]
+        with self._submitting() as submit:
+            for future in submit(partial(_map_chunk, function), chunks):
+                yield from future.result()
 
     def unordered(
         self, set_up: Callable[[], Callable[[T], R]], items: Iterator[T], is_last: Callable[[R], bool]
@@ -67,23 +67,43 @@ class Workers:
         run = partial(_run_chunk, pickle.dumps((set_up, is_last)))
         pending: set[Future[list[R]]] = set()
         chunks = iter(lambda: tuple(islice(items, CHUNK_SIZE)), ())
+        with self._submitting() as submit:
+            while True:
+                pending.update(submit(run, list(islice(chunks, 2 * self.count - len(pending)))))
+                if not pending:
+                    return
+                finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    yield from future.result()
+
+    @contextmanager
+    def _submitting(self) -> Iterator[Callable[[Callable[[Any], Any], list[Any]], list[Future[Any]]]]:
+        """Yields a function that lets the processes apply a function to arguments; at the end they are free again.
+
+        Raises:
+            WorkerError: a process cannot be started, or crashed.
+        """
         with _starting_processes():
             pool, stop = self._pool, self._stop
+        unfinished: set[Future[Any]] = set()
+
+        def submit(function: Callable[[Any], Any], arguments: list[Any]) -> list[Future[Any]]:
+            with _starting_processes():
+                submitted = [pool.submit(function, argument) for argument in arguments]
+                unfinished.update(submitted)
+            for future in submitted:
+                future.add_done_callback(unfinished.discard)  # a finished future holds its results
+            return submitted
+
         stop.clear()
         try:
             with _crashes_explained():
-                while True:
-                    batch = list(islice(chunks, 2 * self.count - len(pending)))
-                    with _starting_processes():
-                        pending |= {pool.submit(run, chunk) for chunk in batch}
-                    if not pending:
-                        return
-                    finished, pending = wait(pending, return_when=FIRST_COMPLETED)
-                    for future in finished:
-                        yield from future.result()
+                yield submit
         finally:
+            # Pending chunks end at once, because of the stop request. They are not cancelled: if a process has been
+            # killed meanwhile, the pool fails on cancelled futures (Python 3.11).
             stop.set()
-            wait({future for future in pending if not future.cancel()})
+            wait(list(unfinished))
 
     @cached_property
     def _pool(self) -> ProcessPoolExecutor:
@@ -214,6 +234,16 @@ def _start_worker(stop: Event) -> None:
 
     threading.Thread(target=exit_with_parent, daemon=True).start()
     _stop_request = stop
+
+
+def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Results for the items of a chunk, up to a stop request."""
+    results: list[R] = []
+    for item in items:
+        if _stop_request.is_set():
+            break
+        results.append(function(item))
+    return results
 
 
 def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:
