@@ -30,6 +30,21 @@ class RecordError(Sonata2dError):
     """An episode file or a data set cannot be read or written, or fails verification."""
 
 
+class InvalidFileError(RecordError):
+    """An episode file is complete JSON, but its content is not that of an episode.
+
+    Attributes:
+        findings: place and description of each problem.
+    """
+
+    def __init__(self, message: str, findings: list[tuple[str, str]]) -> None:
+        super().__init__(message, findings)  # both arguments, for pickle: workers of other processes raise it
+        self.findings = findings
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 class NewerFormatError(RecordError):
     """A file was written by a newer version of sonata2d."""
 

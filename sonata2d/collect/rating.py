@@ -17,7 +17,7 @@ import orjson
 from ..core.labels import LabelSpec
 from ..datasets.manifest import files_of
 from ..errors import ConfigError, NewerFormatError, RecordError
-from ..record.files import MAX_BYTES, read_bytes, safe_stem
+from ..record.files import read_bytes, safe_stem
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 
@@ -115,7 +115,7 @@ def read_ratings(path: Path) -> list[Rating]:
         RecordError: the file cannot be read, or a line is not a rating; the message names the line.
         NewerFormatError: a line was written by a newer version.
     """
-    lines = read_bytes(path, max_bytes=MAX_BYTES).split(b"\n")
+    lines = read_bytes(path).split(b"\n")
     tail = lines.pop()
     if _is_incomplete(tail):
         logger.warning("%s: line %d is incomplete and is ignored: %r", path, len(lines) + 1, tail[:60])

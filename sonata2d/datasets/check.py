@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import orjson
-
-from ..errors import RecordError
+from ..errors import InvalidFileError, RecordError
 from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
@@ -18,10 +16,7 @@ from .manifest import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO, manifest_ent
 from .plausibility import Finding, implausible_values
 from .progress import LOG
 
-if TYPE_CHECKING:
-    from pydantic import BaseModel
-
-_MAXIMUM_SCHEMA_PROBLEMS = 20  # reported per file
+_MAXIMUM_FINDINGS = 20  # of the reader, reported per file
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,13 +117,26 @@ def open_to_check(file: Path | ListedFile) -> tuple[EpisodeRecord | None, list[P
         return None, [Problem(MANIFEST, "files", f"{file.entry['name']} is listed but not in the folder")]
     try:
         return read_episode(path), []
+    except InvalidFileError as error:
+        return None, _invalid_content(path, error, file.entry if isinstance(file, ListedFile) else None)
     except RecordError as error:
         return None, [Problem(path.name, "file", str(error))]
 
 
+def _invalid_content(path: Path, error: InvalidFileError, entry: JsonDict | None) -> list[Problem]:
+    """All that the reader found in a file; and whether it differs from its row in the manifest."""
+    problems = [Problem(path.name, *finding) for finding in error.findings[:_MAXIMUM_FINDINGS]]
+    if (rest := len(error.findings) - _MAXIMUM_FINDINGS) > 0:
+        problems.append(Problem(path.name, "schema", f"{rest} more problems"))
+    if entry is not None and hashlib.sha256(path.read_bytes()).hexdigest() != entry["sha256"]:
+        problems.insert(0, Problem(path.name, "sha256", "differs from the manifest"))
+    return problems
+
+
 def check_record(record: EpisodeRecord, file: ListedFile | None = None) -> list[Problem]:
     """Problems of an episode; if its file is listed in a manifest, also differences from the manifest."""
-    return (_differences(record, file) if file else []) + _check_content(record)
+    implausible = [Problem(record.path.name, *finding) for finding in implausible_values(record)]
+    return (_differences(record, file) if file else []) + implausible
 
 
 def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
@@ -146,29 +154,6 @@ def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
     return problems
 
 
-def _check_content(record: EpisodeRecord) -> list[Problem]:
-    from ..record.models import Episode
-
-    name = record.path.name
-    # Plausibility needs a document that fits the schema.
-    problems = _check_schema(name, Episode, record.document)
-    return problems or [Problem(name, *finding) for finding in implausible_values(record)]
-
-
-def _check_schema(name: str, model: type[BaseModel], document: JsonDict) -> list[Problem]:
-    from pydantic import ValidationError
-
-    try:
-        model.model_validate_json(orjson.dumps(document))
-    except ValidationError as error:
-        errors = error.errors(include_url=False, include_context=False)
-        problems = [Problem(name, ".".join(map(str, e["loc"])), f"{e['msg']}, got {e['input']!r:.60}") for e in errors]
-        rest = len(problems) - _MAXIMUM_SCHEMA_PROBLEMS
-        more = [Problem(name, "schema", f"{rest} more problems")] if rest > 0 else []
-        return problems[:_MAXIMUM_SCHEMA_PROBLEMS] + more
-    return []
-
-
 def _manifest_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
     """Contradictions within a manifest, and between the manifest and the files of its folder."""
     files = manifest["files"]
@@ -177,7 +162,7 @@ def _manifest_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
         yield "complete", f"{len(files)} of {manifest['episodes']} episodes exist; generate the others with --resume"
     elif manifest.get("keep"):
         yield from _selection_findings(manifest, episodes)
-    elif not (manifest["collected"] or manifest.get("sources")) and episodes != list(range(manifest["episodes"])):
+    elif not (manifest["collected"] or manifest.get("sources")) and not _counts_to(manifest["episodes"], episodes):
         yield "files", f"must list the episodes 0 to {manifest['episodes'] - 1} in order"
     for key, stated in manifest["counts"].items():
         if stated != (counted := dict(Counter(file[key] for file in files if file.get(key) is not None))):
@@ -193,6 +178,11 @@ def _manifest_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
     unknown = {path.name for path in folder.iterdir() if path.is_file()} - known
     for name in sorted(name for name in unknown if ".json" in name or name.endswith(".tmp")):
         yield "files", f"{name} is in the folder but not listed"
+
+
+def _counts_to(count: int, numbers: list[int]) -> bool:
+    """Whether the numbers are 0 to count - 1 in order."""
+    return len(numbers) == count and numbers == list(range(len(numbers)))
 
 
 def _selection_findings(manifest: JsonDict, episodes: list[int]) -> Iterator[Finding]:

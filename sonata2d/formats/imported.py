@@ -339,11 +339,8 @@ def _states(source: SourceEpisode) -> list[JsonDict]:
     """Each frame without its command."""
     present = ~np.isnan(source.humans[..., X])
     robot = rounded_rows(source.robot, ROBOT_ANGLES).tolist()
-    humans = rounded_rows(np.nan_to_num(source.humans), HUMAN_ANGLES).tolist()
-    rows = [
-        [row if is_present else None for row, is_present in zip(frame, mask, strict=True)]
-        for frame, mask in zip(humans, present.tolist(), strict=True)
-    ]
+    positions = iter(rounded_rows(source.humans[present], HUMAN_ANGLES).tolist())  # no lists for who is absent
+    rows = [[next(positions) if is_present else None for is_present in mask] for mask in present.tolist()]
     times, activity = rounded(source.time).tolist(), np.asarray(source.activity).tolist()
     return [
         {

@@ -9,23 +9,21 @@ of each frame). `numpy.load` reads the file without pickle.
 from __future__ import annotations
 
 import io
-import zipfile
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import orjson
-from numpy.lib import format as npy
 
-from ..errors import RecordError
-from ..record.files import MAX_BYTES, read_bytes
+from ..core.archives import read_npz
+from ..core.limits import MAX_FILE_BYTES
+from ..record.files import read_bytes
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
 from .base import Format, Options
 from .imported import X
-from .parse import one_line, parsing
+from .parse import parsing
 
 NAME = "npz"
 _ARRAYS = ("tick", "time", "robot", "humans", "activity", "command", "executed", "guarded")
@@ -69,45 +67,8 @@ def import_(path: Path, options: Options) -> Iterator[JsonDict]:
         RecordError: the file is damaged, or was not exported by sonata2d.
     """
     data = read_bytes(path)
-    try:
-        with parsing(path, NAME):
-            yield _document(_load(data))
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, SyntaxError) as error:
-        raise RecordError(f"{path} is not a complete {NAME} file: {one_line(error):.200}") from error
-
-
-def _load(data: bytes) -> dict[str, Any]:
-    """The arrays of an archive.
-
-    Declared sizes are checked before anything is unpacked, so that a damaged file cannot exhaust the memory.
-    """
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        entries = {entry.filename: entry for entry in archive.infolist()}
-        if sum(entry.file_size for entry in entries.values()) > MAX_BYTES:
-            raise ValueError(f"it unpacks to more than {MAX_BYTES} bytes, the limit of an episode")
-        arrays = {}
-        for name in (*_ARRAYS, "human_id", "header", "told"):
-            if f"{name}.npy" not in entries:
-                raise KeyError(name)
-            with archive.open(entries[f"{name}.npy"]) as member:
-                arrays[name] = _array(io.BytesIO(member.read(MAX_BYTES)), name)
-    return arrays
-
-
-def _array(file: io.BytesIO, name: str) -> Any:
-    """Read an array whose header declares exactly the bytes that follow it."""
-    version = npy.read_magic(file)
-    if version not in ((1, 0), (2, 0)):
-        raise ValueError(f"{name} has version {version} of the array format; known are 1.0 and 2.0")
-    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, fortran, dtype = read(file)
-    remaining = len(file.getbuffer()) - file.tell()
-    count = 1
-    for length in shape:
-        count *= length  # Python integers do not overflow
-    if dtype.hasobject or dtype.kind not in "biufU" or fortran or count * dtype.itemsize != remaining:
-        raise ValueError(f"{name} declares {shape} of {dtype}, but its data differ")
-    return np.frombuffer(file.read(), dtype=dtype, count=count).reshape(shape)
+    with parsing(path, NAME):
+        yield _document(read_npz(data, MAX_FILE_BYTES, (*_ARRAYS, "human_id", "header", "told")))
 
 
 def _document(arrays: dict[str, Any]) -> JsonDict:

@@ -12,12 +12,12 @@ import orjson
 
 from ..core.geometry import MAX_MAGNITUDE
 from ..core.portable_math import Array
-from ..errors import RecordError
+from ..errors import InvalidFileError, RecordError
 from ..record.canonical import serialise
 from ..record.files import read_bytes
-from ..record.layout import ABSENT, JsonDict
-
-_GEOMETRY_KEYS = ("rules", "room", "walls", "objects", "humans", "robot", "goal", "frames", "final")
+from ..record.layout import JsonDict
+from ..record.reader import record_from_document
+from ..record.validate import require_valid
 
 
 @contextmanager
@@ -104,7 +104,7 @@ def table(rows: Any, width: int, place: str) -> Array:
 
 
 def encode_episode(document: JsonDict, path: Path) -> bytes:
-    """Return the bytes of an episode file, after checking the document against the schema of episode files.
+    """Return the bytes of an episode file, after checking the document as a file that is read.
 
     Args:
         document: episode document made by an importer.
@@ -113,53 +113,12 @@ def encode_episode(document: JsonDict, path: Path) -> bytes:
     Raises:
         RecordError: the document violates the schema, or holds values that no episode can have.
     """
-    from ..record.models import Episode
-
     data = serialise(document)
     try:
-        Episode.model_validate_json(data)
-        _check_presence(document)
-        _check_magnitudes(document)
-    except ValueError as error:
-        raise RecordError(f"{path} describes an impossible episode: {_first_finding(error):.200}") from None
+        parsed = orjson.loads(data)
+        require_valid(parsed, path)
+        record_from_document(parsed, path)
+    except InvalidFileError as error:
+        place, message = error.findings[0]
+        raise RecordError(f"{path} describes an impossible episode: {place}: {message:.200}") from None
     return data
-
-
-def _first_finding(error: ValueError) -> str:
-    """One line; of a pydantic error, which lists many findings, only the first."""
-    findings = getattr(error, "errors", None)
-    if findings is None:
-        return str(error)
-    first = findings(include_url=False, include_context=False)[0]
-    return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
-
-
-def _check_presence(document: JsonDict) -> None:
-    """Check what a JSON schema cannot: each frame has a row per pedestrian, and no row for absent pedestrians."""
-    count, activities = len(document["humans"]), len(document["activities"])
-    for frame in (*document["frames"], document["final"]):
-        rows, activity = frame["humans"], frame["activity"]
-        if len(rows) != count or len(activity) != count:
-            raise ValueError(f"{len(rows)} rows and {len(activity)} activities of {count} people at {frame['tick']}")
-        if any(
-            (row is None) != (index == ABSENT) or index >= activities for row, index in zip(rows, activity, strict=True)
-        ):
-            raise ValueError(f"activities at tick {frame['tick']} contradict the rows of the people")
-
-
-def _check_magnitudes(document: JsonDict) -> None:
-    """Reject numbers whose squares overflow in later computations."""
-    for key in _GEOMETRY_KEYS:
-        if (largest := _largest_magnitude(document[key])) > MAX_MAGNITUDE:
-            raise ValueError(f"{key} holds {largest:g}, beyond the limit of episode files, {MAX_MAGNITUDE:g}")
-
-
-def _largest_magnitude(value: Any) -> float:
-    """The largest absolute value in a tree; labels are skipped."""
-    if isinstance(value, int | float):
-        return abs(value)
-    if isinstance(value, list | tuple):
-        return max(map(_largest_magnitude, value), default=0.0)
-    if isinstance(value, dict):
-        return max((_largest_magnitude(part) for key, part in value.items() if key != "label"), default=0.0)
-    return 0.0

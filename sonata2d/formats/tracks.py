@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.geometry import PRECISION
+from ..core.limits import MAX_CELLS, MAX_CELLS_PER_OBSERVATION, MAX_CELLS_WITHOUT_RATIO
 from ..core.portable_math import Array, IntArray
 from ..core.vectors import wrap_angles
 from ..record.layout import JsonDict
@@ -32,7 +33,6 @@ from .imported import (
 )
 
 _MARGIN = 1.5  # m, of the room around the tracks; the robot stands in this margin
-_MAXIMUM_ROWS = 20_000_000  # frames times pedestrians of one episode
 _MISSING = (
     "robot", "goal", "frames.robot", "frames.command", "humans.radius", "humans.head", "frames.interactions",
     "interactions", "objects", "room",
@@ -134,8 +134,12 @@ def _resample(tracks: Tracks) -> tuple[list[int], Array, Array]:
         raise ValueError(f"frame {odd:g} is not a multiple of the most frequent step, {step:g} frames")
     peds, column = np.unique(tracks.ped, return_inverse=True)
     count = int(rows.max()) + 1
-    if count * len(peds) > _MAXIMUM_ROWS:
-        raise ValueError(f"{count} frames of {len(peds)} people are more than one episode can hold; split the file")
+    limit = min(max(MAX_CELLS_WITHOUT_RATIO, MAX_CELLS_PER_OBSERVATION * len(rows)), MAX_CELLS)
+    if count * len(peds) > limit:
+        raise ValueError(
+            f"its {len(rows)} positions spread over {count} frames of {len(peds)} people; the limit is {limit} frames"
+            " times people in one episode, so divide it by time"
+        )
     if len(np.unique(rows * len(peds) + column)) != len(rows):
         raise ValueError("a pedestrian is in two places in one frame")
     position = np.full((count, len(peds), 2), np.nan)

@@ -13,9 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from ..core.archives import read_npz
+from ..core.limits import MAX_WEIGHTS_BYTES
 from ..core.portable_math import Array
 from ..core.whole_file import whole_file
-from ..errors import ControllerError
+from ..errors import ControllerError, RecordError
+from ..record.files import read_bytes
 from .fixed_point import LARGEST_WEIGHT
 from .graph.features import FEATURES, INPUTS, INSTANTS
 from .graph.graph import RELATIONS
@@ -89,30 +92,22 @@ def read_weights(path: Path) -> Weights:
         ControllerError: the file cannot be read, or does not hold the weights of a known network.
     """
     try:
-        data = path.read_bytes()
-        arrays, header = _unpacked(data)
+        data = read_bytes(path, max_bytes=MAX_WEIGHTS_BYTES)
+    except RecordError as error:
+        raise ControllerError(f"the weights {error}") from error
+    try:
+        arrays = read_npz(data, MAX_WEIGHTS_BYTES)
+        header = json.loads(str(arrays.pop(HEADER)))
         graph, kind, note = header["graph"], header["kind"], header["note"]
         check_arrays(graph, kind, arrays)
-    except OSError as error:
-        raise ControllerError(f"the weights {path} cannot be read: {error.strerror}") from error
-    except Exception as error:  # a damaged archive raises many kinds of exception
+    except (ArithmeticError, KeyError, RecursionError, TypeError, ValueError) as error:
         reason = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
         raise ControllerError(
-            f"{path} does not hold weights of a graph policy: {reason}; write such files with"
+            f"{path} does not hold weights of a graph policy: {reason:.200}; write such files with"
             " sonata2d.learning.write_weights"
         ) from error
     exact = {name: array.astype(np.float64) for name, array in arrays.items()}
     return Weights(graph, kind, exact, note, hashlib.sha256(data).hexdigest())
-
-
-def _unpacked(data: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Arrays and header of an archive."""
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        arrays = {
-            name.removesuffix(".npy"): np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
-            for name in archive.namelist()
-        }
-    return arrays, json.loads(str(arrays.pop(HEADER)))
 
 
 def check_arrays(graph: str, kind: str, arrays: Arrays) -> None:

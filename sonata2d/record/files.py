@@ -14,11 +14,11 @@ from pathlib import Path
 
 import zstandard
 
+from ..core.limits import MAX_FILE_BYTES, MAX_UNPACKED_RATIO, MAX_UNPACKED_WITHOUT_RATIO
 from ..core.whole_file import whole_file
 from ..errors import RecordError
 
 SUFFIXES = (".json", ".json.gz", ".json.zst")
-MAX_BYTES = 2**30  # of one uncompressed file: more than an hour with a thousand pedestrians
 _RESERVED_NAME = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)  # device names on Windows
 
 
@@ -108,41 +108,64 @@ def write_atomically(path: Path, data: bytes) -> None:
         raise RecordError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
-def read_bytes(path: Path, *, max_bytes: int = MAX_BYTES) -> bytes:
+def read_bytes(path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
     """Read and decompress a file. The compression is detected from the first bytes, not from the name.
 
     Args:
         path: of the file.
-        max_bytes: maximum size of the decompressed content; decompression stops there.
+        max_bytes: maximum size of the file and of its decompressed content; decompression stops there.
 
     Raises:
-        RecordError: the file cannot be read or decompressed, or is larger than `max_bytes`.
+        RecordError: the file cannot be read or decompressed, is larger than `max_bytes`, or unpacks to more than
+            `limits.MAX_UNPACKED_RATIO` times its size.
     """
     try:
-        data = _read_decompressed(path, max_bytes)
-    except (OSError, EOFError, zlib.error, zstandard.ZstdError) as error:
+        return _read_decompressed(path, max_bytes)
+    except IsADirectoryError:
+        raise RecordError(f"{path} is a folder; name a file in it") from None
+    except (OSError, EOFError, ValueError, zlib.error, zstandard.ZstdError) as error:  # ValueError: NUL in the path
         raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    if len(data) > max_bytes:
-        raise RecordError(f"{path} has more than {max_bytes} bytes after decompression, the limit for an episode")
-    return data
 
 
 def _read_decompressed(path: Path, max_bytes: int) -> bytes:
-    """Return the decompressed content, or its first `max_bytes` + 1 bytes if it is larger."""
+    """Return the decompressed content.
+
+    Raises:
+        RecordError: it exceeds a limit.
+    """
+    if path.is_char_device() or path.is_block_device():
+        raise RecordError(f"{path} is a device, not a file")  # /dev/zero has no end
     with path.open("rb") as file:
         data = file.read(max_bytes + 1)
-    if data.startswith(b"\x1f\x8b"):
-        with gzip.GzipFile(fileobj=io.BytesIO(data)) as stream:
-            return stream.read(max_bytes + 1)
-    if data.startswith(b"\x28\xb5\x2f\xfd"):
-        return _decompress_zstd(data, max_bytes)
-    return data
+    if len(data) > max_bytes:
+        raise RecordError(f"{path} has more than {max_bytes} bytes, the limit for such files; divide it")
+    unpack = next((unpack for magic, unpack in _UNPACK.items() if data.startswith(magic)), None)
+    if unpack is None:
+        return data
+    limit = min(max_bytes, max(MAX_UNPACKED_WITHOUT_RATIO, MAX_UNPACKED_RATIO * len(data)))
+    content = unpack(data, limit)
+    if len(content) > limit:
+        raise RecordError(
+            f"{path} has {len(data)} bytes and unpacks to more than {limit}; if you trust it, unpack it with gzip or"
+            f" zstd first, to at most {max_bytes} bytes"
+        )
+    return content
 
 
-def _decompress_zstd(data: bytes, max_bytes: int) -> bytes:
+def _decompress_gzip(data: bytes, limit: int) -> bytes:
+    """Return the content, or its first `limit` + 1 bytes."""
+    with gzip.GzipFile(fileobj=io.BytesIO(data)) as stream:
+        return stream.read(limit + 1)
+
+
+def _decompress_zstd(data: bytes, limit: int) -> bytes:
+    """Return the content, or its first `limit` + 1 bytes."""
     decompressor = zstandard.ZstdDecompressor(max_window_size=2**27)
     # the stream reader does not detect truncation, so that it is used only where the size is unknown or too large
-    is_size_known = 0 <= zstandard.frame_content_size(data) <= max_bytes
+    is_size_known = 0 <= zstandard.frame_content_size(data) <= limit
     with decompressor.stream_reader(data) as reader:
-        content: bytes = decompressor.decompress(data) if is_size_known else reader.read(max_bytes + 1)
+        content: bytes = decompressor.decompress(data) if is_size_known else reader.read(limit + 1)
     return content
+
+
+_UNPACK = {b"\x1f\x8b": _decompress_gzip, b"\x28\xb5\x2f\xfd": _decompress_zstd}  # by the first bytes of a file

@@ -5,7 +5,6 @@ from __future__ import annotations
 import platform
 import sysconfig
 from collections.abc import Iterable
-from dataclasses import fields
 from functools import cache
 from typing import Any, TypeVar
 
@@ -171,7 +170,7 @@ def _restore(kind: type[T], values: JsonDict, missing: Iterable[str] = (), **con
     Raises:
         KeyError: a field is missing.
     """
-    names = {field.name for field in fields(kind)} - {*converted, *missing}  # type: ignore[arg-type]
+    names = kind.__dataclass_fields__.keys() - {*converted, *missing}  # type: ignore[attr-defined]
     return kind(**{name: values[name] for name in names}, **converted)
 
 

@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, Strict
 
 from ..core.entities import Behaviour, EndsOn, Formation, Kinematics, Reaction
+from ..core.geometry import MAX_MAGNITUDE
+from ..core.limits import MAX_ID, MAX_SUBSTEPS
 from ..core.snapshot import Status
 from ..version import FORMAT, FORMAT_VERSION
 
 # The names of the classes are part of the published JSON Schema, except those of base classes.
 
-Count = Annotated[int, Field(ge=0)]
+Number = Annotated[float, Field(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
+Positive = Annotated[float, Field(gt=0, le=MAX_MAGNITUDE)]
+NotNegative = Annotated[float, Field(ge=0, le=MAX_MAGNITUDE)]
 Probability = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0)]
+Count = Annotated[int, Field(ge=0)]
+Id = Annotated[int, Field(ge=-MAX_ID, le=MAX_ID)]
+Steps = Annotated[int, Field(ge=1, le=MAX_SUBSTEPS)]
+LIST = Strict(False)  # marks a tuple that is also accepted as a list, as parsed JSON has no tuples
+Pair = Annotated[tuple[Number, Number], LIST]
 
 
 class Part(BaseModel):
@@ -26,21 +34,21 @@ class Part(BaseModel):
 class Placed(Part):
     """Base class of models with a pose in the world frame."""
 
-    x: float = Field(description="m, to the right")
-    y: float = Field(description="m, up")
-    theta: float = Field(description="rad, counter-clockwise from x")
+    x: Number = Field(description="m, to the right")
+    y: Number = Field(description="m, up")
+    theta: Number = Field(description="rad, counter-clockwise from x")
 
 
 class Rules(Part):
     """Rules of the episode."""
 
     dt: Positive = Field(description="s, control period: the time between frames")
-    substeps: int = Field(ge=1, description="number of physics steps in a tick")
-    iterations: int = Field(ge=1, description="of the contact solver")
+    substeps: Steps = Field(description="number of physics steps in a tick")
+    iterations: Steps = Field(description="of the contact solver")
     time_limit: Positive = Field(description="s")
     ends_on: list[EndsOn] = Field(description="conditions that end the episode, in addition to the time limit")
     guard: bool = Field(description="whether the safety guard limits the robot's velocity by the gap to obstacles")
-    contact_distance: float = Field(ge=0, description="m; outlines with a smaller gap are in contact")
+    contact_distance: NotNegative = Field(description="m; outlines with a smaller gap are in contact")
     side: Literal[-1, 1] = Field(
         description="+1: pedestrians that meet head-on evade to their right; -1: to their left"
     )
@@ -49,7 +57,7 @@ class Rules(Part):
 class Room(Part):
     """The room."""
 
-    polygon: list[tuple[float, float]] = Field(
+    polygon: list[Pair] = Field(
         min_length=3, description="m, world frame, counter-clockwise; pedestrians and robot stay inside"
     )
 
@@ -72,35 +80,33 @@ class RectangleShape(Part):
 class Object(Placed):
     """A static object, such as a piece of furniture."""
 
-    id: int
+    id: Id
     type: str = Field(description="table, laptop, plant, chair, shelf, tv, …")
     shape: Annotated[DiscShape | RectangleShape, Field(discriminator="type")] = Field(description="the solid outline")
-    on: int | None = Field(description="id of the object that it lies on; then it has no solid outline of its own")
+    on: Id | None = Field(description="id of the object that it lies on; then it has no solid outline of its own")
 
 
 class Human(Placed):
     """A pedestrian: its start and its properties."""
 
-    id: int
+    id: Id
     radius: Positive = Field(description="m, of the solid outline")
-    desired_speed: float = Field(ge=0, description="m/s")
+    desired_speed: NotNegative = Field(description="m/s")
     behaviour: Behaviour = Field(description="kind of motion")
     model: str = Field(description="name of the pedestrian model")
-    reacts_to_robot: float = Field(description="strength of the reaction to the robot, from 0 (ignores it) to 1")
+    reacts_to_robot: Number = Field(description="strength of the reaction to the robot, from 0 (ignores it) to 1")
     reaction: Reaction = Field(default="avoids", description="kind of reaction to the robot")
-    robot_clearance: float = Field(
-        default=0.83, ge=0, description="m, between outlines, at which the pedestrian wants to pass the robot"
+    robot_clearance: NotNegative = Field(
+        default=0.83, description="m, between outlines, at which the pedestrian wants to pass the robot"
     )
-    group: int | None = Field(description="id of its group")
-    goals: list[tuple[float, float]] = Field(
-        default=[], description="m, world frame: goals of a walking pedestrian, in order"
-    )
-    velocity: tuple[float, float] = Field(default=(0.0, 0.0), description="m/s, world frame, at the start")
+    group: Id | None = Field(description="id of its group")
+    goals: list[Pair] = Field(default=[], description="m, world frame: goals of a walking pedestrian, in order")
+    velocity: Pair = Field(default=(0.0, 0.0), description="m/s, world frame, at the start")
     enters: Count = Field(
         default=0, description="tick at which it enters; unless it is recorded, it waits for free space"
     )
     leaves: Count | None = Field(default=None, description="tick from which it is absent; null: it stays")
-    track: list[tuple[float, float]] = Field(
+    track: list[Pair] = Field(
         default=[], description="m, world frame: position of a recorded pedestrian at each tick from `enters` on"
     )
     exits: bool = Field(default=False, description="whether a walking pedestrian leaves the scene at its last goal")
@@ -119,16 +125,16 @@ class Social(Part):
     leaves: Probability = Field(
         description="that a pedestrian that attends to a pedestrian or an object at the start leaves after a time"
     )
-    visit_time: tuple[Positive, Positive] = Field(description="s, minimum and maximum")
-    talk_time: tuple[Positive, Positive] = Field(description="s, minimum and maximum")
+    visit_time: Annotated[tuple[Positive, Positive], LIST] = Field(description="s, minimum and maximum")
+    talk_time: Annotated[tuple[Positive, Positive], LIST] = Field(description="s, minimum and maximum")
 
 
 class Group(Part):
     """Pedestrians that talk or walk together."""
 
-    id: int
+    id: Id
     kind: Literal["talking", "walking"]
-    members: list[int] = Field(description="ids of humans; the first one leads")
+    members: list[Id] = Field(description="ids of humans; the first one leads")
     formation: Formation | None = Field(default=None, description="arrangement of the members at the start")
 
 
@@ -159,16 +165,20 @@ class Goal(Placed):
 
 
 Interaction = Annotated[
-    tuple[int, str, int],
+    tuple[Id, str, Id],
+    LIST,
     Field(description="src (id of a human), relation, dst (id of the human or object attended to)"),
 ]
-TwistRow = Annotated[tuple[float, float, float], Field(description="vx, vy (m/s), omega (rad/s); body frame")]
+WallRow = Annotated[tuple[Number, Number, Number, Number], LIST, Field(description="x1, y1, x2, y2, m, world frame")]
+TwistRow = Annotated[tuple[Number, Number, Number], LIST, Field(description="vx, vy (m/s), omega (rad/s); body frame")]
 RobotRow = Annotated[
-    tuple[float, float, float, float, float, float],
+    tuple[Number, Number, Number, Number, Number, Number],
+    LIST,
     Field(description="x, y (m), theta (rad), vx, vy (m/s), omega (rad/s); world frame"),
 ]
 HumanRow = Annotated[
-    tuple[float, float, float, float, float, float, float],
+    tuple[Number, Number, Number, Number, Number, Number, Number],
+    LIST,
     Field(description="x, y (m), theta (rad), vx, vy (m/s), omega (rad/s), head (rad); world frame"),
 ]
 
@@ -197,7 +207,7 @@ class Mirror(Part):
     id: str
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of its uncompressed document")
     labels: bool = Field(description="whether labels were mirrored too; else they are those of the original")
-    thetas: list[tuple[int, float]] = Field(
+    thetas: list[Annotated[tuple[int, Number], LIST]] = Field(
         description="index in `objects`, and theta in the original, where mirroring twice does not restore all digits"
     )
 
@@ -234,14 +244,14 @@ class Outcome(Part):
     status: Status
     reason: str
     tick: Count
-    time: float = Field(ge=0, description="s")
+    time: NotNegative = Field(description="s")
 
 
 class Contact(Part):
     """The gap between the robot and another outline fell below the contact distance during the previous tick."""
 
     kind: Literal["human", "object", "wall"]
-    id: int = Field(description="of the human or object; of a wall its index in `walls`")
+    id: Id = Field(description="of the human or object; of a wall its index in `walls`")
     robot_at_fault: bool = Field(description="whether the robot's own velocity closed the gap")
     other_at_fault: bool = Field(
         description="whether the other's velocity closed the gap; both can be true, or neither"
@@ -253,14 +263,14 @@ class Event(Part):
 
     device: str
     control: str
-    value: float = Field(description="its new value, -1..1")
+    value: Number = Field(description="its new value, -1..1")
 
 
 class State(Part):
     """State of the world at a tick; the base class of frames and of the final state."""
 
     tick: Count = Field(description="counted from 0")
-    time: float = Field(ge=0, description="s, tick times dt")
+    time: NotNegative = Field(description="s, tick times dt")
     robot: RobotRow = Field(description="x, y, theta, vx, vy, omega")
     humans: list[HumanRow | None] = Field(
         description="a row for each of the top-level `humans`: x, y, theta, vx, vy, omega, head; null: not present"
@@ -278,6 +288,9 @@ class LastLook(State):
     events: list[Event] | None = Field(
         default=None, description="of input devices, since the last frame; absent if there are none"
     )
+    command: TwistRow | None = Field(
+        default=None, description="vx, vy, omega; only in episodes imported from a format that has a last command"
+    )
 
 
 class LabelSpec(Part):
@@ -288,7 +301,7 @@ class LabelSpec(Part):
     name: str = Field(description="key of the label in frames")
     question: str
     classes: list[str] = Field(description="names of the classes 1, 2, …")
-    ends: tuple[str, str] = Field(description="meaning of 0 and of 1 on the slider")
+    ends: Annotated[tuple[str, str], LIST] = Field(description="meaning of 0 and of 1 on the slider")
 
 
 class Frame(State):
@@ -328,7 +341,9 @@ class Episode(Part):
     )
     rules: Rules
     room: Room
-    walls: list[tuple[float, float, float, float]] = Field(description="x1, y1, x2, y2, m, world frame")
+    walls: list[Annotated[tuple[Number, Number, Number, Number], LIST]] = Field(
+        description="x1, y1, x2, y2, m, world frame"
+    )
     objects: list[Object]
     humans: list[Human] = Field(description="in the order of the rows in frames")
     groups: list[Group]

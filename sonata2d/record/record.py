@@ -260,4 +260,4 @@ def _contact(row: JsonDict) -> Contact:
 
 def events_of(state: JsonDict) -> tuple[DeviceEvent, ...]:
     """Return the device events of a frame or of the final state."""
-    return tuple(DeviceEvent(row["device"], row["control"], row["value"]) for row in state.get("events", ()))
+    return tuple(DeviceEvent(row["device"], row["control"], row["value"]) for row in state.get("events") or ())

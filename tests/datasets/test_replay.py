@@ -107,7 +107,7 @@ def test_an_unknown_relation_is_reported_and_not_replayed(tmp_path: Path, busy: 
     path.write_text(path.read_text().replace('"interactions":[]', '"interactions":[[1,"nonsense",99]]', 1))
     problems = [str(problem) for problem in verify(path, replay=True)]
     assert any("nonsense of 1 and 99" in line for line in problems)
-    assert any("replay: KeyError" in line for line in problems)
+    assert not any("replay" in line for line in problems)
 
 
 def test_a_changed_number_is_reported_with_its_line(tmp_path: Path, busy: Scene) -> None:

@@ -15,6 +15,7 @@ import pytest
 import zstandard
 from hypothesis import given, strategies as st
 
+from sonata2d.core.limits import MAX_UNPACKED_WITHOUT_RATIO
 from sonata2d.errors import RecordError
 from sonata2d.record.files import compress, file_stem, read_bytes, safe_name, write_atomically
 from sonata2d.record.recorder import JsonRecorder
@@ -64,11 +65,27 @@ def test_compression_does_not_depend_on_the_time(tmp_path: Path, suffix: str, mo
 
 @pytest.mark.parametrize("compressor", [gzip.compress, zstandard.ZstdCompressor().compress, bytes])
 def test_a_file_above_the_size_limit_is_refused(tmp_path: Path, compressor: Any) -> None:
-    path = tmp_path / "bomb.json"
+    path = tmp_path / "big.json"
     path.write_bytes(compressor(b"0" * 100_000))
     assert len(read_bytes(path, max_bytes=100_000)) == 100_000
-    with pytest.raises(RecordError, match="more than 99999 bytes"):
+    with pytest.raises(RecordError, match="more than 99999"):
         read_bytes(path, max_bytes=99_999)
+
+
+@pytest.mark.parametrize("compressor", [gzip.compress, zstandard.ZstdCompressor().compress])
+def test_a_small_file_that_unpacks_to_a_large_one_is_refused(tmp_path: Path, compressor: Any) -> None:
+    path, content = tmp_path / "bomb.json", b"[" * (MAX_UNPACKED_WITHOUT_RATIO + 1)
+    path.write_bytes(compressor(content[1:]))
+    assert len(read_bytes(path)) == MAX_UNPACKED_WITHOUT_RATIO
+    path.write_bytes(compressor(content))
+    with pytest.raises(RecordError, match="if you trust it, unpack it with gzip or zstd"):
+        read_bytes(path)
+
+
+def test_folders_devices_and_impossible_names_are_refused(tmp_path: Path) -> None:
+    for path, message in ((tmp_path, "is a folder"), (Path("a\0b"), "null byte"), (Path(os.devnull), "is a device")):
+        with pytest.raises(RecordError, match=message):
+            read_bytes(path)
 
 
 def test_a_recorder_refuses_a_path_without_a_known_suffix() -> None:

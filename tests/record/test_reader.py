@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 
 from sonata2d.core.entities import Group
 from sonata2d.core.snapshot import Outcome
-from sonata2d.errors import RecordError
+from sonata2d.errors import InvalidFileError, RecordError
 from sonata2d.record import reader
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import EpisodeRecorder, JsonRecorder
@@ -137,7 +138,7 @@ def test_an_older_format_version_is_migrated(episode: Path, monkeypatch: pytest.
         (b"[1, 2]", "its format is a JSON list"),
         (b'{"frame": 1}', "its format is None"),
         (b'{"format": "sonata2d-episode"}', "has no valid format version"),
-        (b'{"format": "sonata2d-episode", "version": 1}', "'frames' is missing"),
+        (b'{"format": "sonata2d-episode", "version": 1}', "id: is missing .28 more problems"),
         (b"\x1f\x8b123", "cannot be read"),
         (b"\x28\xb5\x2f\xfd123", "cannot be read"),
     ],
@@ -200,6 +201,58 @@ def test_a_damaged_document_is_an_error_that_names_the_file(episode: Path, chang
         read_episode(episode)
     assert str(episode) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (set_value("context", {}), "context: Input should be a valid string"),
+        (set_value("columns", "robot", 0, "name", "u"), "columns.robot: must be x, y, theta"),
+        (set_value("groups", 0, "members", [2, 9]), "member 9 of group 5 is not a human"),
+        (set_value("humans", 0, "id", 0), "id 0 is used 2 times"),
+        (set_value("humans", 0, "id", 2**60), "humans.0.id: Input should be less than or equal to"),
+        (set_value("humans", 0, "behaviour", "recorded"), "human 1 is recorded but has no track"),
+        (set_value("rules", "substeps", 10**9), "rules.substeps: Input should be less than or equal to 1000"),
+        (set_value("activities", ["walking", "standing"]), "activities: must be in the order standing, walking"),
+        (set_value("frames", 3, "tick", 4), "frames.3: tick should be 3, is 4"),
+        (set_value("frames", 3, "activity", 0, 6), "frames.3.activity.0: 6 is not in the list"),
+        (set_value("frames", 3, "robot", 0, 1e200), "frames.3.robot.0: Input should be less than"),
+        (set_value("frames", 3, "interactions", [[1, "talking", 9]]), "talking of 1 and 9: unknown entity"),
+        (set_value("frames", 3, "label", json.loads("[" * 300 + "]" * 300)), "frames: values are nested more than 250"),
+        (
+            set_value(
+                "frames", 3, "contacts", [{"kind": "wall", "id": 4, "robot_at_fault": True, "other_at_fault": False}]
+            ),
+            "frames.3.contacts: there is no wall 4",
+        ),
+        (
+            lambda document: document.update(
+                label=3,
+                label_spec={
+                    "kind": "classes", "when": "run", "name": "a", "question": "", "classes": ["x"], "ends": ["", ""]
+                },
+            ),
+            "label: 3 is not a valid a",
+        ),
+    ],
+)  # fmt: skip
+def test_what_code_behind_the_reader_relies_on_is_checked(
+    episode: Path, change: Callable[[Any], object], message: str
+) -> None:
+    rewrite(episode, change)
+    with pytest.raises(InvalidFileError) as caught:
+        read_episode(episode)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_all_findings_are_listed_and_survive_a_worker_process(episode: Path) -> None:
+    rewrite(episode, lambda document: document.update(seed="7", walls=None))
+    with pytest.raises(InvalidFileError, match="1 more problem") as caught:
+        read_episode(episode)
+    assert [place for place, _ in caught.value.findings] == ["seed", "walls"]
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.findings) == (str(caught.value), caught.value.findings)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -159,7 +159,7 @@ def test_a_file_beyond_the_limits_is_one_clear_error(write_scenario, name, text,
 
 
 def test_a_file_that_is_too_large_is_not_parsed(write_scenario, monkeypatch):
-    monkeypatch.setattr(parse, "MAX_BYTES", 100)
+    monkeypatch.setattr(parse, "MAX_SCENARIO_BYTES", 100)
     with pytest.raises(ConfigError, match="has at most 100 bytes, this file has 202"):
         load_scenario(write_scenario("#" * 200 + "\n\n"))
 

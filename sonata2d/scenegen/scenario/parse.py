@@ -12,11 +12,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ...core.limits import MAX_SCENARIO_BYTES, MAX_SCENARIO_DEPTH, MAX_SCENARIO_VALUES
 from ...errors import ConfigError
-
-MAX_BYTES = 64_000_000
-MAX_DEPTH = 32
-MAX_VALUES = 1_000_000  # with all that aliases repeat
 
 
 def parse_settings(path: Path) -> dict[str, Any]:
@@ -28,10 +25,7 @@ def parse_settings(path: Path) -> dict[str, Any]:
     import yaml
 
     try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise ConfigError(f"{path.name}: a scenario has at most {MAX_BYTES} bytes, this file has {size}")
-        text = path.read_text(encoding="utf-8")
+        text = _read_text(path)
         if path.suffix == ".toml":
             content = tomllib.loads(text)
         elif path.suffix == ".json":
@@ -43,14 +37,18 @@ def parse_settings(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path.name}{line}: {error.problem}") from None
     except json.JSONDecodeError as error:
         raise ConfigError(f"{path.name}, line {error.lineno}: {error.msg}") from None
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path.name}: {' '.join(str(error).split())}") from None
+    except OSError as error:
+        raise ConfigError(f"{path.name} cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path.name} is not UTF-8 text ({error.reason}); save it in this encoding") from None
+    except (ValueError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path.name}: {' '.join(str(error).split()):.300}") from None
     except RecursionError:
         raise ConfigError(f"{path.name}: values are nested too deeply") from None
     if not isinstance(content, dict):
         raise ConfigError(f"{path.name}: a scenario is a mapping of settings, not {type(content).__name__}")
-    if _depth(content) > MAX_DEPTH:
-        raise ConfigError(f"{path.name}: values are nested more than {MAX_DEPTH} deep")
+    if _depth(content) > MAX_SCENARIO_DEPTH:
+        raise ConfigError(f"{path.name}: values are nested more than {MAX_SCENARIO_DEPTH} deep")
     return content
 
 
@@ -61,7 +59,7 @@ def line_of(path: Path, keys: list[int | str]) -> str:
     if path.suffix == ".toml":
         return ""
     try:
-        node = yaml.compose(path.read_text(encoding="utf-8"), Loader=_yaml_loader())  # reads JSON as well
+        node = yaml.compose(_read_text(path), Loader=_yaml_loader())  # reads JSON as well
     except yaml.YAMLError:  # JSON indented with tabs
         return ""
     line = None
@@ -74,6 +72,16 @@ def line_of(path: Path, keys: list[int | str]) -> str:
             break
         line, node = found[0].start_mark.line + 1, found[1]
     return f", line {line}" if line else ""
+
+
+def _read_text(path: Path) -> str:
+    """The text of a file, without a byte order mark."""
+    size = path.stat().st_size
+    if size > MAX_SCENARIO_BYTES:
+        raise ConfigError(f"{path.name}: a scenario has at most {MAX_SCENARIO_BYTES} bytes, this file has {size}")
+    if path.is_char_device() or path.is_block_device():
+        raise ConfigError(f"{path.name} is a device, not a file")  # /dev/zero has no end
+    return path.read_text(encoding="utf-8-sig")
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -92,7 +100,7 @@ def _depth(content: Any) -> int:
         inner = [value for value in level if isinstance(value, (dict, list))]
         level = [item for value in inner for item in (value.values() if isinstance(value, dict) else value)]
         depth += bool(inner)
-        if depth > MAX_DEPTH:
+        if depth > MAX_SCENARIO_DEPTH:
             break
     return depth
 
@@ -109,8 +117,8 @@ def _yaml_loader() -> Any:
             if self.check_event(yaml.AliasEvent):
                 return super().compose_node(parent, index)
             mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
-            if self.depth > MAX_DEPTH:
-                raise yaml.MarkedYAMLError(None, None, f"values are nested more than {MAX_DEPTH} deep", mark)
+            if self.depth > MAX_SCENARIO_DEPTH:
+                raise yaml.MarkedYAMLError(None, None, f"values are nested more than {MAX_SCENARIO_DEPTH} deep", mark)
             self.depth += 1
             node = super().compose_node(parent, index)
             self.depth -= 1
@@ -126,8 +134,8 @@ def _yaml_loader() -> Any:
 
         def get_single_node(self) -> Any:
             node = super().get_single_node()
-            if node is not None and _value_count(node, {}) > MAX_VALUES:
-                raise yaml.YAMLError(f"aliases repeat more than {MAX_VALUES} values")
+            if node is not None and _value_count(node, {}) > MAX_SCENARIO_VALUES:
+                raise yaml.YAMLError(f"aliases repeat more than {MAX_SCENARIO_VALUES} values")
             return node
 
     return Loader
@@ -138,7 +146,7 @@ def _value_count(node: Any, known: dict[int, int]) -> int:
     if isinstance(node.value, str):
         return 1
     if id(node) not in known:
-        known[id(node)] = MAX_VALUES  # an alias of the node within itself has no end
+        known[id(node)] = MAX_SCENARIO_VALUES  # an alias of the node within itself has no end
         count = 1
         for item in node.value:
             for part in item if isinstance(item, tuple) else (item,):

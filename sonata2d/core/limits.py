@@ -1,0 +1,27 @@
+"""Limits on the files that sonata2d reads, checked before anything is built from their content.
+
+All are far beyond sensible files. A limit in bytes bounds memory only together with the others: one byte of JSON can
+become 30 bytes of Python objects, and one number in a file can declare an array of any size.
+"""
+
+MAX_FILE_BYTES = 1 << 30  # of one file, stored or unpacked: more than an hour with a hundred pedestrians
+MAX_SCENARIO_BYTES = 64_000_000
+MAX_WEIGHTS_BYTES = 1 << 26  # of all arrays of a network
+MAX_TRACKS_BYTES = 1 << 28  # of a text file of tracks: about ten million observations
+
+# A compressed file may unpack to the larger one of these two. Episodes compress to between 1/3 and 1/30 of their size.
+# Whoever trusts a file beyond that can unpack it with gzip or zstd: the ratio is a limit for compressed files only.
+MAX_UNPACKED_WITHOUT_RATIO = 1 << 23
+MAX_UNPACKED_RATIO = 64
+MAX_ARCHIVE_WITHOUT_RATIO = 1 << 26  # of `.npz` files, whose arrays take less memory than JSON of the same size
+
+MAX_SCENARIO_DEPTH = 32
+MAX_SCENARIO_VALUES = 1_000_000  # with all that aliases repeat
+
+# Ticks times pedestrians of one imported episode, absent pedestrians included: an episode has a row for each. Tracks
+# may have the larger one of the first two, but never more than the third.
+MAX_CELLS_WITHOUT_RATIO = 1_000_000
+MAX_CELLS_PER_OBSERVATION = 100
+MAX_CELLS = 20_000_000
+MAX_ID = 1 << 53  # of pedestrians, objects and groups: exact also in programs that hold all numbers as double
+MAX_SUBSTEPS = 1000  # physics steps of one tick, and iterations of the contact solver

@@ -1,0 +1,180 @@
+"""The gate of episode files: a document is checked once, when it is read, and code behind it relies on its content.
+
+Checked are the schema (`models.Episode`), and what a schema cannot express: references between parts of the document,
+lengths that must agree, and numbers within the range of the computations.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from ..core.entities import RELATIONS, ROBOT_ID
+from ..core.humans import ACTIVITIES
+from ..core.labels import LabelSpec
+from ..errors import InvalidFileError
+from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
+
+Finding = tuple[str, str]  # place, such as `frames.3.robot`, and what is wrong
+
+_COLUMNS = {"robot": ROBOT_NAMES, "humans": HUMAN_NAMES, "command": COMMAND_NAMES}
+_MAX_FINDINGS = 100  # of the schema; each costs memory
+
+
+def require_valid(document: Any, path: Path) -> None:
+    """Require a valid document of an episode.
+
+    Args:
+        document: parsed JSON.
+        path: of the file, for the message.
+
+    Raises:
+        InvalidFileError: it is invalid; one line with the first finding, and all of them as `findings`.
+    """
+    found = list(findings_of(document))
+    if found:
+        place, message = found[0]
+        more = f" ({len(found) - 1} more problems; `sonata2d check` lists them)" if len(found) > 1 else ""
+        raise InvalidFileError(f"{path} is not a valid episode: {place}: {message}{more}", found)
+
+
+def findings_of(document: Any) -> Iterator[Finding]:
+    """All violations of the schema; if there are none, all inconsistencies of the content."""
+    found = list(_schema_findings(document))
+    yield from found
+    if not found:
+        yield from _content_findings(document)
+
+
+def _schema_findings(document: Any) -> Iterator[Finding]:
+    from pydantic import ValidationError
+
+    from .models import Episode
+
+    try:
+        Episode.model_validate(document)
+    except ValidationError as error:
+        for finding in error.errors(include_url=False, include_context=False)[:_MAX_FINDINGS]:
+            if finding["type"] == "missing":
+                yield ".".join(map(str, finding["loc"])), "is missing"
+            else:
+                yield ".".join(map(str, finding["loc"])), f"{finding['msg']}, got {finding['input']!r:.60}"
+
+
+def _content_findings(document: JsonDict) -> Iterator[Finding]:
+    states = [*document["frames"], document["final"]]
+    yield from _depth_findings(document)
+    yield from _id_findings(document)
+    yield from _activity_findings(document["activities"])
+    yield from _column_findings(document["columns"])
+    yield from _label_findings(document)
+    yield from _state_findings(document, states)
+    yield from _reference_findings(document, states)
+    for index, _ in (document.get("mirrored_from") or {}).get("thetas", ()):
+        if not 0 <= index < len(document["objects"]):
+            yield "mirrored_from.thetas", f"there is no object at index {index}"
+
+
+def _depth_findings(document: JsonDict) -> Iterator[Finding]:
+    """Labels, settings and unknown keys may have any structure, but it must be possible to write them again."""
+    parts = {key: value for key, value in document.items() if key not in ("frames", "final")}
+    for key, value in (parts | {"frames": [frame.get("label") for frame in document["frames"]]}).items():
+        try:
+            orjson.dumps(value)
+        except orjson.JSONEncodeError:
+            yield key, "values are nested more than 250 deep"
+
+
+def _id_findings(document: JsonDict) -> Iterator[Finding]:
+    """Ids must be unique, and references must refer to existing entities."""
+    humans, things = [human["id"] for human in document["humans"]], [thing["id"] for thing in document["objects"]]
+    groups = {group["id"]: group["members"] for group in document["groups"]}
+    for kind, ids in (("ids", [ROBOT_ID, *humans, *things]), ("groups", [group["id"] for group in document["groups"]])):
+        for id, count in Counter(ids).items():
+            if count > 1:
+                yield kind, f"id {id} is used {count} times"
+    for group, members in groups.items():
+        for id in set(members) - set(humans):
+            yield "groups", f"member {id} of group {group} is not a human"
+    for human in document["humans"]:
+        if human["behaviour"] == "recorded" and not human.get("track"):
+            yield "humans", f"human {human['id']} is recorded but has no track"
+    for thing in document["objects"]:
+        if thing["on"] is not None and thing["on"] not in things:
+            yield "objects", f"object {thing['id']} lies on {thing['on']}, which is not an object"
+
+
+def _activity_findings(names: list[str]) -> Iterator[Finding]:
+    """Indices in frames refer to this list, and code behind the gate refers to `ACTIVITIES`."""
+    if unknown := sorted(set(names) - set(ACTIVITIES)):
+        yield "activities", f"unknown {unknown}"
+    elif names != list(ACTIVITIES[: len(names)]):
+        yield "activities", f"must be in the order {', '.join(ACTIVITIES)}"
+
+
+def _column_findings(columns: JsonDict) -> Iterator[Finding]:
+    for block, names in _COLUMNS.items():
+        if [column["name"] for column in columns[block]] != list(names):
+            yield f"columns.{block}", f"must be {', '.join(names)}"
+
+
+def _label_findings(document: JsonDict) -> Iterator[Finding]:
+    """Answers must be possible answers to the question; an unanswered one is null."""
+    settings = document.get("label_spec")
+    if settings is None:
+        return
+    spec = LabelSpec.from_settings({key: settings[key] for key in LabelSpec.__dataclass_fields__})
+    answers = [("label", document.get("label"))] if spec.per_run else []
+    if spec.per_frame:
+        labels = [(f"frames.{t}.label", frame.get("label")) for t, frame in enumerate(document["frames"])]
+        answers = [(at, label.get(spec.name) if isinstance(label, dict) else label) for at, label in labels]
+    for place, answer in answers:
+        try:
+            if answer is not None:
+                spec.validate(answer)
+        except ValueError as error:
+            yield place, f"{error}"
+            return
+
+
+def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Finding]:
+    """Each state must have a row for each pedestrian, and none for those that are absent."""
+    count, names = len(document["humans"]), document["activities"]
+    for t, state in enumerate(states):
+        rows, activity = state["humans"], state["activity"]
+        if state["tick"] != t:
+            yield f"frames.{t}", f"tick should be {t}, is {state['tick']}"
+            return
+        if len(rows) != count or len(activity) != count:
+            yield f"frames.{t}.humans", f"{len(rows)} rows and {len(activity)} activities of {count} people"
+            return
+        if count and max(activity) >= len(names):
+            k = activity.index(max(activity))
+            yield f"frames.{t}.activity.{k}", f"{activity[k]} is not in the list of activities"
+            return
+        if (None in rows or ABSENT in activity) and [r is None for r in rows] != [i == ABSENT for i in activity]:
+            yield f"frames.{t}.humans", "must be null for people that are not present (activity -1), and only for these"
+            return
+
+
+def _reference_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Finding]:
+    """Interactions and contacts must be between existing entities."""
+    humans, things = ({row["id"] for row in document[key]} for key in ("humans", "objects"))
+    known = humans | things | {ROBOT_ID}
+    touchable = {"human": humans, "object": things, "wall": range(len(document["walls"]))}
+    for src, relation, dst in document["interactions"]:
+        if src not in humans or dst not in known or relation not in RELATIONS:
+            yield "interactions", f"{relation} of {src} and {dst}: unknown relation or entity"
+    for t, state in enumerate(states):
+        for src, relation, dst in state["interactions"]:
+            if src not in humans or dst not in known:
+                yield f"frames.{t}.interactions", f"{relation} of {src} and {dst}: unknown entity"
+                return
+        for contact in state["contacts"]:
+            if contact["id"] not in touchable[contact["kind"]]:
+                yield f"frames.{t}.contacts", f"there is no {contact['kind']} {contact['id']}"
+                return
