@@ -161,8 +161,8 @@ def card(folder: Path, figures: bool, licence: str | None, as_json: bool) -> Non
     The card is README.md, with figures and the metadata that Hugging Face reads, and croissant.json, with Croissant
     metadata.
     """
-    from sonata2d.datasets.card import FIGURES, write_card
-    from sonata2d.datasets.manifest import CROISSANT, read_manifest
+    from sonata2d.datasets.card import write_card
+    from sonata2d.datasets.manifest import CROISSANT, FIGURES, read_manifest
 
     with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
         path = write_card(folder, figures=figures, licence=licence, advance=advance)

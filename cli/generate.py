@@ -25,8 +25,6 @@ from .common import (
 )
 from .controllers import CONTROLLER_NAMES
 
-PREVIEW = "preview.png"
-
 
 @click.command(
     epilog=examples(
@@ -53,6 +51,7 @@ PREVIEW = "preview.png"
     help="Keep only episodes with this outcome, and generate until --episodes are kept; may be repeated.",
 )
 @click.option("--resume", is_flag=True, help="Continue an interrupted data set.")
+@click.option("--overwrite", is_flag=True, help="Replace the data set in OUT; files of others stay.")
 @compress_option
 @click.option("--picture/--no-picture", default=True, help="Draw the first episode.")
 @json_option
@@ -65,6 +64,7 @@ def command(
     workers: int,
     keep: tuple[str, ...],
     resume: bool,
+    overwrite: bool,
     compress: str,
     picture: bool,
     as_json: bool,
@@ -75,8 +75,11 @@ def command(
     interruptions.
     """
     from sonata2d.datasets.generate import generate_dataset
+    from sonata2d.datasets.manifest import PREVIEW
     from sonata2d.scenegen.scenario.load import load_scenario
 
+    if resume and overwrite:
+        raise click.UsageError("--resume continues a data set and --overwrite replaces it; give one of them")
     config = load_scenario(scenario)
     with progress(episodes, "episodes") as advance, _hint_at_resume(out):
         manifest = generate_dataset(
@@ -88,6 +91,7 @@ def command(
             workers=workers,
             keep=keep,
             resume=resume,
+            overwrite=overwrite,
             suffix=episode_suffix(compress),
             advance=advance,
         )
@@ -119,12 +123,15 @@ def _draw(episode: Path, picture: Path) -> None:
 
 def _show_summary(out: Path, first: Path, manifest: dict[str, Any], picture: bool) -> None:
     """Print what was generated, and a command to run next."""
+    from sonata2d.datasets.counts import contact_summary
+    from sonata2d.datasets.manifest import PREVIEW
+
     files = manifest["files"]
     outcomes = ", ".join(f"{count} {name}" for name, count in manifest["counts"]["outcome"].items())
     size = sum(file["bytes"] for file in files) / 1e6
     frames = sum(file["ticks"] for file in files)
     click.echo(f"{out}: {len(files)} episodes of {manifest['name']}, {frames} frames, {size:.1f} MB")
-    rows: list[tuple[str, object]] = [("outcomes", outcomes)]
+    rows: list[tuple[str, object]] = [("outcomes", outcomes), *contact_summary(files).rows()]
     if "left_out" in manifest:
         rows.append(("left out", ", ".join(f"{n} {name}" for name, n in manifest["left_out"].items()) or "none"))
     rows += [("manifest", out / "manifest.json"), ("data card", out / "README.md")]

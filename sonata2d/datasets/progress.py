@@ -13,9 +13,8 @@ import orjson
 
 from ..errors import RecordError, Sonata2dError
 from ..record.canonical import to_json_value
-from .manifest import DatasetSpec, ManifestEntry
+from .manifest import LOG, DatasetSpec, ManifestEntry
 
-LOG = "run.jsonl"
 ABORT_AFTER = 200  # episodes before a run may be aborted because too few of them are kept
 MAXIMUM_EPISODES_PER_KEPT = 50  # abort if fewer than 1 in 50 episodes is kept
 
