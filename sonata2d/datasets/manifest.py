@@ -220,7 +220,11 @@ def files_of(path: Path) -> list[Path]:
         return [path]
     if (path / MANIFEST).exists():
         return [path / entry["name"] for entry in read_manifest(path)["files"]]
-    files = sorted(file for file in path.glob("*.json*") if file.is_file() and file.name not in _NOT_EPISODES)
+    files = sorted(
+        file
+        for file in path.glob("*.json*")
+        if file.is_file() and file.name.endswith(SUFFIXES) and file.name not in _NOT_EPISODES
+    )
     if not files:
         raise RecordError(f"{path} holds no episode files" if path.is_dir() else f"{path} does not exist")
     return files
