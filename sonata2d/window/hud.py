@@ -14,10 +14,10 @@ import pygame
 from ..core.geometry import Point
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances
 from ..core.snapshot import Snapshot
-from .camera import Camera
-from .canvas import PixelCanvas, put
-from .fonts import shortened, width_of
-from .palette import FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
+from ..view.camera import Camera
+from ..view.canvas import PixelCanvas, put
+from ..view.fonts import shortened, width_of
+from ..view.palette import FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
 
 Light = Literal["waiting", "recording", "paused", "frozen", "replay", "watching"]
 
