@@ -68,6 +68,7 @@ class SvgCanvas:
         setattr(box, anchor, (round(place[0]), round(place[1])))
         if box.width:
             spot = {"x": str(box.left), "y": str(box.top + font(size).get_ascent()), "textLength": str(box.width)}
+            spot["lengthAdjust"] = "spacingAndGlyphs"  # of another font; letter spacing stays even
             element = self._add("text", **spot, fill=hex_colour(colour), **{"font-size": _number(size * EM)}, **_FONT)
             element.text = printable(words)
         return box
