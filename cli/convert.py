@@ -10,7 +10,8 @@ import click
 
 from sonata2d.registry import FORMATS
 
-from .common import PATH, examples, json_option, progress, registry_option, show_json
+from .command import Command
+from .common import PATH, examples, json_option, note, progress, registry_option, show_json
 
 if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 @click.command(
     "export",
+    cls=Command,
     epilog=examples(
         "export demo --to csv -o tracks",
         "export demo/000000.json --to socnav3 -o one.json",
@@ -44,6 +46,7 @@ def export_command(source: Path, format: str, output: Path, quirks: str | None, 
 
 @click.command(
     "import",
+    cls=Command,
     epilog=examples("import old --from sonata -o episodes", "import eth.txt --from csv --frame-time 0.04 -o eth.json"),
 )
 @click.argument("source", type=PATH, metavar="DIR|FILE")
@@ -73,7 +76,7 @@ def _show_result(result: TransferResult, format: str, line: str, *, as_json: boo
     if as_json:
         show_json({"format": format, "files": [str(file) for file in result.files], "refused": result.refused})
     else:
-        click.echo(line + (f", {len(result.refused)} refused" if result.refused else ""))
+        note(line + (f", {len(result.refused)} refused" if result.refused else ""))
         for refused in result.refused:
             click.echo(f"refused: {refused}", err=True)
     if result.refused:
