@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 from pathlib import Path
 
@@ -104,12 +105,23 @@ def _fractions(ctx: click.Context, _: click.Parameter, text: str) -> dict[str, f
                 f"{piece!r} is not of the form part=fraction, or is given twice; e.g. {DEFAULT_PARTS}"
             )
         fractions[part.strip()] = fraction
+    total = sum(fractions.values())
+    if max(fractions.values()) < 1.0 and abs(total - 1.0) > 0.002:  # thirds may be rounded
+        raise click.BadParameter(
+            f"the fractions add up to {total:g} and not to 1; with whole numbers, as in train=8,test=2, the parts are"
+            " in that proportion"
+        )
     return fractions
 
 
 @click.command(cls=Command, epilog=examples("split demo", "split demo --parts train=0.9,test=0.1 --whole-families"))
 @click.argument("folder", type=PATH, metavar="DIR")
-@click.option("--parts", callback=_fractions, default=DEFAULT_PARTS, help="Names and fractions of the parts.")
+@click.option(
+    "--parts",
+    callback=_fractions,
+    default=DEFAULT_PARTS,
+    help="Names of the parts, with fractions that add up to 1, or proportions such as train=8,test=2.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of the assignment.")
 @click.option("--whole-families", is_flag=True, help="Keep all scenes of a family (one kind of room) in one part.")
 @json_option
@@ -155,10 +167,14 @@ def merge(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
 
 @click.command(cls=Command, epilog=examples("card demo", "card demo --no-figures --licence mit"))
 @click.argument("folder", type=PATH, metavar="DIR")
-@click.option("--figures/--no-figures", default=True, help="Draw statistics of the episodes.")
+@click.option(
+    "--figures/--no-figures",
+    default=None,
+    help="Draw statistics of the episodes.  [default: if matplotlib is installed]",
+)
 @click.option("--licence", metavar="NAME", help="Licence of the data.  [default: cc-by-4.0; other for recorded people]")
 @json_option
-def card(folder: Path, figures: bool, licence: str | None, as_json: bool) -> None:
+def card(folder: Path, figures: bool | None, licence: str | None, as_json: bool) -> None:
     """Write the data card of a data set.
 
     The card is README.md, with figures and the metadata that Hugging Face reads, and croissant.json, with Croissant
@@ -167,6 +183,8 @@ def card(folder: Path, figures: bool, licence: str | None, as_json: bool) -> Non
     from sonata2d.datasets.card import FIGURES, write_card
     from sonata2d.datasets.manifest import CROISSANT, read_manifest
 
+    is_plain = figures is None and importlib.util.find_spec("matplotlib") is None
+    figures = not is_plain if figures is None else figures
     with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
         path = write_card(folder, figures=figures, licence=licence, advance=advance)
     written = {"card": str(path), "metadata": str(folder / CROISSANT)}
@@ -175,3 +193,5 @@ def card(folder: Path, figures: bool, licence: str | None, as_json: bool) -> Non
         show_json(written)
     else:
         note(", ".join(written.values()))
+    if is_plain:
+        click.echo("the card has no figures: they need matplotlib; pip install 'sonata2d[plots]'", err=True)
