@@ -15,7 +15,10 @@ import click
 
 from sonata2d.registry import Registry
 
+from .command import has_flag
+
 PATH = click.Path(path_type=Path)
+EXIT_BUG = 70  # EX_SOFTWARE of sysexits.h
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 workers_option = click.option(
@@ -39,8 +42,8 @@ def episode_suffix(compress: str) -> str:
 
 
 def examples(*lines: str) -> str:
-    """Epilog of a command's help: example command lines, without the program's name, one per line."""
-    return "Examples:\n\n\b\n" + "\n".join(f"  sonata2d {line}" for line in lines)  # \b: keep the line breaks
+    """Epilog of a command's help (`Command`): example command lines, given without the program's name."""
+    return "\n".join(f"sonata2d {line}" for line in lines)
 
 
 def registry_option(registry: Registry) -> dict[str, Any]:
@@ -56,6 +59,12 @@ def registry_option(registry: Registry) -> dict[str, Any]:
 
     # built-in names only: the names of plug-ins would require reading the metadata of every installed package
     return {"callback": check, "shell_complete": complete, "metavar": f"[{'|'.join(registry.built_in)}|PLUG-IN]"}
+
+
+def note(text: str) -> None:
+    """Print a summary or a hint, which `--quiet` leaves out."""
+    if not has_flag("quiet"):
+        click.echo(text)
 
 
 def show_json(value: Any) -> None:
@@ -104,10 +113,14 @@ def exit_interrupted(error: KeyboardInterrupt, hint: str = "") -> NoReturn:
 
 @contextmanager
 def progress(total: int, unit: str) -> Iterator[Callable[[int], None]]:
-    """Show a progress bar on standard error if that is a terminal; yields a function that advances it by steps."""
+    """Show a progress bar on standard error if that is a terminal; yields a function that advances it by steps.
+
+    There is none with `--quiet`, and none between the lines of `--verbose`.
+    """
     from tqdm import tqdm
 
-    with tqdm(total=total, unit=f" {unit}", disable=None, file=sys.stderr, leave=False) as bar:
+    is_hidden = has_flag("quiet") or has_flag("verbose") or None  # None: hidden if standard error is no terminal
+    with tqdm(total=total, unit=f" {unit}", disable=is_hidden, file=sys.stderr, leave=False) as bar:
 
         def advance(steps: int) -> None:
             bar.update(steps)

@@ -10,7 +10,8 @@ import click
 
 from sonata2d.registry import FORMATS
 
-from .common import PATH, examples, json_option, progress, registry_option, show_json
+from .command import Command
+from .common import PATH, examples, json_option, note, progress, registry_option, show_json
 
 if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult
@@ -26,6 +27,7 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
 
 @click.command(
     "export",
+    cls=Command,
     epilog=examples(
         "export demo --to csv -o tracks",
         "export demo/000000.json --to socnav3 -o one.json",
@@ -71,6 +73,7 @@ def export_command(
 
 @click.command(
     "import",
+    cls=Command,
     epilog=examples("import old --from sonata -o episodes", "import eth.txt --from csv --frame-time 0.04 -o eth.json"),
 )
 @click.argument("source", type=PATH, metavar="DIR|FILE")
@@ -120,11 +123,11 @@ def _show_result(result: TransferResult, format: str, line: str, *, as_json: boo
         reasons = {name: [str(omission) for omission in found] for name, found in omitted.items()}
         show_json({"format": format, "files": [str(file) for file in result.files], **reasons, "notes": result.notes})
     else:
-        click.echo(line + "".join(f", {len(found)} {name}" for name, found in omitted.items() if found))
+        note(line + "".join(f", {len(found)} {name}" for name, found in omitted.items() if found))
         for name, found in omitted.items():
             for reason in summarised(found):
                 click.echo(f"{name}: {reason}", err=True)
-        for note in result.notes:
-            click.echo(f"note: {note}", err=True)
+        for remark in result.notes:
+            click.echo(f"note: {remark}", err=True)
     if result.refused or not result.files:
         sys.exit(1)

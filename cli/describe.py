@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .command import Command
 from .common import PATH, examples, json_option, show_json, show_table
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ Rows = list[tuple[str, object]]
 MAX_DISPUTED = 5  # disputed runs printed without --json
 
 
-@click.command(epilog=examples("describe demo", "describe demo/000000.json", "describe demo --json"))
+@click.command(cls=Command, epilog=examples("describe demo", "describe demo/000000.json", "describe demo --json"))
 @click.argument("path", type=PATH, metavar="DIR|FILE")
 @json_option
 def command(path: Path, as_json: bool) -> None:

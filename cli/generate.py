@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from .command import Command, has_flag
 from .common import (
     PATH,
     compress_option,
@@ -18,6 +19,7 @@ from .common import (
     examples,
     exit_interrupted,
     json_option,
+    note,
     progress,
     show_json,
     show_table,
@@ -27,11 +29,12 @@ from .controllers import CONTROLLER_NAMES
 
 
 @click.command(
+    cls=Command,
     epilog=examples(
         "generate demo",
         "generate out --controller ./polite.py:Polite --scenario office.yaml --episodes 100",
         "generate successes --controller human-like --keep goal --episodes 100",
-    )
+    ),
 )
 @click.argument("out", type=PATH)
 @click.option("--scenario", default="sonata-2020", metavar="NAME|FILE", help="Scenario preset, or a scenario file.")
@@ -130,13 +133,14 @@ def _show_summary(out: Path, first: Path, manifest: dict[str, Any], picture: boo
     outcomes = ", ".join(f"{count} {name}" for name, count in manifest["counts"]["outcome"].items())
     size = sum(file["bytes"] for file in files) / 1e6
     frames = sum(file["ticks"] for file in files)
-    click.echo(f"{out}: {len(files)} episodes of {manifest['name']}, {frames} frames, {size:.1f} MB")
+    note(f"{out}: {len(files)} episodes of {manifest['name']}, {frames} frames, {size:.1f} MB")
     rows: list[tuple[str, object]] = [("outcomes", outcomes), *contact_summary(files).rows()]
     if "left_out" in manifest:
         rows.append(("left out", ", ".join(f"{n} {name}" for name, n in manifest["left_out"].items()) or "none"))
     rows += [("manifest", out / "manifest.json"), ("data card", out / "README.md")]
     if picture:
         rows.append(("picture", out / PREVIEW))
-    show_table(rows, indent="  ")
+    if not has_flag("quiet"):
+        show_table(rows, indent="  ")
     program = "sonata2d" if shutil.which("sonata2d") else sys.argv[0]
-    click.echo(f"next:  {program} render {first} -o {first.name.split('.')[0]}.html")
+    note(f"next:  {program} render {first} -o {first.name.split('.')[0]}.html")

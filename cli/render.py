@@ -8,19 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .common import PATH, examples, json_option, progress, show_json
+from .command import Command
+from .common import PATH, examples, json_option, note, progress, show_json
 
 if TYPE_CHECKING:
     from sonata2d.record.record import EpisodeRecord
 
 
 @click.command(
+    cls=Command,
     epilog=examples(
         "render demo/000000.json -o episode.html",
         "render demo/000000.json -o moments.png --strip 4",
         "render demo/000000.json -o film.mp4 --speed 2",
         "render demo/000000.json -o graph.png --graph",
-    )
+    ),
 )
 @click.argument("file", type=PATH)
 @click.option("-o", "--output", type=PATH, required=True, help="Output file: .png, .svg, .gif, .mp4 or .html.")
@@ -84,7 +86,7 @@ def command(
     if as_json:
         show_json({"output": str(output), "frames": len(record)})
     else:
-        click.echo(f"{output}: {len(record)} frames, {record.outcome.status}")
+        note(f"{output}: {len(record)} frames, {record.outcome.status}")
 
 
 def _draw_graph(record: EpisodeRecord, output: Path, as_json: bool) -> None:
@@ -99,4 +101,4 @@ def _draw_graph(record: EpisodeRecord, output: Path, as_json: bool) -> None:
     if as_json:
         show_json({"output": str(output), "graphs": len(graphs), "edges": len(graphs[-1].relation)})
     else:
-        click.echo(f"{output}: the last of {len(graphs)} graphs, {len(graphs[-1].ticks)} instants")
+        note(f"{output}: the last of {len(graphs)} graphs, {len(graphs[-1].ticks)} instants")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import gc
+import logging
 import os
 import pickle
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -17,8 +19,11 @@ from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.synchronize import Event
 from typing import Any, Self, TypeVar
 
-from ..errors import WorkerError
+from ..errors import PluginWarning, WorkerError
 
+logger = logging.getLogger(__name__)
+
+_PACKAGE = "sonata2d"  # name of the logger of the whole package
 CHUNK_SIZE = 4  # items sent to a worker at a time
 
 Advance = Callable[[int], None]  # progress callback; its argument is the number of items finished since the last call
@@ -108,7 +113,8 @@ class Workers:
     @cached_property
     def _pool(self) -> ProcessPoolExecutor:
         context = get_context("spawn")  # the same start method on every system
-        return ProcessPoolExecutor(self.count, mp_context=context, initializer=_start_worker, initargs=(self._stop,))
+        told = self._stop, logging.getLogger(_PACKAGE).level, warnings.formatwarning
+        return ProcessPoolExecutor(self.count, mp_context=context, initializer=_start_worker, initargs=told)
 
     @cached_property
     def _stop(self) -> Event:
@@ -156,13 +162,16 @@ def _shared(workers: int | Workers) -> Iterator[Workers]:
 
 @contextmanager
 def _crashes_explained() -> Iterator[None]:
-    """Turn the crash of a worker process into an error that says what to do.
+    """Turn the crash of a worker process into an error that says what to do; say what Ctrl-C and SIGTERM wait for.
 
     Raises:
         WorkerError: a worker process crashed.
     """
     try:
         yield
+    except KeyboardInterrupt:
+        logger.warning("stopping: each worker process first finishes its episode, or the compilation under way")
+        raise
     except BrokenProcessPool as error:
         raise WorkerError(
             "a worker process crashed or was killed; if memory was short, use fewer workers, and if a kernel of your "
@@ -221,9 +230,20 @@ _stop_request: Event
 _present_call: tuple[bytes, Any, Any] = b"", None, None
 
 
-def _start_worker(stop: Event) -> None:
-    """Prepare a worker process: it ignores Ctrl-C and exits when its parent process ends."""
+def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -> None:
+    """Prepare a worker process: it ignores Ctrl-C, exits when its parent process ends, and logs as its parent does.
+
+    Args:
+        stop: request to stop.
+        level: of the parent's logger.
+        format_warning: the parent's `warnings.formatwarning`.
+    """
     global _stop_request
+    warnings.formatwarning = format_warning
+    warnings.simplefilter("ignore", PluginWarning)  # the parent has loaded the same plug-ins
+    if level != logging.NOTSET:
+        logging.getLogger(_PACKAGE).setLevel(level)
+        logging.basicConfig()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     assert parent is not None

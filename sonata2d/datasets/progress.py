@@ -36,12 +36,14 @@ class FailedEpisode:
         error: class of the error.
         message: what happened.
         partial_file: file with the frames before the error; None if there are none.
+        traceback: where the error was raised, as Python prints it.
     """
 
     episode: int
     error: type[Sonata2dError]
     message: str
     partial_file: Path | None
+    traceback: str = ""
 
 
 EpisodeResult = ManifestEntry | ExcludedEpisode | FailedEpisode

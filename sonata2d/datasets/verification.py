@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
@@ -15,6 +16,8 @@ from .check import ListedFile, Problem, check_manifest, check_record, listed_fil
 from .executors import Advance, parallel_map
 from .manifest import MANIFEST, files_of, read_manifest
 from .replay import check_replay, check_rerun
+
+logger = logging.getLogger(__name__)
 
 
 def verify(
@@ -87,6 +90,7 @@ def _short_hashes(hashes: Mapping[str, str]) -> str:
 
 def _verify_file(file: Path | ListedFile, *, replay: bool, rerun: bool, controller: str | None) -> list[Problem]:
     """Problems of one file; only a readable file is run again."""
+    logger.info("checking %s", file.path if isinstance(file, ListedFile) else file)
     record, problems = open_to_check(file)
     if record is None:
         return problems

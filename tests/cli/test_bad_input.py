@@ -43,6 +43,13 @@ def write_controller(here: Path, act: str) -> None:
         ("person: {model: foo}\n", "moussaid2009"),
         ("talking_distance: [-1, 2]\n", "must be above 0"),
         ("extends: sonata-2021\n", "did you mean 'sonata-2020'?"),
+        ("person: {model: orca}\n", "no pedestrian model is named 'orca'; did you mean 'orca2011'?"),
+        ("person: {model: ./law.py:Law}\n", "a scenario must not run code; publish it as a plug-in"),
+        ("person: {reactions: {avoid: 2}}\n", "(got 'avoid'); did you mean 'avoids'?"),
+        ("room: {kinds: [rectangl]}\n", "no room kind is named 'rectangl'; did you mean 'rectangle'?"),
+        ("groups: {formations: circl}\n", "did you mean 'circle'?"),
+        ("furniture: [{type: plnt, x: 1, y: 1}]\n", "did you mean 'plant'?"),
+        ("furniture: [{type: televison, x: 1, y: 1}]\n", "known types are table, laptop, plant, chair, shelf, tv"),
         ("[1, 2]\n", "a scenario is a mapping"),
         ("a: [\n", "line"),
     ],
@@ -397,6 +404,39 @@ def test_missing_path_and_unknown_option_are_refused(sonata2d: Run) -> None:
     assert "does not exist" in one_line(sonata2d("check nowhere", code=1).output)
     assert "nowhere" in one_line(sonata2d("describe nowhere.json", code=1).output)
     assert "No such option" in sonata2d("generate out --episods 3", code=2).output
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "hint"),
+    [
+        ("scenarios lst", 2, "'list'"),
+        ("generate out --episods 3", 2, "--episodes"),
+        ("generate out --scenario livly", 1, "'lively'"),
+        ("generate out --controller social-planer", 1, "'social-planner'"),
+        ("evaluate out --metric sucess", 1, "'success'"),
+        ("evaluate out --metric hunavsm", 1, "'hunavsim'"),
+        ("export out --to cvs -o tracks", 2, "'csv'"),
+        ("import old --from trajnt -o episodes", 2, "'trajnet'"),
+    ],
+)
+def test_a_misspelt_name_gets_a_suggestion(sonata2d: Run, line: str, code: int, hint: str) -> None:
+    output = sonata2d(line, code=code).output.splitlines()[-1]
+    assert "did you mean" in output.lower()
+    assert hint in output
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [("[20, 0]", "the place (20, 0) of talking group 1 of 1 is outside the room"), ("[3.9, 0]", "does not fit at its")],
+)
+def test_a_group_without_space_at_its_place_is_told_to_move(
+    sonata2d: Run, here: Path, place: str, message: str
+) -> None:
+    groups = f"{{talking_size: 3, places: [{place}]}}"
+    (here / "groups.yaml").write_text(f"room: {{kinds: square, side: 8}}\ntalking_groups: 1\ngroups: {groups}\n")
+    output = one_line(sonata2d("generate out --scenario groups.yaml --workers 1", code=1).output)
+    assert message in output
+    assert "groups.places" in output
 
 
 def test_a_misspelt_command_gets_a_suggestion(sonata2d: Run) -> None:

@@ -151,7 +151,8 @@ def _noting_pair(name: str) -> Iterator[None]:
 
 def _find_plugin(name: str) -> type[Controller]:
     if name not in CONTROLLERS:
-        raise ControllerError(f"{CONTROLLERS.unknown(name)}; a class is named module:Class or ./file.py:Class")
+        message = CONTROLLERS.unknown(name)
+        raise ControllerError(message if "did you mean" in message else f"{message}, module:Class or ./file.py:Class")
     controller_class: type[Controller] = CONTROLLERS.load(name, _problem)
     return controller_class
 
