@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .common import PATH, compress_option, episode_suffix, examples, json_option, show_json, size_option
+from .command import Command
+from .common import PATH, compress_option, episode_suffix, examples, json_option, note, show_json, size_option
 
 if TYPE_CHECKING:
     from sonata2d.scenegen.scenario.config import ScenarioConfig
@@ -16,10 +17,11 @@ if TYPE_CHECKING:
 
 
 @click.command(
+    cls=Command,
     epilog=examples(
         "collect runs --contributor zoe --scenario office.yaml --runs 20",
         "collect --rate runs --contributor rater-1 --scenario survey.yaml",
-    )
+    ),
 )
 @click.argument("out", type=PATH, required=False)
 @click.option("--contributor", metavar="ID", help="Pseudonym of the driver or rater.  [default: the window asks]")
@@ -121,11 +123,11 @@ def _show_runs(out: Path, as_json: bool) -> None:
         return
     contributors = ", ".join(f"{count} by {name}" for name, count in manifest["counts"]["contributor"].items())
     count = len(manifest["files"])
-    click.echo(f"{out}: {count} {'run' if count == 1 else 'runs'}{f' ({contributors})' if contributors else ''}")
+    note(f"{out}: {count} {'run' if count == 1 else 'runs'}{f' ({contributors})' if contributors else ''}")
     if any((out / "journal").glob("*.jsonl")):
-        click.echo("one run is unfinished; the same command continues it")
+        note("one run is unfinished; the same command continues it")
     if count:
-        click.echo(f"next:  sonata2d view {out}\n       sonata2d check {out} --replay")
+        note(f"next:  sonata2d view {out}\n       sonata2d check {out} --replay")
 
 
 def _show_ratings(screens: list[RateScreen], as_json: bool) -> None:
@@ -135,5 +137,5 @@ def _show_ratings(screens: list[RateScreen], as_json: bool) -> None:
         show_json([{"rated": session.done, "of": session.total, "file": str(session.path)} for session in sessions])
         return
     session = sessions[-1]
-    click.echo(f"{session.path}: {session.done} of {session.total} rated")
-    click.echo(f"next:  sonata2d describe {session.folder}")
+    note(f"{session.path}: {session.done} of {session.total} rated")
+    note(f"next:  sonata2d describe {session.folder}")

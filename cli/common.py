@@ -15,6 +15,8 @@ import click
 
 from sonata2d.registry import Registry
 
+from .command import has_flag
+
 
 class _PathType(click.Path):
     """A path that the system can open: without NUL, and not too long. Whether it exists is for commands to say."""
@@ -22,7 +24,7 @@ class _PathType(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         try:
             os.lstat(value)
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             pass
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
@@ -31,6 +33,7 @@ class _PathType(click.Path):
 
 
 PATH = _PathType(path_type=Path)
+EXIT_BUG = 70  # EX_SOFTWARE of sysexits.h
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 workers_option = click.option(
@@ -54,8 +57,8 @@ def episode_suffix(compress: str) -> str:
 
 
 def examples(*lines: str) -> str:
-    """Epilog of a command's help: example command lines, without the program's name, one per line."""
-    return "Examples:\n\n\b\n" + "\n".join(f"  sonata2d {line}" for line in lines)  # \b: keep the line breaks
+    """Epilog of a command's help (`Command`): example command lines, given without the program's name."""
+    return "\n".join(f"sonata2d {line}" for line in lines)
 
 
 def registry_option(registry: Registry) -> dict[str, Any]:
@@ -71,6 +74,12 @@ def registry_option(registry: Registry) -> dict[str, Any]:
 
     # built-in names only: the names of plug-ins would require reading the metadata of every installed package
     return {"callback": check, "shell_complete": complete, "metavar": f"[{'|'.join(registry.built_in)}|PLUG-IN]"}
+
+
+def note(text: str) -> None:
+    """Print a summary or a hint, which `--quiet` leaves out."""
+    if not has_flag("quiet"):
+        click.echo(text)
 
 
 def show_json(value: Any) -> None:
@@ -119,10 +128,14 @@ def exit_interrupted(error: KeyboardInterrupt, hint: str = "") -> NoReturn:
 
 @contextmanager
 def progress(total: int, unit: str) -> Iterator[Callable[[int], None]]:
-    """Show a progress bar on standard error if that is a terminal; yields a function that advances it by steps."""
+    """Show a progress bar on standard error if that is a terminal; yields a function that advances it by steps.
+
+    There is none with `--quiet`, and none between the lines of `--verbose`.
+    """
     from tqdm import tqdm
 
-    with tqdm(total=total, unit=f" {unit}", disable=None, file=sys.stderr, leave=False) as bar:
+    is_hidden = has_flag("quiet") or has_flag("verbose") or None  # None: hidden if standard error is no terminal
+    with tqdm(total=total, unit=f" {unit}", disable=is_hidden, file=sys.stderr, leave=False) as bar:
 
         def advance(steps: int) -> None:
             bar.update(steps)

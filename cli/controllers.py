@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import click
 
+from .command import Group
 from .common import examples, json_option, show_json, show_table
 
 CONTROLLER_NAMES = "A listed name, package.module:Class, ./file.py:Class, ./weights.npz, or driver+labeller."
 
 
-@click.group()
+@click.group(cls=Group)
 def command() -> None:
     """List the available controllers.
 

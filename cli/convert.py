@@ -10,14 +10,24 @@ import click
 
 from sonata2d.registry import FORMATS
 
-from .common import PATH, examples, json_option, progress, registry_option, show_json
+from .command import Command
+from .common import PATH, examples, json_option, note, progress, registry_option, show_json
 
 if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult
 
 
+def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
+    """Parse `object=plant`, or `plant` for all types without a value of their own."""
+    pairs = [value.rpartition("=") for value in values]
+    if bad := [value for value, (_type, _equals, known) in zip(values, pairs, strict=True) if not known.strip()]:
+        raise click.BadParameter(f"{bad[0]!r} is not of the form KNOWN or TYPE=KNOWN, such as object=plant")
+    return {type.strip() or "*": known.strip() for type, _equals, known in pairs}
+
+
 @click.command(
     "export",
+    cls=Command,
     epilog=examples(
         "export demo --to csv -o tracks",
         "export demo/000000.json --to socnav3 -o one.json",
@@ -28,22 +38,42 @@ if TYPE_CHECKING:
 @click.option("--to", "format", **registry_option(FORMATS), required=True, help="Format; see docs/formats.md.")
 @click.option("-o", "--output", type=PATH, required=True, help="Folder; for a single episode, a folder or a file.")
 @click.option("--quirks", type=click.Choice(["original"]), help="Format sonata: reproduce its original quirks.")
+@click.option("--context", metavar="TEXT", help="Format socnav3: context of all runs; '' for none.")
+@click.option(
+    "--as",
+    "types",
+    metavar="[TYPE=]KNOWN",
+    multiple=True,
+    callback=_types,
+    help="Format socnav3: write objects of a type, or of all types that it does not list, as another; may be repeated.",
+)
 @json_option
-def export_command(source: Path, format: str, output: Path, quirks: str | None, as_json: bool) -> None:
+def export_command(
+    source: Path,
+    format: str,
+    output: Path,
+    quirks: str | None,
+    context: str | None,
+    types: dict[str, str],
+    as_json: bool,
+) -> None:
     """Export episodes to a format of another program.
 
-    Episodes that readers of the format would misinterpret are refused; the exit code is then 1.
+    Episodes that the format cannot hold, or that its readers would misinterpret, are skipped, with the reason. The exit
+    code is 1 if a file is damaged or cannot be written, or if no episode was exported.
     """
     from sonata2d.formats.api import episodes_in, export_to
     from sonata2d.formats.base import Options
 
     with progress(len(episodes_in(source)), "episodes") as advance:
-        result = export_to(source, format, output, Options(original=quirks == "original"), advance=advance)
+        options = Options(original=quirks == "original", context=context, types=types)
+        result = export_to(source, format, output, options, advance=advance)
     _show_result(result, format, f"{output}: {len(result.files)} {format} files", as_json=as_json)
 
 
 @click.command(
     "import",
+    cls=Command,
     epilog=examples("import old --from sonata -o episodes", "import eth.txt --from csv --frame-time 0.04 -o eth.json"),
 )
 @click.argument("source", type=PATH, metavar="DIR|FILE")
@@ -54,8 +84,23 @@ def export_command(source: Path, format: str, output: Path, quirks: str | None, 
     type=click.FloatRange(1e-6, 3600.0),
     help="Duration of one frame number in seconds, for track files without times.",
 )
+@click.option("--renumber", is_flag=True, help="Format socnav3: replace ids that a file uses twice by new ones.")
+@click.option(
+    "--walls",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    metavar="FILE",
+    help="Walls of the room, x1,y1,x2,y2 in m, for formats whose files may lack them.",
+)
 @json_option
-def import_command(source: Path, format: str, output: Path, frame_time: float | None, as_json: bool) -> None:
+def import_command(
+    source: Path,
+    format: str,
+    output: Path,
+    frame_time: float | None,
+    renumber: bool,
+    walls: Path | None,
+    as_json: bool,
+) -> None:
     """Import episodes from files of another program.
 
     Each episode records which data its source lacks. Invalid files are refused; the exit code is then 1.
@@ -64,17 +109,25 @@ def import_command(source: Path, format: str, output: Path, frame_time: float | 
     from sonata2d.formats.base import Options
 
     with progress(count_sources(source, format), "files") as advance:
-        result = import_from(source, format, output, Options(frame_time=frame_time), advance=advance)
+        options = Options(frame_time=frame_time, renumber=renumber, walls=walls)
+        result = import_from(source, format, output, options, advance=advance)
     _show_result(result, format, f"{output}: {len(result.files)} episodes from {format}", as_json=as_json)
 
 
 def _show_result(result: TransferResult, format: str, line: str, *, as_json: bool) -> None:
-    """Print what was written, and on standard error what was refused; exit with 1 if anything was refused."""
+    """Print what was written, and on standard error what was not; exit with 1 unless all that can be written was."""
+    from sonata2d.formats.api import summarised
+
+    omitted = {"skipped": result.skipped, "refused": result.refused}
     if as_json:
-        show_json({"format": format, "files": [str(file) for file in result.files], "refused": result.refused})
+        reasons = {name: [str(omission) for omission in found] for name, found in omitted.items()}
+        show_json({"format": format, "files": [str(file) for file in result.files], **reasons, "notes": result.notes})
     else:
-        click.echo(line + (f", {len(result.refused)} refused" if result.refused else ""))
-        for refused in result.refused:
-            click.echo(f"refused: {refused}", err=True)
-    if result.refused:
+        note(line + "".join(f", {len(found)} {name}" for name, found in omitted.items() if found))
+        for name, found in omitted.items():
+            for reason in summarised(found):
+                click.echo(f"{name}: {reason}", err=True)
+        for remark in result.notes:
+            click.echo(f"note: {remark}", err=True)
+    if result.refused or not result.files:
         sys.exit(1)

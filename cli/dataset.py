@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 from pathlib import Path
 
 import click
 
-from .common import PATH, examples, json_option, progress, show_json, show_table, workers_option
+from .command import Command
+from .common import PATH, examples, json_option, note, progress, show_json, workers_option
 
 MAX_PROBLEMS = 20  # problems printed by `check` without --json
 DEFAULT_PARTS = "train=0.8,dev=0.1,test=0.1"
 
 
-@click.command(epilog=examples("check demo", "check demo --replay --workers 2", "check demo/000000.json"))
+@click.command(cls=Command, epilog=examples("check demo", "check demo --replay --workers 2", "check demo/000000.json"))
 @click.argument("path", type=PATH, metavar="DIR|FILE")
 @click.option("--replay", is_flag=True, help="Also run the recorded commands again and compare every byte.")
 @click.option("--rerun", is_flag=True, help="Also run the controller again and compare every byte.")
@@ -44,17 +46,18 @@ def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers
         if len(problems) > MAX_PROBLEMS:
             click.echo(f"... and {len(problems) - MAX_PROBLEMS} more; --json prints all")
         done = "".join([", replayed" if replay else "", ", rerun" if rerun else ""])
-        click.echo(f"{path}: {len(files)} files checked{done}, {len(problems) or 'no'} problems")
+        note(f"{path}: {len(files)} files checked{done}, {len(problems) or 'no'} problems")
     if problems:
         sys.exit(1)
 
 
 @click.command(
+    cls=Command,
     epilog=examples(
         "mirror demo -o demo-mirrored",
         "mirror demo/000000.json -o mirrored.json",
         "mirror demo -o demo-mirrored --labels twist",
-    )
+    ),
 )
 @click.argument("path", type=PATH, metavar="DIR|FILE")
 @click.option("-o", "--output", type=PATH, required=True, help="New folder, or new file.")
@@ -85,7 +88,7 @@ def mirror(path: Path, output: Path, labels: str, as_json: bool) -> None:
     if as_json:
         show_json({"output": str(output), "episodes": episodes, "frames": frames})
     else:
-        click.echo(f"{output}: {episodes} episodes mirrored, {frames} frames")
+        note(f"{output}: {episodes} episodes mirrored, {frames} frames")
 
 
 def _fractions(ctx: click.Context, _: click.Parameter, text: str) -> dict[str, float]:
@@ -102,12 +105,23 @@ def _fractions(ctx: click.Context, _: click.Parameter, text: str) -> dict[str, f
                 f"{piece!r} is not of the form part=fraction, or is given twice; e.g. {DEFAULT_PARTS}"
             )
         fractions[part.strip()] = fraction
+    total = sum(fractions.values())
+    if max(fractions.values()) < 1.0 and abs(total - 1.0) > 0.002:  # thirds may be rounded
+        raise click.BadParameter(
+            f"the fractions add up to {total:g} and not to 1; with whole numbers, as in train=8,test=2, the parts are"
+            " in that proportion"
+        )
     return fractions
 
 
-@click.command(epilog=examples("split demo", "split demo --parts train=0.9,test=0.1 --whole-families"))
+@click.command(cls=Command, epilog=examples("split demo", "split demo --parts train=0.9,test=0.1 --whole-families"))
 @click.argument("folder", type=PATH, metavar="DIR")
-@click.option("--parts", callback=_fractions, default=DEFAULT_PARTS, help="Names and fractions of the parts.")
+@click.option(
+    "--parts",
+    callback=_fractions,
+    default=DEFAULT_PARTS,
+    help="Names of the parts, with fractions that add up to 1, or proportions such as train=8,test=2.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of the assignment.")
 @click.option("--whole-families", is_flag=True, help="Keep all scenes of a family (one kind of room) in one part.")
 @json_option
@@ -126,10 +140,11 @@ def split(folder: Path, parts: dict[str, float], seed: int, whole_families: bool
     if as_json:
         show_json({"folder": str(folder), "split": names})
     else:
-        show_table((part, f"{len(own)} episodes") for part, own in names.items())
+        for part, own in names.items():
+            note(f"{part}: {len(own)} episodes")
 
 
-@click.command(epilog=examples("merge demo demo-mirrored -o both", "merge a b c -o all --json"))
+@click.command(cls=Command, epilog=examples("merge demo demo-mirrored -o both", "merge a b c -o all --json"))
 @click.argument("folders", type=PATH, metavar="DIR...", nargs=-1, required=True)
 @click.option("-o", "--output", type=PATH, required=True, help="New folder.")
 @json_option
@@ -147,23 +162,29 @@ def merge(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
     if as_json:
         show_json({"output": str(output), "episodes": manifest["episodes"], "sources": sources})
     else:
-        click.echo(f"{output}: {manifest['episodes']} episodes of {', '.join(sources)}")
+        note(f"{output}: {manifest['episodes']} episodes of {', '.join(sources)}")
 
 
-@click.command(epilog=examples("card demo", "card demo --no-figures --licence mit"))
+@click.command(cls=Command, epilog=examples("card demo", "card demo --no-figures --licence mit"))
 @click.argument("folder", type=PATH, metavar="DIR")
-@click.option("--figures/--no-figures", default=True, help="Draw statistics of the episodes.")
+@click.option(
+    "--figures/--no-figures",
+    default=None,
+    help="Draw statistics of the episodes.  [default: if matplotlib is installed]",
+)
 @click.option("--licence", metavar="NAME", help="Licence of the data.  [default: cc-by-4.0; other for recorded people]")
 @json_option
-def card(folder: Path, figures: bool, licence: str | None, as_json: bool) -> None:
+def card(folder: Path, figures: bool | None, licence: str | None, as_json: bool) -> None:
     """Write the data card of a data set.
 
     The card is README.md, with figures and the metadata that Hugging Face reads, and croissant.json, with Croissant
     metadata.
     """
-    from sonata2d.datasets.card import FIGURES, write_card
-    from sonata2d.datasets.manifest import CROISSANT, read_manifest
+    from sonata2d.datasets.card import write_card
+    from sonata2d.datasets.manifest import CROISSANT, FIGURES, read_manifest
 
+    is_plain = figures is None and importlib.util.find_spec("matplotlib") is None
+    figures = not is_plain if figures is None else figures
     with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
         path = write_card(folder, figures=figures, licence=licence, advance=advance)
     written = {"card": str(path), "metadata": str(folder / CROISSANT)}
@@ -171,4 +192,6 @@ def card(folder: Path, figures: bool, licence: str | None, as_json: bool) -> Non
     if as_json:
         show_json(written)
     else:
-        click.echo(", ".join(written.values()))
+        note(", ".join(written.values()))
+    if is_plain:
+        click.echo("the card has no figures: they need matplotlib; pip install 'sonata2d[plots]'", err=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .command import Command
 from .common import PATH, examples, json_option, show_json, show_table
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ Rows = list[tuple[str, object]]
 MAX_DISPUTED = 5  # disputed runs printed without --json
 
 
-@click.command(epilog=examples("describe demo", "describe demo/000000.json", "describe demo --json"))
+@click.command(cls=Command, epilog=examples("describe demo", "describe demo/000000.json", "describe demo --json"))
 @click.argument("path", type=PATH, metavar="DIR|FILE")
 @json_option
 def command(path: Path, as_json: bool) -> None:
@@ -41,11 +42,12 @@ def command(path: Path, as_json: bool) -> None:
         show_json(values | {"ratings": [_agreement_json(one) for one in ratings]} if ratings else values)
     else:
         rows += [row for one in ratings for row in _agreement_rows(one)]
-        show_table((name, _text(value)) for name, value in rows)
+        show_table(line for name, value in rows for line in _lines(name, value))
 
 
 def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
     """What the manifest of a data set contains."""
+    from sonata2d.datasets.counts import contact_summary
     from sonata2d.datasets.manifest import MANIFEST, read_manifest
 
     if is_rated and not (folder / MANIFEST).exists():  # single files can be rated without a manifest
@@ -65,6 +67,8 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
         ("frames", sum(file["ticks"] for file in files)),
         ("bytes", sum(file["bytes"] for file in files)),
         ("outcomes", counts["outcome"]),
+        ("contacts", contact_summary(files)),
+        *_limit_rows(files),
         ("families", counts["family"]),
         ("physics version", manifest["physics"]),
         ("sonata2d", manifest["software"]["sonata2d"]),
@@ -78,6 +82,14 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
     if manifest["split"]:
         rows.append(("split", {part: len(names) for part, names in manifest["split"].items()}))
     return rows + (_answer_rows(folder, files) if manifest["collected"] else [])
+
+
+def _limit_rows(rows: list[dict[str, Any]]) -> Rows:
+    """Commands beyond the limits of the robot's drive in the files of a manifest; nothing if there are none."""
+    from sonata2d.datasets.counts import excessive_commands
+
+    found = excessive_commands(rows)
+    return [("commands beyond limits", found)] if found else []
 
 
 def _source_text(source: dict[str, Any]) -> str:
@@ -105,10 +117,12 @@ def _answer_rows(folder: Path, files: list[dict[str, Any]]) -> Rows:
 
 def _episode_rows(path: Path) -> Rows:
     """What an episode file contains."""
+    from sonata2d.datasets.counts import contact_summary
     from sonata2d.record.reader import read_episode
 
     record = read_episode(path)
     scene, document = record.scene(), record.document
+    counts = {"ticks": len(record), **record.counts()}
     walking = sum(human.behaviour != "standing" for human in scene.humans)
     recorded = sum(human.behaviour == "recorded" for human in scene.humans)
     sometimes_absent = int((~record.states.present).any(axis=0).sum())
@@ -130,6 +144,8 @@ def _episode_rows(path: Path) -> Rows:
         ("goal", f"({scene.goal.x}, {scene.goal.y}), reached within {scene.goal.distance} m"),
         ("frames", f"{len(record)}, one each {scene.rules.dt} s"),
         ("outcome", f"{record.outcome.status}: {record.outcome.reason}"),
+        ("contacts", contact_summary([counts])),
+        *_limit_rows([counts]),
         ("labels", document["labels"] or "the command itself"),
         ("not placed", list(scene.dropped)),
     ]
@@ -191,6 +207,13 @@ def _consistency_text(one: RaterConsistency) -> str:
 
 def _coefficient(value: float | None) -> str:
     return "not defined (too few ratings, or all equal)" if value is None else f"{value:.3f}"
+
+
+def _lines(name: str, value: Any) -> list[tuple[str, str]]:
+    """A row as it is printed: contacts take one line for each kind."""
+    from sonata2d.datasets.counts import ContactSummary
+
+    return value.rows() if isinstance(value, ContactSummary) else [(name, _text(value))]
 
 
 def _text(value: Any) -> str:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import click
 
+from .command import Command
 from .common import examples, json_option, show_json
 
 PACKAGES = (
@@ -27,7 +28,7 @@ DIGEST = "fa69ca01d021e9e09ab297d39f0ef070"  # of the frames of the trial episod
 Finding = tuple[bool | None, str]  # whether the check passed (None: an optional part is missing), and a description
 
 
-@click.command(epilog=examples("doctor", "doctor --json"))
+@click.command(cls=Command, epilog=examples("doctor", "doctor --json"))
 @json_option
 def command(as_json: bool) -> None:
     """Check that the installation works: packages, engine, compiler, reproducibility, files, films, display, speed.

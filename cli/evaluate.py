@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .common import PATH, examples, json_option, progress, show_json, workers_option
+from .command import Command, RenamedOption
+from .common import PATH, examples, json_option, note, progress, show_json, workers_option
 from .controllers import CONTROLLER_NAMES
 
 if TYPE_CHECKING:
@@ -24,11 +25,12 @@ DEFAULT_SCENARIO = "sonata-2020"
 
 
 @click.command(
+    cls=Command,
     epilog=examples(
         "evaluate demo",
         "evaluate runs-a runs-b --picture compared.pdf",
         "evaluate --controller social-planner --controller ./mine.py:Mine --episodes 50 --page mine.html",
-    )
+    ),
 )
 @click.argument("paths", nargs=-1, type=PATH, metavar="[DIR|FILE]...")
 @click.option(
@@ -51,8 +53,11 @@ DEFAULT_SCENARIO = "sonata-2020"
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the scenes, the same for all.")
 @workers_option
 @click.option(
+    "out",
     "-o",
+    "--output",
     "--out",
+    cls=RenamedOption,
     type=PATH,
     metavar="DIR",
     help="Store the episodes of the controllers in this folder, and continue them later; else they are deleted.",
@@ -139,7 +144,7 @@ def command(
         _show_table(evaluations, metrics)
         for name, path in {"stored": out and out / COMPARISON, "picture": picture, "page": page}.items():
             if path is not None:
-                click.echo(f"{name}  {path}")
+                note(f"{name}  {path}")
 
 
 def _check_arguments(
@@ -150,7 +155,7 @@ def _check_arguments(
         problem = "not both" if paths else "neither was given"
         raise click.UsageError(f"give folders of recorded episodes, or --controller to run controllers: {problem}")
     if paths and (scenarios or out):
-        raise click.UsageError("--scenario and --out require --controller; recorded episodes have their own scenes")
+        raise click.UsageError("--scenario and --output require --controller; recorded episodes have their own scenes")
 
 
 @contextmanager
@@ -166,16 +171,24 @@ def _sources(
     if paths:
         yield {str(path): [path] for path in paths}
         return
+    from sonata2d.errors import Sonata2dError
     from sonata2d.record.files import safe_texts
 
-    with TemporaryDirectory(prefix="sonata2d-") as temporary:
+    with TemporaryDirectory(prefix="sonata2d-", ignore_cleanup_errors=True) as temporary:
         root, names = out or Path(temporary), list(dict.fromkeys(controllers))
-        yield {
-            name: [
-                _generate(root / folder, name, scenario, *settings, workers) for scenario in dict.fromkeys(scenarios)
-            ]
-            for name, folder in zip(names, safe_texts(names), strict=True)
-        }
+        try:
+            made = {
+                name: [
+                    _generate(root / folder, name, scenario, *settings, workers)
+                    for scenario in dict.fromkeys(scenarios)
+                ]
+                for name, folder in zip(names, safe_texts(names), strict=True)
+            }
+        except Sonata2dError as error:
+            if out is None and temporary in str(error):
+                error.add_note("that folder was temporary; give --output DIR to keep it")
+            raise
+        yield made
 
 
 def _generate(parent: Path, controller: str, scenario: str, episodes: int, seed: int, workers: Workers) -> Path:
@@ -234,4 +247,4 @@ def _show_table(evaluations: Sequence[Evaluation], metrics: Sequence[Metric]) ->
         click.echo(line)
     counts = ", ".join(f"{len(one.episodes)} episodes of {one.label}" for one in evaluations)
     mark = "; * significant difference from the first, in the common scenes" if len(evaluations) > 1 else ""
-    click.echo(f"{counts}; mean [95 % bootstrap interval]{mark}")
+    note(f"{counts}; mean [95 % bootstrap interval]{mark}")

@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from .command import Command, has_flag
 from .common import (
     PATH,
     compress_option,
@@ -18,6 +19,7 @@ from .common import (
     examples,
     exit_interrupted,
     json_option,
+    note,
     progress,
     show_json,
     show_table,
@@ -25,15 +27,14 @@ from .common import (
 )
 from .controllers import CONTROLLER_NAMES
 
-PREVIEW = "preview.png"
-
 
 @click.command(
+    cls=Command,
     epilog=examples(
         "generate demo",
         "generate out --controller ./polite.py:Polite --scenario office.yaml --episodes 100",
         "generate successes --controller human-like --keep goal --episodes 100",
-    )
+    ),
 )
 @click.argument("out", type=PATH)
 @click.option("--scenario", default="sonata-2020", metavar="NAME|FILE", help="Scenario preset, or a scenario file.")
@@ -53,6 +54,7 @@ PREVIEW = "preview.png"
     help="Keep only episodes with this outcome, and generate until --episodes are kept; may be repeated.",
 )
 @click.option("--resume", is_flag=True, help="Continue an interrupted data set.")
+@click.option("--overwrite", is_flag=True, help="Replace the data set in OUT; files of others stay.")
 @compress_option
 @click.option("--picture/--no-picture", default=True, help="Draw the first episode.")
 @json_option
@@ -65,6 +67,7 @@ def command(
     workers: int,
     keep: tuple[str, ...],
     resume: bool,
+    overwrite: bool,
     compress: str,
     picture: bool,
     as_json: bool,
@@ -75,8 +78,11 @@ def command(
     interruptions.
     """
     from sonata2d.datasets.generate import generate_dataset
+    from sonata2d.datasets.manifest import PREVIEW
     from sonata2d.scenegen.scenario.load import load_scenario
 
+    if resume and overwrite:
+        raise click.UsageError("--resume continues a data set and --overwrite replaces it; give one of them")
     config = load_scenario(scenario)
     with progress(episodes, "episodes") as advance, _hint_at_resume(out):
         manifest = generate_dataset(
@@ -88,6 +94,7 @@ def command(
             workers=workers,
             keep=keep,
             resume=resume,
+            overwrite=overwrite,
             suffix=episode_suffix(compress),
             advance=advance,
         )
@@ -119,17 +126,21 @@ def _draw(episode: Path, picture: Path) -> None:
 
 def _show_summary(out: Path, first: Path, manifest: dict[str, Any], picture: bool) -> None:
     """Print what was generated, and a command to run next."""
+    from sonata2d.datasets.counts import contact_summary
+    from sonata2d.datasets.manifest import PREVIEW
+
     files = manifest["files"]
     outcomes = ", ".join(f"{count} {name}" for name, count in manifest["counts"]["outcome"].items())
     size = sum(file["bytes"] for file in files) / 1e6
     frames = sum(file["ticks"] for file in files)
-    click.echo(f"{out}: {len(files)} episodes of {manifest['name']}, {frames} frames, {size:.1f} MB")
-    rows: list[tuple[str, object]] = [("outcomes", outcomes)]
+    note(f"{out}: {len(files)} episodes of {manifest['name']}, {frames} frames, {size:.1f} MB")
+    rows: list[tuple[str, object]] = [("outcomes", outcomes), *contact_summary(files).rows()]
     if "left_out" in manifest:
         rows.append(("left out", ", ".join(f"{n} {name}" for name, n in manifest["left_out"].items()) or "none"))
     rows += [("manifest", out / "manifest.json"), ("data card", out / "README.md")]
     if picture:
         rows.append(("picture", out / PREVIEW))
-    show_table(rows, indent="  ")
+    if not has_flag("quiet"):
+        show_table(rows, indent="  ")
     program = "sonata2d" if shutil.which("sonata2d") else sys.argv[0]
-    click.echo(f"next:  {program} render {first} -o {first.name.split('.')[0]}.html")
+    note(f"next:  {program} render {first} -o {first.name.split('.')[0]}.html")

@@ -5,12 +5,15 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import traceback
 import warnings
-from typing import Any
+from pathlib import Path
+from typing import Any, NoReturn
 
 import click
 
-from .common import exit_interrupted, raising_terminated
+from .command import SETTINGS, Group, has_flag
+from .common import EXIT_BUG, examples, exit_interrupted, raising_terminated
 
 # section of the overview: name of the command: (module and attribute, description)
 SECTIONS = {
@@ -39,10 +42,11 @@ SECTIONS = {
         "doctor": ("doctor:command", "Check that the installation works."),
     },
 }
+WIDTH = max(len(name) for section in SECTIONS.values() for name in section)
 COMMANDS = {name: place for section in SECTIONS.values() for name, (place, _) in section.items()}
 
 
-class Commands(click.Group):
+class Commands(Group):
     """A group that imports a command only when it is used, so that `--help` is fast, and reports errors in one line."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -55,20 +59,10 @@ class Commands(click.Group):
         command: click.Command = getattr(importlib.import_module(f".{module}", __package__), attribute)
         return command
 
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        try:
-            return super().resolve_command(ctx, args)
-        except click.UsageError as error:
-            from sonata2d.registry import did_you_mean
-
-            raise click.UsageError(error.message.rstrip(".") + did_you_mean(args[0], COMMANDS), ctx) from None
-
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for title, commands in SECTIONS.items():
             with formatter.section(title):
-                formatter.write_dl([(f"{name:<11}", description) for name, (_, description) in commands.items()])
+                formatter.write_dl([(f"{name:<{WIDTH}}", description) for name, (_, description) in commands.items()])
 
     def invoke(self, ctx: click.Context) -> Any:
         warnings.formatwarning = _warning_line
@@ -80,17 +74,56 @@ class Commands(click.Group):
         except BrokenPipeError:  # the reader of a pipe has ended, as in `sonata2d describe out | head`
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise SystemExit(141) from None
-        except Exception as error:
-            from sonata2d.errors import Sonata2dError
-
-            if isinstance(error, Sonata2dError):
-                raise click.ClickException(_error_line(error)) from error
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
+        except Exception as error:
+            if has_flag("traceback"):
+                click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
+            _exit_with(error)
+
+
+def _exit_with(error: Exception) -> NoReturn:
+    """Report an error in one line, and exit with 1, or with another code if it is a bug."""
+    from sonata2d.errors import Sonata2dError
+
+    if isinstance(error, (Sonata2dError, OSError)):  # an OSError names the file
+        raise click.ClickException(_error_line(error)) from error
+    if isinstance(error, MemoryError):
+        raise click.ClickException("not enough memory; use fewer --workers, or smaller files") from error
+    place, is_bug = _origin(error)
+    line = f"{_error_line(error)} ({Path(place.filename).name}, line {place.lineno})"
+    if not is_bug:
+        raise click.ClickException(line) from error
+    click.echo(
+        f"Error: unexpected {line}; this is a bug of sonata2d or of a plug-in: please report it, with what the same"
+        " command prints with --traceback",
+        err=True,
+    )
+    raise SystemExit(EXIT_BUG) from error
+
+
+def _origin(error: Exception) -> tuple[traceback.FrameSummary, bool]:
+    """The innermost place of an error outside libraries, and whether it is in sonata2d and not in a user's file."""
+    import sysconfig
+
+    import sonata2d
+
+    own = [Path(__file__).parent, Path(str(sonata2d.__file__)).parent]
+    libraries = [Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")]
+    frames = traceback.extract_tb(error.__traceback__)
+    for frame in reversed(frames):
+        parents = Path(frame.filename).resolve().parents
+        if any(folder.resolve() in parents for folder in own):
+            return frame, True
+        if not any(folder.resolve() in parents for folder in libraries):
+            return frame, frame.filename.startswith("<")
+    return frames[-1], True
 
 
 def _error_line(error: Exception) -> str:
-    """`SceneError: no free spot ...`, followed by the notes that were added to the error."""
-    return "; ".join([f"{type(error).__name__}: {error}", *getattr(error, "__notes__", [])])
+    """`SceneError: no free spot ...`, followed by the notes that were added to the error, in one line."""
+    parts = [f"{type(error).__name__}: {error}", *getattr(error, "__notes__", [])]
+    return "; ".join(" ".join(part.split()) for part in parts)
 
 
 def _warning_line(
@@ -111,8 +144,8 @@ def _show_version(ctx: click.Context, _: click.Parameter, is_set: bool) -> None:
 
 @click.group(
     cls=Commands,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100, "show_default": True},
-    epilog="First steps:\n\n\b\n  sonata2d generate demo\n  sonata2d render demo/000000.json -o demo.html",
+    context_settings=SETTINGS,
+    epilog=examples("generate demo", "render demo/000000.json -o demo.html", "check demo --replay"),
 )
 @click.option(
     "--version", is_flag=True, callback=_show_version, expose_value=False, is_eager=True, help="Show versions and exit."

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from .common import PATH, examples, json_option, show_json
+from .command import Command
+from .common import PATH, examples, json_option, note, progress, show_json
 
 if TYPE_CHECKING:
     from sonata2d.record.record import EpisodeRecord
 
 
 @click.command(
+    cls=Command,
     epilog=examples(
         "render demo/000000.json -o episode.html",
         "render demo/000000.json -o moments.png --strip 4",
         "render demo/000000.json -o film.mp4 --speed 2",
         "render demo/000000.json -o graph.png --graph",
-    )
+    ),
 )
 @click.argument("file", type=PATH)
 @click.option("-o", "--output", type=PATH, required=True, help="Output file: .png, .svg, .gif, .mp4 or .html.")
@@ -31,9 +34,23 @@ if TYPE_CHECKING:
 )
 @click.option("--zones", is_flag=True, help="Draw the intimate and personal space of people.")
 @click.option("--ids", is_flag=True, help="Draw the ids of people and objects.")
+@click.option(
+    "--legend/--no-legend",
+    default=None,
+    help="Explain the symbols below a picture or film, or not.  [default: --legend]",
+)
 @click.option("--graph", is_flag=True, help="Draw the last graph of the episode: up to three instants (.png).")
 @json_option
-def command(file: Path, output: Path, zones: bool, ids: bool, graph: bool, as_json: bool, **options: Any) -> None:
+def command(
+    file: Path,
+    output: Path,
+    zones: bool,
+    ids: bool,
+    legend: bool | None,
+    graph: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
     """Draw the episode FILE as a picture, a film or a page.
 
     The suffix of the output selects the format: a picture (.png, .svg), a film (.gif, .mp4) or a self-contained page
@@ -41,27 +58,35 @@ def command(file: Path, output: Path, zones: bool, ids: bool, graph: bool, as_js
     """
     from sonata2d.record.reader import read_episode
     from sonata2d.view.draw import Layers
-    from sonata2d.view.files import render
+    from sonata2d.view.files import FILM_SUFFIXES, render
 
     record = read_episode(file)
     if graph:
-        if any((*options.values(), zones, ids)):
-            raise click.UsageError("--graph cannot be combined with --strip, --fps, --speed, --size, --zones or --ids")
+        if any((*options.values(), zones, ids, legend is not None)):
+            raise click.UsageError(
+                "--graph cannot be combined with --strip, --fps, --speed, --size, --zones, --ids or --legend"
+            )
         _draw_graph(record, output, as_json)
         return
-    render(
-        list(record.snapshots()),
-        output,
-        layers=Layers(zones=zones, ids=ids),
-        outcome=record.outcome.status,
-        commands=record.command.tolist(),
-        labels=record.labels,
-        **{name: value for name, value in options.items() if value is not None},  # strip, fps, speed, size
-    )
+    if legend is not None and output.suffix.lower() == ".html":
+        raise click.UsageError("--legend and --no-legend have no effect on a page, which always has its legend")
+    snapshots = list(record.snapshots())
+    is_film = output.suffix.lower() in FILM_SUFFIXES
+    with progress(len(snapshots), "snapshots drawn") if is_film else nullcontext() as advance:
+        render(
+            snapshots,
+            output,
+            layers=Layers(zones=zones, ids=ids, legend=legend is not False),
+            outcome=record.outcome.status,
+            advance=advance,
+            commands=record.command.tolist(),
+            labels=record.labels,
+            **options,  # strip, fps, speed, size
+        )
     if as_json:
         show_json({"output": str(output), "frames": len(record)})
     else:
-        click.echo(f"{output}: {len(record)} frames, {record.outcome.status}")
+        note(f"{output}: {len(record)} frames, {record.outcome.status}")
 
 
 def _draw_graph(record: EpisodeRecord, output: Path, as_json: bool) -> None:
@@ -76,4 +101,4 @@ def _draw_graph(record: EpisodeRecord, output: Path, as_json: bool) -> None:
     if as_json:
         show_json({"output": str(output), "graphs": len(graphs), "edges": len(graphs[-1].relation)})
     else:
-        click.echo(f"{output}: the last of {len(graphs)} graphs, {len(graphs[-1].ticks)} instants")
+        note(f"{output}: the last of {len(graphs)} graphs, {len(graphs[-1].ticks)} instants")

@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from .common import PATH, examples, json_option, progress, show_json, show_table
+from .command import Group
+from .common import PATH, examples, json_option, note, progress, show_json, show_table
 from .controllers import CONTROLLER_NAMES
 
 
@@ -26,7 +27,7 @@ def _parse_numbers(context: click.Context, option: click.Parameter, value: str |
     return numbers
 
 
-@click.group()
+@click.group(cls=Group)
 def command() -> None:
     """List, show, draw, check and create scenarios.
 
@@ -84,7 +85,7 @@ def draw_scenario(scenario: str, output: Path, scenes: int, seed: int, as_json: 
     if as_json:
         show_json({"picture": str(output), "scenes": scenes})
     else:
-        click.echo(f"{output}: {scenes} scenes of {config.name}")
+        note(f"{output}: {scenes} scenes of {config.name}")
 
 
 @command.command(
@@ -134,7 +135,7 @@ def scenario_from_tracks(tracks: Path, output: Path, as_json: bool, **options: A
         counts = {"people": len(config.people), "replayed": replayed, "walls": len(config.room.walls)}
         show_json({"scenario": str(output), **counts})
     else:
-        click.echo(f"{output}: {config.description}; {len(config.people)} people, {replayed} of them replayed")
+        note(f"{output}: {config.description}; {len(config.people)} people, {replayed} of them replayed")
 
 
 @command.command(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from .command import Command
 from .common import PATH, examples, json_option, show_json, size_option
 from .controllers import CONTROLLER_NAMES
 
@@ -15,11 +16,12 @@ if TYPE_CHECKING:
 
 
 @click.command(
+    cls=Command,
     epilog=examples(
         "view demo",
         "view demo/000000.json --follow --speed 2",
         "view --live --controller ./polite.py:Polite --scenario office.yaml --seed 7",
-    )
+    ),
 )
 @click.argument("path", type=PATH, metavar="[DIR|FILE]", required=False)
 @click.option("--follow/--top", default=None, help="Camera behind the robot, or the whole room.  [default: --top]")

@@ -63,3 +63,7 @@ class PluginWarning(UserWarning):
 
 class MetricError(Sonata2dError):
     """A metric is unknown, or runs cannot be compared."""
+
+
+class ControllerWarning(UserWarning):
+    """A controller may not do what its author intends, or is not the one that was recorded."""

@@ -10,6 +10,7 @@ Listing names imports nothing; an object is imported when it is loaded.
 from __future__ import annotations
 
 import importlib
+import logging
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
@@ -18,6 +19,8 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from .errors import FOREIGN_ERRORS, ConfigError, ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
+
+logger = logging.getLogger(__name__)
 
 Check = Callable[[object], str | None]  # why an object is not of the registry's kind, or None
 
@@ -122,6 +125,7 @@ class Registry:
         reason = check(found)
         if reason is not None:
             raise self.error(f"{plugin} {reason}")
+        logger.info("loaded the %s", plugin)
         return found
 
 

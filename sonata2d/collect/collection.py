@@ -6,7 +6,6 @@ import logging
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -282,7 +281,7 @@ def _read_rows(folder: Path, known: dict[str, JsonDict]) -> Iterator[JsonDict]:
 
 def _read_row(path: Path) -> JsonDict:
     record = read_episode(path)
-    return asdict(manifest_entry(record)) | {"contributor": record.contributor or "", "seed": record.seed}
+    return manifest_entry(record).row() | {"contributor": record.contributor or "", "seed": record.seed}
 
 
 def _valid_split(folder: Path, names: Iterable[str]) -> JsonDict | None:

@@ -16,6 +16,7 @@ bits: fast-math stays off, and `core.scalar` has the elementary functions. Numba
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from collections.abc import Callable
@@ -59,13 +60,13 @@ _OPTIONS = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 
 @cache
 def say_if_slow() -> None:
-    """Say on standard error, once, that numba is missing; not where it was disabled or cannot be installed."""
+    """Log a warning, once, that numba is missing; not where it was disabled or cannot be installed."""
     from multiprocessing import parent_process
 
     is_wanted = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and sys.platform != "emscripten"
     if is_wanted and not IS_COMPILED and parent_process() is None:
-        with suppress(AttributeError, OSError, ValueError):  # no standard error, or a closed one
-            sys.stderr.write(f"sonata2d: {BACKEND}\n")
+        with suppress(ValueError):  # standard error is closed
+            logging.getLogger(__name__).warning("sonata2d: %s", BACKEND)
 
 
 def subroutine(function: F) -> F:

@@ -10,6 +10,7 @@ and the processor. A file is never out of date: processes, plug-ins and versions
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import pickle
 import re
@@ -30,6 +31,8 @@ from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 
 from .kernel_key import NotCacheableError, key_of
+
+logger = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -129,6 +132,7 @@ class _KernelFiles:
                 if result.signature.args == signature:
                     return result
         _announce(is_kept=name is not None)
+        logger.info("compiling %s.%s", self._kernel.__module__, self._kernel.py_func.__name__)
         return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
@@ -240,7 +244,7 @@ def _locked(name: str) -> Iterator[None]:
         try:
             lock.acquire(timeout=_SILENT_WAIT)
         except filelock.Timeout:
-            _say("waiting for another process that compiles the same ...")
+            _say_waiting()
             lock.acquire(timeout=_LOCK_TIMEOUT)
     try:
         yield
@@ -249,6 +253,11 @@ def _locked(name: str) -> Iterator[None]:
             lock.release()
             with suppress(OSError):
                 Path(lock.lock_file).unlink(missing_ok=True)
+
+
+@cache  # once for all kernels
+def _say_waiting() -> None:
+    _say("waiting for another process that compiles the same ...")
 
 
 _is_announced = False
@@ -277,9 +286,9 @@ def _announce(is_kept: bool) -> None:
 
 
 def _say(message: str) -> None:
-    with suppress(AttributeError, OSError, ValueError):  # no standard error, or a closed one
-        sys.stderr.write(f"sonata2d: {message}\n")
-        sys.stderr.flush()
+    """Log a warning, which Python writes to standard error unless logging is configured otherwise."""
+    with suppress(ValueError):  # standard error is closed
+        logger.warning("sonata2d: %s", message)
 
 
 def _is_start_announced(stamp: Path) -> bool:

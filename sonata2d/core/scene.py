@@ -74,6 +74,10 @@ class Social:
         return max(self.visits, self.joins, self.meets, self.leaves) > 0.0
 
 
+Unmeasured = Literal["robot", "goal", "headings", "heads", "seed", "outcome"]
+"""What a recording of another program may lack; headings are the directions of pedestrians' bodies."""
+
+
 @dataclass(frozen=True)
 class Scene:
     """The layout that an episode starts from, with all that determines its course apart from the controller.
@@ -86,6 +90,7 @@ class Scene:
         seed, episode: what the scene was generated from; they also seed the choices that pedestrians make.
         settings: resolved scenario settings as JSON values; None for a scene that was not generated.
         dropped: requested entities that could not be placed.
+        unmeasured: what the source of an imported episode does not record; pictures do not show it.
     """
 
     name: str
@@ -104,6 +109,7 @@ class Scene:
     episode: int = 0
     settings: dict[str, Any] | None = None
     dropped: tuple[str, ...] = ()
+    unmeasured: frozenset[Unmeasured] = frozenset()
 
     @cached_property
     def barriers(self) -> Barriers:

@@ -6,25 +6,29 @@ Generation writes a card from the manifest alone. `write_card` (`sonata2d card`)
 from __future__ import annotations
 
 import hashlib
+import html
 import json
 import re
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
 import orjson
 
 from ..errors import ConfigError, RecordError
+from ..record.counts import ANY_KIND
 from ..record.files import read_bytes, write_atomically
 from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from .card_figure import EpisodeStatistics, collect_statistics, draw_statistics, require_matplotlib
+from .counts import ContactSummary, contact_summary
 from .croissant import croissant_metadata
 from .executors import Advance
-from .manifest import CARD, CROISSANT, MANIFEST, SCENARIO, read_manifest, write_json
+from .manifest import CARD, CROISSANT, FIGURES, MANIFEST, SCENARIO, read_manifest, write_json
 
-FIGURES = "card.png"
 _LICENCE = re.compile(r"[a-z0-9][a-z0-9.+-]*")  # a licence identifier of Hugging Face
+_MARKUP = re.compile(r"[\\`*_\[\]|~$!#]")  # begins or ends Markdown markup; HTML is escaped separately
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 _CARD = """\
@@ -41,13 +45,15 @@ tags:
 size_categories:
 - {size}
 ---
-# {title}
+# {heading}
 
 {origin}{mirrored}{recorded}{kept}
 ## Contents
 | outcome | episodes |
 | --- | ---: |
 {outcomes}
+
+{contacts}
 
 | family | episodes |
 | --- | ---: |
@@ -67,15 +73,13 @@ Use the data for training and comparison, not as evidence of how people feel abo
 """
 
 _GENERATED = """\
-{count} of {requested} episodes of a robot among pedestrians in the scenario `{name}`, simulated by
-sonata2d {sonata2d} with the controller `{controller}`.
+{count} of {requested} episodes of a robot among pedestrians in the scenario {name}, simulated by
+sonata2d {sonata2d} with the controller {controller}.
 
 ## Reproduction
-```
-sonata2d generate AGAIN --scenario scenario.json --seed {seed} --episodes {requested} --controller {controller}{keep}
-```
-`scenario.json` beside this card and every episode contain the full settings. The same settings, seed and physics
-version ({physics}) give the same bytes; `sonata2d check --replay` verifies this.
+{command}
+`scenario.json` beside this card and every episode contain the full settings. The same settings, seed, controller and
+physics version ({physics}) give the same bytes; `sonata2d check --replay` verifies this.{code}
 """
 
 _COLLECTED = """\
@@ -198,22 +202,22 @@ def card_text(manifest: JsonDict, licence: str | None = None, figures: str = "")
     origin = template.format(
         count=len(files),
         requested=manifest["episodes"],
-        name=manifest["name"],
-        seed=manifest["seed"],
-        sonata2d=manifest["software"]["sonata2d"],
-        controller=(manifest["controller"] or {}).get("path"),
+        name=_code(manifest["name"] or ""),
+        sonata2d=_inline(manifest["software"]["sonata2d"]),
+        controller=_code((manifest["controller"] or {}).get("path", "")),
+        command=_code_block(_generating_command(manifest)),
+        code=_code_sentence(manifest),
         physics=manifest["physics"],
         others=_pedestrian_kinds(manifest),
         drivers="one person" if driver_count == 1 else f"{driver_count} people",
         source_count=len(sources),
         source_table=_source_table(sources),
-        keep="".join(f" --keep {status}" for status in manifest.get("keep") or ()),
     )
     # A mirrored source repeats the selection of its original, so it gets a section only where no original is merged.
     originals = [source for source in sources or [manifest] if not source.get("mirrored")] or sources or [manifest]
     has_recorded = _recorded_count(manifest)[0] > 0
     return _CARD.format(
-        title=title,
+        heading=_inline(title),
         quoted_title=json.dumps(title, ensure_ascii=False),
         size=next((name for limit, name in _SIZES if len(files) < limit), "n>1M"),
         licence=licence or _default_licence(manifest),
@@ -223,12 +227,29 @@ def card_text(manifest: JsonDict, licence: str | None = None, figures: str = "")
         recorded=_recorded_section(manifest) if has_recorded else "",
         kept="".join(_kept_section(source) for source in originals),
         outcomes=_count_rows(counts["outcome"]),
+        contacts=_contact_section(contact_summary(files)),
         families=_count_rows(counts["family"]),
         frames=sum(file["ticks"] for file in files),
         precision=manifest["precision"],
         figures=figures,
         simulated="Pedestrians without recorded tracks are" if has_recorded else "Pedestrians are",
     )
+
+
+def _generating_command(manifest: JsonDict) -> str:
+    """The command that generates a data set again, quoted for a shell."""
+    arguments = ["--scenario", SCENARIO, "--seed", manifest["seed"], "--episodes", manifest["episodes"]]
+    arguments += ["--controller", (manifest["controller"] or {}).get("path", "")]
+    arguments += [argument for status in manifest.get("keep") or () for argument in ("--keep", status)]
+    return shlex.join(["sonata2d", "generate", "AGAIN", *map(str, arguments)])
+
+
+def _code_sentence(manifest: JsonDict) -> str:
+    """What the same controller means, if it is not part of sonata2d; else an empty string."""
+    hashes = (manifest.get("controller_sha256") or {}).values()
+    if not hashes:
+        return ""
+    return f" The controller is the\nsame if its source file has the SHA-256 {' and '.join(hashes)}."
 
 
 def title_of(manifest: JsonDict) -> str:
@@ -278,21 +299,72 @@ def _kept_section(source: JsonDict) -> str:
     if not source.get("keep"):
         return ""
     counts = ", ".join(f"{count} {outcome}" for outcome, count in (source.get("left_out") or {}).items()) or "none"
-    files = f" (files `{source['name']}__…`)" if "scenario" in source else ""  # only sources have the key `scenario`
+    files = (
+        f" (files {_code(source['name'] + '__…')})" if "scenario" in source else ""
+    )  # only sources have the key `scenario`
     return _KEPT.format(keep=", ".join(source["keep"]) + files, left_out=counts)
 
 
 def _source_table(sources: list[JsonDict]) -> str:
     rows = ["| files | scenario | seed | episodes | |", "| --- | --- | ---: | ---: | --- |"]
     for source in sources:
-        scenario = "driven by people" if source["scenario"] is None else source["scenario"].replace("|", "/")
+        scenario = "driven by people" if source["scenario"] is None else _inline(source["scenario"])
         seed, mirrored = "" if source["seed"] is None else source["seed"], "mirrored" if source.get("mirrored") else ""
-        rows.append(f"| `{source['name']}__…` | {scenario} | {seed} | {len(source['files'])} | {mirrored} |")
+        rows.append(
+            f"| {_cell(_code(source['name'] + '__…'))} | {scenario} | {seed} | {len(source['files'])} | {mirrored} |"
+        )
     return "\n".join(rows)
 
 
 def _count_rows(counts: dict[str, int]) -> str:
-    return "\n".join(f"| {key.replace('|', '/')} | {count} |" for key, count in counts.items())
+    return "\n".join(f"| {_inline(key)} | {count} |" for key, count in counts.items())
+
+
+def _inline(text: str) -> str:
+    """Text as Markdown that shows it as it is: names come from files of others, and must not become markup."""
+    return _MARKUP.sub(r"\\\g<0>", html.escape(_one_line(text), quote=False))
+
+
+def _code(text: str) -> str:
+    """Text as a Markdown code span, whose delimiters are longer than the backticks in it."""
+    text = _one_line(text)
+    fence = "`" * (_longest_run(text) + 1)
+    return f"{fence} {text} {fence}" if "`" in text or not text.strip() else f"{fence}{text}{fence}"
+
+
+def _cell(markdown: str) -> str:
+    """Markdown in a cell of a table; there a bar must be escaped even in a code span."""
+    return markdown.replace("|", "\\|")
+
+
+def _code_block(text: str) -> str:
+    fence = "`" * max(_longest_run(text) + 1, 3)
+    return f"{fence}\n{text}\n{fence}"
+
+
+def _longest_run(text: str) -> int:
+    """Length of the longest run of backticks."""
+    return max(map(len, re.findall("`+", text)), default=0)
+
+
+def _one_line(text: str) -> str:
+    """Text without line breaks and control characters, which may be invisible or change what is shown."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
+def _contact_section(summary: ContactSummary) -> str:
+    """Table of the robot's contacts by kind; a sentence if there are none, or they are not counted."""
+    uncounted = f"The contacts of {summary.uncounted_episodes} episodes were not counted."
+    if not summary.contacts:
+        return uncounted if summary.uncounted_episodes else "The robot touched nothing in any frame."
+    rows = ["| robot in contact with | episodes | frames | robot at fault | other at fault |"]
+    rows.append("| --- | ---: | ---: | ---: | ---: |")
+    for kind, contacts in summary.contacts.items():
+        frames = (contacts.frames, contacts.robot_at_fault, contacts.other_at_fault)
+        shares = " | ".join(summary.share(count) for count in frames)
+        rows.append(f"| {'anything' if kind == ANY_KIND else kind} | {contacts.episodes} | {shares} |")
+    note = "\nFault is with the side whose own velocity closes the gap: both, or neither, are possible."
+    return "\n".join([*rows, note, *([uncounted] if summary.uncounted_episodes else [])])
 
 
 def _figures_section(statistics: EpisodeStatistics) -> str:

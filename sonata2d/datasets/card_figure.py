@@ -132,7 +132,7 @@ def draw_statistics(path: Path, statistics: EpisodeStatistics, title: str) -> No
 
     figure = Figure(figsize=(9.6, 6.0), dpi=150, layout="constrained")
     panels = figure.subplots(2, 3)
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(title, fontsize=11, parse_math=False)
     extent = _visible_extent(statistics.robot + statistics.pedestrians)
     _draw_map(panels[0, 0], statistics.robot, extent, "Positions of the robot")
     _draw_map(panels[0, 1], statistics.pedestrians, extent, "Positions of the pedestrians")

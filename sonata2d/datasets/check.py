@@ -5,16 +5,15 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import InvalidFileError, RecordError
 from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
-from .manifest import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO, manifest_entry, read_manifest
+from .manifest import CARD, CROISSANT, LOG, MANIFEST, METRICS, SCENARIO, manifest_entry, read_manifest
 from .plausibility import Finding, implausible_values
-from .progress import LOG
 
 _MAXIMUM_FINDINGS = 20  # of the reader, reported per file
 
@@ -142,11 +141,11 @@ def check_record(record: EpisodeRecord, file: ListedFile | None = None) -> list[
 def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
     """Differences between a file and what the manifest states about it."""
     name, entry = record.path.name, file.entry
-    actual = asdict(manifest_entry(record))
+    actual = manifest_entry(record).row()
     problems = [
         Problem(name, key, f"is {actual[key]}, the manifest says {entry[key]}")
         for key in actual
-        if actual[key] != entry[key]
+        if key in entry and actual[key] != entry[key]  # manifests of version 0.1 do not count contacts
     ]
     for key, value in file.shared.items():
         if record.document[key] != value:

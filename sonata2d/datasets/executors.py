@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import gc
+import logging
 import os
 import pickle
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
 from functools import cached_property, partial
 from itertools import islice
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.synchronize import Event
 from typing import Any, Self, TypeVar
 
-from ..errors import WorkerError
+from ..errors import PluginWarning, WorkerError
 
+logger = logging.getLogger(__name__)
+
+_PACKAGE = "sonata2d"  # name of the logger of the whole package
 CHUNK_SIZE = 4  # items sent to a worker at a time
 
 Advance = Callable[[int], None]  # progress callback; its argument is the number of items finished since the last call
@@ -52,10 +57,10 @@ class Workers:
         if self.count <= 1 or len(items) <= 1:
             yield from map(function, items)
             return
-        with _crashes_explained():
-            with _signals_deferred():
-                results = self._pool.map(function, items, chunksize=CHUNK_SIZE)
-            yield from results
+        chunks = [items[start : start + CHUNK_SIZE] for start in range(0, len(items), CHUNK_SIZE)]
+        with self._submitting() as submit:
+            for future in submit(partial(_map_chunk, function), chunks):
+                yield from future.result()
 
     def unordered(
         self, set_up: Callable[[], Callable[[T], R]], items: Iterator[T], is_last: Callable[[R], bool]
@@ -64,29 +69,52 @@ class Workers:
         if self.count <= 1:
             yield from map(set_up(), items)
             return
-        pool, run = self._pool, partial(_run_chunk, pickle.dumps((set_up, is_last)))
+        run = partial(_run_chunk, pickle.dumps((set_up, is_last)))
         pending: set[Future[list[R]]] = set()
         chunks = iter(lambda: tuple(islice(items, CHUNK_SIZE)), ())
-        self._stop.clear()
+        with self._submitting() as submit:
+            while True:
+                pending.update(submit(run, list(islice(chunks, 2 * self.count - len(pending)))))
+                if not pending:
+                    return
+                finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    yield from future.result()
+
+    @contextmanager
+    def _submitting(self) -> Iterator[Callable[[Callable[[Any], Any], list[Any]], list[Future[Any]]]]:
+        """Yields a function that lets the processes apply a function to arguments; at the end they are free again.
+
+        Raises:
+            WorkerError: a process cannot be started, or crashed.
+        """
+        with _starting_processes():
+            pool, stop = self._pool, self._stop
+        unfinished: set[Future[Any]] = set()
+
+        def submit(function: Callable[[Any], Any], arguments: list[Any]) -> list[Future[Any]]:
+            with _starting_processes():
+                submitted = [pool.submit(function, argument) for argument in arguments]
+                unfinished.update(submitted)
+            for future in submitted:
+                future.add_done_callback(unfinished.discard)  # a finished future holds its results
+            return submitted
+
+        stop.clear()
         try:
             with _crashes_explained():
-                while True:
-                    free = 2 * self.count - len(pending)
-                    with _signals_deferred():
-                        pending |= {pool.submit(run, chunk) for chunk in islice(chunks, free)}
-                    if not pending:
-                        return
-                    finished, pending = wait(pending, return_when=FIRST_COMPLETED)
-                    for future in finished:
-                        yield from future.result()
+                yield submit
         finally:
-            self._stop.set()
-            wait({future for future in pending if not future.cancel()})
+            # Pending chunks end at once, because of the stop request. They are not cancelled: if a process has been
+            # killed meanwhile, the pool fails on cancelled futures (Python 3.11).
+            stop.set()
+            wait(list(unfinished))
 
     @cached_property
     def _pool(self) -> ProcessPoolExecutor:
         context = get_context("spawn")  # the same start method on every system
-        return ProcessPoolExecutor(self.count, mp_context=context, initializer=_start_worker, initargs=(self._stop,))
+        told = self._stop, logging.getLogger(_PACKAGE).level, warnings.formatwarning
+        return ProcessPoolExecutor(self.count, mp_context=context, initializer=_start_worker, initargs=told)
 
     @cached_property
     def _stop(self) -> Event:
@@ -134,17 +162,40 @@ def _shared(workers: int | Workers) -> Iterator[Workers]:
 
 @contextmanager
 def _crashes_explained() -> Iterator[None]:
-    """Turn the crash of a worker process into an error that says what to do.
+    """Turn the crash of a worker process into an error that says what to do; say what Ctrl-C and SIGTERM wait for.
 
     Raises:
         WorkerError: a worker process crashed.
     """
     try:
         yield
+    except KeyboardInterrupt:
+        logger.warning("stopping: each worker process first finishes its episode, or the compilation under way")
+        raise
     except BrokenProcessPool as error:
         raise WorkerError(
             "a worker process crashed or was killed; if memory was short, use fewer workers, and if a kernel of your "
             "own is used, look for an index outside an array with NUMBA_BOUNDSCHECK=1 and one worker"
+        ) from error
+
+
+@contextmanager
+def _starting_processes() -> Iterator[None]:
+    """Start processes in this block: whole, or not at all.
+
+    Raises:
+        WorkerError: the system refuses a process.
+    """
+    before = set(active_children())
+    try:
+        with _signals_deferred():
+            yield
+    except OSError as error:
+        for child in set(active_children()) - before:
+            child.terminate()  # it would wait for work, and the program for it
+        raise WorkerError(
+            f"a worker process cannot be started: {error.strerror or error}; use fewer workers, or raise the limit of "
+            "open files (ulimit -n)"
         ) from error
 
 
@@ -179,9 +230,20 @@ _stop_request: Event
 _present_call: tuple[bytes, Any, Any] = b"", None, None
 
 
-def _start_worker(stop: Event) -> None:
-    """Prepare a worker process: it ignores Ctrl-C and exits when its parent process ends."""
+def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -> None:
+    """Prepare a worker process: it ignores Ctrl-C, exits when its parent process ends, and logs as its parent does.
+
+    Args:
+        stop: request to stop.
+        level: of the parent's logger.
+        format_warning: the parent's `warnings.formatwarning`.
+    """
     global _stop_request
+    warnings.formatwarning = format_warning
+    warnings.simplefilter("ignore", PluginWarning)  # the parent has loaded the same plug-ins
+    if level != logging.NOTSET:
+        logging.getLogger(_PACKAGE).setLevel(level)
+        logging.basicConfig()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     assert parent is not None
@@ -192,6 +254,16 @@ def _start_worker(stop: Event) -> None:
 
     threading.Thread(target=exit_with_parent, daemon=True).start()
     _stop_request = stop
+
+
+def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Results for the items of a chunk, up to a stop request."""
+    results: list[R] = []
+    for item in items:
+        if _stop_request.is_set():
+            break
+        results.append(function(item))
+    return results
 
 
 def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:

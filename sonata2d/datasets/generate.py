@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import logging
 import platform
-import shutil
 import sys
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import get_args
 
 from ..agents.controllers.base import Controller
-from ..agents.controllers.loading import load_controller
+from ..agents.controllers.loading import is_built_in, load_controller, source_hashes
 from ..core.snapshot import Status
-from ..errors import FOREIGN_ERRORS, ControllerError, RecordError, Sonata2dError, WorkerError
+from ..errors import FOREIGN_ERRORS, ControllerError, ControllerWarning, RecordError, Sonata2dError, WorkerError
 from ..record.layout import JsonDict
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, controller_info_of, renderer_for
 from .card import write_manifest_and_card
+from .counts import commands_warning
 from .executors import Advance, Workers, unordered_map
 from .manifest import (
+    FAILED,
     MANIFEST,
     DatasetSpec,
     ManifestEntry,
@@ -34,6 +36,7 @@ from .manifest import (
     existing_episodes,
     manifest_of,
     read_manifest,
+    remove_failed_episodes,
     remove_partial_files,
     start_dataset,
     store_episode,
@@ -50,7 +53,6 @@ from .progress import (
 
 logger = logging.getLogger(__name__)
 
-FAILED = "failed"  # subfolder for the frames of episodes that ended in an error
 KEEPABLE: tuple[Status, ...] = tuple(status for status in get_args(Status) if status != "error")  # an error aborts
 
 
@@ -72,6 +74,7 @@ def generate_dataset(
     seed: int = 0,
     workers: int | Workers = 1,
     resume: bool = False,
+    overwrite: bool = False,
     suffix: str = ".json",
     keep: Sequence[str] = (),
     advance: Advance = lambda step: None,
@@ -79,14 +82,16 @@ def generate_dataset(
     """Generate a data set, or the missing episodes of one.
 
     Args:
-        out: folder of the data set; new or empty, unless `resume` is set.
+        out: folder of the data set. Unless `resume` or `overwrite` is set, it is new or empty, or holds a data set
+            without episodes, as of a run that failed at once.
         scenario: settings of the scenes.
         controller: name of the controller, as on the command line; each worker creates its own.
         episodes: number of episodes; with `keep`, number of kept episodes.
         seed: seed of the data set; the bytes of episode k depend on no other argument but scenario and controller.
         workers: number of processes, or processes that several calls share. With more than one, a script must guard
             its entry point by `if __name__ == "__main__":`.
-        resume: continue an interrupted data set with the same settings.
+        resume: continue an interrupted data set with the same settings, controller and code of the controller.
+        overwrite: replace the data set in the folder; only its own files are removed.
         suffix: `.json`, `.json.gz` or `.json.zst`.
         keep: outcomes to keep (`Status`); empty: all. Episodes 0, 1, 2, … are run until the requested number has one
             of these outcomes; the manifest counts the others by outcome.
@@ -101,14 +106,23 @@ def generate_dataset(
         ControllerError: the controller cannot be created, or an error ended an episode; finished episodes stay.
         WorkerError: a worker process crashed, or was killed; finished episodes stay.
         SceneError: a scene cannot be generated; finished episodes stay.
-        ValueError: `keep` names an outcome that cannot be kept.
+        ValueError: `keep` names an outcome that cannot be kept, or both `resume` and `overwrite` are set.
+
+    Warns:
+        ControllerWarning: most commands exceed the limits of the robot's drive, or move a unicycle sideways.
     """
+    if resume and overwrite:
+        raise ValueError("resume continues a data set and overwrite replaces it; set one of them")
     out = Path(out)
     kept_outcomes = _in_fixed_order(keep)
-    info = controller_info_of(load_controller(controller), controller)
-    spec = DatasetSpec(scenario.name, scenario.settings(), seed, episodes, info, suffix, kept_outcomes)
-    split = read_manifest(out)["split"] if resume and (out / MANIFEST).exists() else None
-    listed = start_dataset(out, spec, resume=resume)
+    loaded = load_controller(controller)
+    info, hashes = controller_info_of(loaded, controller), source_hashes(controller, loaded)
+    spec = DatasetSpec(scenario.name, scenario.settings(), seed, episodes, info, suffix, kept_outcomes, hashes)
+    stored = read_manifest(out) if resume and (out / MANIFEST).exists() else None
+    split = None if stored is None else stored["split"]
+    if stored is not None and "controller_sha256" not in stored and episode_numbers(out, spec):
+        spec = replace(spec, controller_sha256={})  # the code that made these episodes is unknown
+    listed = start_dataset(out, spec, resume=resume, overwrite=overwrite)
     progress = Progress(spec, _known_results(out, spec, listed) if resume else ())
     advance(len(progress.kept))
     missing = episodes - min(progress.stored_count, episodes)
@@ -116,15 +130,23 @@ def generate_dataset(
         try:
             _run_episodes(Job(out, scenario, spec), progress, workers if missing > 1 else 1, advance)
         except WorkerError as error:
-            raise WorkerError(f"{error}; {_how_to_resume(out, progress.stored_count, episodes)}") from error
+            raise WorkerError(f"{error}; {_how_to_go_on(out, spec)}") from error
         if progress.failure is not None:
-            message = _failure_message(progress.failure, out, progress.stored_count, episodes)
-            raise progress.failure.error(message)
+            message = _failure_message(progress.failure, out, spec)
+            raise progress.failure.error(message) from _RaisedInWorker(progress.failure.traceback)
     remove_partial_files(out)  # again: the workers of a killed run may have lived on for a moment
-    shutil.rmtree(out / FAILED, ignore_errors=True)  # episodes that failed earlier have been generated by now
+    remove_failed_episodes(out)  # they have been generated by now
     if split is not None and missing:
         logger.warning("%s has new episodes, so its split was removed; split it again", out)
-    return finish_dataset(out, spec, progress.kept, left_out=progress.left_out, split=None if missing else split)
+    manifest = finish_dataset(out, spec, progress.kept, left_out=progress.left_out, split=None if missing else split)
+    warning = None if is_built_in(loaded) else commands_warning(manifest["files"], controller)
+    if warning is not None:
+        warnings.warn(warning, ControllerWarning, stacklevel=2)
+    return manifest
+
+
+class _RaisedInWorker(Exception):
+    """The cause of an error that ended an episode: the traceback of the process that ran it."""
 
 
 def finish_dataset(
@@ -209,19 +231,21 @@ def _run_episode(job: Job, controller: Controller, episode: int) -> EpisodeResul
             renderer=renderer_for(controller),
         )
         status = run.run().status
+        logger.info("episode %d: %s after %d frames", episode, status, len(run.past))
         if spec.keep and status not in spec.keep:
             return ExcludedEpisode(episode, status)
-        return store_episode(job.out, spec, episode, recorder.document())
+        return store_episode(job.out, spec, episode, recorder)
     except FOREIGN_ERRORS as error:
         kind = type(error) if isinstance(error, Sonata2dError) else ControllerError
-        return FailedEpisode(episode, kind, _message(error), _store_partial(job, recorder, episode))
+        partial_file = _store_partial(job, recorder, episode)
+        return FailedEpisode(episode, kind, _message(error), partial_file, "".join(traceback.format_exception(error)))
 
 
 def _store_partial(job: Job, recorder: EpisodeRecorder, episode: int) -> Path | None:
     """Write the frames of a failed episode for debugging; None if there are none."""
     folder = job.out / FAILED
     try:
-        return folder / store_episode(folder, job.spec, episode, recorder.document()).name
+        return folder / store_episode(folder, job.spec, episode, recorder).name
     except RecordError:
         return None
 
@@ -236,13 +260,19 @@ def _message(error: BaseException) -> str:
     return f"{text} ({Path(last.filename).name}, line {last.lineno})"
 
 
-def _failure_message(failure: FailedEpisode, out: Path, stored: int, episodes: int) -> str:
+def _failure_message(failure: FailedEpisode, out: Path, spec: DatasetSpec) -> str:
     partial_file = f"; the frames before it are in {failure.partial_file}" if failure.partial_file else ""
-    return f"episode {failure.episode}: {failure.message}{partial_file}; {_how_to_resume(out, stored, episodes)}"
+    place = f"episode {failure.episode} of seed {spec.seed}"
+    return f"{place}: {failure.message}{partial_file}; {_how_to_go_on(out, spec)}"
 
 
-def _how_to_resume(out: Path, stored: int, episodes: int) -> str:
-    return f"{stored} of {episodes} episodes are complete in {out}, continue with the same command and --resume"
+def _how_to_go_on(out: Path, spec: DatasetSpec) -> str:
+    """What to do after a failure."""
+    stored = min(len(episode_numbers(out, spec)), spec.episodes)
+    if not stored:
+        return f"no episode is complete in {out}, correct the cause and run the same command again"
+    text = f"{stored} of {spec.episodes} episodes are complete in {out}, continue with the same command and --resume"
+    return f"{text}, or with --overwrite if you change the controller's code" if spec.controller_sha256 else text
 
 
 @contextmanager

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
+import reprlib
 import shutil
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from uuid import uuid4
@@ -26,13 +28,23 @@ from ..record.layout import JsonDict, software_versions
 from ..record.models import Controller, Count, Part, Positive, Software
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
+from ..record.recorder import EpisodeRecorder
 from ..version import PHYSICS_VERSION
 
 DATASET_FORMAT, DATASET_VERSION = "sonata2d-dataset", 1
 MANIFEST, SCENARIO, CARD = "manifest.json", "scenario.json", "README.md"
-CROISSANT = "croissant.json"  # written by `sonata2d card`
+CROISSANT, FIGURES = "croissant.json", "card.png"  # written by `sonata2d card`
+PREVIEW = "preview.png"  # drawn by `sonata2d generate`
+LOG = "run.jsonl"  # of generation runs
+FAILED = "failed"  # subfolder for the frames of episodes that ended in an error
 METRICS = "metrics.json"  # written by `sonata2d evaluate`
 _NOT_EPISODES = (METRICS, CROISSANT, "evaluation.json")  # JSON files that may lie beside episodes without a manifest
+
+
+_EPISODE_NAME = re.compile(r"[0-9]{6,}\.json(\.gz|\.zst)?")
+_MAXIMUM_DIFFERENCES = 5  # named in a message
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = 100
 
 
 def _in_folder(name: str) -> str:
@@ -45,6 +57,30 @@ def _in_folder(name: str) -> str:
 FileName = Annotated[str, AfterValidator(_in_folder)]
 
 
+_CODE_DESCRIPTION = (
+    "SHA-256 of the source file that defines the controller, by its name; of driver+labeller both. Modules that the "
+    "file imports are not included. Absent: the controller is part of sonata2d, or its source is unknown"
+)
+
+
+class ContactCount(Part):
+    """Frames of an episode in which the robot is in contact with one kind of outline, or with any."""
+
+    frames: Count = Field(description="number of frames in contact")
+    robot_at_fault: Count = Field(description="number of these frames in which the robot's own velocity closes the gap")
+    other_at_fault: Count = Field(
+        description="number of these frames in which the other's velocity closes the gap; both can, or neither"
+    )
+
+
+class CommandExcess(Part):
+    """Commands of an episode in which one component exceeds its limit; the drive executes less."""
+
+    frames: Count = Field(description="number of frames with such a command")
+    command: float = Field(description="m/s or rad/s, size of the command that exceeds the limit most")
+    limit: float = Field(description="m/s or rad/s, the limit that it exceeds")
+
+
 class ManifestFile(Part):
     """One file of a data set."""
 
@@ -55,6 +91,14 @@ class ManifestFile(Part):
     family: str
     outcome: Status
     ticks: Count = Field(description="number of frames")
+    contacts: dict[Literal["any", "human", "object", "wall"], ContactCount] | None = Field(
+        default=None,
+        description="by kind of contact, kinds without a contact left out; absent: not counted (version 0.1, imported)",
+    )
+    commands_beyond_limits: dict[Literal["vx", "vy", "omega"], CommandExcess] | None = Field(
+        default=None,
+        description="by component of the command, components within their limits left out; absent: not counted",
+    )
     contributor: str | None = Field(default=None, description="name of the driver; collected runs only")
     seed: int | None = Field(default=None, description="seed of the scene; collected runs only")
 
@@ -71,6 +115,7 @@ class Source(Part):
     keep: list[Status] | None = Field(default=None, description="as in a manifest")
     left_out: dict[str, Count] | None = Field(default=None, description="as in a manifest")
     controller: Controller | None
+    controller_sha256: dict[str, str] | None = Field(default=None, description="as in a manifest")
     files: list[FileName]
 
 
@@ -101,6 +146,7 @@ class Manifest(Part):
         default=None, description="outcomes of kept episodes, which are the first ones by number; absent: all"
     )
     controller: Controller | None
+    controller_sha256: dict[str, str] | None = Field(default=None, description=_CODE_DESCRIPTION)
     precision: Positive
     physics: int
     complete: bool = Field(description="false during generation and after an interruption")
@@ -128,6 +174,7 @@ class DatasetSpec:
         controller_info: the controller as recorded in files.
         suffix: file suffix: `.json`, `.json.gz` or `.json.zst`.
         keep: outcomes that are kept; empty: all.
+        controller_sha256: hashes of the controller's source, see `agents.controllers.loading.source_hashes`.
     """
 
     name: str
@@ -137,6 +184,7 @@ class DatasetSpec:
     controller_info: ControllerInfo
     suffix: str = ".json"
     keep: tuple[Status, ...] = ()
+    controller_sha256: Mapping[str, str] = field(default_factory=dict)
 
     def file_name(self, episode: int) -> str:
         """`{episode:06d}` and the suffix."""
@@ -145,7 +193,7 @@ class DatasetSpec:
 
 @dataclass(frozen=True, slots=True)
 class ManifestEntry:
-    """The row of the manifest for one file."""
+    """The row of the manifest for one file; `contacts` and `commands_beyond_limits` are None if they are unknown."""
 
     name: str
     sha256: str
@@ -154,6 +202,12 @@ class ManifestEntry:
     family: str
     outcome: Status
     ticks: int
+    contacts: dict[str, dict[str, int]] | None = None
+    commands_beyond_limits: dict[str, dict[str, float]] | None = None
+
+    def row(self) -> JsonDict:
+        """The row as JSON, without the keys whose values are unknown."""
+        return {key: value for key, value in asdict(self).items() if value is not None}
 
 
 def files_of(path: Path) -> list[Path]:
@@ -166,7 +220,11 @@ def files_of(path: Path) -> list[Path]:
         return [path]
     if (path / MANIFEST).exists():
         return [path / entry["name"] for entry in read_manifest(path)["files"]]
-    files = sorted(file for file in path.glob("*.json*") if file.is_file() and file.name not in _NOT_EPISODES)
+    files = sorted(
+        file
+        for file in path.glob("*.json*")
+        if file.is_file() and file.name.endswith(SUFFIXES) and file.name not in _NOT_EPISODES
+    )
     if not files:
         raise RecordError(f"{path} holds no episode files" if path.is_dir() else f"{path} does not exist")
     return files
@@ -246,7 +304,16 @@ def write_json(path: Path, document: JsonDict) -> None:
 def manifest_entry(record: EpisodeRecord) -> ManifestEntry:
     """The manifest row of an episode file that was read."""
     data, status = record.path.read_bytes(), record.outcome.status
-    return ManifestEntry(record.path.name, _sha256(data), len(data), record.episode, record.family, status, len(record))
+    return ManifestEntry(
+        record.path.name,
+        _sha256(data),
+        len(data),
+        record.episode,
+        record.family,
+        status,
+        len(record),
+        **record.counts(),
+    )
 
 
 def manifest_of(
@@ -266,12 +333,13 @@ def manifest_of(
         left_out: number of episodes not kept before the last listed one, by outcome; only with `keep`.
         split: file names by part.
     """
-    rows = [asdict(entry) for entry in entries]
+    rows = [entry.row() for entry in entries]
     exclusions = {"left_out": dict(sorted((left_out or {}).items()))} if spec.keep else {}
     return {
         "format": DATASET_FORMAT,
         "version": DATASET_VERSION,
         **_identity(spec),
+        **({"controller_sha256": dict(spec.controller_sha256)} if spec.controller_sha256 else {}),
         "precision": PRECISION,
         "physics": PHYSICS_VERSION,
         "complete": complete,
@@ -311,24 +379,44 @@ def remove_partial_files(folder: Path) -> None:
         partial_file.unlink(missing_ok=True)
 
 
-def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False) -> dict[str, str]:
-    """Begin a data set in a new or empty folder, or continue an interrupted one.
+def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, overwrite: bool = False) -> dict[str, str]:
+    """Begin a data set in a new or empty folder or in place of another one, or continue an interrupted one.
+
+    A data set without episodes, as of a run that failed at once, is always replaced.
+
+    Args:
+        folder: of the data set.
+        spec: specification of the data set.
+        resume: continue the data set that the folder holds.
+        overwrite: replace the data set that the folder holds: its episodes and the other files that sonata2d writes.
+            Other files stay.
 
     Returns:
-        SHA-256 by file name of the files listed in an existing manifest.
+        SHA-256 by file name of the files listed in the manifest of a continued data set.
 
     Raises:
-        RecordError: the folder holds other files or a different data set, or a data set while `resume` is False.
+        RecordError: the folder holds other files, or a data set that can be neither continued nor replaced.
     """
     listed: dict[str, str] = {}
-    if (folder / MANIFEST).exists():
-        if not resume:
-            raise RecordError(f"{folder} already holds a data set; resume it or choose another folder")
-        _require_same_dataset(folder, spec)
-        _require_same_suffix(folder, spec)
-        listed = {entry["name"]: entry["sha256"] for entry in read_manifest(folder)["files"]}
-    elif folder.exists() and not folder.is_dir():
+    if folder.exists() and not folder.is_dir():
         raise RecordError(f"{folder} is a file; choose another name for the folder")
+    if (folder / MANIFEST).exists():
+        stored = read_manifest(folder)
+        _require_replaceable(folder, stored)
+        if resume and not (differences := _differences(stored, spec)):
+            _require_same_suffix(folder, spec)
+            listed = {entry["name"]: entry["sha256"] for entry in stored["files"]}
+        elif overwrite or not (stored["files"] or _episode_files(folder)):
+            _remove_dataset(folder, stored)
+        elif resume:
+            raise RecordError(
+                f"{folder} holds another data set: {differences}; replace it with --overwrite, or choose another folder"
+            )
+        else:
+            raise RecordError(
+                f"{folder} already holds a data set; continue it with --resume, replace it with --overwrite, or choose "
+                "another folder"
+            )
     elif folder.exists() and any(not path.name.startswith(TEMPORARY_PREFIX) for path in folder.iterdir()):
         raise RecordError(f"{folder} is not empty and has no {MANIFEST}; choose another folder")
     remove_partial_files(folder)
@@ -339,13 +427,49 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False) -> d
     return listed
 
 
-def store_episode(folder: Path, spec: DatasetSpec, episode: int, document: bytes) -> ManifestEntry:
-    """Write the document of an episode to its file and return the manifest row."""
+def remove_failed_episodes(folder: Path) -> None:
+    """Remove the episodes in the subfolder `failed`, and the subfolder if nothing else is in it."""
+    failed = folder / FAILED
+    if failed.is_dir():
+        remove_partial_files(failed)
+        for path in _episode_files(failed):
+            path.unlink(missing_ok=True)
+        with suppress(OSError):
+            failed.rmdir()
+
+
+def _episode_files(folder: Path) -> list[Path]:
+    """The files of a folder that are named as generated episodes are."""
+    return [path for path in folder.iterdir() if _EPISODE_NAME.fullmatch(path.name) and path.is_file()]
+
+
+def _remove_dataset(folder: Path, stored: JsonDict) -> None:
+    """Remove the files of a data set, its manifest last: if that is interrupted, it can be repeated."""
+    own = (*(row["name"] for row in stored["files"]), CARD, FIGURES, CROISSANT, METRICS, PREVIEW, LOG, SCENARIO)
+    try:
+        for path in (*(folder / name for name in own), *_episode_files(folder)):
+            path.unlink(missing_ok=True)
+        remove_failed_episodes(folder)
+        (folder / MANIFEST).unlink()
+    except OSError as error:
+        raise RecordError(f"{folder} cannot be overwritten: {error.strerror or error}") from error
+
+
+def store_episode(folder: Path, spec: DatasetSpec, episode: int, recorder: EpisodeRecorder) -> ManifestEntry:
+    """Write a recorded episode to its file and return the manifest row."""
+    document = recorder.document()
     path, header = folder / spec.file_name(episode), parse_header(document)
     data, outcome = compress(document, path), header["outcome"]
     write_atomically(path, data)
     return ManifestEntry(
-        path.name, _sha256(data), len(data), header["episode"], header["family"], outcome["status"], outcome["tick"]
+        path.name,
+        _sha256(data),
+        len(data),
+        header["episode"],
+        header["family"],
+        outcome["status"],
+        outcome["tick"],
+        **recorder.counts(),
     )
 
 
@@ -407,19 +531,43 @@ def _identity(spec: DatasetSpec) -> JsonDict:
     return {key: to_json_value(value, f"{key} of the data set", exact=True) for key, value in identity.items()}
 
 
-def _require_same_dataset(folder: Path, spec: DatasetSpec) -> None:
-    """Raise RecordError unless the folder holds the specified data set, possibly with fewer episodes."""
-    stored, requested = read_manifest(folder), {"keep": None, **_identity(spec), "physics": PHYSICS_VERSION}
+def _require_replaceable(folder: Path, stored: JsonDict) -> None:
+    """Raise RecordError for data sets that `generate` did not make: it neither continues nor replaces them."""
+    if stored["collected"]:
+        raise RecordError(f"{folder} holds runs driven by people; choose another folder")
+    if stored.get("sources"):
+        raise RecordError(f"{folder} holds merged data sets; choose another folder")
     if stored.get("mirrored"):
         raise RecordError(f"{folder} holds mirror images; resume the original data set and mirror it again")
-    for key, value in requested.items():
-        if key == "episodes" and stored.get(key, 0) <= value:
-            continue
-        if stored.get(key) != value:
-            difference = f"{stored.get(key)!r} stored, {value!r} requested"
-            if key == "settings":
-                difference = _first_difference(stored[key], value)
-            raise RecordError(f"{folder} holds another data set: {key} {difference}; choose another folder")
+
+
+def _differences(stored: JsonDict, spec: DatasetSpec) -> str:
+    """In which keys a data set differs from a specification, which may have more episodes; empty if in none."""
+    requested = {"keep": None, **_identity(spec), "physics": PHYSICS_VERSION}
+    if stored["episodes"] < spec.episodes:
+        del requested["episodes"]
+    if (stored["controller"] or {}).get("path") != spec.controller_info.path:  # its settings are then others as well
+        requested["controller"] = {**(stored["controller"] or {}), "path": spec.controller_info.path}
+    found = [
+        f"{key} {_short.repr(old)} stored, {_short.repr(new)} requested"
+        for key, old, new in _changes({key: stored.get(key) for key in requested}, requested)
+    ]
+    # version 0.1 stored no hashes; the episodes of such a data set are taken as they are
+    code = stored.get("controller_sha256") or {}
+    for name, sha256 in spec.controller_sha256.items():
+        if code.get(name, sha256) != sha256:
+            found.append(f"the code of {name}, SHA-256 {code[name][:12]}… stored, {sha256[:12]}… now")
+    rest = len(found) - _MAXIMUM_DIFFERENCES
+    return "; ".join(found[:_MAXIMUM_DIFFERENCES] + ([f"and {rest} more differences"] if rest > 0 else []))
+
+
+def _changes(stored: Any, requested: Any, place: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """The keys in which two documents differ, such as `settings.robot.radius`, with both values."""
+    if isinstance(stored, dict) and isinstance(requested, dict):
+        for key in {**stored, **requested}:
+            yield from _changes(stored.get(key), requested.get(key), f"{place}.{key}" if place else key)
+    elif stored != requested:
+        yield place, stored, requested
 
 
 def _require_same_suffix(folder: Path, spec: DatasetSpec) -> None:
@@ -428,13 +576,6 @@ def _require_same_suffix(folder: Path, spec: DatasetSpec) -> None:
         is_episode = path.name.split(".")[0].isdigit() and path.name.endswith(SUFFIXES)
         if is_episode and file_suffix(path) != spec.suffix:
             raise RecordError(f"{folder} holds files like {path.name}; resume with the same --compress")
-
-
-def _first_difference(stored: JsonDict | None, requested: JsonDict | None) -> str:
-    """The first setting that differs, with both values."""
-    stored, requested = stored or {}, requested or {}
-    key = next(key for key in {**stored, **requested} if stored.get(key) != requested.get(key))
-    return f"{key} {stored.get(key)!r} stored, {requested.get(key)!r} requested"
 
 
 def _require_episode_of(record: EpisodeRecord, spec: DatasetSpec, episode: int) -> None:

@@ -15,7 +15,15 @@ from .executors import Advance
 from .manifest import DATASET_FORMAT, DATASET_VERSION, new_folder, read_listed_file, read_stored_manifest
 
 _EQUAL_KEYS = ("physics", "precision")  # manifest keys that must be equal in all sources
-_SOURCE_KEYS = ("settings", "seed", "episodes", "keep", "left_out", "controller")  # manifest keys kept for each source
+_SOURCE_KEYS = (
+    "settings",
+    "seed",
+    "episodes",
+    "keep",
+    "left_out",
+    "controller",
+    "controller_sha256",
+)  # manifest keys kept for each source
 
 
 def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: Advance = lambda step: None) -> JsonDict:

@@ -13,9 +13,8 @@ import orjson
 
 from ..errors import RecordError, Sonata2dError
 from ..record.canonical import to_json_value
-from .manifest import DatasetSpec, ManifestEntry
+from .manifest import LOG, DatasetSpec, ManifestEntry
 
-LOG = "run.jsonl"
 ABORT_AFTER = 200  # episodes before a run may be aborted because too few of them are kept
 MAXIMUM_EPISODES_PER_KEPT = 50  # abort if fewer than 1 in 50 episodes is kept
 
@@ -37,12 +36,14 @@ class FailedEpisode:
         error: class of the error.
         message: what happened.
         partial_file: file with the frames before the error; None if there are none.
+        traceback: where the error was raised, as Python prints it.
     """
 
     episode: int
     error: type[Sonata2dError]
     message: str
     partial_file: Path | None
+    traceback: str = ""
 
 
 EpisodeResult = ManifestEntry | ExcludedEpisode | FailedEpisode

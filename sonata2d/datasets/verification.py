@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import logging
+import warnings
+from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from ..errors import FOREIGN_ERRORS
+from ..agents.controllers.loading import is_installed, load_controller, source_hashes
+from ..errors import FOREIGN_ERRORS, ControllerError, ControllerWarning
+from ..record.layout import JsonDict
 from .check import ListedFile, Problem, check_manifest, check_record, listed_files, open_to_check
 from .executors import Advance, parallel_map
-from .manifest import MANIFEST, files_of
+from .manifest import MANIFEST, files_of, read_manifest
 from .replay import check_replay, check_rerun
+
+logger = logging.getLogger(__name__)
 
 
 def verify(
@@ -33,6 +41,9 @@ def verify(
 
     Raises:
         RecordError: the path does not exist or holds no episode, or its manifest is damaged.
+
+    Warns:
+        ControllerWarning: `rerun` gives the same frames, although the controller's code has changed.
     """
     has_manifest = (path / MANIFEST).exists()
     files: list[Path | ListedFile] = [*(listed_files(path) if has_manifest else files_of(path))]
@@ -41,11 +52,45 @@ def verify(
     for found in parallel_map(verify_file, files, workers=workers):
         problems += found
         advance(1)
+    if rerun and has_manifest:
+        problems += _changed_code(read_manifest(path), controller, any(one.place == "rerun" for one in problems))
     return problems
+
+
+def _changed_code(manifest: JsonDict, name: str | None, differs: bool) -> list[Problem]:
+    """Controllers whose source file differs from the one that made the data set.
+
+    Args:
+        manifest: of the data set.
+        name: name of the controller; None: the recorded one, if it is built in or a plug-in's.
+        differs: whether frames differ, which the changed code then explains; else it is only worth a warning.
+    """
+    problems = []
+    for source in manifest.get("sources") or [manifest]:
+        recorded, info = source.get("controller_sha256"), source["controller"]
+        if not recorded or not (name or is_installed(info["path"], info["settings"] or {})):
+            continue
+        given = name or info["path"]
+        with suppress(ControllerError):  # a controller that does not load is a problem of each file already
+            present = source_hashes(given, load_controller(given, info["settings"]))
+            if list(present.values()) == list(recorded.values()):
+                continue
+            now, then = (_short_hashes(hashes) for hashes in (present, recorded))
+            message = f"the code of {given} is not that of the data set: SHA-256 {now} now, {then} recorded"
+            if differs:
+                problems.append(Problem(MANIFEST, "controller_sha256", f"{message}; this may explain other frames"))
+            else:
+                warnings.warn(message, ControllerWarning, stacklevel=3)
+    return problems
+
+
+def _short_hashes(hashes: Mapping[str, str]) -> str:
+    return ", ".join(f"{sha256[:12]}…" for sha256 in hashes.values()) or "unknown"
 
 
 def _verify_file(file: Path | ListedFile, *, replay: bool, rerun: bool, controller: str | None) -> list[Problem]:
     """Problems of one file; only a readable file is run again."""
+    logger.info("checking %s", file.path if isinstance(file, ListedFile) else file)
     record, problems = open_to_check(file)
     if record is None:
         return problems

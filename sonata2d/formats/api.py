@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Self
 
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
 from ..errors import RecordError
@@ -12,12 +14,30 @@ from ..record.files import SUFFIXES, compress, file_stem, safe_text, write_atomi
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..registry import FORMATS
-from . import sonata
-from .base import Format, Import, Options
+from . import csv_tracks, socnav3, sonata, trajnet
+from .base import Format, Import, Options, UnsuitableEpisode
 from .parse import encode_episode
 
 Advance = Callable[[int], None]
 _DEFAULT_OPTIONS = Options()
+WITHOUT_WALLS = (csv_tracks.NAME, trajnet.NAME, socnav3.NAME)  # formats whose files may lack the walls
+
+
+class Omission(str):
+    """Why a file was not transferred: one line that names it.
+
+    Attributes:
+        file: the source.
+        cause: equal for all files that were not transferred for this reason.
+    """
+
+    file: Path
+    cause: str
+
+    def __new__(cls, file: Path, reason: str, cause: str) -> Self:
+        omission = super().__new__(cls, reason)
+        omission.file, omission.cause = file, cause
+        return omission
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,11 +46,32 @@ class TransferResult:
 
     Attributes:
         files: the files that were written.
-        refused: one line for each episode or file that was not transferred, with the reason.
+        refused: files that could not be read, converted or written.
+        skipped: valid episodes that the format cannot hold, or that its readers would misinterpret.
+        notes: what to know about the files that were written.
     """
 
     files: list[Path]
-    refused: list[str]
+    refused: list[Omission] = field(default_factory=list)
+    skipped: list[Omission] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def add_omission(self, file: Path, error: RecordError) -> None:
+        """Record why a file was not transferred."""
+        if isinstance(error, UnsuitableEpisode):
+            self.skipped.append(Omission(file, str(error), error.cause))
+        else:
+            self.refused.append(Omission(file, str(error), str(error).replace(str(file), "")))
+
+
+def summarised(omissions: Iterable[Omission]) -> list[str]:
+    """One line per cause: the reason of the first file, and the number of other files with the same cause."""
+    groups: dict[str, list[Omission]] = {}
+    for omission in omissions:
+        groups.setdefault(omission.cause, []).append(omission)
+    return [
+        first + (f" (and {len(others)} more for this reason)" if others else "") for first, *others in groups.values()
+    ]
 
 
 def format_named(name: str) -> Format:
@@ -65,7 +106,8 @@ def export_to(
 ) -> TransferResult:
     """Write episodes in another format.
 
-    Episodes that readers of the format would misinterpret are refused; the others are still written.
+    Episodes that the format cannot hold, or that its readers would misinterpret, are skipped, and damaged files are
+    refused; the others are still written.
 
     Args:
         source: an episode file, or a folder of them.
@@ -76,7 +118,7 @@ def export_to(
         advance: called with 1 after each episode.
 
     Returns:
-        The files that were written, and the reasons of the refusals.
+        The files that were written, and why others were not.
 
     Raises:
         RecordError: no format has this name, it does not export, or the source holds no episodes.
@@ -84,7 +126,9 @@ def export_to(
     chosen, files = format_named(format), episodes_in(source)
     if options.original and format != sonata.NAME:
         raise RecordError(f"{format} has no quirks of an original program to reproduce; only {sonata.NAME} has them")
-    result = TransferResult([], [])
+    if (options.context is not None or options.types) and format != socnav3.NAME:
+        raise RecordError(f"{format} files have no context and no list of object types; only {socnav3.NAME} files do")
+    result, notes = TransferResult([]), Counter[str]()
     if chosen.export_all is not None:
         result.files.extend(chosen.export_all(_read(files, result, advance), out))
         return result
@@ -94,18 +138,21 @@ def export_to(
         try:
             path = _output_path(record, chosen, out, options, is_single=source.is_file())
             _write(path, chosen.export(record, options), record.path, result)
+            if chosen.note is not None and (note := chosen.note(record, options)):
+                notes[note] += 1
         except RecordError as error:
-            result.refused.append(str(error))
+            result.add_omission(record.path, error)
+    result.notes.extend(f"{note} ({count} of {len(files)} episodes)" for note, count in notes.items())
     return result
 
 
 def _read(files: list[Path], result: TransferResult, advance: Advance) -> Iterator[EpisodeRecord]:
-    """Yield episodes one by one, as a data set may not fit into memory; unreadable files are refused."""
+    """Yield episodes one by one, as a data set may not fit into memory; damaged files are refused."""
     for file in files:
         try:
             yield read_episode(file)
         except RecordError as error:
-            result.refused.append(str(error))
+            result.add_omission(file, error)
         advance(1)
 
 
@@ -140,13 +187,17 @@ def import_from(
         advance: called with 1 after each file.
 
     Returns:
-        The episode files that were written, and the reasons of the refusals.
+        The episode files that were written, and why others were refused.
 
     Raises:
         RecordError: no format has this name, it does not import, or the source holds no files of it.
     """
-    chosen, result = format_named(format), TransferResult([], [])
+    chosen, result = format_named(format), TransferResult([])
     read = _import_function(chosen, format)
+    if options.renumber and format != socnav3.NAME:
+        raise RecordError(f"ids are replaced in {socnav3.NAME} files only; leave out --renumber")
+    if options.walls is not None and format not in WITHOUT_WALLS:
+        raise RecordError(f"{format} files hold their walls; a file of walls is for {', '.join(WITHOUT_WALLS)}")
     is_single = source.is_file() and out.name.endswith(SUFFIXES) and not out.is_dir()
     for file in _sources(source, chosen):
         try:
@@ -157,7 +208,7 @@ def import_from(
                 path = out if is_single else out / f"{safe_text(name)}.json"
                 _write(path, compress(data, path), file, result)
         except RecordError as error:
-            result.refused.append(str(error))
+            result.add_omission(file, error)
         advance(1)
     return result
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,23 @@ from ..record.record import EpisodeRecord
 _STAMP_GRID = 2.0**30  # stamps are multiples of 1/_STAMP_GRID s: differences of stamps below 2**23 s are exact
 
 
+class UnsuitableEpisode(RecordError):
+    """An episode is valid, but a format cannot hold it, or readers of the format would misinterpret it.
+
+    Args:
+        path: file of the episode.
+        problem: what the readers would misinterpret; may name ids, ticks and values of the episode.
+        remedy: what the caller can do; the same for all episodes of the kind.
+
+    Attributes:
+        cause: the same for all episodes that a format refuses for this reason; reports are grouped by it.
+    """
+
+    def __init__(self, path: Path, problem: str, remedy: str) -> None:
+        super().__init__(f"{path}: {problem}; {remedy}")
+        self.cause = remedy
+
+
 @dataclass(frozen=True, slots=True)
 class Options:
     """Options of an export or an import.
@@ -25,10 +42,18 @@ class Options:
     Attributes:
         original: reproduce the quirks of the program that the format comes from; only `sonata` has any.
         frame_time: duration of one frame number, s, for track files without times.
+        context: text for the readers of an exported run; None: that of the episode; empty: none.
+        types: type of an object that a format does not list: the type that is written in its place.
+        renumber: on import, replace ids that a file uses twice by new ones.
+        walls: on import, a file with the walls of the room (`x1,y1,x2,y2` in m), for files without walls.
     """
 
     original: bool = False
     frame_time: float | None = None
+    context: str | None = None
+    types: Mapping[str, str] = field(default_factory=dict)
+    renumber: bool = False
+    walls: Path | None = None
 
 
 Export = Callable[[EpisodeRecord, Options], bytes]
@@ -47,8 +72,10 @@ class Format:
         description: one line.
         suffix: suffix of the files; for a format of tables, of each table.
         import_: yields the episode documents of a file (for tables: of a folder); None if the format is only written.
-        export: returns the bytes of the file of one episode.
+        export: returns the bytes of the file of one episode; raises `UnsuitableEpisode` for an episode that the format
+            cannot hold.
         export_all: writes all episodes into a folder and returns the files that it wrote.
+        note: what the caller must know about the exported file of an episode; None if nothing.
 
     Example:
         >>> Format("goal position: x, y in m", ".goal.txt", export=lambda record, options: b"3.0 0.0").suffix
@@ -60,6 +87,7 @@ class Format:
     import_: Import | None = None
     export: Export | None = None
     export_all: ExportAll | None = None
+    note: Callable[[EpisodeRecord, Options], str | None] | None = None
 
 
 def require_all_present(record: EpisodeRecord, format: str) -> None:
@@ -68,15 +96,17 @@ def require_all_present(record: EpisodeRecord, format: str) -> None:
     Readers of some formats take the pedestrians of one frame for those of all frames.
 
     Raises:
-        RecordError: a pedestrian is absent at some tick.
+        UnsuitableEpisode: a pedestrian is absent at some tick.
     """
     absences = np.argwhere(~record.states.present)
     if len(absences):
         tick, k = absences[0].tolist()
         human = record.scene().humans[k].id
-        raise RecordError(
-            f"{record.path}: human {human} is not present at tick {tick}, but readers of {format} expect the same"
-            " people in every frame; export to parquet, npz, csv or trajnet"
+        raise UnsuitableEpisode(
+            record.path,
+            f"human {human} is not present at tick {tick}, but readers of {format} expect the same people in every"
+            " frame",
+            "export to socnav3, parquet, npz, csv or trajnet",
         )
 
 
@@ -90,12 +120,13 @@ def require_duration(record: EpisodeRecord, format: str, duration: float, minimu
         minimum: shortest duration that readers accept, s.
 
     Raises:
-        RecordError: the episode is shorter.
+        UnsuitableEpisode: the episode is shorter.
     """
     if duration < minimum - 1e-9:
-        raise RecordError(
-            f"{record.path}: {duration:.4g} s from first to last frame, but readers of {format} need {minimum:g} s;"
-            " leave out such episodes"
+        raise UnsuitableEpisode(
+            record.path,
+            f"{duration:.4g} s from first to last frame, but readers of {format} need {minimum:g} s",
+            "leave out short episodes",
         )
 
 
@@ -103,12 +134,13 @@ def require_robot(record: EpisodeRecord, format: str) -> None:
     """Check that the robot was recorded, and is not the stand-in that `imported` adds.
 
     Raises:
-        RecordError: the episode was imported from a source without a robot.
+        UnsuitableEpisode: the episode was imported from a source without a robot.
     """
     if "robot" in record.document.get("imported", {}).get("lacks", ()):
-        raise RecordError(
-            f"{record.path}: the episode has no recorded robot, but {format} describes what a robot observes; export to"
-            " csv, trajnet, npz or parquet"
+        raise UnsuitableEpisode(
+            record.path,
+            f"the episode has no recorded robot, but {format} describes what a robot observes",
+            "export to csv, trajnet, npz or parquet",
         )
 
 
@@ -116,14 +148,15 @@ def require_consecutive_ids(record: EpisodeRecord, format: str) -> None:
     """Check that the ids of people and objects together are 1..P+O: readers use them as node indices.
 
     Raises:
-        RecordError: the ids have gaps or do not start at 1.
+        UnsuitableEpisode: the ids have gaps or do not start at 1.
     """
     scene = record.scene()
     ids = [human.id for human in scene.humans] + [thing.id for thing in scene.furniture]
     if sorted(ids) != list(range(1, len(ids) + 1)):
-        raise RecordError(
-            f"{record.path}: ids are {sorted(ids)}, but readers of {format} use ids as indices and need 1..{len(ids)};"
-            " export to socnav3 or parquet, which accept any ids"
+        raise UnsuitableEpisode(
+            record.path,
+            f"ids are {sorted(ids)}, but readers of {format} use ids as indices and need 1..{len(ids)}",
+            "export to socnav3 or parquet, which accept any ids",
         )
 
 
@@ -131,14 +164,15 @@ def require_known_relations(record: EpisodeRecord, format: str, known: Collectio
     """Check that a format has a name for every recorded relation.
 
     Raises:
-        RecordError: an interaction has another relation.
+        UnsuitableEpisode: an interaction has another relation.
     """
     for frame in (*record.document["frames"], record.document["final"]):
         for src, relation, dst in frame["interactions"]:
             if relation not in known:
-                raise RecordError(
-                    f"{record.path}: {format} has no relation {relation} (of {src} and {dst} at tick {frame['tick']});"
-                    f" its relations are {', '.join(known)}; leave out such episodes"
+                raise UnsuitableEpisode(
+                    record.path,
+                    f"{format} has no relation {relation} (of {src} and {dst} at tick {frame['tick']})",
+                    f"its relations are {', '.join(known)}",
                 )
 
 
@@ -146,15 +180,16 @@ def require_even_times(record: EpisodeRecord, format: str) -> None:
     """Check that frame k was recorded at k * dt; imported episodes may have uneven times.
 
     Raises:
-        RecordError: a time differs from tick * dt by more than 0.2 ms.
+        UnsuitableEpisode: a time differs from tick * dt by more than 0.2 ms.
     """
     dt, states = record.scene().rules.dt, record.states
     uneven = np.flatnonzero(np.abs(states.time - states.tick * dt) > 2e-4)
     if len(uneven):
         t = int(uneven[0])
-        raise RecordError(
-            f"{record.path}: frame {t} was recorded at {states.time[t]:g} s, not at {t} * {dt:g} s, but {format} needs"
-            " even time steps; resample the source first"
+        raise UnsuitableEpisode(
+            record.path,
+            f"frame {t} was recorded at {states.time[t]:g} s, not at {t} * {dt:g} s, but {format} needs even steps",
+            "resample the source first",
         )
 
 

@@ -1,4 +1,4 @@
-"""`csv`: one row per pedestrian and frame, `frame, ped, x, y`, the usual four columns of pedestrian tracks.
+"""`csv`: one row per pedestrian and frame, `frame, ped, x, y`, the usual columns of pedestrian tracks, and the time.
 
 The robot is not a pedestrian and is not exported. The reader accepts these columns by name, in any order, with or
 without `t` (s) and `group`, and files without a header row, separated by commas, tabs or blanks, in this order.
@@ -19,12 +19,13 @@ from ..errors import RecordError
 from ..record.files import read_bytes
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import Format, Options, require_even_times
+from .base import Format, Options, UnsuitableEpisode, require_even_times
 from .parse import load_json, numbers, parsing
 from .tracks import Tracks, positions_of_present, tracks_document
 
 NAME = "csv"
 COLUMNS = ("frame", "ped", "x", "y")
+TIME = "t"  # s, last column of exported files; other files may lack it
 WALL_COLUMNS = ("x1", "y1", "x2", "y2")
 
 
@@ -32,19 +33,22 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     """Return the track file of an episode; the frame number is the tick.
 
     Raises:
-        RecordError: no pedestrian is present in the episode, or its times are uneven.
+        UnsuitableEpisode: no pedestrian is present in the episode, or its times are uneven.
     """
     require_even_times(record, NAME)
     rows, ids, positions = positions_of_present(record.states.humans, [human.id for human in record.scene().humans])
     if not len(rows):
-        raise RecordError(
-            f"{record.path}: no pedestrian is in the episode, and {NAME} holds tracks of pedestrians; leave it out"
+        raise UnsuitableEpisode(
+            record.path,
+            f"no pedestrian is in the episode, and {NAME} holds tracks of pedestrians",
+            "leave out such episodes",
         )
+    columns = (record.states.tick[rows], ids, positions, record.states.time[rows])
     lines = [
-        f"{tick},{id},{x!r},{y!r}"
-        for tick, id, (x, y) in zip(record.states.tick[rows].tolist(), ids.tolist(), positions.tolist(), strict=True)
+        f"{tick},{id},{x!r},{y!r},{t!r}"
+        for tick, id, (x, y), t in zip(*(column.tolist() for column in columns), strict=True)
     ]
-    return "\n".join([",".join(COLUMNS), *lines, ""]).encode()
+    return "\n".join([",".join((*COLUMNS, TIME)), *lines, ""]).encode()
 
 
 def import_(path: Path, options: Options) -> Iterator[JsonDict]:
@@ -55,7 +59,8 @@ def import_(path: Path, options: Options) -> Iterator[JsonDict]:
     """
     with parsing(path, NAME):
         tracks = read_tracks(path, options)
-        yield tracks_document(tracks, NAME, path, walls_beside(path), desired_speed_beside(path))
+        walls = walls_beside(path) if options.walls is None else read_walls(options.walls)
+        yield tracks_document(tracks, NAME, path, walls, desired_speed_beside(path))
 
 
 def read_tracks(path: Path, options: Options) -> Tracks:
@@ -130,7 +135,7 @@ def _frame_time(columns: dict[str, Array], options: Options, path: Path) -> floa
     """Duration of one frame number, s: the option, or the slope of the time column, which must be constant."""
     if options.frame_time is not None:
         return options.frame_time
-    frame, t = columns["frame"], columns.get("t")
+    frame, t = columns["frame"], columns.get(TIME)
     if t is None:
         raise RecordError(f"{path} does not give the duration of a frame; pass it, e.g. --frame-time 0.04")
     first, last = int(np.argmin(frame)), int(np.argmax(frame))
@@ -187,4 +192,4 @@ def desired_speed_beside(path: Path) -> float | None:
     return float(numbers([settings], ("desired_speed",), settings_file.name)[0, 0])
 
 
-FORMAT = Format("pedestrian tracks: frame, ped, x, y", ".csv", import_, export=export)
+FORMAT = Format("pedestrian tracks: frame, ped, x, y, t", ".csv", import_, export=export)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -55,12 +56,12 @@ def export_all(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
     options = {"write_page_checksum": True, "compression": "zstd"}
     try:
         out.mkdir(parents=True, exist_ok=True)
-        writers = {name: pq.ParquetWriter(parts[name], schemas[name], **options) for name in TABLES}
-        try:
+        with ExitStack() as stack:
+            writers = {
+                name: stack.enter_context(_closing(pq.ParquetWriter(parts[name], schemas[name], **options)))
+                for name in TABLES
+            }
             _write_all(pa, records, writers, schemas)
-        finally:
-            for writer in writers.values():
-                writer.close()
         for name in TABLES:  # only complete tables get their final names
             os.replace(parts[name], files[name])
     except OSError as error:
@@ -70,6 +71,16 @@ def export_all(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
             part.unlink(missing_ok=True)
     write_atomically(out / "README.md", _readme().encode())
     return [*files.values(), out / "README.md"]
+
+
+@contextmanager
+def _closing(writer: Any) -> Iterator[Any]:
+    """Close a ParquetWriter at the end of the block; after an error it must not write again when it is collected."""
+    try:
+        yield writer
+        writer.close()
+    finally:
+        writer.is_open = False
 
 
 def _write_all(pa: Any, records: Iterator[EpisodeRecord], writers: dict[str, Any], schemas: dict[str, Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,12 +21,13 @@ from ..record.record import EpisodeRecord
 from .base import (
     Format,
     Options,
+    UnsuitableEpisode,
     exact_stamps,
-    require_all_present,
     require_duration,
     require_even_times,
     require_robot,
 )
+from .csv_tracks import read_walls
 from .imported import (
     POSITION,
     THETA,
@@ -45,6 +47,9 @@ NAME = "socnav3"
 EXTRAS = "sonata2d"  # key of what the format has no place for: per step, and once per file
 TYPES = ("chair", "table", "plant", "tv", "shelf", "floor_lamp")
 BODILESS = "laptop"  # the only other type that may be left out: nothing collides with it
+ANY_TYPE = "*"  # key of `Options.types` for all types of solid objects that have no key of their own
+# The loader of the format requires a context that is a row of its table; this row states as little as possible.
+DEFAULT_CONTEXT = "A robot is performing routine tasks in a home."
 _EXTRA_STEP_KEYS = ("activity", "interactions", "contacts", "command", "executed", "guarded", "events", "label")
 
 CELL = 0.05  # m
@@ -57,42 +62,74 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     """Return the trajectory file of an episode.
 
     Raises:
-        RecordError: readers of the format would misinterpret the episode.
+        UnsuitableEpisode: readers of the format would misinterpret the episode.
+        RecordError: a number is not finite, or `options.types` names a type that the format does not have.
     """
-    _check_exportable(record)
+    _check_exportable(record, options)
     document, scene = record.document, record.scene()
     header = {key: value for key, value in document.items() if key not in ("frames", "final")}
-    other_objects = [thing for thing in document["objects"] if thing["type"] not in TYPES]
+    written_types = {thing.id: _written_type(thing, options) for thing in scene.furniture}
+    other_objects = [thing for thing in document["objects"] if written_types[thing["id"]] is None]
     file: JsonDict = {
         "grid": occupancy_grid(scene),
         "walls": [[*wall.start, *wall.end] for wall in scene.walls],
-        "sequence": _sequence(record),
+        "sequence": _sequence(record, written_types),
     }
-    if record.context is not None:
-        file["context_description"] = record.context
+    if context := _context(record, options):
+        file["context_description"] = context
     if (label := _label(record)) is not None:
         file["label"] = label
     return orjson.dumps(file | {EXTRAS: {"header": header, "other_objects": other_objects}}) + b"\n"
 
 
-def _check_exportable(record: EpisodeRecord) -> None:
+def note(record: EpisodeRecord, options: Options) -> str | None:
+    """Say that the context of an exported file is not that of the scenario."""
+    if options.context is not None or record.context is not None:
+        return None
+    return (
+        f"no context is recorded, so context_description is {DEFAULT_CONTEXT!r}, on which the model's rating depends;"
+        " pass --context TEXT, or --context '' to write none"
+    )
+
+
+def _context(record: EpisodeRecord, options: Options) -> str | None:
+    if options.context is not None:
+        return options.context
+    return DEFAULT_CONTEXT if record.context is None else record.context
+
+
+def _written_type(thing: Furniture, options: Options) -> str | None:
+    """The type under which an object is written; None: it is not written."""
+    if thing.type in TYPES:
+        return thing.type
+    is_solid = thing.type != BODILESS and thing.on is None
+    return options.types.get(thing.type, options.types.get(ANY_TYPE) if is_solid else None)
+
+
+def _check_exportable(record: EpisodeRecord, options: Options) -> None:
+    if unknown := sorted(set(options.types.values()) - set(TYPES)):
+        raise RecordError(f"{NAME} has no objects of type {unknown[0]!r}; its types are {', '.join(TYPES)}")
     require_robot(record, NAME)
-    require_all_present(record, NAME)
     require_even_times(record, NAME)
     dt = record.scene().rules.dt
     require_duration(record, NAME, dt * len(record), dt)
     if dt < 0.1:
-        raise RecordError(
-            f"{record.path}: a tick is {dt:g} s, but readers of {NAME} drop frames less than 0.1 s apart; record with a"
-            " tick of 0.1 s or more"
+        raise UnsuitableEpisode(
+            record.path,
+            f"a tick is {dt:g} s, but readers of {NAME} drop frames less than 0.1 s apart",
+            "record with a tick of 0.1 s or more",
         )
-    require_finite(record.states.robot, ROBOT_NAMES, "the robot")
-    require_finite(record.states.humans, HUMAN_NAMES, "human", [human.id for human in record.scene().humans])
+    states = record.states
+    require_finite(states.robot, ROBOT_NAMES, "the robot")
+    present_rows = np.where(states.present[..., None], states.humans, 0.0)
+    require_finite(present_rows, HUMAN_NAMES, "human", [human.id for human in record.scene().humans])
     for thing in record.scene().furniture:
-        if thing.type not in TYPES and thing.type != BODILESS and thing.on is None:
-            raise RecordError(
-                f"{record.path}: object {thing.id} is of type {thing.type!r}, but {NAME} only has {', '.join(TYPES)};"
-                " without the object, readers would see free space in its place; leave out such episodes"
+        if _written_type(thing, options) is None and thing.type != BODILESS and thing.on is None:
+            raise UnsuitableEpisode(
+                record.path,
+                f"object {thing.id} is of type {thing.type!r}, but {NAME} only has {', '.join(TYPES)}; without the"
+                " object, readers would see free space in its place",
+                f"write it as another type with --as, such as --as {thing.type}=plant",
             )
 
 
@@ -167,24 +204,26 @@ def _label(record: EpisodeRecord) -> float | None:
     return float(label)
 
 
-def _sequence(record: EpisodeRecord) -> list[JsonDict]:
+def _sequence(record: EpisodeRecord, written_types: dict[int, str | None]) -> list[JsonDict]:
     """A step per frame, and one for the final state."""
     states, scene = record.states, record.scene()
     stamps = exact_stamps(states.tick, scene.rules.dt).tolist()
     frames = [*record.document["frames"], record.document["final"]]
     goal = _goal(record)
-    objects = [_object(thing) for thing in scene.furniture if thing.type in TYPES]
+    objects = [_object(thing, type) for thing in scene.furniture if (type := written_types[thing.id]) is not None]
     shape = _shape(Disc(scene.robot.radius))
     return [
         {
             "timestamp": stamp,
             "robot": _robot(row, shape),
-            "people": _people(record, rows),
+            "people": _people(record, rows, present),
             "objects": objects,
             "goal": goal,
             EXTRAS: {key: frame[key] for key in _EXTRA_STEP_KEYS if key in frame},
         }
-        for stamp, row, rows, frame in zip(stamps, states.robot, states.humans.tolist(), frames, strict=True)
+        for stamp, row, rows, present, frame in zip(
+            stamps, states.robot, states.humans.tolist(), states.present.tolist(), frames, strict=True
+        )
     ]
 
 
@@ -198,20 +237,26 @@ def _robot(row: Array, shape: JsonDict) -> JsonDict:
     }  # fmt: skip
 
 
-def _people(record: EpisodeRecord, rows: list[list[float]]) -> list[JsonDict]:
-    """Poses of the pedestrians; velocities (world frame), head and radius under keys that the format does not have."""
+def _people(record: EpisodeRecord, rows: list[list[float]], present: list[bool]) -> list[JsonDict]:
+    """Poses of the pedestrians who are present; velocities (world frame), head and radius under keys of our own.
+
+    Readers match the pedestrians of two steps by id, and mask those who are in one of them only.
+    """
     return [
         {
             "id": human.id, "x": x, "y": y, "angle": theta, "vx": vx, "vy": vy, "omega": omega, "head": head,
             "radius": human.radius,
         }
-        for human, (x, y, theta, vx, vy, omega, head) in zip(record.scene().humans, rows, strict=True)
+        for human, (x, y, theta, vx, vy, omega, head), is_present in zip(
+            record.scene().humans, rows, present, strict=True
+        )
+        if is_present
     ]  # fmt: skip
 
 
-def _object(thing: Furniture) -> JsonDict:
+def _object(thing: Furniture, type: str) -> JsonDict:
     x, y = thing.pose.position
-    return {"id": thing.id, "type": thing.type, "x": x, "y": y, "angle": thing.pose.theta, "shape": _shape(thing.shape)}
+    return {"id": thing.id, "type": type, "x": x, "y": y, "angle": thing.pose.theta, "shape": _shape(thing.shape)}
 
 
 def _shape(shape: Shape) -> JsonDict:
@@ -232,6 +277,7 @@ _MISSING = ("humans.radius", "humans.group", "humans.head", "frames.interactions
 _DERIVED = ("humans.id", "objects.id", "frames.humans.velocity", "frames.activity", "room.polygon")
 _TOLERANCE = 0.05  # m, apparent motion of the goal and of objects
 _SHAPES = ("circle", "rectangle")
+MAXIMUM_SPEED = 8.0  # m/s; faster than people run
 
 
 def import_(path: Path, options: Options) -> Iterator[JsonDict]:
@@ -245,7 +291,10 @@ def import_(path: Path, options: Options) -> Iterator[JsonDict]:
         if not isinstance(file, dict):
             raise ValueError("it must be a JSON object")
         is_exported = isinstance(file.get(EXTRAS), dict) and "header" in file[EXTRAS]
-        yield _restored(file) if is_exported else episode_document(_source_episode(file), NAME, path)
+        if is_exported:
+            yield _restored(file)
+        else:
+            yield episode_document(_source_episode(file, options), NAME, path)
 
 
 def _restored(file: JsonDict) -> JsonDict:
@@ -254,11 +303,11 @@ def _restored(file: JsonDict) -> JsonDict:
     software, dt = header.pop("software"), header["rules"]["dt"]
     steps = file["sequence"]
     robot = _robot_rows(steps)
-    humans = _human_rows(steps, [human["id"] for human in header["humans"]])
+    ids = [human["id"] for human in header["humans"]]
     frames = []
-    for t, (step, robot_row, human_rows) in enumerate(zip(steps, robot.tolist(), humans.tolist(), strict=True)):
-        time = float(rounded(np.array(t * dt)))
-        frames.append({"tick": t, "time": time, "robot": robot_row, "humans": human_rows} | step[EXTRAS])
+    for t, (step, robot_row) in enumerate(zip(steps, robot.tolist(), strict=True)):
+        time, humans = float(rounded(np.array(t * dt))), _human_rows(step["people"], ids, t)
+        frames.append({"tick": t, "time": time, "robot": robot_row, "humans": humans} | step[EXTRAS])
     return header | {"frames": [_in_order(frame) for frame in frames[:-1]], "final": frames[-1], "software": software}
 
 
@@ -278,26 +327,29 @@ def _robot_rows(steps: list[JsonDict]) -> Array:
     return rounded_rows(rows, ROBOT_ANGLES)
 
 
-def _human_rows(steps: list[JsonDict], ids: list[int]) -> Array:
-    """(T, N, 7), columns as in episode files."""
-    names = ("id", "x", "y", "angle", "vx", "vy", "omega", "head")
-    rows = np.array([numbers(step["people"], names, f"people at step {t}") for t, step in enumerate(steps)])
-    rows = rows.reshape(len(steps), -1, len(names))
-    if not (rows[..., 0] == np.array(ids, dtype=float)).all():
-        raise ValueError(f"ids of people in the steps differ from those of the header, {ids}")
-    return rounded_rows(rows[..., 1:], HUMAN_ANGLES)
+def _human_rows(people: list[JsonDict], ids: list[int], step: int) -> list[list[float] | None]:
+    """Rows of N pedestrians with the columns of episode files; None where absent."""
+    table = numbers(people, ("id", "x", "y", "angle", "vx", "vy", "omega", "head"), f"people at step {step}")
+    rows = dict(zip(table[:, 0].tolist(), rounded_rows(table[:, 1:], HUMAN_ANGLES).tolist(), strict=True))
+    if len(rows) != len(people) or not set(rows) <= set(map(float, ids)):
+        raise ValueError(f"ids of people at step {step} are not unique, or not among those of the header, {ids}")
+    return [rows.get(float(id)) for id in ids]
 
 
-def _source_episode(file: JsonDict) -> SourceEpisode:
-    steps, walls = file["sequence"], table(file["walls"], 4, "walls")
+def _source_episode(file: JsonDict, options: Options) -> SourceEpisode:
+    steps, walls = file["sequence"], _walls(file, options)
     if not isinstance(steps, list) or len(steps) < 2:
         raise ValueError("its sequence must be a list of two steps or more")
     stamps = numbers(steps, ("timestamp",), "steps")[:, 0]
     time = stamps - stamps[0]
     if not (np.diff(time) > 5e-5).all():
         raise ValueError(f"timestamps must rise, step {int(np.argmin(np.diff(time))) + 1} does not")
+    if options.renumber:
+        steps = _renumbered(steps)
     ids, poses = _poses(steps)
     _check_static(steps)
+    if options.renumber:
+        _check_continuity(time, poses)
     rates = velocities(time, poses)
     robot = _robot_rows(steps)
     polygon = polygon_of(walls)
@@ -317,16 +369,63 @@ def _source_episode(file: JsonDict) -> SourceEpisode:
         goal=_read_goal(steps[0]["goal"]),
         robot_radius=_radius(steps[0]["robot"]["shape"]),
         missing=_MISSING,
-        derived=_DERIVED,
+        derived=_DERIVED if options.walls is None else (*_DERIVED, "walls"),
         header=({"context": context} if context is not None else {}) | ({"label": label} if label is not None else {}),
     )
+
+
+def _walls(file: JsonDict, options: Options) -> Array:
+    """Walls of a file or of `options.walls`, (W, 4), m."""
+    if options.walls is not None:
+        return read_walls(options.walls)
+    if "walls" not in file:
+        raise ValueError(
+            "it has no walls; pass a file of them, x1,y1,x2,y2 in m, with --walls FILE (with the header only: no walls)"
+        )
+    return table(file["walls"], 4, "walls")
+
+
+def _renumbered(steps: list[JsonDict]) -> list[JsonDict]:
+    """The steps with unique ids: the n-th entry with an id is the same person or object in every step.
+
+    The first entry keeps the id, so files without repetitions stay as they are.
+    """
+    result = [dict(step) for step in steps]
+    for key in ("people", "objects"):
+        known = {row["id"] for step in steps for row in step[key]}
+        if any(type(id) not in (int, float) for id in known):
+            raise ValueError(f"ids of {key} must be numbers, got {sorted(map(repr, known))}")
+        unused = int(max([0, *known])) + 1
+        new_ids: dict[tuple[float, int], float] = {}  # by id and number of the entry
+        for step in result:
+            seen: Counter[float] = Counter()
+            rows = []
+            for row in step[key]:
+                entry = row["id"], seen[row["id"]]
+                seen[row["id"]] += 1
+                if entry not in new_ids:
+                    new_ids[entry], unused = (row["id"], unused) if entry[1] == 0 else (unused, unused + 1)
+                rows.append(row | {"id": new_ids[entry]})
+            step[key] = rows
+    return result
+
+
+def _check_continuity(time: Array, poses: Array) -> None:
+    """Check that no pedestrian jumps: entries with one id that change their order cannot be told apart."""
+    step = np.diff(poses[..., POSITION], axis=0) / np.diff(time)[:, None, None]
+    speed = np.nan_to_num(np.hypot(step[..., 0], step[..., 1]))
+    for t in np.flatnonzero((speed > MAXIMUM_SPEED).any(axis=1))[:1].tolist():
+        raise ValueError(
+            f"people with the same id change their order at step {t + 1} (one would move at {speed[t].max():.1f} m/s);"
+            " give each person an id of their own"
+        )
 
 
 def _check_static(steps: list[JsonDict]) -> None:
     """Check that objects and goal stand still and are the same throughout, as in every episode."""
     first = {thing["id"]: thing for thing in steps[0]["objects"]}
     if len(first) != len(steps[0]["objects"]):
-        raise ValueError("ids of objects must be unique")
+        raise ValueError("ids of objects must be unique; pass --renumber to replace repeated ones")
     for t, step in enumerate(steps):
         objects = {thing["id"]: thing for thing in step["objects"]}
         if set(objects) != set(first):
@@ -348,7 +447,7 @@ def _poses(steps: list[JsonDict]) -> tuple[list[int], Array]:
     poses = np.full((len(steps), len(ids), 3), np.nan)
     for t, rows in enumerate(tables):
         if len(set(rows[:, 0].tolist())) != len(rows):
-            raise ValueError(f"ids of people must be unique, step {t} repeats one")
+            raise ValueError(f"ids of people must be unique, step {t} repeats one; pass --renumber to replace it")
         for row in rows:
             poses[t, column[float(row[0])]] = row[1:]
     lowest = int(min([1.0, *ids]))  # id 0 is the robot's in an episode
@@ -392,4 +491,6 @@ def _read_goal(goal: JsonDict) -> JsonDict:
     return goal_of([x, y], theta, **given)
 
 
-FORMAT = Format("trajectory files of the SocNav3 data set, with an occupancy grid", ".json", import_, export=export)
+FORMAT = Format(
+    "trajectory files of the SocNav3 data set, with an occupancy grid", ".json", import_, export=export, note=note
+)

@@ -66,7 +66,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     """Return the frame list of an episode.
 
     Raises:
-        RecordError: readers of the format would misinterpret the episode.
+        UnsuitableEpisode: readers of the format would misinterpret the episode.
     """
     _check_exportable(record, options)
     ticks, stamps = _saved_ticks(record, options)

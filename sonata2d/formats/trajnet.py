@@ -13,11 +13,11 @@ import numpy as np
 import orjson
 
 from ..core.portable_math import BoolArray, IntArray
-from ..errors import RecordError
 from ..record.files import read_bytes
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import Format, Options, require_even_times
+from .base import Format, Options, UnsuitableEpisode, require_even_times
+from .csv_tracks import read_walls
 from .imported import X
 from .parse import numbers, parsing
 from .tracks import Tracks, positions_of_present, tracks_document
@@ -31,7 +31,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     """Return the TrajNet++ file of an episode.
 
     Raises:
-        RecordError: 0.4 s is not a multiple of the tick, or no pedestrian is present for the 8 s of a scene.
+        UnsuitableEpisode: 0.4 s is not a multiple of the tick, or no pedestrian is present for the 8 s of a scene.
     """
     require_even_times(record, NAME)
     stride = _stride(record)
@@ -39,9 +39,10 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     humans = record.states.humans[::stride]
     scenes = list(_scenes(~np.isnan(humans[..., X]), ids, stride))
     if not scenes:
-        raise RecordError(
-            f"{record.path}: no pedestrian is present for {(LENGTH - 1) * INTERVAL:g} s, the minimum for readers of"
-            f" {NAME}; leave out such episodes"
+        raise UnsuitableEpisode(
+            record.path,
+            f"no pedestrian is present for {(LENGTH - 1) * INTERVAL:g} s, the minimum for readers of {NAME}",
+            "leave out such episodes",
         )
     rows, row_ids, positions = positions_of_present(humans, ids)
     tracks = (
@@ -57,9 +58,10 @@ def _stride(record: EpisodeRecord) -> int:
     dt = record.scene().rules.dt
     stride = round(INTERVAL / dt)
     if stride < 1 or abs(stride * dt - INTERVAL) > 1e-9:
-        raise RecordError(
-            f"{record.path}: ticks of {dt:g} s do not divide the {INTERVAL} s between frames of {NAME}; record with a"
-            " tick of 0.1, 0.2 or 0.4 s"
+        raise UnsuitableEpisode(
+            record.path,
+            f"ticks of {dt:g} s do not divide the {INTERVAL} s between frames of {NAME}",
+            "record with a tick of 0.1, 0.2 or 0.4 s",
         )
     return stride
 
@@ -82,7 +84,8 @@ def import_(path: Path, options: Options) -> Iterator[JsonDict]:
         RecordError: the file is damaged.
     """
     with parsing(path, NAME):
-        yield tracks_document(read_tracks(path, options), NAME, path, np.zeros((0, 4)), None)
+        walls = np.zeros((0, 4)) if options.walls is None else read_walls(options.walls)
+        yield tracks_document(read_tracks(path, options), NAME, path, walls, None)
 
 
 def read_tracks(path: Path, options: Options) -> Tracks:

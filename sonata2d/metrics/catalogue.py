@@ -70,7 +70,9 @@ def _select(name: str) -> tuple[Metric, ...]:
     found = tuple(metric for metric in ALL.values() if metric.name == name or metric.name.startswith(f"{name}."))
     if found:
         return found
-    raise MetricError(f"no metric is named {name!r}{did_you_mean(name, ALL) or '; docs/metrics.md lists them'}")
+    projects = {metric.name.partition(".")[0] for metric in VARIANTS}
+    hint = did_you_mean(name, [*ALL, *sorted(projects), "all"]) or "; docs/metrics.md lists them"
+    raise MetricError(f"no metric is named {name!r}{hint}")
 
 
 _GOAL = ("success", "timeout", "time_to_goal", "spl", "stl", "shortest_length")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -23,6 +24,8 @@ from .summary import LEVEL, RESAMPLES, Summary, differences, summarise
 from .trajectory import Trajectory
 
 __all__ = ["Evaluation", "Measured", "episode_files", "measure", "measure_files", "save_metrics"]
+
+logger = logging.getLogger(__name__)
 
 METRICS_FORMAT = "sonata2d-metrics"
 MARK = "*"  # of values that differ from those of the first evaluation
@@ -219,6 +222,7 @@ def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
         path: of the episode file.
         runs: as for `without_robot`; None: do not run the seed without a robot.
     """
+    logger.info("measuring %s", path)
     record = read_episode(path)
     trajectory = Trajectory(record, None if runs is None else without_robot(record, runs))
     return Measured(

@@ -74,11 +74,11 @@ METRICS = (
     ),
     Metric(
         "object_collisions", "count", "less", "number of collisions with furniture", "SocNavGym, COLLISION_OBJECT",
-        partial(collisions, kind="object"),
+        partial(collisions, kind="object"), headline=True,
     ),
     Metric(
         "wall_collisions", "count", "less", "number of collisions with walls, counted for each wall separately",
-        f"{_FRANCIS} (WC)", partial(collisions, kind="wall"),
+        f"{_FRANCIS} (WC)", partial(collisions, kind="wall"), headline=True,
     ),
     Metric(
         "robot_on_person", "count", "less",

@@ -61,7 +61,7 @@ def chart(path: str | Path, evaluations: Sequence[Evaluation], metrics: Sequence
     height = rows * (_PANEL[1] + len(evaluations) * _ROW) + (0.4 if title else 0.1)
     figure = Figure(figsize=(_PANEL[0] * COLUMNS + 1.2, height), layout="constrained")
     if title:
-        figure.suptitle(title, fontsize=9)
+        figure.suptitle(title, fontsize=9, parse_math=False)
     panels = [figure.add_subplot(rows, COLUMNS, k + 1) for k in range(len(shown))]
     for k, (panel, metric) in enumerate(zip(panels, shown, strict=True)):
         _draw(panel, evaluations, metric, labelled=k % COLUMNS == 0)
@@ -87,9 +87,8 @@ def _draw(panel: Axes, evaluations: Sequence[Evaluation], metric: Metric, *, lab
         panel.plot([summary.mean], [row], "o", color=colour, markersize=4.5)
     unit = "" if metric.unit in ("0/1", "share", "count") else f" ({metric.unit})"
     panel.set_title(f"{metric.name.replace('_', ' ')}{unit} {ARROWS[metric.better]}".rstrip(), fontsize=7.5, loc="left")
-    panel.set_yticks(
-        range(len(evaluations)), [one.label for one in evaluations] if labelled else [""] * len(evaluations)
-    )
+    labels = [one.label for one in evaluations] if labelled else [""] * len(evaluations)
+    panel.set_yticks(range(len(evaluations)), labels, parse_math=False)  # labels are paths, and may hold dollar signs
     panel.set_ylim(len(evaluations) - 0.5, -0.5)
     panel.tick_params(labelsize=7, length=2)
     panel.grid(axis="x", linewidth=0.4, color="#dddddd")

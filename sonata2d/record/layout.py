@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from ..core.entities import Furniture, Goal, Group, Human, Interaction, Limits, Robot, Wall
 from ..core.geometry import Disc, Pose, Rectangle, Shape
-from ..core.scene import Rules, Scene, Social
+from ..core.scene import Rules, Scene, Social, Unmeasured
 from ..version import __version__
 from .canonical import to_json_value
 
@@ -97,7 +97,24 @@ def scene_from_json(document: JsonDict) -> Scene:
         episode=document["episode"],
         settings=document["settings"],
         dropped=tuple(document["dropped"]),
+        unmeasured=_unmeasured(document.get("imported") or {}),
     )
+
+
+def _unmeasured(imported: JsonDict) -> frozenset[Unmeasured]:
+    """What an imported episode does not know, from its lists of missing and of derived keys."""
+    lacks, derived = (
+        {key.removeprefix("frames.") for key in imported.get(name) or ()} for name in ("lacks", "derived")
+    )
+    found: dict[Unmeasured, bool] = {
+        "robot": "robot" in lacks,
+        "goal": "goal" in lacks,
+        "headings": "humans.theta" in lacks | derived,  # derived from velocities
+        "heads": bool({"humans.head", "humans.theta"} & (lacks | derived)),
+        "seed": "seed" in lacks,
+        "outcome": "outcome" in lacks,
+    }
+    return frozenset(name for name, is_unmeasured in found.items() if is_unmeasured)
 
 
 def interaction_rows(interactions: Iterable[Interaction]) -> list[list[Any]]:

@@ -19,6 +19,7 @@ from ..core.portable_math import Array, BoolArray, IntArray, unit_vector, unit_v
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from ..errors import RecordError
+from .counts import run_counts
 from .layout import (
     ROW_HEAD,
     ROW_OMEGA,
@@ -178,6 +179,21 @@ class EpisodeRecord:
     def labels(self) -> list[Any]:
         """The label of each frame; its command, [vx, vy, omega], where it has no label."""
         return [frame["label"] if "label" in frame else frame["command"] for frame in self.document["frames"]]
+
+    def counts(self) -> JsonDict:
+        """Return the contacts, and the commands beyond the robot's limits, as a manifest holds them.
+
+        Empty for an imported episode, whose contacts were not recorded.
+
+        Raises:
+            RecordError: a contact is damaged.
+        """
+        if self.document.get("imported"):
+            return {}
+        with wrap_read_errors(self.path):
+            states = [*self.document["frames"], self.document["final"]]
+            contacts = [[_contact(row) for row in state["contacts"]] for state in states]
+            return run_counts(self.scene().robot, contacts, self.command)
 
     def scene(self) -> Scene:
         """Return the scene, equal to the one that was recorded."""

@@ -7,6 +7,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
+
 from ..core.geometry import PRECISION, quantised
 from ..core.humans import ACTIVITIES
 from ..core.labels import LabelSpec
@@ -14,7 +16,8 @@ from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
 from ..errors import RecordError
 from ..version import FORMAT, FORMAT_VERSION, PHYSICS_VERSION
-from .canonical import serialise, to_json_value
+from .canonical import rounded, serialise, to_json_value
+from .counts import run_counts
 from .files import compress, file_stem, write_atomically
 from .frames import Answer, Observation, frame_lines, observation
 from .layout import JsonDict, columns, scene_to_json, software_versions
@@ -111,6 +114,18 @@ class EpisodeRecorder:
         frames, final = frame_lines(self._observations, self._answers, [human.id for human in scene.humans])
         header = self._header(scene, outcome)
         return serialise({**header, "frames": frames, "final": final, "software": software_versions()})
+
+    def counts(self) -> JsonDict:
+        """Return the contacts, and the commands beyond the robot's limits, as a manifest holds them.
+
+        Raises:
+            RecordError: the episode has not begun.
+        """
+        if self.scene is None:
+            raise RecordError("the episode has not begun")
+        commands = np.array([(twist.vx, twist.vy, twist.omega) for twist, _ in self._answers], dtype=float)
+        contacts = (contacts for _, _, _, _, contacts, _ in self._observations)
+        return run_counts(self.scene.robot, contacts, rounded(commands.reshape(-1, 3)))
 
     def _add(self, snapshot: Snapshot) -> None:
         self._observations.append(observation(snapshot))

@@ -6,8 +6,10 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
 
+import numpy as np
+
 from ..core.entities import Furniture, Human
-from ..core.geometry import Barriers, Pose
+from ..core.geometry import Barriers, Pose, inside_polygon
 from ..core.rng import RandomStream
 from ..core.scene import Rules, Scene, standing_throughout
 from ..errors import SceneError
@@ -153,4 +155,13 @@ def _no_space_message(clusters: list[EntityCluster], k: int, plan: FloorPlan, at
     problem = f"no free spot for {_label(clusters, k)} in a {plan.size_text} room after {attempts} attempts"
     if clusters[k].fixed is not None:
         return f"{problem}; turn the furniture (theta) so that its front (-y) is free, or set attracts: false"
+    place = clusters[k].position
+    if place is not None:
+        x, y = place
+        if not inside_polygon(np.array([[x, y]]), plan.outline).all():
+            return f"the place ({x:g}, {y:g}) of {_label(clusters, k)} is outside the room; change groups.places"
+        return (
+            f"{_label(clusters, k)} does not fit at its place ({x:g}, {y:g}) after {attempts} attempts; move it "
+            "(groups.places) away from walls and others, or ask for fewer members"
+        )
     return f"{problem}; widen the room, ask for {fewer}, or set drop: true"

@@ -111,7 +111,7 @@ class Episode:
 
         Raises:
             ControllerError: the controller's answer is not a finite twist. Exceptions of the controller itself pass
-                through, with the tick added as a note.
+                through, with tick, episode and seed added as a note.
         """
         while self.step() is not None:
             pass
@@ -300,8 +300,8 @@ class Episode:
         return frame
 
     def _close_after(self, error: BaseException, snapshot: Snapshot) -> None:
-        """Close the episode because an exception was raised; the exception gets the tick as a note."""
-        error.add_note(f"at tick {snapshot.tick} of the episode")
+        """Close the episode because an exception was raised; the exception gets tick, episode and seed as a note."""
+        error.add_note(f"at tick {snapshot.tick} of episode {self.scene.episode}, seed {self.scene.seed}")
         reason = f"{type(error).__name__}: {error}"
         try:
             self._close(snapshot, Outcome("error", reason, snapshot.tick, snapshot.time))

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 
 from ..agents.controllers.base import Controller
+from ..agents.controllers.loading import is_built_in
 from ..core.scene import Scene
 from ..core.snapshot import Outcome
+from ..datasets.counts import commands_warning
+from ..errors import ControllerWarning
+from ..record.layout import JsonDict
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.load import load_scenario
@@ -39,17 +44,24 @@ def check_controller(
         RecordError: a label cannot be stored in a file.
         AssertionError: the controller declares itself deterministic, but a second run of the same scene differs:
             state is kept from one episode to the next (clear it in `reset`), or an unseeded generator is used.
+
+    Warns:
+        ControllerWarning: most commands exceed the limits of the robot's drive, or move a unicycle sideways.
     """
-    outcomes = []
+    outcomes, counts = [], []
     for scene in scenes if scenes is not None else default_scenes(time_limit):
-        first, outcome = _recorded_run(scene, controller)
+        first, outcome, own_counts = _recorded_run(scene, controller)
+        counts.append({"ticks": outcome.tick, **own_counts})
         if controller.deterministic:
-            second, _ = _recorded_run(scene, controller)
+            second, _, _ = _recorded_run(scene, controller)
             assert first == second, (
                 f"two runs of {type(controller).__name__} in {scene.name} differ; clear its state in reset(scene), "
                 "seed its random generator, or set deterministic = False"
             )
         outcomes.append(outcome)
+    message = None if is_built_in(controller) else commands_warning(counts, type(controller).__name__)
+    if message is not None:
+        warnings.warn(message, ControllerWarning, stacklevel=2)
     return outcomes
 
 
@@ -68,8 +80,8 @@ def default_scenes(time_limit: float) -> list[Scene]:
     return scenes
 
 
-def _recorded_run(scene: Scene, controller: Controller) -> tuple[bytes, Outcome]:
-    """The episode file of a run, and its outcome."""
+def _recorded_run(scene: Scene, controller: Controller) -> tuple[bytes, Outcome, JsonDict]:
+    """The episode file of a run, its outcome, and its contacts and commands beyond the limits."""
     recorder = EpisodeRecorder()
     outcome = Episode(scene, controller, observers=[recorder], renderer=renderer_for(controller)).run()
-    return recorder.document(), outcome
+    return recorder.document(), outcome, recorder.counts()

@@ -3,7 +3,6 @@ from .draw import Layers as Layers, backdrop as backdrop, picture as picture
 from .files import SUFFIXES as SUFFIXES, render as render
 from .film import save_film as save_film
 from .interpolation import between as between
-from .overlay import Hud as Hud, draw_hud as draw_hud, draw_tint as draw_tint, draw_veil as draw_veil
 from .page import save_page as save_page
 from .painter import Painter as Painter, image_of as image_of
 from .stills import (

@@ -1,38 +1,37 @@
-"""Text on a picture: the strip below it with caption, scale bar and time bar; labels; the legend."""
+"""Text on a picture: the strip below it with caption, scale bar and time bar; labels."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import partial
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import pygame
 
 from ..core.geometry import Point
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from .brush import Brush
-from .camera import Camera
 from .canvas import Canvas
-from .figures import draw_body, draw_chassis, draw_head, draw_target
 from .fonts import shortened, width_of
-from .palette import ACTIVITY, FAINT, INK, PAPER, WALL, time_colour
+from .palette import FAINT, FLOOR, INK, PAPER, Colour, mixed, time_colour
 
 STRIP = 34  # px, height of the strip
 TEXT, SMALL = 18, 16  # px, font sizes
 _EDGE, _GAP = 14, 22  # px
+_PLATE_EDGE = mixed(FLOOR, INK, 0.3)
 _MIN_TIME_BAR_WIDTH = 420  # px; a narrower strip has no time bar
-_LEGEND_ROW, _LEGEND_RADIUS, _LEGEND_PADDING, _LEGEND_EDGE = 22, 8.5, 8, 10  # px
 
 
 def origin(scene: Scene) -> str:
-    """Seed and episode of a scene as text."""
-    return f"seed {scene.seed} / episode {scene.episode}"
+    """Seed and episode of a scene as text; empty for a scene that was recorded elsewhere."""
+    return "" if "seed" in scene.unmeasured else f"seed {scene.seed} / episode {scene.episode}"
 
 
 def summary(snapshot: Snapshot, outcome: str | None = None) -> str:
     """Default caption: scenario, seed and episode, time, outcome."""
-    parts = [snapshot.scene.name, origin(snapshot.scene), f"t = {snapshot.time:.1f} s"]
-    return "   ".join([*parts, outcome] if outcome else parts)
+    scene = snapshot.scene
+    known = None if "outcome" in scene.unmeasured else outcome
+    return "   ".join(part for part in (scene.name, origin(scene), f"t = {snapshot.time:.1f} s", known) if part)
 
 
 def draw_strip(
@@ -41,7 +40,7 @@ def draw_strip(
     """Draw the caption on the left and the bars on the right of the strip.
 
     Args:
-        size: width and height of the picture, strip included, px.
+        size: width of the picture, and its height up to the lower edge of the strip, px.
         text: the caption; shortened if it is too long.
         scale: pixels per metre.
         span: first and last time of the robot's trail, s; None omits the time bar.
@@ -72,41 +71,51 @@ def _draw_time_bar(canvas: Canvas, right: tuple[int, int], span: tuple[float, fl
     return canvas.text(FAINT, f"{span[0]:.1f}", (x - 6, right[1]), SMALL, "midright").left
 
 
-def draw_label(canvas: Canvas, text: str, place: Point) -> None:
-    """Draw a small text on a light plate that stands on a pixel position."""
-    box = pygame.Rect(0, 0, width_of(text, SMALL) + 6, SMALL)
-    box.midbottom = (round(place[0]), round(place[1]) - 2)
-    canvas.rectangle(PAPER, box, WALL)
-    canvas.text(INK, text, box.center, SMALL)
-
-
-def draw_legend(canvas: Canvas, size: tuple[int, int], activities: Iterable[str]) -> None:
-    """Draw the meaning of the colours on a plate in the upper right corner.
+def draw_labels(canvas: Canvas, labels: Sequence[Label], size: int) -> None:
+    """Draw small texts on light plates beside what they name, so that they do not hide each other where possible.
 
     Args:
-        size: width and height of the picture, px.
-        activities: of the pedestrians in the picture; each activity is listed once.
+        labels: in order of importance; a label avoids those before it, and what any label names.
+        size: font size, px.
     """
-    present = set(activities)
-    rows: list[tuple[str, Callable[[Brush], None]]] = [
-        (name, partial(_draw_human, activity=name)) for name in ACTIVITY if name in present
-    ]
-    rows += [("robot", partial(draw_chassis, r=0.2)), ("goal", partial(draw_target, radius=0.2))]
-    width = max(width_of(name, SMALL) for name, _ in rows) + 2 * _LEGEND_PADDING + 26
-    height = len(rows) * _LEGEND_ROW + _LEGEND_PADDING
-    plate = pygame.Rect(size[0] - _LEGEND_EDGE - width, _LEGEND_EDGE, width, height)
-    with canvas.group("legend"):
-        canvas.rectangle(PAPER, plate, WALL)
-        for k, (name, draw) in enumerate(rows):
-            x, y = (
-                plate.left + _LEGEND_PADDING + _LEGEND_RADIUS,
-                plate.top + _LEGEND_PADDING / 2 + (k + 0.5) * _LEGEND_ROW,
-            )
-            scale = _LEGEND_RADIUS / 0.2
-            draw(Brush(canvas, Camera(scale, -x / scale, y / scale, size), direction=(0.0, 1.0)))
-            canvas.text(INK, name, (x + _LEGEND_RADIUS + 9, y), SMALL, "midleft")
+    taken: list[pygame.Rect] = []
+    bodies = [label.body for label in labels]
+    for k, label in enumerate(labels):
+        others = [body for j, body in enumerate(bodies) if j != k]
+        places = _places_beside(label, size)
+        box = next((box for box in places if box.collidelist([*taken, *others]) < 0), None)
+        if box is None:  # no place is free: rather hide an entity than a label
+            box = next((box for box in places if box.collidelist(taken) < 0), places[0])
+        taken.append(box)
+        canvas.rectangle(PAPER, box, _PLATE_EDGE)
+        canvas.text(label.colour, label.text, box.center, size)
 
 
-def _draw_human(brush: Brush, activity: str) -> None:
-    draw_body(brush, activity, 0.2, 0.7)
-    draw_head(brush, 0.2)
+@dataclass(frozen=True, slots=True)
+class Label:
+    """A text, and the pixels of what it names: a box around `centre` that extends by `radius`."""
+
+    text: str
+    centre: Point
+    radius: float
+    colour: Colour = INK
+
+    @property
+    def body(self) -> pygame.Rect:
+        side = math.ceil(2 * self.radius)
+        return pygame.Rect(round(self.centre[0] - self.radius), round(self.centre[1] - self.radius), side, side)
+
+
+def _places_beside(label: Label, size: int) -> list[pygame.Rect]:
+    """Boxes for the label above, below, right and left of its entity, then at the corners."""
+    box, body = pygame.Rect(0, 0, width_of(label.text, size) + 5, size - 1), label.body.inflate(4, 4)
+    places = []
+    for own, other in (
+        ("midbottom", "midtop"), ("midtop", "midbottom"), ("midleft", "midright"), ("midright", "midleft"),
+        ("bottomleft", "topright"), ("bottomright", "topleft"), ("topleft", "bottomright"),
+        ("topright", "bottomleft"),
+    ):  # fmt: skip
+        place = box.copy()
+        setattr(place, own, getattr(body, other))
+        places.append(place)
+    return places

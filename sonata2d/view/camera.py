@@ -10,7 +10,7 @@ from ..core.geometry import Point
 from ..errors import RenderError
 
 MIN_SIDE, MAX_SIDE = 16, 6000  # px; a larger picture is probably a mistake in the scale
-_DEFAULT_SCALE, _DEFAULT_SIDE = 80.0, 1000.0  # px/m; px, the side that the default scale does not exceed
+_DEFAULT_SCALE, DEFAULT_SIDE = 80.0, 1000.0  # px/m; px, the side that the default scale does not exceed
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +37,7 @@ class Camera:
         *,
         size: tuple[int, int] | None = None,
         scale: float | None = None,
+        side: float = DEFAULT_SIDE,
         margin: float = 0.3,
     ) -> Camera:
         """Centre the view on points so that all of them are visible.
@@ -45,7 +46,8 @@ class Camera:
             points: m, world frame.
             size: of the picture, px; by default as large as the scale requires.
             scale: pixels per metre; by default as large as the size allows, or 80 without a size (less for a picture
-                that would exceed 1000 px a side).
+                that would exceed `side`).
+            side: upper limit of the longer side of a picture without size and scale, px.
             margin: free space around the points, m.
 
         Raises:
@@ -54,7 +56,7 @@ class Camera:
         x0, x1, y0, y1 = _bounds(points)
         wide, high = x1 - x0 + 2 * margin, y1 - y0 + 2 * margin
         if scale is None:
-            available = size or (_DEFAULT_SIDE, _DEFAULT_SIDE)
+            available = size or (side, side)
             scale = min(available[0] / wide, available[1] / high, math.inf if size else _DEFAULT_SCALE)
         width, height = size or (math.ceil(wide * scale), math.ceil(high * scale))
         if not 0.0 < scale < math.inf or not all(MIN_SIDE <= side <= MAX_SIDE for side in (width, height)):

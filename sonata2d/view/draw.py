@@ -12,21 +12,22 @@ from functools import partial
 
 import pygame
 
-from ..core.geometry import Point
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from .annotations import STRIP, draw_label, draw_legend, draw_strip, summary
+from .annotations import SMALL, STRIP, Label, draw_labels, draw_strip, summary
 from .brush import Brush
-from .camera import Camera
-from .canvas import PixelCanvas
+from .camera import DEFAULT_SIDE, Camera
+from .canvas import Canvas, PixelCanvas
 from .figures import goal_part, human_parts, robot_part
 from .furniture import draw_furniture, half_size
 from .layers import draw_gazes, draw_interactions, draw_velocities, draw_zones, thin_walls
-from .palette import PAPER, WALL, Colour
+from .legend import Legend
+from .palette import FAINT, PAPER, WALL, Colour
 from .room import FloorPlan, draw_room
 from .trails import Trails, draw_trails
 
 FINE, QUICK = 4, 2  # supersampling factors; powers of two, because pygame's smoothscale darkens others slightly
+_LABEL, _MIN_LABEL = 0.3, 13  # m and px: font size of ids, and its lower limit
 _LARGE = 2_000_000  # px; larger pictures use QUICK
 
 
@@ -42,15 +43,26 @@ class Layers:
     velocities: bool = False
     ids: bool = False
     caption: bool = True  # the strip below, with the scale bar
-    legend: bool = False  # meaning of the colours
+    legend: bool = False  # rows below the picture that explain its symbols; the window and camera images have none
 
 
 def camera_for(
-    scene: Scene, *, size: tuple[int, int] | None = None, scale: float | None = None, strip: int = 0
+    scene: Scene,
+    *,
+    size: tuple[int, int] | None = None,
+    scale: float | None = None,
+    side: float = DEFAULT_SIDE,
+    below: int = 0,
 ) -> Camera:
-    """A camera that sees the whole room; `strip` pixels of the height are left free for the caption."""
+    """A camera that sees the whole room.
+
+    Args:
+        size, scale: as for `picture`.
+        side: longer side of a picture of neither size nor scale, at most, px.
+        below: pixels of the height that are left free for caption and legend.
+    """
     corners = [*scene.polygon, *(end for wall in scene.walls for end in (wall.start, wall.end))]
-    return Camera.fit(corners, size=(size[0], size[1] - strip) if size else None, scale=scale)
+    return Camera.fit(corners, size=(size[0], size[1] - below) if size else None, scale=scale, side=side)
 
 
 def backdrop(
@@ -87,9 +99,10 @@ def picture(
     """Draw a snapshot.
 
     Args:
-        size: width and height, caption included, px.
+        size: width and height, caption and legend included, px.
         scale: pixels per metre, if no size is given; by default 80, less for a large room.
-        layers: what to show; by default `Layers()`.
+        layers: what to show; by default `Layers()`. A legend that would take more than a quarter of a given size is
+            left out.
         trails: past paths of robot and pedestrians.
         caption: text below the picture; by default scenario, seed, episode and time.
         outcome: how the episode ended; added to the default caption.
@@ -100,25 +113,34 @@ def picture(
         RenderError: a side of the picture would be outside 16 to 6000 px.
     """
     layers = layers or Layers()
-    strip = STRIP if layers.caption else 0
-    camera = camera or camera_for(snapshot.scene, size=size, scale=scale, strip=strip)
+    legend = Legend.of([snapshot], layers, paths=trails is not None).fitting(size)
+    if camera is None:
+        below = height_below(layers, legend, size[0]) if size else 0
+        camera = camera_for(snapshot.scene, size=size, scale=scale, below=below)
     surface = room.copy() if room is not None else backdrop(snapshot.scene, camera, layers)
     draw_on_backdrop(surface, camera, snapshot, layers, trails)
-    finished = shrunk(surface, camera.size, strip)
-    annotate(PixelCanvas(finished), camera, snapshot, layers, trails, caption, outcome)
+    finished = shrunk(surface, camera.size, height_below(layers, legend, camera.size[0]))
+    canvas = PixelCanvas(finished)
+    annotate(canvas, camera, snapshot, layers, trails, caption, outcome)
+    legend.draw(canvas, camera.size[1] + height_below(layers), camera.size[0])
     return finished
 
 
-def shrunk(surface: pygame.Surface, size: tuple[int, int], strip: int) -> pygame.Surface:
-    """Make a surface smaller, which smooths all edges; below it, `strip` pixels are left free for the caption."""
-    finished = pygame.Surface((size[0], size[1] + strip), 0, 32)
+def height_below(layers: Layers, legend: Legend = Legend(), width: int = 0) -> int:  # noqa: B008  frozen
+    """Height in pixels of the caption, if the layers have one, and of the legend of a picture of a width."""
+    return (STRIP if layers.caption else 0) + legend.height(width)
+
+
+def shrunk(surface: pygame.Surface, size: tuple[int, int], below: int) -> pygame.Surface:
+    """Make a surface smaller, which smooths all edges; below it, that many pixels are left free."""
+    finished = pygame.Surface((size[0], size[1] + below), 0, 32)
     finished.fill(PAPER)
     pygame.transform.smoothscale(surface, size, finished.subsurface((0, 0, *size)))
     return finished
 
 
 def annotate(
-    canvas: PixelCanvas,
+    canvas: Canvas,
     camera: Camera,
     snapshot: Snapshot,
     layers: Layers,
@@ -126,12 +148,13 @@ def annotate(
     caption: str | None,
     outcome: str | None,
 ) -> None:
-    """Draw all text on a picture of its final size; arguments as for `picture`."""
+    """Draw the text of a picture of its final size, apart from the legend; arguments as for `picture`."""
     draw_annotations(Brush(canvas, camera), snapshot, layers)
     if layers.caption:
         text = summary(snapshot, outcome) if caption is None else caption
-        span = trails.span if trails and not trails.is_tail else None
-        draw_strip(canvas, canvas.surface.get_size(), text, camera.scale, span)
+        has_span = trails is not None and not trails.is_tail and "robot" not in snapshot.scene.unmeasured
+        span = trails.span if trails is not None and has_span else None
+        draw_strip(canvas, (camera.size[0], camera.size[1] + STRIP), text, camera.scale, span)
 
 
 def draw_on_backdrop(
@@ -143,42 +166,43 @@ def draw_on_backdrop(
     draw_moving(brush, snapshot, layers, partial(draw_trails, trails=trails))
 
 
-def draw_moving(brush: Brush, snapshot: Snapshot, layers: Layers, draw_paths: Callable[[Brush], None]) -> None:
+def draw_moving(brush: Brush, snapshot: Snapshot, layers: Layers, draw_paths: Callable[..., None]) -> None:
     """Draw everything that moves, and the goal.
 
     Args:
-        draw_paths: draws the past paths, which are above the goal and below everything else.
+        draw_paths: draws the past paths, which are above the goal and below everything else; it takes the brush, and
+            whether to draw the robot's path as `robot`.
     """
-    humans = list(snapshot.humans)
-    if layers.goal:
+    humans, unmeasured = list(snapshot.humans), snapshot.scene.unmeasured
+    if layers.goal and "goal" not in unmeasured:
         brush.stamp(snapshot.goal.position, goal_part(snapshot.goal))
-    draw_paths(brush)
+    draw_paths(brush, robot="robot" not in unmeasured)
     if layers.zones:
-        draw_zones(brush, humans)
+        draw_zones(brush, humans, snapshot.scene.outline)
     draw_interactions(brush, snapshot, humans, spaces=layers.zones, links=layers.links)
-    if layers.gaze:
+    if layers.gaze and "heads" not in unmeasured:
         draw_gazes(brush, humans, thin_walls(snapshot.scene))
     ignoring = {human.id for human in snapshot.scene.humans if human.reacts_to_robot == 0.0}
     for human in humans:
-        brush.stamp(human.pose.position, *human_parts(human, snapshot.time, ignores_robot=human.id in ignoring))
-    brush.stamp(snapshot.robot.position, robot_part(snapshot.robot, touches=bool(snapshot.contacts)))
+        parts = human_parts(human, snapshot.time, ignores_robot=human.id in ignoring, unmeasured=unmeasured)
+        brush.stamp(human.pose.position, *parts)
+    if "robot" not in unmeasured:
+        brush.stamp(snapshot.robot.position, robot_part(snapshot.robot, touches=bool(snapshot.contacts)))
     if layers.velocities:
         draw_velocities(brush, snapshot, humans)
 
 
 def draw_annotations(brush: Brush, snapshot: Snapshot, layers: Layers) -> None:
-    """Draw ids and legend on a picture of its final size."""
-    canvas, camera = brush.canvas, brush.camera
-    if layers.ids:
-        for human in snapshot.humans:
-            draw_label(canvas, str(human.id), camera.to_pixels(_above(camera, human.pose.position, human.radius)))
-        for item in snapshot.objects:
-            place = _above(camera, item.pose.position, 0.7 * min(half_size(item)))
-            draw_label(canvas, str(item.id), camera.to_pixels(place))
-    if layers.legend:
-        draw_legend(canvas, camera.size, [human.activity for human in snapshot.humans])
-
-
-def _above(camera: Camera, place: Point, distance: float) -> Point:
-    """The world point at a distance (m) above another one in the picture."""
-    return place[0] + distance * camera.up[0], place[1] + distance * camera.up[1]
+    """Draw the ids on a picture of its final size."""
+    if not layers.ids:
+        return
+    camera = brush.camera
+    labels = [
+        Label(str(human.id), camera.to_pixels(human.pose.position), human.radius * camera.scale)
+        for human in snapshot.humans
+    ]
+    labels += [
+        Label(str(item.id), camera.to_pixels(item.pose.position), 0.7 * min(half_size(item)) * camera.scale, FAINT)
+        for item in snapshot.objects
+    ]
+    draw_labels(brush.canvas, labels, min(max(round(_LABEL * camera.scale), _MIN_LABEL), SMALL))

@@ -7,10 +7,12 @@ an object reaches for it with both hands, and one that looks at something holds 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from functools import partial
 
 from ..core.entities import Goal
 from ..core.humans import HumanState
+from ..core.scene import Unmeasured
 from ..core.snapshot import RobotState
 from .brush import Brush, Part
 from .palette import ACTIVITY, DARK, FLOOR, GOAL, HAIR, PAPER, ROBOT, mixed, shaded
@@ -20,16 +22,27 @@ _STRIDE = 0.75  # s per step, half of a gait cycle
 _SWINGS = 24  # poses per half swing of the feet that are distinguished, so that they can be cached
 
 
-def human_parts(human: HumanState, time: float, *, ignores_robot: bool = False) -> tuple[Part, Part]:
-    """Body and head of a pedestrian inside its solid outline: a disc, dashed if the pedestrian ignores the robot."""
+def human_parts(
+    human: HumanState, time: float, *, ignores_robot: bool = False, unmeasured: Collection[Unmeasured] = ()
+) -> tuple[Part, ...]:
+    """Body and head of a pedestrian inside its solid outline: a disc, dashed if the pedestrian ignores the robot.
+
+    Args:
+        unmeasured: as in the scene; without a measured heading a pedestrian is a plain disc, without a measured
+            direction of the head its head has no nose.
+    """
     r, activity, swing = human.radius, human.activity, 0.0
+    if "headings" in unmeasured:
+        plain = partial(draw_plain_body, activity=activity, r=r, ignores_robot=ignores_robot)
+        return ((("person", activity, r, None, ignores_robot), plain, (1.0, 0.0)),)
     if activity.startswith("walking"):
         swing = round(math.sin(math.pi * time / _STRIDE + human.id) * _SWINGS) / _SWINGS
     body = partial(draw_body, activity=activity, r=r, swing=swing, ignores_robot=ignores_robot)
-    return (
-        (("person", activity, r, swing, ignores_robot), body, human.pose.direction),
-        (("head", r), partial(draw_head, r=r), (math.cos(human.head), math.sin(human.head))),
-    )
+    if "heads" in unmeasured:
+        head: Part = ("head", r, "round"), partial(draw_head, r=r, nose=False), human.pose.direction
+    else:
+        head = ("head", r), partial(draw_head, r=r), (math.cos(human.head), math.sin(human.head))
+    return (("person", activity, r, swing, ignores_robot), body, human.pose.direction), head
 
 
 def draw_body(brush: Brush, activity: str, r: float, swing: float, *, ignores_robot: bool = False) -> None:
@@ -40,19 +53,30 @@ def draw_body(brush: Brush, activity: str, r: float, swing: float, *, ignores_ro
         swing: position of a walking pedestrian's left foot, from -1 (behind) to 1 (ahead).
     """
     colour = ACTIVITY[activity]
-    brush.disc(mixed(FLOOR, colour, 0.28), (0.0, 0.0), r)
-    if ignores_robot:
-        brush.dashed_ring(shaded(colour), (0.0, 0.0), r, 1.5 * _LINE, 9)
-    else:
-        brush.ring(shaded(colour, 0.25), (0.0, 0.0), r, _LINE)
+    _draw_outline(brush, activity, 0.28, r, ignores_robot=ignores_robot)
     _draw_limbs(brush, activity, r, swing)
     brush.ellipse(colour, (0.0, 0.0), (0.46 * r, 0.9 * r), shaded(colour), _LINE)
 
 
-def draw_head(brush: Brush, r: float) -> None:
-    """Draw a head whose nose points ahead; r is the pedestrian's radius, m."""
-    nose = [(0.3 * r, 0.2 * r), (0.66 * r, 0.0), (0.3 * r, -0.2 * r)]
-    brush.polygon(HAIR, nose, HAIR, 0.01)
+def draw_plain_body(brush: Brush, activity: str, r: float, *, ignores_robot: bool = False) -> None:
+    """Draw a pedestrian of radius r (m) whose heading is not known."""
+    _draw_outline(brush, activity, 0.7, r, ignores_robot=ignores_robot)
+
+
+def _draw_outline(brush: Brush, activity: str, tone: float, r: float, *, ignores_robot: bool) -> None:
+    """Draw a disc in a tone between the floor's (0) and the activity's (1)."""
+    colour = ACTIVITY[activity]
+    brush.disc(mixed(FLOOR, colour, tone), (0.0, 0.0), r)
+    if ignores_robot:
+        brush.dashed_ring(shaded(colour), (0.0, 0.0), r, 1.5 * _LINE, 9)
+    else:
+        brush.ring(shaded(colour, 0.25), (0.0, 0.0), r, _LINE)
+
+
+def draw_head(brush: Brush, r: float, *, nose: bool = True) -> None:
+    """Draw a head; its nose points ahead. r is the pedestrian's radius, m."""
+    if nose:
+        brush.polygon(HAIR, [(0.3 * r, 0.2 * r), (0.66 * r, 0.0), (0.3 * r, -0.2 * r)], HAIR, 0.01)
     brush.disc(HAIR, (0.05 * r, 0.0), 0.4 * r)
     brush.disc(mixed(HAIR, PAPER, 0.18), (0.02 * r, 0.0), 0.24 * r)
 

@@ -5,25 +5,29 @@ from __future__ import annotations
 import importlib
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import pygame
 
+from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.whole_file import whole_file
 from ..errors import RenderError
+from .camera import DEFAULT_SIDE
 from .draw import Layers
 from .interpolation import between
-from .palette import ACTIVITY, FLOOR, GOAL, GRID, INK, PAPER, ROBOT, WALL, mixed, time_colour
+from .legend import Legend
+from .palette import ACTIVITY, FLOOR, GOAL, GRID, INK, PAPER, PATHS, ROBOT, WALL, mixed, time_colour
 from .sequence import PictureSequence
-from .trails import Trails
+from .trails import Trails, human_tones
 
 _TAIL = 4.0  # s, duration that trails cover
 _HOLD = 1.5  # s, duration of the last picture
-_GIF_SIDE = 640  # px, default limit of a GIF's longer side
+_GIF_SIDE = 640  # px, default limit of the longer side of the room in a GIF
 _GIF_COLOUR_STEP = 8  # Pillow matches colours in steps of 4, so that it may confuse colours that differ by this
 
 
@@ -39,6 +43,7 @@ def save_film(
     layers: Layers | None = None,
     caption: str | None = None,
     outcome: str | None = None,
+    advance: Callable[[int], None] | None = None,
 ) -> None:
     """Write a film of an episode.
 
@@ -48,7 +53,10 @@ def save_film(
         fps: pictures per second; by default 10 for a GIF, 30 for an MP4.
         speed: seconds of the episode per second of the film.
         interpolate: interpolate between ticks; otherwise each picture shows the last tick.
-        size, scale, layers, caption, outcome: as for `picture`.
+        size, scale, layers, caption, outcome: as for `picture`; without size and scale, the longer side of a GIF's
+            room has at most 640 px. The legend is that of the whole film, which is read before the first picture is
+            drawn.
+        advance: called with 1 for each snapshot that was drawn, as of a progress bar.
 
     Raises:
         RenderError: fps or speed is out of range, `snapshots` is empty, a package is missing, or the file cannot be
@@ -64,9 +72,21 @@ def save_film(
         )
     if is_gif:
         fps = 100.0 / max(round(100.0 / fps), 2)  # a GIF's delays are multiples of 1/100 s; players slow down below 2
-        size = (_GIF_SIDE, _GIF_SIDE) if size is None and scale is None else size
+    if layers is not None and layers.legend:
+        snapshots = [*snapshots]
+        legend = Legend.of(snapshots, layers, paths=True) if snapshots else Legend()
+    else:
+        legend = Legend()
+    make = partial(
+        PictureSequence,
+        size=size,
+        scale=scale,
+        side=_GIF_SIDE if is_gif else DEFAULT_SIDE,
+        layers=layers,
+        legend=legend,
+    )
     samples = _sampled(snapshots, speed / fps, interpolate=interpolate)
-    shown = _pictures(samples, round(fps * _HOLD), size, scale, layers, caption, outcome)
+    shown = _pictures(samples, round(fps * _HOLD), make, caption, outcome, advance)
     try:
         with whole_file(path) as temporary:
             (_write_gif if is_gif else _write_mp4)(temporary, shown, fps)
@@ -97,20 +117,21 @@ def _sampled(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool) -
 def _pictures(
     samples: Iterable[tuple[Snapshot, Snapshot]],
     hold: int,
-    size: tuple[int, int] | None,
-    scale: float | None,
-    layers: Layers | None,
+    make: Callable[[Scene], PictureSequence],
     caption: str | None,
     outcome: str | None,
+    advance: Callable[[int], None] | None,
 ) -> Iterator[pygame.Surface]:
     """The pictures of the film, each valid until the next one; the last one, with the outcome, is repeated."""
     pictures, last = None, None
     ticks: deque[Snapshot] = deque()
     for last, tick in samples:
         if pictures is None:
-            pictures = PictureSequence(last.scene, size=size, scale=scale, layers=layers)
+            pictures = make(last.scene)
         if not ticks or ticks[-1] is not tick:
             ticks.append(tick)
+            if advance is not None:
+                advance(1)
         yield pictures.draw(last, trails=_tail(ticks, last), caption=caption)
     if pictures is None or last is None:
         raise RenderError("there is nothing to film: the episode holds no frame")
@@ -146,7 +167,8 @@ def _gif_palette(image: Any, first: Any) -> Any:
     """An image that holds the film's 256 colours: the palette's, which may appear later, and the first picture's."""
     pale = [mixed(FLOOR, colour, 0.28) for colour in ACTIVITY.values()]
     ramp = [time_colour(k / 15) for k in range(16)]
-    own = [FLOOR, PAPER, GRID, WALL, INK, ROBOT, GOAL, *ACTIVITY.values(), *pale, *ramp]
+    paths = [tone for k in range(len(PATHS)) for tone in human_tones(k)[::3]]
+    own = [FLOOR, PAPER, GRID, WALL, INK, ROBOT, GOAL, *ACTIVITY.values(), *pale, *ramp, *paths]
     flat = first.quantize(256 - len(own), dither=image.Dither.NONE).getpalette()[: 3 * (256 - len(own))]
     candidates = [flat[k : k + 3] for k in range(0, len(flat) - 2, 3)]
     others = [other for other in candidates if all(_is_distinct(other, colour) for colour in own)]

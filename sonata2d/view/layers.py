@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..core.entities import ROBOT_ID, Interaction
-from ..core.geometry import Barriers, Point
+from ..core.geometry import Barriers, Point, inside_polygon
 from ..core.humans import HumanState
 from ..core.portable_math import Array
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
@@ -23,6 +23,8 @@ from .palette import ACTIVITY, BLUE, FAINT, FLOOR, INK, PURPLE, ROBOT, Colour, m
 _RAYS = tuple((math.cos(0.38 * k / 3), math.sin(0.38 * k / 3)) for k in range(-3, 4))  # unit vectors around the gaze
 _FAN_RANGE = 0.75  # m beyond the pedestrian's outline
 _CIRCLE = tuple((math.cos(k * math.pi / 32), math.sin(k * math.pi / 32)) for k in range(65))  # closed
+_DASHES = 48  # of the line around a personal zone
+_INTIMATE_LINE, _PERSONAL_LINE = mixed(FLOOR, INK, 0.3), mixed(FLOOR, INK, 0.22)
 _MARGIN = 0.05  # m, between the end of a link and the outline of its entity
 
 Ends = dict[int, tuple[Point, float]]  # by id: position and radius of the entities that a link can join, m
@@ -72,12 +74,12 @@ def draw_gazes(brush: Brush, humans: Sequence[HumanState], walls: Barriers) -> N
         r, activity = human.radius, human.activity
         position, gaze = human.pose.position, (math.cos(human.head), math.sin(human.head))
         if human.id in rays:  # the shape is unique, so that a cache would not help
-            _draw_fan(brush.at(position, gaze), activity, r, rays[human.id])
+            draw_fan(brush.at(position, gaze), activity, r, rays[human.id])
         else:
-            brush.stamp(position, (("gaze", activity, r), partial(_draw_fan, activity=activity, r=r), gaze))
+            brush.stamp(position, (("gaze", activity, r), partial(draw_fan, activity=activity, r=r), gaze))
 
 
-def _draw_fan(brush: Brush, activity: str, r: float, ray_lengths: Sequence[float] | None = None) -> None:
+def draw_fan(brush: Brush, activity: str, r: float, ray_lengths: Sequence[float] | None = None) -> None:
     """Draw a translucent fan ahead of a pedestrian of radius r (m), paler at its far end.
 
     Args:
@@ -94,20 +96,75 @@ def _draw_fan(brush: Brush, activity: str, r: float, ray_lengths: Sequence[float
 # Zones and velocities
 
 
-def draw_zones(brush: Brush, humans: Sequence[HumanState]) -> None:
-    """Draw Hall's intimate zone and personal zone (dashed) around each pedestrian."""
-    for human in humans:
-        part = ("zones", human.radius), partial(_draw_zones_of, r=human.radius), brush.camera.up
-        brush.stamp(human.pose.position, part, whole=True)
+def draw_zones(brush: Brush, humans: Sequence[HumanState], outline: Array) -> None:
+    """Draw Hall's intimate zone and personal zone (dashed) around each pedestrian, as far as they are in the room.
+
+    Args:
+        outline: (K, 2), corners of the room, m; without any, zones are drawn whole.
+    """
+    if not humans:
+        return
+    places = np.array([human.pose.position for human in humans])
+    radii = np.array([human.radius for human in humans]) + PERSONAL_DISTANCE
+    edges = Barriers(outline, np.roll(outline, -1, axis=0), np.zeros(len(outline)))
+    gaps = edges.gaps(places).min(axis=0) if len(edges) else np.full(len(humans), np.inf)
+    for human, is_cut in zip(humans, (gaps < radii).tolist(), strict=True):
+        if is_cut:  # the shape is unique, so that a cache would not help
+            _draw_zones_inside(brush, human, outline)
+        else:
+            part = ("zones", human.radius), partial(draw_zones_of, r=human.radius), brush.camera.up
+            brush.stamp(human.pose.position, part, whole=True)
 
 
-def _draw_zones_of(brush: Brush, r: float) -> None:
+def draw_zones_of(brush: Brush, r: float) -> None:
+    """Draw the zones of a pedestrian of radius r, m."""
     intimate, personal = r + INTIMATE_DISTANCE, r + PERSONAL_DISTANCE
     inner, outer = ([(radius * c, radius * s) for c, s in _CIRCLE] for radius in (intimate, personal))
     brush.wash(BLUE, 13, [*outer, *inner[::-1]])
     brush.wash(BLUE, 30, inner)
-    brush.ring(mixed(FLOOR, INK, 0.35), (0.0, 0.0), intimate, 0.012)
-    brush.dashed_ring(mixed(FLOOR, INK, 0.28), (0.0, 0.0), personal, 0.012, 48)
+    brush.ring(_INTIMATE_LINE, (0.0, 0.0), intimate, 0.012)
+    brush.dashed_ring(_PERSONAL_LINE, (0.0, 0.0), personal, 0.012, _DASHES)
+
+
+def _draw_zones_inside(brush: Brush, human: HumanState, outline: Array) -> None:
+    """Draw the same as `draw_zones_of`, only inside the room."""
+    centre = np.array(human.pose.position)
+    circle = np.array(_CIRCLE[:-1])
+    with brush.canvas.group("zones"):
+        for distance, alpha in ((PERSONAL_DISTANCE, 13), (INTIMATE_DISTANCE, 17)):  # 30 where both overlap
+            inside = _clipped(outline, centre + (human.radius + distance) * circle)
+            if len(inside) > 2:
+                brush.wash(BLUE, alpha, [(x, y) for x, y in inside.tolist()])
+        for distance, colour, fraction in (
+            (INTIMATE_DISTANCE, _INTIMATE_LINE, 1.0),
+            (PERSONAL_DISTANCE, _PERSONAL_LINE, 0.5),
+        ):
+            angles = (np.arange(_DASHES)[:, None] + np.linspace(0.0, fraction, 4)) * (2 * math.pi / _DASHES)
+            arcs = centre + (human.radius + distance) * np.stack((np.cos(angles), np.sin(angles)), axis=2)
+            for arc in arcs[inside_polygon(arcs.mean(axis=1), outline)].tolist():
+                brush.stroke(colour, [(x, y) for x, y in arc], 0.012)
+
+
+def _clipped(polygon: Array, convex: Array) -> Array:
+    """The part of a polygon inside a convex one, whose corners are counter-clockwise; both (K, 2).
+
+    Parts that are not connected are joined by lines along the convex polygon, which a filling does not show.
+
+    Source: I. E. Sutherland & G. W. Hodgman, Commun. ACM 17 (1974) 32.
+    """
+    points = polygon
+    for start, end in zip(convex, np.roll(convex, -1, axis=0), strict=True):
+        if not len(points):
+            break
+        along, offset = end - start, points - start
+        left = along[0] * offset[:, 1] - along[1] * offset[:, 0]  # positive inside
+        before, left_before = np.roll(points, 1, axis=0), np.roll(left, 1)
+        crosses = (left >= 0.0) != (left_before >= 0.0)
+        span = np.where(crosses, left_before - left, 1.0)
+        crossing = before + (points - before) * (left_before / span)[:, None]
+        both = np.stack((crossing, points), axis=1).reshape(-1, 2)  # each corner after the crossing that leads to it
+        points = both[np.stack((crosses, left >= 0.0), axis=1).reshape(-1)]
+    return points
 
 
 def _draw_velocity(brush: Brush, position: Point, velocity: Point, colour: Colour) -> None:
@@ -124,7 +181,8 @@ def draw_velocities(brush: Brush, snapshot: Snapshot, humans: Sequence[HumanStat
     """Draw the velocity of each pedestrian and of the robot as an arrow."""
     for human in humans:
         _draw_velocity(brush, human.pose.position, human.velocity, shaded(ACTIVITY[human.activity], 0.3))
-    _draw_velocity(brush, snapshot.robot.position, snapshot.robot.velocity, shaded(ROBOT, 0.3))
+    if "robot" not in snapshot.scene.unmeasured:
+        _draw_velocity(brush, snapshot.robot.position, snapshot.robot.velocity, shaded(ROBOT, 0.3))
 
 
 # Interactions
@@ -195,7 +253,12 @@ def _draw_link(brush: Brush, link: Interaction, ends: Ends) -> None:
         return
     ux, uy = (b[0] - a[0]) / distance, (b[1] - a[1]) / distance
     first, last = a_radius + _MARGIN, a_radius + _MARGIN + length
-    brush.dots(FAINT, (a[0] + ux * first, a[1] + uy * first), (a[0] + ux * last, a[1] + uy * last), 0.022, 0.1)
+    draw_link_between(brush, (a[0] + ux * first, a[1] + uy * first), (a[0] + ux * last, a[1] + uy * last))
+
+
+def draw_link_between(brush: Brush, start: Point, end: Point) -> None:
+    """Draw a dotted line between two points."""
+    brush.dots(FAINT, start, end, 0.022, 0.1)
 
 
 def _draw_pair_space(brush: Brush, link: Interaction, ends: Ends) -> None:
@@ -211,8 +274,13 @@ def _draw_pair_space(brush: Brush, link: Interaction, ends: Ends) -> None:
         direction = (b[0] - a[0]) / distance, (b[1] - a[1]) / distance
         centre = brush.at(((a[0] + b[0]) / 2, (a[1] + b[1]) / 2), direction)
         half_width = min(max(0.35 * distance, 0.3), 0.7)
-        for factor in (1.0, 0.72):
-            centre.wash(PURPLE, 26, [(factor * distance / 2 * c, factor * half_width * s) for c, s in _CIRCLE])
+        draw_shared_space(centre, distance / 2, half_width)
+
+
+def draw_shared_space(brush: Brush, half_length: float, half_width: float) -> None:
+    """Draw an ellipse along the brush's axes, darker in the middle; m."""
+    for factor in (1.0, 0.72):
+        brush.wash(PURPLE, 26, [(factor * half_length * c, factor * half_width * s) for c, s in _CIRCLE])
 
 
 def _draw_group_space(brush: Brush, places: Sequence[Point]) -> None:

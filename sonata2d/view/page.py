@@ -24,6 +24,7 @@ from .furniture import half_size
 from .layers import visible_interactions
 from .palette import ACTIVITY, GOAL, ROBOT, hex_colour, shaded
 from .stills import url_of, write_file
+from .trails import human_tones
 
 _DIGITS = 3  # decimal places of metres, seconds and radians
 _REACTIONS = {
@@ -66,7 +67,9 @@ def save_page(
         raise RenderError("there is nothing to draw: the episode holds no frame")
     scene = snapshots[0].scene
     data = _scene_data(scene, layers or Layers()) | _frame_data(snapshots)
-    data |= _controller_data(commands, labels) | {"outcome": outcome}
+    is_driven = "robot" not in scene.unmeasured
+    data |= _controller_data(commands if is_driven else None, labels if is_driven else None)
+    data["outcome"] = None if "outcome" in scene.unmeasured else outcome
     page = _template().render(title=scene.name if caption is None else caption, subtitle=origin(scene), data=data)
     write_file(path, page.encode())
 
@@ -87,11 +90,19 @@ def _scene_data(scene: Scene, layers: Layers) -> dict[str, Any]:
         "view": {"left": camera.left, "top": camera.top, "width": width, "height": height},
         "room": _room_image(scene, camera, layers),
         "dt": scene.rules.dt,
+        "unmeasured": sorted(scene.unmeasured),
+        "outline": scene.polygon,
         "goal": [*scene.goal.position, scene.goal.distance],
         "robotRadius": scene.robot.radius,
         "humans": [
-            {"id": h.id, "radius": h.radius, "ignores": h.reacts_to_robot == 0.0, "reaction": _REACTIONS[h.reaction]}
-            for h in scene.humans
+            {
+                "id": h.id,
+                "radius": h.radius,
+                "ignores": h.reacts_to_robot == 0.0,
+                "reaction": _REACTIONS[h.reaction] if "robot" not in scene.unmeasured else "",
+                "path": hex_colour(human_tones(k)[-1]),
+            }
+            for k, h in enumerate(scene.humans)
         ],
         "things": [
             {"id": f.id, "type": f.type, "x": f.pose.x, "y": f.pose.y, "radius": 0.8 * min(half_size(f))}
@@ -101,8 +112,15 @@ def _scene_data(scene: Scene, layers: Layers) -> dict[str, Any]:
         "colours": {name: hex_colour(colour) for name, colour in tones.items()},
         "shades": {name: hex_colour(shaded(colour)) for name, colour in tones.items()},
         "zones": (INTIMATE_DISTANCE, PERSONAL_DISTANCE),
-        "layers": {"trails": True} | {name: getattr(layers, name) for name in _SWITCHES},
+        "layers": {"trails": True} | {name: getattr(layers, name) for name in _switches(scene)},
     }
+
+
+def _switches(scene: Scene) -> list[str]:
+    """The layers that have a check box on the page of a scene: those of which something is known."""
+    unknown = {"gaze"} if "heads" in scene.unmeasured else set()
+    unknown |= {"goal"} & scene.unmeasured
+    return [name for name in _SWITCHES if name not in unknown]
 
 
 def _room_camera(scene: Scene) -> Camera:
@@ -128,7 +146,8 @@ def _frame_data(snapshots: Sequence[Snapshot]) -> dict[str, Any]:
         "touches": [tick for tick, snapshot in enumerate(snapshots) if snapshot.contacts],
         "clearance": [_number(_clearance(snapshot)) for snapshot in snapshots],
         "obstacleClearance": [_number(obstacle_clearance(snapshot)) for snapshot in snapshots],
-        "shown": ["robot", "goal", *(ACTIVITIES[k] for k in sorted(activities))],
+        "shown": [name for name in ("robot", "goal") if name not in snapshots[0].scene.unmeasured]
+        + [ACTIVITIES[k] for k in sorted(activities)],
     }
 
 

@@ -54,8 +54,8 @@ class Painter:
 
         Args:
             view: `follow`, from above and behind the robot, whose direction points up in the picture; or `top`, the
-                whole room.
-            layers: what to show; a caption is never drawn.
+                whole room, which is also shown if the robot was not recorded.
+            layers: what to show; caption and legend are never drawn.
             zoom: magnification.
             trails: past paths of robot and pedestrians.
             view_range: distance from the robot to the upper edge of the follow view at zoom 1, m.
@@ -67,6 +67,8 @@ class Painter:
             RenderError: the surface's size, the zoom or the view range is out of range.
         """
         size, robot = surface.get_size(), snapshot.robot
+        if "robot" in self._scene.unmeasured:  # there is nothing to follow
+            view = "top"
         if view == "follow":
             camera = Camera.behind(robot.position, robot.direction, size=size, view_range=view_range / zoom)
         else:

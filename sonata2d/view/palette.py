@@ -29,6 +29,19 @@ ACTIVITY: dict[str, Colour] = {
 ROBOT, GOAL = VERMILLION, GREEN
 HAIR: Colour = (72, 60, 54)
 
+# Paths of pedestrians: P. Tol's muted palette, Colour Schemes (SRON technical note, 2021), without the tones that
+# resemble the robot's path. The k-th pedestrian of a scene has the k-th colour, from the first again after the last.
+PATHS: tuple[Colour, ...] = (
+    (51, 34, 136),  # indigo
+    (68, 170, 153),  # teal
+    (170, 68, 153),  # purple
+    (153, 153, 51),  # olive
+    (0, 114, 178),  # blue
+    (136, 34, 85),  # wine
+    (136, 204, 238),  # cyan
+    (17, 119, 51),  # green
+)
+
 PAPER: Colour = (255, 255, 255)
 OUTSIDE: Colour = (226, 229, 233)  # around the room, in the window
 FLOOR: Colour = (247, 245, 240)

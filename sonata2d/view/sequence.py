@@ -13,10 +13,11 @@ import pygame
 
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from .annotations import STRIP
 from .brush import Brush
-from .canvas import TrackingCanvas
-from .draw import QUICK, Layers, annotate, backdrop, camera_for, draw_moving, shrunk
+from .camera import DEFAULT_SIDE
+from .canvas import PixelCanvas, TrackingCanvas
+from .draw import QUICK, Layers, annotate, backdrop, camera_for, draw_moving, height_below, shrunk
+from .legend import Legend
 from .sprites import ShapeCache
 from .trails import Trails, draw_trails
 
@@ -29,6 +30,8 @@ class PictureSequence:
     Args:
         scene: of all snapshots.
         size, scale, layers: as for `picture`.
+        side: longer side of pictures of neither size nor scale, at most, px.
+        legend: of all pictures.
     """
 
     def __init__(
@@ -37,14 +40,18 @@ class PictureSequence:
         *,
         size: tuple[int, int] | None = None,
         scale: float | None = None,
+        side: float = DEFAULT_SIDE,
         layers: Layers | None = None,
+        legend: Legend = Legend(),  # noqa: B008  frozen
     ) -> None:
-        self._layers = layers or Layers()
-        strip = STRIP if self._layers.caption else 0
-        self._camera = camera_for(scene, size=size, scale=scale, strip=strip)
+        self._layers, legend = layers or Layers(), legend.fitting(size)
+        below = height_below(self._layers, legend, size[0]) if size else 0
+        self._camera = camera_for(scene, size=size, scale=scale, side=side, below=below)
+        width, height = self._camera.size
         self._room = backdrop(scene, self._camera, self._layers, fine=QUICK)
         self._large = self._room.copy()
-        self._empty = shrunk(self._room, self._camera.size, strip)
+        self._empty = shrunk(self._room, self._camera.size, height_below(self._layers, legend, width))
+        legend.draw(PixelCanvas(self._empty), height + height_below(self._layers), width)
         self._picture = self._empty.copy()
         self._tiles = tiles_of((), self._camera.size, QUICK)  # that are not empty
         self._notes: list[pygame.Rect] = []  # parts of the picture that hold text

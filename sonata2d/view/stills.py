@@ -25,9 +25,10 @@ from .annotations import STRIP, TEXT, draw_strip, origin, summary
 from .brush import Brush
 from .camera import Camera
 from .canvas import PixelCanvas
-from .draw import Layers, backdrop, camera_for, draw_annotations, draw_moving, draw_on_backdrop, picture
+from .draw import Layers, annotate, backdrop, camera_for, draw_moving, draw_on_backdrop, height_below, picture
 from .fonts import shortened
 from .furniture import draw_furniture
+from .legend import Legend
 from .palette import FAINT, PAPER
 from .room import FloorPlan, draw_room
 from .svg import SvgCanvas
@@ -35,6 +36,7 @@ from .trails import Trails, draw_trails
 
 _GAP, _TITLE = 10, 26  # px: between pictures, and height of a title
 _SHEET_WIDTH, _MAX_SCALE = 1600.0, 80.0  # px, px/m: of a sheet by default
+_MAX_COLUMNS = 4  # moments side by side
 MOMENT_SIDE = 230  # px, width and height of a moment on a page
 _MOMENT_MARGIN, _MIN_MOMENT_SIDE = 1.5, 5.0  # m: around the robot's path, and the smallest visible width
 
@@ -127,8 +129,9 @@ def save_moment(
     """Write one snapshot as `.png` or `.svg`, selected by the suffix.
 
     Args:
-        view: `top`, the whole room; or `follow`, from behind the robot, whose direction points up in the picture.
-        size: width and height, caption included, px; None to use `scale` (only for `top`).
+        view: `top`, the whole room; or `follow`, from behind the robot, whose direction points up in the picture; the
+            whole room if the robot was not recorded.
+        size: width and height, caption and legend included, px; None to use `scale` (only for `top`).
         scale: pixels per metre of the whole room, if no size is given.
         layers, trails, caption, outcome: as for `picture`.
 
@@ -138,36 +141,44 @@ def save_moment(
     suffix, layers = Path(path).suffix.lower(), layers or Layers()
     if suffix not in (".png", ".svg"):
         raise RenderError(f"{path}: a snapshot is written as PNG or SVG; end the name in .png or .svg")
-    strip = STRIP if layers.caption else 0
-    if view == "top":
-        camera = camera_for(snapshot.scene, size=size, scale=scale, strip=strip)
+    legend = Legend.of([snapshot], layers, paths=trails is not None).fitting(size)
+    layers = replace(layers, legend=bool(legend.entries))
+    below = height_below(layers, legend, size[0]) if size else 0
+    if view == "top" or "robot" in snapshot.scene.unmeasured:
+        camera = camera_for(snapshot.scene, size=size, scale=scale, below=below)
     elif size is not None:
         robot = snapshot.robot
-        camera = Camera.behind(robot.position, robot.direction, size=(size[0], size[1] - strip))
+        camera = Camera.behind(robot.position, robot.direction, size=(size[0], size[1] - below))
     else:
         raise RenderError("a picture from behind the robot needs a size; give width and height in pixels")
     if suffix == ".png":
         drawn = picture(snapshot, layers=layers, trails=trails, caption=caption, outcome=outcome, camera=camera)
         save_surface(drawn, path)
     else:
-        text = summary(snapshot, outcome) if caption is None else caption
-        _vectors(snapshot, camera, layers, trails, text).write(path)
+        _vectors(snapshot, camera, layers, legend, trails, caption, outcome).write(path)
 
 
-def _vectors(snapshot: Snapshot, camera: Camera, layers: Layers, trails: Trails | None, caption: str) -> SvgCanvas:
+def _vectors(
+    snapshot: Snapshot,
+    camera: Camera,
+    layers: Layers,
+    legend: Legend,
+    trails: Trails | None,
+    caption: str | None,
+    outcome: str | None,
+) -> SvgCanvas:
     """The same as `picture`, as vectors."""
-    (width, height), strip = camera.size, STRIP if layers.caption else 0
-    canvas = SvgCanvas((width, height + strip))
-    canvas.rectangle(PAPER, pygame.Rect(0, 0, width, height + strip))
+    width, height = camera.size
+    total = height + height_below(layers, legend, width)
+    canvas = SvgCanvas((width, total))
+    canvas.rectangle(PAPER, pygame.Rect(0, 0, width, total))
     brush = Brush(canvas, camera)
     with canvas.clip(camera.size):
         draw_room(brush, FloorPlan.of(snapshot.scene), grid=layers.grid)
         draw_furniture(brush, snapshot.scene)
         draw_moving(brush, snapshot, layers, partial(draw_trails, trails=trails))
-        draw_annotations(brush, snapshot, layers)
-    if strip:
-        span = trails.span if trails and not trails.is_tail else None
-        draw_strip(canvas, (width, height + strip), caption, camera.scale, span)
+    annotate(canvas, camera, snapshot, layers, trails, caption, outcome)
+    legend.draw(canvas, height + height_below(layers), width)
     return canvas
 
 
@@ -207,7 +218,7 @@ def scene_picture(
     Args:
         columns: pictures per row; by default about as many as rows.
         scale: pixels per metre; by default the one that makes the sheet 1600 px wide, at most 80.
-        layers: what to show; by default everything but the caption.
+        layers: what to show, without legend; by default everything but the caption.
         titles: one per scene; by default name, seed and episode.
 
     Raises:
@@ -217,9 +228,10 @@ def scene_picture(
         raise RenderError("there is no scene to draw; give at least one")
     columns = columns or math.ceil(math.sqrt(len(scenes)))
     layers, scale = layers or Layers(caption=False), scale or _common_scale(scenes, columns)
+    bare = replace(layers, legend=False)
     titles = titles or [f"{scene.name}   {origin(scene)}" for scene in scenes]
     tiles = [
-        _with_title(picture(snapshot_of(scene), layers=layers, camera=camera_for(scene, scale=scale)), title)
+        _with_title(picture(snapshot_of(scene), layers=bare, camera=camera_for(scene, scale=scale)), title)
         for scene, title in zip(scenes, titles, strict=True)
     ]
     return _tiled(tiles, columns)
@@ -240,8 +252,8 @@ def moments(
     """Draw moments of an episode side by side, evenly spaced from first to last, each with the paths up to it.
 
     Args:
-        count: number of moments.
-        scale, layers, caption, outcome: as for `picture`.
+        count: number of moments; more than fit into a row become several rows.
+        scale, layers, caption, outcome: as for `picture`; by default a moment is 380 px wide or more.
 
     Raises:
         RenderError: the count is outside 1 to the number of snapshots.
@@ -249,19 +261,30 @@ def moments(
     if not 1 <= count <= len(snapshots):
         raise RenderError(f"cannot show {count} moments of {len(snapshots)}; ask for 1 to {len(snapshots)}")
     scene, layers = snapshots[0].scene, layers or Layers()
-    camera = camera_for(scene, scale=scale or _common_scale([scene], count))
-    without_caption = replace(layers, caption=False)
+    columns = _columns(count)
+    camera = camera_for(scene, scale=scale or _common_scale([scene], columns))
+    bare = replace(layers, caption=False, legend=False)
+    indices = [round(x) for x in np.linspace(0 if count > 1 else len(snapshots) - 1, len(snapshots) - 1, count)]
     tiles = []
-    for k in (round(x) for x in np.linspace(0 if count > 1 else len(snapshots) - 1, len(snapshots) - 1, count)):
-        drawn = picture(snapshots[k], layers=without_caption, trails=Trails.of(snapshots[: k + 1]), camera=camera)
+    for k in indices:
+        drawn = picture(snapshots[k], layers=bare, trails=Trails.of(snapshots[: k + 1]), camera=camera)
         tiles.append(_with_title(drawn, f"{snapshots[k].time:.1f} s"))
-    row = _tiled(tiles, count)
+    rows = _tiled(tiles, columns)
+    width, height = rows.get_size()
+    legend = Legend.of([snapshots[k] for k in indices], layers, paths=True)
+    sheet = _extended(rows, below=height_below(layers, legend, width))
+    canvas = PixelCanvas(sheet)
     if layers.caption:
-        sheet = _extended(row, below=STRIP)
         text = summary(snapshots[-1], outcome) if caption is None else caption
-        draw_strip(PixelCanvas(sheet), sheet.get_size(), text, camera.scale, None)
-        return sheet
-    return row
+        draw_strip(canvas, (width, height + STRIP), text, camera.scale, None)
+    legend.draw(canvas, height + height_below(layers), width)
+    return sheet
+
+
+def _columns(count: int) -> int:
+    """Number of columns for a number of moments: as few rows as possible, filled as evenly as possible."""
+    rows = math.ceil(count / _MAX_COLUMNS)
+    return math.ceil(count / rows)
 
 
 def filmstrip(snapshots: Sequence[Snapshot], indices: Sequence[int], *, layers: Layers | None = None) -> list[str]:
@@ -272,7 +295,7 @@ def filmstrip(snapshots: Sequence[Snapshot], indices: Sequence[int], *, layers: 
     Args:
         snapshots: of one episode, in order.
         indices: of the snapshots to draw.
-        layers: what to show; a caption is never drawn.
+        layers: what to show; caption and legend are never drawn.
 
     Returns:
         A data URL per index, each a square PNG of the same area.

@@ -13,11 +13,10 @@ from ..core.geometry import Point
 from ..core.portable_math import Array
 from ..core.whole_file import whole_file
 from ..errors import RenderError
-from .fonts import font, printable, width_of
+from .fonts import EM, FAMILY, font, printable, width_of
 from .palette import Colour, hex_colour
 
-_FONT = {"font-family": "FreeSans, Helvetica, Arial, sans-serif", "font-weight": "bold"}
-_EM = 0.6875  # font size in SVG that matches size 1 of pygame's default font
+_FONT = {"font-family": f"'{FAMILY}', 'Noto Sans CJK SC', 'Noto Emoji', sans-serif"}
 
 
 class SvgCanvas:
@@ -69,7 +68,8 @@ class SvgCanvas:
         setattr(box, anchor, (round(place[0]), round(place[1])))
         if box.width:
             spot = {"x": str(box.left), "y": str(box.top + font(size).get_ascent()), "textLength": str(box.width)}
-            element = self._add("text", **spot, fill=hex_colour(colour), **{"font-size": _number(size * _EM)}, **_FONT)
+            spot["lengthAdjust"] = "spacingAndGlyphs"  # of another font; letter spacing stays even
+            element = self._add("text", **spot, fill=hex_colour(colour), **{"font-size": _number(size * EM)}, **_FONT)
             element.text = printable(words)
         return box
 

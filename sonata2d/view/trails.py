@@ -1,4 +1,4 @@
-"""Past paths: the robot's coloured by time, the pedestrians' fading into the past.
+"""Past paths: the robot's coloured by time, the pedestrians' in a colour each that fades into the past.
 
 Pictures draw each step as a stroke on any canvas (`draw_trails`). The window draws bands of a few tones directly on a
 surface (`draw_fast_trails`), which is 3 times faster than strokes of the same tones.
@@ -6,7 +6,7 @@ surface (`draw_fast_trails`), which is 3 times faster than strokes of the same t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,11 +17,11 @@ from ..core.portable_math import Array
 from ..core.snapshot import Snapshot
 from .brush import Brush
 from .camera import Camera
-from .palette import BLUE, FLOOR, PAPER, Colour, mixed, shaded, time_colour
+from .palette import FLOOR, PAPER, PATHS, Colour, mixed, shaded, time_colour
 
 _HUMAN_WIDTH, _ROBOT_WIDTH = 0.035, 0.07  # m
 _MARK_INTERVAL = 5.0  # s, between the marks on the robot's trail
-_TONES = 12  # of a fast trail
+_TONES = 12  # of a path; the robot's has a tone a step where it is not drawn fast
 _MAX_STEP = 1.0  # m per tick; an agent that moves farther has re-entered the scene elsewhere
 
 
@@ -69,38 +69,61 @@ class Trails:
         return np.asarray((self.time - self.time[0]) / (self.time[-1] - self.time[0]), dtype=float)
 
 
-def draw_trails(brush: Brush, trails: Trails | None) -> None:
-    """Draw the pedestrians' paths, then the robot's on top, with time marks unless it is a tail; nothing for None."""
+def draw_trails(brush: Brush, trails: Trails | None, *, robot: bool = True) -> None:
+    """Draw the pedestrians' paths, then the robot's on top, with time marks unless it is a tail; nothing for None.
+
+    Args:
+        robot: whether to draw the robot's path.
+    """
     if trails is None:
         return
     fraction = trails.fraction.tolist()
-    _draw_paths(brush, trails.humans, [_human_colour(f) for f in fraction], _HUMAN_WIDTH)
+    for k, path in enumerate(np.swapaxes(trails.humans, 0, 1)):
+        tones = human_tones(k)
+        _draw_path(brush, path, [tones[round(f * (_TONES - 1))] for f in fraction], _HUMAN_WIDTH)
+    if not robot:
+        return
     colours = [time_colour(f) for f in fraction]
-    _draw_paths(brush, trails.robot[:, None], colours, _ROBOT_WIDTH)
+    _draw_path(brush, trails.robot, colours, _ROBOT_WIDTH)
     for k in [] if trails.is_tail else _marks(trails.time):
         place = (float(trails.robot[k, 0]), float(trails.robot[k, 1]))
         brush.disc(shaded(colours[k], 0.3), place, 0.065)
         brush.disc(PAPER, place, 0.038)
 
 
-def _human_colour(fraction: float) -> Colour:
-    """Colour of a pedestrian's path from its start (0) to its end (1)."""
-    return mixed(FLOOR, BLUE, 0.06 + 0.4 * fraction**1.5)
+def draw_path_samples(brush: Brush, *, robot: bool) -> None:
+    """Draw pieces of paths, 0.4 m long, around the brush: the robot's, if it is to be drawn, above those of two people.
+
+    The widths are those of paths at a common scale, so that they can be recognised.
+    """
+    across = (0.12, 0.0, -0.12) if robot else (0.08, -0.08)
+    samples = [*([(_ROBOT_TONES, 0.07)] if robot else []), *((human_tones(k), 0.035) for k in (0, 1))]
+    for left, (tones, width) in zip(across, samples, strict=True):
+        x = np.linspace(-0.2, 0.2, _TONES + 1)
+        points = np.stack((x, np.full(len(x), left)), axis=1)
+        brush.steps(tones, points[:-1], points[1:], width)
 
 
-def _draw_paths(brush: Brush, paths: Array, colours: list[Colour], width: float) -> None:
+def human_tones(index: int) -> list[Colour]:
+    """Tones of the path of the pedestrian with this index in the scene, from its pale start to its end."""
+    return _HUMAN_TONES[index % len(PATHS)]
+
+
+_ROBOT_TONES = [time_colour(k / (_TONES - 1)) for k in range(_TONES)]
+_HUMAN_TONES = [[mixed(FLOOR, colour, 0.15 + 0.6 * k / (_TONES - 1)) for k in range(_TONES)] for colour in PATHS]
+
+
+def _draw_path(brush: Brush, path: Array, colours: Sequence[Colour], width: float) -> None:
     """Draw each step in the colour of its end, with gaps where the agent was absent or re-entered elsewhere.
 
     Args:
-        paths: (T, N, 2), m, of N agents.
+        path: (T, 2), m.
         colours: of the T positions.
         width: m.
     """
-    lengths = np.abs(np.diff(paths, axis=0)).sum(axis=2)
-    walked = (lengths > 0.0) & (lengths < _MAX_STEP)
-    for agent in np.flatnonzero(walked.any(axis=0)).tolist():
-        steps = np.flatnonzero(walked[:, agent])
-        path = paths[:, agent]
+    lengths = np.abs(np.diff(path, axis=0)).sum(axis=1)
+    steps = np.flatnonzero((lengths > 0.0) & (lengths < _MAX_STEP))
+    if len(steps):
         brush.steps([colours[k + 1] for k in steps.tolist()], path[steps], path[steps + 1], width)
 
 
@@ -110,14 +133,15 @@ def _marks(time: Array) -> list[int]:
     return [int(k) for k in np.flatnonzero(np.diff(passed) > 0) + 1]
 
 
-def draw_fast_trails(brush: Brush, surface: pygame.Surface, trails: Trails | None) -> None:
-    """Draw the pedestrians' paths, then the robot's on top, on the surface of the brush's canvas; nothing for None."""
+def draw_fast_trails(brush: Brush, surface: pygame.Surface, trails: Trails | None, *, robot: bool = True) -> None:
+    """Draw the same as `draw_trails`, without time marks, on the surface of the brush's canvas."""
     if trails is None:
         return
     camera, fraction = brush.camera, trails.fraction
-    for path in np.swapaxes(trails.humans, 0, 1):
-        _draw_bands(surface, camera, path, fraction, _human_colour, _HUMAN_WIDTH)
-    _draw_bands(surface, camera, trails.robot, fraction, time_colour, _ROBOT_WIDTH)
+    for k, path in enumerate(np.swapaxes(trails.humans, 0, 1)):
+        _draw_bands(surface, camera, path, fraction, human_tones(k), _HUMAN_WIDTH)
+    if robot:
+        _draw_bands(surface, camera, trails.robot, fraction, _ROBOT_TONES, _ROBOT_WIDTH)
 
 
 def _draw_bands(
@@ -125,7 +149,7 @@ def _draw_bands(
     camera: Camera,
     path: Array,
     fraction: Array,
-    colour: Callable[[float], Colour],
+    tones: Sequence[Colour],
     width: float,
 ) -> None:
     for run in _continuous_runs(path):
@@ -136,11 +160,11 @@ def _draw_bands(
         along /= np.maximum(np.sqrt((along * along).sum(axis=1, keepdims=True)), 1e-9)
         normal = np.stack((-along[:, 1], along[:, 0]), axis=1) * max(width * camera.scale / 2, 1.0)
         left, right = (points + normal).tolist(), (points - normal).tolist()
-        tones = np.round(moments[1:] * (_TONES - 1))
-        cuts = [0, *(np.flatnonzero(np.diff(tones)) + 1).tolist(), len(points) - 1]
+        indices = np.round(moments[1:] * (_TONES - 1)).astype(int)
+        cuts = [0, *(np.flatnonzero(np.diff(indices)) + 1).tolist(), len(points) - 1]
         for first, last in pairwise(cuts):
             band = left[first : last + 1] + right[first : last + 1][::-1]
-            tone = colour(float(tones[first]) / (_TONES - 1))
+            tone = tones[int(indices[first])]
             pygame.draw.polygon(surface, tone, band)
             pygame.draw.aalines(surface, tone, False, left[first : last + 1])
             pygame.draw.aalines(surface, tone, False, right[first : last + 1])

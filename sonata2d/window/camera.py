@@ -10,10 +10,10 @@ from ..core.devices import View
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..view.draw import Layers
-from ..view.overlay import Hud, draw_hud
 from ..view.painter import Painter
 from ..view.palette import INK, PAPER
 from .actions import Action
+from .hud import Hud, draw_hud
 from .input import MouseJoystick
 
 _ZOOM_STEP, _MIN_ZOOM, _MAX_ZOOM = 1.25, 0.4, 3.0

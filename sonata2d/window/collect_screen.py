@@ -11,13 +11,13 @@ from ..core.devices import DeviceEvent, View
 from ..errors import Sonata2dError
 from ..scenegen.scenario.config import ScenarioConfig
 from ..view.interpolation import between
-from ..view.overlay import Hud, draw_tint
 from ..view.palette import GREEN, VERMILLION
 from .actions import Action
 from .answer import LabelSlider
 from .camera import SceneCamera, draw_mouse_joystick
 from .cards import KEYS, LIGHTS, TYPING_KEYS, recovered_notice, state_notice
 from .controls_screen import ControlsScreen
+from .hud import Hud, draw_tint
 from .input import HOTPLUG_EVENTS, InputDevices
 from .overlay import Overlay, Page
 from .stage import Screen, Stage

@@ -17,10 +17,10 @@ from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode
 from ..view.interpolation import between
-from ..view.overlay import Hud
 from ..view.painter import image_of
 from .actions import Action
 from .camera import SceneCamera
+from .hud import Hud
 from .input import InputDevices
 from .stage import Screen, Stage
 

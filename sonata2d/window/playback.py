@@ -255,7 +255,8 @@ class Exporter:
         """
         name = self.player.record.path.name.split(".")[0]
         path = folder / f"{name}_t{self.player.snapshot.tick:04d}{suffix}"
-        save_moment(path, self.moment, view=self.view, layers=Layers(zones=self.zones), trails=self._trails())
+        layers = Layers(zones=self.zones, legend=True)
+        save_moment(path, self.moment, view=self.view, layers=layers, trails=self._trails())
         return path
 
     def _trails(self) -> Trails | None:
@@ -279,7 +280,7 @@ def frame_summary(record: EpisodeRecord, snapshot: Snapshot, index: int) -> list
         index: of the tick; T, the final snapshot, has no command.
     """
     texts = []
-    if index < len(record):
+    if index < len(record) and "robot" not in snapshot.scene.unmeasured:
         vx, vy, omega = record.command[index].tolist()
         sideways = f", {vy:+.2f} m/s left" if vy else ""
         texts.append(f"command {vx:+.2f} m/s ahead{sideways}, {omega:+.2f} rad/s")

@@ -13,10 +13,10 @@ from ..collect.rating import RatingSession
 from ..core.devices import View
 from ..errors import RecordError
 from ..record.record import EpisodeRecord
-from ..view.overlay import draw_veil
 from ..view.palette import BLUE, FAINT, FLOOR, VERMILLION
 from .answer import Answer
 from .cards import rating_break, rating_end, rating_start
+from .hud import draw_veil
 from .playback import Exporter, Player
 from .stage import Screen, Stage
 from .widgets import LARGE, MINUS, PLUS, SMALL, TEXT, Timeline, button_row, draw_panel, text_size, wrapped, write

@@ -10,7 +10,7 @@ from pygame_gui.elements import UIButton
 
 from ..core.devices import View
 from ..errors import RenderError
-from ..view.overlay import Hud, draw_hud, draw_veil
+from .hud import Hud, draw_hud, draw_veil
 from .playback import Exporter, Player, Playlist, frame_label, frame_summary, run_summary
 from .stage import Screen, Stage
 from .widgets import MINUS, PLUS, SMALL, TEXT, Timeline, button_row, draw_panel, text_size, wrapped, write

@@ -99,7 +99,7 @@ def test_a_driver_ends_the_episode_as_it_would_alone(answer: Answer, status: str
 def test_a_labeller_must_return_a_finite_twist(answer: object) -> None:
     with pytest.raises(ControllerError, match=r"Scripted.act must return a Twist of finite numbers, got") as caught:
         labels(Scripted(ahead), Scripted(lambda tick: answer))  # type: ignore[arg-type, return-value]
-    assert caught.value.__notes__ == ["at tick 0 of the episode"]
+    assert caught.value.__notes__ == ["at tick 0 of episode 0, seed 0"]
 
 
 def test_numpy_numbers_become_python_numbers_in_labels() -> None:

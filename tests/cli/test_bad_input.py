@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import resource
@@ -12,6 +13,8 @@ import time
 from pathlib import Path
 
 import pytest
+
+from sonata2d.errors import ControllerWarning
 
 from .conftest import Run, one_line
 
@@ -40,6 +43,13 @@ def write_controller(here: Path, act: str) -> None:
         ("person: {model: foo}\n", "moussaid2009"),
         ("talking_distance: [-1, 2]\n", "must be above 0"),
         ("extends: sonata-2021\n", "did you mean 'sonata-2020'?"),
+        ("person: {model: orca}\n", "no pedestrian model is named 'orca'; did you mean 'orca2011'?"),
+        ("person: {model: ./law.py:Law}\n", "a scenario must not run code; publish it as a plug-in"),
+        ("person: {reactions: {avoid: 2}}\n", "(got 'avoid'); did you mean 'avoids'?"),
+        ("room: {kinds: [rectangl]}\n", "no room kind is named 'rectangl'; did you mean 'rectangle'?"),
+        ("groups: {formations: circl}\n", "did you mean 'circle'?"),
+        ("furniture: [{type: plnt, x: 1, y: 1}]\n", "did you mean 'plant'?"),
+        ("furniture: [{type: televison, x: 1, y: 1}]\n", "known types are table, laptop, plant, chair, shelf, tv"),
         ("[1, 2]\n", "a scenario is a mapping"),
         ("a: [\n", "line"),
     ],
@@ -108,16 +118,95 @@ def test_failing_controller_is_reported_and_its_frames_are_stored(
 
 def test_complete_episodes_survive_a_failure_and_resume_gives_the_same_bytes(sonata2d: Run, here: Path) -> None:
     line = "generate out --scenario quick.yaml --controller ./mine.py:Mine --episodes 4 --workers 1 --no-picture"
-    write_controller(here, "assert snapshot.scene.episode < 2; return s2.Twist(vx=0.4)")
+    act = "import os; assert snapshot.scene.episode < 2 or os.path.exists('weights'); return s2.Twist(vx=0.4)"
+    write_controller(here, act)
     output = one_line(sonata2d(line, code=1).output)
     assert "2 of 4 episodes are complete in out" in output
     assert "AssertionError" in output
-    write_controller(here, "return s2.Twist(vx=0.4)")
+    (here / "weights").touch()
     sonata2d(f"{line} --resume")
     sonata2d(line.replace("out", "again"))
     for path in sorted((here / "again").glob("*.json")):
         assert path.read_bytes() == (here / "out" / path.name).read_bytes()
     assert not (here / "out/failed").exists()
+
+
+def sha256_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_episodes_of_changed_code_are_not_mixed(sonata2d: Run, here: Path) -> None:
+    line = "generate out --scenario quick.yaml --controller ./mine.py:Mine --workers 1 --no-picture"
+    write_controller(here, "return s2.Twist(vx=0.4)")
+    sonata2d(f"{line} --episodes 1")
+    old, before = sha256_of(here / "mine.py"), (here / "out/000000.json").read_bytes()
+    write_controller(here, "return s2.Twist(vx=0.5)")
+    output = one_line(sonata2d(f"{line} --episodes 2 --resume", code=1).output)
+    assert f"SHA-256 {old[:12]}" in output
+    assert f"{sha256_of(here / 'mine.py')[:12]}" in output
+    assert "--overwrite" in output
+    assert (here / "out/000000.json").read_bytes() == before
+    sonata2d(f"{line} --episodes 2 --overwrite")
+    assert (here / "out/000000.json").read_bytes() != before
+    assert sha256_of(here / "mine.py") in (here / "out/README.md").read_text()
+    sonata2d("check out --controller ./mine.py:Mine")
+
+
+def test_rerun_says_that_the_code_has_changed(sonata2d: Run, here: Path) -> None:
+    write_controller(here, "return s2.Twist(vx=0.4)")
+    sonata2d("generate out --scenario quick.yaml --controller ./mine.py:Mine --episodes 1 --workers 1 --no-picture")
+    write_controller(here, "return s2.Twist(vx=0.4 + 0.0)")
+    with pytest.warns(ControllerWarning, match=r"the code of \./mine\.py:Mine is not that of the data set"):
+        sonata2d("check out --controller ./mine.py:Mine --workers 1")
+    write_controller(here, "return s2.Twist(vx=0.5)")
+    output = sonata2d("check out --controller ./mine.py:Mine --workers 1", code=1).output
+    assert "000000.json: rerun: line" in output
+    assert "manifest.json: controller_sha256: the code of ./mine.py:Mine is not that of the data set" in output
+
+
+def test_a_failed_first_run_does_not_block_the_folder(sonata2d: Run, here: Path) -> None:
+    write_controller(here, "raise ValueError('typo')")
+    line = "generate out --controller ./mine.py:Mine --episodes 2 --workers 1 --no-picture"
+    output = one_line(sonata2d(f"{line} --scenario quick.yaml", code=1).output)
+    assert "run the same command again" in output
+    assert (here / "out/failed/000000.json").exists()
+    write_controller(here, "return s2.Twist()")
+    (here / "other.yaml").write_text("extends: quick.yaml\nwandering: 1\n")
+    sonata2d(f"{line} --scenario other.yaml")
+    sonata2d("check out --replay")
+    assert not (here / "out/failed").exists()
+
+
+def test_overwrite_replaces_a_data_set_and_nothing_else(sonata2d: Run, here: Path) -> None:
+    line = "generate out --scenario quick.yaml --workers 1 --no-picture"
+    sonata2d(f"{line} --episodes 3 --compress gz")
+    sonata2d("card out --no-figures")
+    (here / "out/notes.txt").write_text("mine")
+    output = one_line(sonata2d(line, code=1).output)
+    assert "--resume" in output
+    assert "--overwrite" in output
+    sonata2d(f"{line} --episodes 1 --seed 2 --overwrite")
+    names = {"000000.json", "manifest.json", "scenario.json", "README.md", "run.jsonl", "notes.txt"}
+    assert {path.name for path in (here / "out").iterdir()} == names
+    sonata2d("check out")
+    (here / "thesis").mkdir()
+    (here / "thesis/chapter.tex").touch()
+    assert "has no manifest.json" in sonata2d("generate thesis --overwrite", code=1).output
+    assert "give one of them" in sonata2d(f"{line} --overwrite --resume", code=2).output
+
+
+def test_resuming_with_other_settings_names_each_difference(sonata2d: Run, here: Path) -> None:
+    line = "generate out --workers 1 --no-picture --episodes 1 --resume --scenario"
+    sonata2d(f"{line} quick.yaml")
+    (here / "other.yaml").write_text("extends: quick.yaml\nrobot: {radius: 0.25}\nrules: {time_limit: 9}\n")
+    output = one_line(sonata2d(f"{line} other.yaml --seed 4", code=1).output)
+    for difference in (
+        "seed 0 stored, 4 requested",
+        "settings.robot.radius 0.3 stored, 0.25 requested",
+        "time_limit 4",
+    ):
+        assert difference in output
+    assert "{" not in output
 
 
 def test_folder_that_is_not_empty_is_not_changed(sonata2d: Run, here: Path) -> None:
@@ -191,7 +280,7 @@ def test_a_controller_that_exits_is_an_error_of_its_episode(sonata2d: Run, here:
     (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="sys.exit(0)"))
     line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
     output = one_line(sonata2d(line, code=1).output)
-    assert "episode 2: SystemExit: 0; at tick 3 of the episode (fatal.py, line 8)" in output
+    assert "episode 2 of seed 0: SystemExit: 0; at tick 3 of episode 2, seed 0 (fatal.py, line 8)" in output
     assert "--resume" in output
     assert (here / "out/failed/000002.json").exists()
 
@@ -204,12 +293,13 @@ def test_a_controller_file_that_exits_when_it_is_imported_is_an_error(sonata2d: 
 
 @pytest.mark.skipif(os.name != "posix", reason="SIGKILL exists on POSIX systems only")
 def test_a_killed_worker_is_reported_with_the_way_to_go_on(sonata2d: Run, here: Path) -> None:
-    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os.kill(os.getpid(), signal.SIGKILL)"))
+    kill = "os.path.exists('enough memory') or os.kill(os.getpid(), signal.SIGKILL)"
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=kill))
     line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 2"
     output = one_line(sonata2d(line, code=1).output)
     assert "WorkerError: a worker process crashed or was killed" in output
     assert "of 6 episodes are complete in out, continue with the same command and --resume" in output
-    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="pass"))
+    (here / "enough memory").touch()
     sonata2d(f"{line} --resume")
     sonata2d("check out --replay")
 
@@ -314,6 +404,39 @@ def test_missing_path_and_unknown_option_are_refused(sonata2d: Run) -> None:
     assert "does not exist" in one_line(sonata2d("check nowhere", code=1).output)
     assert "nowhere" in one_line(sonata2d("describe nowhere.json", code=1).output)
     assert "No such option" in sonata2d("generate out --episods 3", code=2).output
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "hint"),
+    [
+        ("scenarios lst", 2, "'list'"),
+        ("generate out --episods 3", 2, "--episodes"),
+        ("generate out --scenario livly", 1, "'lively'"),
+        ("generate out --controller social-planer", 1, "'social-planner'"),
+        ("evaluate out --metric sucess", 1, "'success'"),
+        ("evaluate out --metric hunavsm", 1, "'hunavsim'"),
+        ("export out --to cvs -o tracks", 2, "'csv'"),
+        ("import old --from trajnt -o episodes", 2, "'trajnet'"),
+    ],
+)
+def test_a_misspelt_name_gets_a_suggestion(sonata2d: Run, line: str, code: int, hint: str) -> None:
+    output = sonata2d(line, code=code).output.splitlines()[-1]
+    assert "did you mean" in output.lower()
+    assert hint in output
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [("[20, 0]", "the place (20, 0) of talking group 1 of 1 is outside the room"), ("[3.9, 0]", "does not fit at its")],
+)
+def test_a_group_without_space_at_its_place_is_told_to_move(
+    sonata2d: Run, here: Path, place: str, message: str
+) -> None:
+    groups = f"{{talking_size: 3, places: [{place}]}}"
+    (here / "groups.yaml").write_text(f"room: {{kinds: square, side: 8}}\ntalking_groups: 1\ngroups: {groups}\n")
+    output = one_line(sonata2d("generate out --scenario groups.yaml --workers 1", code=1).output)
+    assert message in output
+    assert "groups.places" in output
 
 
 def test_a_misspelt_command_gets_a_suggestion(sonata2d: Run) -> None:

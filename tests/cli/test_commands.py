@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from sonata2d_cli.main import COMMANDS
 
 from sonata2d.core import compiled
 from sonata2d.datasets.generate import KEEPABLE
+from sonata2d.errors import ControllerWarning
 
 from .conftest import Run
 
@@ -40,6 +42,24 @@ def test_generate_writes_a_data_set_and_prints_the_next_command(sonata2d: Run, h
     assert sum(manifest["counts"]["outcome"].values()) == 3
 
 
+def test_contacts_and_commands_beyond_the_limits_stand_beside_the_outcomes(sonata2d: Run, here: Path) -> None:
+    fast = "import sonata2d as s2\nclass Fast(s2.Controller):\n    def act(self, snapshot): return s2.Twist(vx=9.0)\n"
+    (here / "fast.py").write_text(fast)
+    with pytest.warns(ControllerWarning, match="vx up to 9 m/s"):
+        output = sonata2d("generate out --controller ./fast.py --episodes 2 --workers 1 --no-picture").output
+    manifest = json.loads((here / "out/manifest.json").read_text())
+    touching = sum("any" in file["contacts"] for file in manifest["files"])
+    assert f"in {touching} of 2 episodes" in output
+    assert "  with a wall" in output
+    described = sonata2d("describe out").output
+    assert f"in {touching} of 2 episodes" in described
+    assert "vx up to 9 m/s (limit 1 m/s) in 100 % of the frames" in described
+    facts = json.loads(sonata2d("describe out/000000.json --json").output)
+    assert facts["contacts"]["contacts"]["wall"]["frames"] == manifest["files"][0]["contacts"]["wall"]["frames"]
+    table = sonata2d("evaluate out --no-rerun --workers 1").output
+    assert all(f"{kind}_collisions" in table for kind in ("human", "object", "wall"))
+
+
 @pytest.mark.parametrize("keep", ["", " --keep goal --keep timeout"])
 def test_command_on_the_card_reproduces_the_data_set(sonata2d: Run, here: Path, keep: str) -> None:
     sonata2d(f"generate out --scenario quick.yaml --episodes 2 --seed 9 --workers 1 --no-picture{keep}")
@@ -56,7 +76,7 @@ def test_keep_selects_episodes_by_outcome(sonata2d: Run) -> None:
     ).output
     assert "outcomes   2 timeout" in output
     assert "left out" in output
-    assert "kept are         timeout" in sonata2d("describe out").output
+    assert ["kept", "are", "timeout"] in [line.split() for line in sonata2d("describe out").output.splitlines()]
     assert f"--keep [{'|'.join(KEEPABLE)}]" in sonata2d("generate --help").output
 
 
@@ -208,3 +228,18 @@ def test_scenario_from_tracks_works_with_all_commands(sonata2d: Run, here: Path)
 def test_positions_are_finite_numbers_separated_by_commas(sonata2d: Run, here: Path, option: str) -> None:
     output = sonata2d(f"scenarios from-tracks street.csv {option} -o street.yaml", code=2).output
     assert "give finite numbers separated by commas" in output
+
+
+def test_a_card_without_matplotlib_is_plain_and_says_what_to_install(
+    sonata2d: Run, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
+    monkeypatch.setattr("sonata2d.datasets.card_figure.find_spec", importlib.util.find_spec)
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
+    output = sonata2d("card out").output
+    assert output.splitlines()[0] == "out/README.md, out/croissant.json"
+    assert "pip install 'sonata2d[plots]'" in output
+    assert "card.png" not in (here / "out/README.md").read_text()
+    assert "matplotlib" in sonata2d("card out --figures", code=1).output
+    assert "matplotlib" not in sonata2d("card out --no-figures").output

@@ -31,11 +31,9 @@ def test_help_lists_all_formats(sonata2d: Run) -> None:
 def test_exported_files_can_be_imported(sonata2d: Run, dataset: Path, here: Path, format: str) -> None:
     output = json.loads(sonata2d(f"export out --to {format} -o exported --json").output)
     suffix = format_named(format).suffix
-    assert output == {"format": format, "files": [f"exported/00000{k}{suffix}" for k in (0, 1)], "refused": []}
-    assert (
-        f"back: 2 episodes from {format}"
-        in sonata2d(f"import exported --from {format} -o back --frame-time 0.1").output
-    )
+    assert output["files"] == [f"exported/00000{k}{suffix}" for k in (0, 1)]
+    assert (output["skipped"], output["refused"]) == ([], [])
+    assert f"back: 2 episodes from {format}" in sonata2d(f"import exported --from {format} -o back").output
     assert "no problems" in sonata2d("check back").output
     foreign = "imported" in sonata2d("describe back/000000.json").output
     assert foreign == (format in ("sonata", "csv")), "socnav3 and npz carry the whole episode"
@@ -70,6 +68,36 @@ def test_refused_episodes_are_listed_and_the_others_exported(sonata2d: Run, data
     output = sonata2d("export mixed --to npz -o exported --json", code=1)
     assert len(json.loads(output.stdout)["refused"]) == 1
     assert [path.name for path in (here / "exported").iterdir()] == ["000000.npz"]
+
+
+def test_episodes_that_a_format_cannot_hold_are_skipped_and_counted(sonata2d: Run, dataset: Path, here: Path) -> None:
+    result = sonata2d("export out --to trajnet -o none", code=1)
+    assert "none: 0 trajnet files, 2 skipped" in result.output, "nothing was exported"
+    (line,) = [line for line in result.stderr.splitlines() if line.startswith("skipped")]
+    assert "out/000000.json: no pedestrian is present for 8 s" in line
+    assert line.endswith("(and 1 more for this reason)")
+    long = "generate long --scenario quick.yaml --episodes 1 --workers 1 --no-picture --seed 2"
+    (here / "long.yaml").write_text((here / "quick.yaml").read_text().replace("time_limit: 4", "time_limit: 10"))
+    sonata2d(long.replace("quick", "long"))
+    (here / "out/000002.json").write_bytes((here / "long/000000.json").read_bytes())
+    (here / "out/manifest.json").unlink()
+    result = sonata2d("export out --to trajnet -o some", code=0)
+    assert "some: 1 trajnet files, 2 skipped" in result.output
+    assert len(json.loads(sonata2d("export out --to trajnet -o again --json").stdout)["skipped"]) == 2
+
+
+def test_notes_and_options_of_a_format_are_told(sonata2d: Run, dataset: Path, here: Path) -> None:
+    assert "note: no context is recorded" in sonata2d("export out --to socnav3 -o one").stderr
+    result = sonata2d("export out --to socnav3 -o two --context Waiting. --as plant --as object=table")
+    assert result.stderr == ""
+    assert json.loads((here / "two/000000.json").read_text())["context_description"] == "Waiting."
+    for line, message in (
+        ("export out --to csv -o x --context none", "csv files have no context"),
+        ("export out --to socnav3 -o x --as object=", "is not of the form KNOWN or TYPE=KNOWN"),
+        ("import two/000000.json --from npz -o x --renumber", "leave out --renumber"),
+        ("import two --from sonata -o x --walls quick.yaml", "sonata files hold their walls"),
+    ):
+        assert message in sonata2d(line, code=2 if "=" in line else 1).output
 
 
 def test_quirks_are_refused_for_other_formats(sonata2d: Run, dataset: Path, here: Path) -> None:

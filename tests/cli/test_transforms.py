@@ -47,6 +47,7 @@ def test_file_mirrored_twice_has_the_same_bytes(sonata2d: Run, folder: Path) -> 
         ("merge one none -o x", 1, "none is not a data set"),
         ("split one --parts a=0.5,a=0.5", 2, "given twice"),
         ("split one --parts a=inf", 2, "is not of the form part=fraction"),
+        ("split one --parts train=.8,test=.3", 2, "the fractions add up to 1.1 and not to 1"),
         ("split one --parts a=1,b=1,c=1,d=1,e=1,f=1", 1, "5 scenes, too few for 6 parts"),
         ("split none", 1, "not a data set"),
     ],

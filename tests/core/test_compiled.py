@@ -162,7 +162,7 @@ def test_the_interpreter_runs_kernels_where_numba_is_missing(monkeypatch: pytest
     ("setting", "platform", "says"), [("0", "linux", True), ("1", "linux", False), ("0", "emscripten", False)]
 )
 def test_a_missing_numba_is_said_once_where_it_could_be_there(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], setting: str, platform: str, says: bool
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, setting: str, platform: str, says: bool
 ) -> None:
     monkeypatch.setenv("NUMBA_DISABLE_JIT", setting)
     monkeypatch.setattr(sys, "platform", platform)
@@ -171,7 +171,7 @@ def test_a_missing_numba_is_said_once_where_it_could_be_there(
     compiled.say_if_slow.cache_clear()
     compiled.say_if_slow()
     compiled.say_if_slow()
-    assert capsys.readouterr().err == ("sonata2d: interpreted\n" if says else "")
+    assert caplog.messages == (["sonata2d: interpreted"] if says else [])
 
 
 @pytest.mark.parametrize(
@@ -494,13 +494,14 @@ def test_kernels_are_loaded_from_a_folder_that_cannot_be_written(
 
 @compiled_only
 def test_kernels_work_without_a_folder(
-    plugin: Path, tmp_path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    plugin: Path, tmp_path: Path, folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "cache").touch()  # a file in the way
     assert kernel_cache.writable_folder() is None
     assert call(load()) == 84.0
     assert call(load()) == 84.0
-    assert re.fullmatch(".* compiling for this processor, in every process; .*\n", capsys.readouterr().err)
+    (message,) = caplog.messages
+    assert re.fullmatch(".* compiling for this processor, in every process; .*", message)
 
 
 @compiled_only

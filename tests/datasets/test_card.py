@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,23 @@ def test_the_card_counts_recorded_pedestrians_and_leaves_the_licence_open(tmp_pa
     assert "recorded" not in simulated
     assert "among recorded and simulated pedestrians" in card_text(manifest | {"collected": True})
     assert "among simulated pedestrians" in card_text(manifest | {"collected": True, "settings": None})
+
+
+def test_names_in_the_card_cannot_become_markup_or_commands(tmp_path: Path) -> None:
+    dataset_in(tmp_path, spec())
+    name, path = "x`\n\n# y <script>alert(1)</script> | *b* [a](u) $z$", "./a b;$(touch pwned)`id`.py:K"
+    manifest = read_manifest(tmp_path)
+    manifest |= {"name": name, "controller": {"path": path, "version": None, "settings": {}}}
+    manifest["counts"] = {"outcome": {"goal": 1}, "family": {name: 1}}
+    _, front, body = card_text(manifest).split("---\n", 2)
+    assert yaml.safe_load(front)["pretty_name"].startswith(f"sonata2d {name}")
+    command = next(line for line in body.splitlines() if line.startswith("sonata2d generate"))
+    assert shlex.split(command)[-1] == path
+    escaped = r"x\`  \# y &lt;script&gt;alert(1)&lt;/script&gt; \| \*b\* \[a\](u) \$z\$"
+    assert f"# sonata2d {escaped}, seed" in body
+    assert f"| {escaped} | 1 |" in body
+    assert "in the scenario `` x`  # y <script>alert(1)</script> | *b* [a](u) $z$ ``, simulated" in body
+    assert f"with the controller `` {path} ``." in body
 
 
 @pytest.fixture(scope="module")

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from itertools import count
+from pathlib import Path
+
+import pytest
 
 from sonata2d.datasets.executors import CHUNK_SIZE, Workers, parallel_map, unordered_map
 
@@ -66,3 +71,16 @@ def test_no_process_is_started_for_one_worker_or_without_a_call() -> None:
     with Workers(4) as workers:
         pass
     assert "_pool" not in vars(workers)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit of file handles")
+def test_too_few_file_handles_for_a_worker_are_one_error_and_no_process_waits(tmp_path: Path) -> None:
+    line = f"generate {tmp_path}/out --scenario empty --episodes 8 --workers 4 --no-picture"
+    code = (
+        "import resource, sys; from cli.main import main; resource.setrlimit(resource.RLIMIT_NOFILE, (16, 16));"
+        f"sys.argv[1:] = {line.split()!r}; main()"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    assert found.returncode == 1
+    assert "a worker process cannot be started" in found.stderr
+    assert "Traceback" not in found.stderr

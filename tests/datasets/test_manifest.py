@@ -33,10 +33,14 @@ def spec(episodes: int = 3, **changes: Any) -> DatasetSpec:
     return DatasetSpec(**{**values, "episodes": episodes, **changes})
 
 
-def document(episode: int) -> bytes:
+def recorded(episode: int) -> EpisodeRecorder:
     recorder = EpisodeRecorder(id=f"{episode:06d}")
     run(recorder, scene(episode=episode), ticks=3 + episode)
-    return recorder.document()
+    return recorder
+
+
+def document(episode: int) -> bytes:
+    return recorded(episode).document()
 
 
 def dataset_in(
@@ -47,7 +51,7 @@ def dataset_in(
     entries, _ = existing_episodes(folder, spec, {})
     for episode in range(spec.episodes if stop_after is None else stop_after):
         if episode not in entries:
-            entries[episode] = store_episode(folder, spec, episode, document(episode))
+            entries[episode] = store_episode(folder, spec, episode, recorded(episode))
     if stop_after is None:
         finish_dataset(folder, spec, entries.values())
     return entries
@@ -93,7 +97,7 @@ def test_resumption_can_add_episodes_but_not_remove_them(tmp_path: Path) -> None
 def test_only_complete_episodes_of_the_specification_are_reused(tmp_path: Path) -> None:
     start_dataset(tmp_path, spec(4))
     for episode in range(3):
-        store_episode(tmp_path, spec(), episode, document(episode))
+        store_episode(tmp_path, spec(), episode, recorded(episode))
     (tmp_path / "000001.json").write_bytes(document(1)[:-40])
     (tmp_path / "000002.json").write_bytes(document(0))
     (tmp_path / "000003.json").write_bytes(document(3).replace(b'"status":"stopped"', b'"status":"error"'))
@@ -109,7 +113,7 @@ def test_only_complete_episodes_of_the_specification_are_reused(tmp_path: Path) 
     [
         ({"seed": 8}, "seed 7 stored, 8 requested"),
         ({"name": "other"}, "name 'by-hand' stored, 'other' requested"),
-        ({"settings": {**SETTINGS, "tiny": 1.0}}, "settings tiny 1e-05 stored, 1.0 requested"),
+        ({"settings": {**SETTINGS, "tiny": 1.0}}, r"settings\.tiny 1e-05 stored, 1.0 requested"),
     ],
 )
 def test_another_data_set_is_not_resumed(tmp_path: Path, change: dict[str, Any], message: str) -> None:

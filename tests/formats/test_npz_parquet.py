@@ -6,6 +6,8 @@ import builtins
 import io
 import json
 import shutil
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -167,3 +169,19 @@ def test_files_do_not_overwrite_each_other_or_their_source(folder: Path, tmp_pat
     assert "is the source" in result.refused[0]
     assert check_episode(tmp_path / "one.json") == []
     assert read_episode(tmp_path / "one.json").id == "000000"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit on the size of files")
+def test_tables_that_do_not_fit_are_one_error_and_leave_nothing(folder: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    line = ["export", str(folder), "--to", "parquet", "-o", str(tmp_path / "tables")]
+    code = (
+        "import resource, sys; from cli.main import main; resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000));"
+        f"sys.argv[1:] = {line!r}; main()"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    assert found.returncode == 1
+    assert found.stderr.count("\n") == 1, found.stderr
+    assert "cannot be written" in found.stderr
+    assert "File too large" in found.stderr
+    assert list((tmp_path / "tables").iterdir()) == []

@@ -12,17 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+import sonata2d as s2
 from sonata2d.core.geometry import Disc, Pose, Rectangle, inside_polygon
 from sonata2d.core.vectors import wrap_angle
 from sonata2d.datasets.check import check_episode
 from sonata2d.datasets.replay import check_replay
 from sonata2d.errors import RecordError
 from sonata2d.formats import socnav3
+from sonata2d.formats.api import export_to
 from sonata2d.formats.base import Options
 from sonata2d.formats.parse import encode_episode
 from sonata2d.record.files import read_bytes
 from sonata2d.record.layout import JsonDict
-from sonata2d.record.reader import read_episode
+from sonata2d.record.reader import read_episode, record_from_document
 from sonata2d.record.record import EpisodeRecord
 
 from ..record.conftest import episode  # noqa: F401
@@ -106,7 +108,7 @@ def test_exported_files_need_no_repair(records: list[EpisodeRecord]) -> None:
             assert {"pos_threshold", "angle_threshold"} <= set(step["goal"])
             assert {thing["type"] for thing in step["objects"]} <= set(socnav3.TYPES)
         assert all(map(math.isfinite, numbers(file)))
-        assert ("context_description" in file) == (record.context is not None)
+        assert file["context_description"] == (record.context or socnav3.DEFAULT_CONTEXT)
 
 
 def numbers(tree: Any) -> list[float]:
@@ -159,6 +161,60 @@ def test_exported_file_reads_back_to_the_byte_and_replays(records: list[EpisodeR
         assert data == read_bytes(record.path)
         path.write_bytes(data)
     assert check_replay(tmp_path / records[0].path.name) == []
+
+
+def test_people_are_listed_while_present_and_read_back_to_the_byte(tmp_path: Path) -> None:
+    """Readers match people by id and mask those who are in one of two steps only."""
+    people = [{"x": 1.0, "y": 1.0, "enters": 0.5}, {"x": -1.0, "y": 2.0, "leaves": 1.0}, {"x": 1.0, "y": -1.0}]
+    config = s2.ScenarioConfig(humans=0, tables=0, plants=0, relations=0, people=people, rules={"time_limit": 2.0})
+    path = tmp_path / "coming.json"
+    with s2.JsonRecorder(path) as recorder:
+        s2.Episode(s2.generate(config, 1), s2.StraightToGoal(), observers=[recorder]).run()
+    record = read_episode(path)
+    file, ids = exported(record), [human.id for human in record.scene().humans]
+    listed = [[person["id"] for person in step["people"]] for step in file["sequence"]]
+    assert listed == [[id for id, here in zip(ids, row, strict=True) if here] for row in record.states.present.tolist()]
+    assert {len(people) for people in listed} == {2, 3}
+    back = tmp_path / "back.json"
+    back.write_bytes(encode_episode(imported(file, tmp_path), back))
+    assert back.read_bytes() == path.read_bytes()
+    assert check_replay(back) == []
+
+
+@pytest.mark.parametrize("text", ["A robot is looking for the exit.", ""])
+def test_given_context_replaces_that_of_the_episode(records: list[EpisodeRecord], text: str) -> None:
+    for record in records[:2]:
+        file = json.loads(socnav3.export(record, Options(context=text)))
+        assert file.get("context_description", "") == text
+        assert file["sonata2d"]["header"]["context"] == record.context
+        assert socnav3.note(record, Options(context=text)) is None
+
+
+def test_default_context_is_announced_once(folder: Path, tmp_path: Path) -> None:
+    result = export_to(folder, "socnav3", tmp_path / "out")
+    assert len(result.files) == 20
+    (note,) = result.notes
+    assert "'A robot is performing routine tasks in a home.'" in note
+    assert "--context TEXT" in note
+    assert note.endswith("(10 of 20 episodes)"), "the others have a context of their own"
+    assert export_to(folder, "socnav3", tmp_path / "again", Options(context="A robot waits.")).notes == []
+
+
+def test_objects_of_unlisted_types_are_written_as_a_given_type(episode: Path, tmp_path: Path) -> None:  # noqa: F811
+    record = read_episode(episode)
+    table, *others = record.document["objects"]
+    document = record.document | {"objects": [table | {"type": "sofa"}, *others]}
+    sofa = record_from_document(document, tmp_path / "sofa.json")
+    with pytest.raises(RecordError, match="--as sofa=plant"):
+        exported(sofa)
+    for types in ({"sofa": "shelf"}, {"*": "shelf"}, {"sofa": "shelf", "*": "plant"}):
+        file = json.loads(socnav3.export(sofa, Options(types=types)))
+        written = [thing for thing in file["sequence"][0]["objects"] if thing["id"] == table["id"]]
+        assert [thing["type"] for thing in written] == ["shelf"]
+        assert [thing["type"] for thing in file["sonata2d"]["other_objects"]] == ["laptop"]
+        assert imported(file, tmp_path)["objects"] == document["objects"], "the episode keeps its own types"
+    with pytest.raises(RecordError, match="no objects of type 'bed'"):
+        socnav3.export(sofa, Options(types={"sofa": "bed"}))
 
 
 @pytest.mark.parametrize(
@@ -297,6 +353,45 @@ def test_damaged_file_is_refused_with_one_line(tmp_path: Path, changes: JsonDict
     with pytest.raises(RecordError, match=message) as caught:
         imported(foreign(**changes), tmp_path)
     assert "\n" not in str(caught.value)
+
+
+def test_walls_of_a_file_without_walls_are_given_by_another_file(tmp_path: Path) -> None:
+    file = foreign()
+    walls = file.pop("walls")
+    source = tmp_path / "one.json"
+    source.write_text(json.dumps(file))
+    with pytest.raises(RecordError, match="it has no walls; pass a file of them"):
+        next(socnav3.import_(source, DEFAULT))
+    rows = "".join(",".join(map(str, wall)) + "\n" for wall in walls)
+    for text, expected in ((rows, walls), ("", [])):
+        (tmp_path / "walls.csv").write_text(f"x1,y1,x2,y2\n{text}")
+        document = next(socnav3.import_(source, Options(walls=tmp_path / "walls.csv")))
+        assert document["walls"] == expected
+        assert "walls" in document["imported"]["derived"]
+        encode_episode(document, source)
+
+
+def test_repeated_ids_are_replaced_on_request(tmp_path: Path) -> None:
+    file = foreign()
+    for step in file["sequence"]:
+        step["people"] = [person | {"id": 7} for person in step["people"]]
+        step["objects"] = [thing | {"x": thing["x"] + dx} for thing in step["objects"] for dx in (0, 2)]
+    with pytest.raises(RecordError, match="step 2 repeats one; pass --renumber"):
+        imported(file, tmp_path)
+    path = tmp_path / "one.json"
+    document = next(socnav3.import_(path, Options(renumber=True)))
+    unique = next(socnav3.import_(written(tmp_path / "two.json", foreign()), DEFAULT))
+    assert [human["id"] for human in document["humans"]] == [7, 8]
+    assert [row["humans"] for row in document["frames"]] == [row["humans"] for row in unique["frames"]]
+    assert len({thing["id"] for thing in document["objects"]}) == len(document["objects"]) == 2
+    file["sequence"][3]["people"].reverse()
+    with pytest.raises(RecordError, match="change their order at step 3"):
+        next(socnav3.import_(written(path, file), Options(renumber=True)))
+
+
+def written(path: Path, file: JsonDict) -> Path:
+    path.write_text(json.dumps(file))
+    return path
 
 
 @pytest.mark.skipif(not SHARED.exists(), reason="the shared sample file is not on this machine")

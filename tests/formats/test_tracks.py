@@ -39,7 +39,7 @@ def written(path: Path, text: str) -> Path:
 def imported(path: Path, **options: float) -> EpisodeRecord:
     out = path.parent / "made" / "one.json"
     result = import_from(path, path.suffix.replace(".ndjson", ".trajnet")[1:], out, Options(**options))
-    assert result == TransferResult([out], [])
+    assert result == TransferResult([out])
     return read_episode(out)
 
 
@@ -67,9 +67,9 @@ def test_csv_keeps_the_positions_of_all_pedestrians(records: list[EpisodeRecord]
     for record in records:
         result = export_to(record.path, "csv", tmp_path / "one.csv")
         if not record.scene().humans:
-            assert "no pedestrian is in the episode" in result.refused[0]
+            assert "no pedestrian is in the episode" in result.skipped[0]
             continue
-        back = imported(tmp_path / "one.csv", frame_time=record.scene().rules.dt)
+        back = imported(tmp_path / "one.csv")
         assert (back.states.humans[..., POSITION] == record.states.humans[..., POSITION]).all()
         assert [human.id for human in back.scene().humans] == [human.id for human in record.scene().humans]
         assert (back.states.time == record.states.time).all()
@@ -146,8 +146,8 @@ def test_trajnet_scenes_are_complete_for_their_readers(long_run: Path, tmp_path:
 
 def test_trajnet_refuses_short_episodes_and_other_tick_lengths(folder: Path, tmp_path: Path) -> None:
     result = export_to(folder, "trajnet", tmp_path / "out")
-    assert len(result.refused) == 20
-    assert "no pedestrian is present for 8 s" in result.refused[0]
+    assert (result.files, result.refused, len(result.skipped)) == ([], [], 20)
+    assert "no pedestrian is present for 8 s" in result.skipped[0]
     record = read_episode(folder / "000000.json")
     slow = record.document | {"rules": record.document["rules"] | {"dt": 0.15}}
     states = replace(record.states, time=record.states.tick * 0.15)
@@ -180,3 +180,19 @@ def test_real_tracks_become_an_episode(tmp_path: Path, name: str) -> None:
     assert np.abs(positions - np.stack((x, y), axis=1)).max() < 1e-4
     assert check_episode(result.files[0]) == []
     assert record.scene().walls
+
+
+def test_recipe_for_pedpy_uses_columns_of_exported_files(long_run: Path, tmp_path: Path) -> None:
+    docs = (Path(__file__).parents[2] / "docs" / "formats.md").read_text("utf-8")
+    recipe = docs.partition("import pandas\nfrom pedpy")[2].partition("```")[0]
+    export_to(long_run, "csv", tmp_path)
+    header, *_ = (tmp_path / "long.csv").read_text().splitlines()
+    assert header == "frame,ped,x,y,t"
+    assert re.findall(r"table\.(\w+)\.", recipe) == ["frame", "frame", "t", "t"]
+    assert 'rename(columns={"ped": "id"})' in recipe
+    assert 'table[["id", "frame", "x", "y"]]' in recipe
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    pytest.importorskip("pedpy", reason="pedpy is not installed")
+    names: dict[str, object] = {"pandas": pandas}
+    exec("import pandas\nfrom pedpy" + recipe.replace("there/000000", str(tmp_path / "long")), names)
+    assert len(names["trajectories"].data) == len(names["table"])  # type: ignore[attr-defined, arg-type]

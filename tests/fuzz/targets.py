@@ -41,14 +41,15 @@ def run(words: str, path: Path) -> None:
         Refusal: the command ended with a message.
         Exception: it ended with another exception, which is a failure.
     """
+    from cli.common import EXIT_BUG
     from cli.main import main
 
     line = [str(path) if word == "F" else str(path.parent) if word == "D" else word for word in shlex.split(words)]
     result = CliRunner().invoke(main, line, prog_name="sonata2d")
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
-    if "Traceback" in result.output:
-        raise AssertionError(f"the output holds a traceback: {result.output[-500:]}")
+    if result.exit_code == EXIT_BUG or "Traceback" in result.output:
+        raise AssertionError(result.output[-500:])
     if result.exit_code:
         raise Refusal(result.output)
 

@@ -99,7 +99,7 @@ def test_a_stop_or_regenerate_request_ends_the_episode(request_: object, status:
 def test_an_answer_that_is_not_a_finite_twist_is_rejected_with_its_tick(answer: object) -> None:
     with pytest.raises(ControllerError, match=r"Answers\.act must return") as caught:
         run(short_scene(), Answers(Twist(), answer))
-    assert caught.value.__notes__ == ["at tick 1 of the episode"]
+    assert caught.value.__notes__ == ["at tick 1 of episode 0, seed 0"]
 
 
 def test_an_answer_beyond_the_range_of_files_is_rejected() -> None:
@@ -121,7 +121,7 @@ def test_an_exception_of_a_controller_passes_through_with_its_tick_and_closes_th
     log = CallLog()
     with pytest.raises(ZeroDivisionError) as caught:
         s2.Episode(short_scene(), Failing(), observers=[log]).run()
-    assert caught.value.__notes__ == ["at tick 2 of the episode"]
+    assert caught.value.__notes__ == ["at tick 2 of episode 0, seed 0"]
     assert log.calls[-1] == "close 2 error"
 
 

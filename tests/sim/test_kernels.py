@@ -125,7 +125,7 @@ def test_an_error_of_a_pedestrian_model_ends_the_episode_before_the_tick() -> No
     episode._crowd._model.acceleration = lambda walkers: None  # type: ignore[method-assign, assignment, return-value]
     with pytest.raises(ValueError, match="must return an array") as caught:
         episode.step()
-    assert caught.value.__notes__ == ["at tick 1 of the episode"]
+    assert caught.value.__notes__ == ["at tick 1 of episode 0, seed 0"]
     assert episode.outcome is not None
     assert (episode.outcome.status, episode.outcome.tick) == ("error", 1)
     assert len(episode.past) == 1

@@ -3,13 +3,16 @@ import sys
 from dataclasses import replace
 
 import numpy as np
+import pygame
 import pytest
 
 from sonata2d.core.entities import Human, Wall
 from sonata2d.core.geometry import Pose
 from sonata2d.errors import RenderError
+from sonata2d.view.annotations import Label, draw_labels
 from sonata2d.view.camera import Camera
-from sonata2d.view.draw import Layers, backdrop, picture
+from sonata2d.view.canvas import PixelCanvas
+from sonata2d.view.draw import Layers, backdrop, camera_for, picture
 from sonata2d.view.palette import ACTIVITY, FLOOR, GOAL, PAPER, ROBOT, WALL, time_colour
 from sonata2d.view.stills import scene_picture, snapshot_of
 from sonata2d.view.trails import Trails
@@ -172,3 +175,44 @@ def test_drawing_needs_no_display_and_prints_nothing(tmp_path):
     code = "import sonata2d.view, pygame; assert not pygame.display.get_init(); assert not pygame.font.get_init()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
     assert done.stdout == done.stderr == ""
+
+
+def test_each_pedestrian_has_its_own_path_colour_in_every_picture(scene, camera):
+    positions = np.tile([human.pose.position for human in scene.humans], (6, 1, 1)).astype(float)
+    positions[..., 0] += 0.1 * np.arange(6)[:, None]
+    robot = np.tile((5.0, 1.0), (6, 1))
+    trails = [Trails(0.1 * np.arange(n), robot[:n], positions[:n]) for n in (4, 6)]
+    empty = replace(scene, humans=(), interactions=())
+    ends = []
+    for each in trails:
+        drawn = picture(snapshot_of(empty), camera=camera, layers=BARE, trails=each)
+        ends.append([colour_at(drawn, camera, (x - 0.02, y)) for x, y in each.humans[-1].tolist()])
+    assert ends[0] == ends[1]
+    assert len({*ends[0]}) == len(scene.humans)
+
+
+def test_zones_are_drawn_inside_the_room_only(scene):
+    human = Human(5, Pose(0.5, 0.5), 0.2)
+    near_corner = replace(scene, furniture=(), interactions=(), humans=(human,))
+    layers = replace(BARE, zones=True, goal=False)
+    with_zones, without = (
+        picture(snapshot_of(near_corner), size=(700, 600), layers=replace(layers, zones=visible))
+        for visible in (True, False)
+    )
+    camera = camera_for(near_corner, size=(700, 600))
+    for place, is_tinted in (((1.2, 1.2), True), ((1.0, 0.05), True), ((0.5, -0.2), False), ((3.4, 2.8), False)):
+        assert (colour_at(with_zones, camera, place) != colour_at(without, camera, place)) == is_tinted
+
+
+def test_labels_do_not_hide_each_other(scene):
+    boxes = []
+
+    class Canvas(PixelCanvas):
+        def rectangle(self, colour, box, edge=None):
+            boxes.append(box.copy())
+
+    surface = pygame.Surface((300, 300), 0, 32)
+    labels = [Label(str(k), (150.0, 150.0 + k), 8.0) for k in range(4)]
+    draw_labels(Canvas(surface), labels, 14)
+    assert len(boxes) == 4
+    assert all(box.collidelist(boxes[k + 1 :]) < 0 for k, box in enumerate(boxes))

@@ -1,6 +1,7 @@
 import base64
 import io
 import json
+import math
 import re
 import sys
 from collections import deque
@@ -14,10 +15,11 @@ import pytest
 from PIL import Image
 
 from sonata2d.errors import RenderError
-from sonata2d.view.draw import Layers
+from sonata2d.view.draw import Layers, picture
 from sonata2d.view.files import render
 from sonata2d.view.film import _tail, paced, save_film
 from sonata2d.view.interpolation import between
+from sonata2d.view.palette import PURPLE
 from sonata2d.view.stills import MOMENT_SIDE, filmstrip, save_moment
 from sonata2d.view.trails import Trails
 
@@ -30,7 +32,7 @@ SIZE = (240, 220)
 def test_every_suffix_gives_a_reproducible_file(tmp_path, episode, suffix):
     first, second = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
     for path in (first, second):
-        render(episode, path, size=SIZE, outcome="goal")
+        render(episode, path, size=None if suffix == "html" else SIZE, outcome="goal")
     assert first.stat().st_size > 1000
     assert first.read_bytes() == second.read_bytes()
 
@@ -50,6 +52,22 @@ def test_a_gif_shows_every_tick_at_the_given_rate(tmp_path, episode):
         assert film.n_frames >= len(episode)
         assert film.info["duration"] == 100
         assert film.convert("RGB").getpixel((0, 0)) == (255, 255, 255)
+
+
+def test_a_gif_has_the_shape_of_the_room(tmp_path, episode):
+    save_film(tmp_path / "a.gif", episode[:2], layers=Layers(caption=False))
+    with Image.open(tmp_path / "a.gif") as film:
+        width, height = film.size
+        assert (width, height) == (6.6 * 80, 5.6 * 80)  # the room of 6 by 5 m with a margin, 80 px/m
+        dark = np.asarray(film.convert("L")) < 120
+    columns, rows = dark.any(axis=0).nonzero()[0], dark.any(axis=1).nonzero()[0]
+    assert max(columns[0], width - 1 - columns[-1], rows[0], height - 1 - rows[-1]) < 0.3 * 80
+    wide = [
+        replace(s, scene=replace(s.scene, polygon=((0, 0), (20, 0), (20, 4), (0, 4)), walls=())) for s in episode[:2]
+    ]
+    save_film(tmp_path / "b.gif", wide, layers=Layers(caption=False))
+    with Image.open(tmp_path / "b.gif") as film:
+        assert film.size == (640, math.ceil(4.6 * 640 / 20.6))
 
 
 def test_an_mp4_has_even_sides_and_the_length_of_the_episode(tmp_path, episode):
@@ -152,7 +170,7 @@ def test_an_empty_episode_and_a_missing_folder_are_rejected(tmp_path, episode, s
     with pytest.raises(RenderError, match="no frame"):
         render([], tmp_path / f"a.{suffix}")
     with pytest.raises(RenderError, match="cannot write"):
-        render(episode[:2], tmp_path / "nowhere" / f"a.{suffix}", size=SIZE)
+        render(episode[:2], tmp_path / "nowhere" / f"a.{suffix}")
 
 
 @pytest.mark.parametrize(("suffix", "module"), [("gif", "PIL.Image"), ("mp4", "imageio_ffmpeg")])
@@ -236,8 +254,47 @@ def test_a_legend_lists_each_activity_that_occurs_once(tmp_path, scene):
     snapshot = snapshot_at(scene)
     few = replace(snapshot, humans=replace(snapshot.humans, activity_index=np.array([1, 1, 1, 3, 3, 1])))
     save_moment(tmp_path / "a.svg", few, layers=Layers(legend=True))
-    legend = of_kind(ElementTree.parse(tmp_path / "a.svg").getroot(), "legend")
-    assert [element.text for element in legend[0].iter(f"{SVG}text")] == ["walking", "talking", "robot", "goal"]
+    assert legend_of(tmp_path / "a.svg") == [
+        "walking", "talking", "ignores the robot", "field of view", "robot", "goal", "interaction",
+    ]  # fmt: skip
+
+
+def legend_of(path):
+    """The texts of the legend of an SVG."""
+    (legend,) = of_kind(ElementTree.parse(path).getroot(), "legend")
+    return [element.text for element in legend.iter(f"{SVG}text")]
+
+
+def test_a_legend_explains_the_layers_that_are_drawn(tmp_path, scene, episode):
+    layers = Layers(legend=True, zones=True, gaze=False, links=False)
+    save_moment(tmp_path / "a.svg", snapshot_at(scene), layers=layers, trails=Trails.of(episode))
+    texts = legend_of(tmp_path / "a.svg")
+    assert texts[-3:] == ["paths", "intimate space 0.45 m, personal 1.2 m", "shared space"]
+    assert not {"field of view", "interaction"} & {*texts}
+
+
+def test_a_legend_is_below_the_room_and_within_the_size(scene):
+    with_legend, without = (
+        picture(snapshot_at(scene), scale=60.0, layers=Layers(legend=legend)) for legend in (True, False)
+    )
+    assert with_legend.get_height() > without.get_height()
+    assert (pixels(with_legend)[:, : without.get_height()] == pixels(without)).all()
+    assert picture(snapshot_at(scene), size=(640, 480), layers=Layers(legend=True)).get_size() == (640, 480)
+    tiny = [pixels(picture(snapshot_at(scene), size=SIZE, layers=Layers(legend=legend))) for legend in (True, False)]
+    assert (tiny[0] == tiny[1]).all()  # it would take more than a quarter of the height
+
+
+def test_the_legend_of_a_film_is_that_of_all_its_pictures(tmp_path, episode):
+    walking, talking = (replace(episode[0].humans, activity_index=np.full(6, kind)) for kind in (1, 3))
+    layers = Layers(legend=True, caption=False, links=False)
+    first, last = replace(episode[0], humans=walking), replace(episode[1], humans=talking)
+    for name, snapshots in {"walking": [first], "both": [first, last]}.items():
+        save_film(tmp_path / f"{name}.gif", snapshots, scale=100.0, layers=layers)
+    with Image.open(tmp_path / "walking.gif") as one, Image.open(tmp_path / "both.gif") as both:
+        legends = [np.asarray(film.convert("RGB").crop((0, 560, 660, 582))).astype(int) for film in (one, both)]
+        # of the first picture, in which nobody talks
+        assert (np.abs(legends[0] - PURPLE).sum(axis=2) < 30).sum() == 0
+        assert (np.abs(legends[1] - PURPLE).sum(axis=2) < 30).sum() > 5
 
 
 def test_pictures_that_cannot_be_written_are_rejected(tmp_path, scene, episode):
@@ -247,8 +304,19 @@ def test_pictures_that_cannot_be_written_are_rejected(tmp_path, scene, episode):
         save_moment(tmp_path / "nowhere" / "a.svg", snapshot_at(scene))
     with pytest.raises(RenderError, match="needs a size"):
         save_moment(tmp_path / "a.svg", snapshot_at(scene), view="follow", size=None)
-    with pytest.raises(RenderError, match="side by side"):
-        render(episode, tmp_path / "a.svg", strip=3)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "settings"),
+    [
+        ("gif", {"strip": 3}), ("svg", {"strip": 3}), ("png", {"fps": 5.0}), ("png", {"speed": 2.0}),
+        ("html", {"size": SIZE}), ("html", {"scale": 40.0}), ("png", {"strip": 3, "size": SIZE}),
+    ],
+)  # fmt: skip
+def test_an_argument_without_effect_on_the_format_is_rejected(tmp_path, episode, suffix, settings):
+    with pytest.raises(RenderError, match="has no effect"):
+        render(episode, tmp_path / f"a.{suffix}", **settings)
+    assert not [*tmp_path.iterdir()]
 
 
 def url_pixels(url):

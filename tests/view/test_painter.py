@@ -107,7 +107,7 @@ def test_a_picture_does_not_depend_on_earlier_pictures(scene):
     assert (pixels(first) == pixels(second)).all()
 
 
-@pytest.mark.parametrize("layer", ["gaze", "links", "goal", "grid", "zones", "velocities", "ids", "legend"])
+@pytest.mark.parametrize("layer", ["gaze", "links", "goal", "grid", "zones", "velocities", "ids"])
 def test_each_layer_changes_the_picture(scene, layer):
     with_layer, without = (replace(BARE, **{"goal": False, layer: visible}) for visible in (True, False))
     a, b = (pixels(drawn(snapshot_at(scene), view="top", layers=layers)[0]) for layers in (with_layer, without))

@@ -14,12 +14,13 @@ from sonata2d.core.snapshot import Contact
 from sonata2d.view.canvas import PixelCanvas, TrackingCanvas
 from sonata2d.view.draw import QUICK, Layers, backdrop, camera_for, picture
 from sonata2d.view.film import paced
+from sonata2d.view.legend import Legend
 from sonata2d.view.sequence import PictureSequence, boxes_of, tiles_of
 from sonata2d.view.trails import Trails
 
 from .conftest import pixels, snapshot_at
 
-SIZE = (250, 233)  # no multiple of a tile's side
+SCALE = 61.3  # px/m, at which no corner of a shape is on the border of two pixels
 
 
 def shown(scene):
@@ -41,17 +42,24 @@ def shown(scene):
     ],
 )
 def test_a_picture_does_not_depend_on_the_pictures_before_it(scene, layers):
-    sequence = PictureSequence(scene, size=SIZE, layers=layers)
-    camera = camera_for(scene, size=SIZE, strip=34 if layers.caption else 0)
-    room = backdrop(scene, camera, layers, fine=QUICK)
     snapshots = shown(scene)
+    legend = Legend.of(snapshots[:1], layers)
+    sequence = PictureSequence(scene, scale=SCALE, layers=layers, legend=legend)
+    camera = camera_for(scene, scale=SCALE)
+    room = backdrop(scene, camera, layers, fine=QUICK)
+    legends = []
     for k, snapshot in enumerate(snapshots):
         trails = Trails.of(snapshots[: k + 1]) if k % 2 else None
         drawn = sequence.draw(snapshot, trails=trails, outcome="goal" if k == 3 else None)
+        without_legend = replace(layers, legend=False)
         again = picture(
-            snapshot, camera=camera, layers=layers, room=room, trails=trails, outcome="goal" if k == 3 else None
+            snapshot, camera=camera, layers=without_legend, room=room, trails=trails, outcome="goal" if k == 3 else None
         )
-        assert (pixels(drawn) == pixels(again)).all()
+        above = again.get_height()
+        assert (pixels(drawn)[:, :above] == pixels(again)).all()
+        assert drawn.get_height() - above == legend.height(camera.size[0])
+        legends.append(pixels(drawn)[:, above:])
+    assert all((below == legends[0]).all() for below in legends)
 
 
 @given(

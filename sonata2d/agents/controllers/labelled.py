@@ -45,6 +45,16 @@ class Labelled(Controller):
         )
         self.labels = {"twist": meaning}
 
+    @property
+    def driver(self) -> Controller:
+        """The controller whose command is executed."""
+        return self._driver
+
+    @property
+    def labeller(self) -> Controller:
+        """The controller whose command is recorded as the label."""
+        return self._labeller
+
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
         """Not possible: recorded settings do not contain the classes of the driver and the labeller.

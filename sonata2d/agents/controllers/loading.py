@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import importlib.util
 import inspect
@@ -73,6 +74,38 @@ def is_installed(name: str, settings: Mapping[str, Any]) -> bool:
     return is_known and settings.get("weights") is None
 
 
+def is_built_in(controller: Controller) -> bool:
+    """Whether a controller, or the driver of a pair, is part of sonata2d."""
+    driver = controller.driver if isinstance(controller, Labelled) else controller
+    return _is_own_module(type(driver).__module__)
+
+
+def source_hashes(name: str, controller: Controller) -> dict[str, str]:
+    """SHA-256 of the source file that defines a controller, by its name; of `driver+labeller` both.
+
+    Modules that the file imports are not included. Controllers of sonata2d are left out, because its version covers
+    them, and so are classes whose source is unknown, as in a notebook.
+
+    Args:
+        name: with which the controller was loaded.
+        controller: as `load_controller` returns it.
+    """
+    if isinstance(controller, Labelled):
+        driver, labeller = _split_pair(name)
+        return source_hashes(driver, controller.driver) | source_hashes(labeller, controller.labeller)
+    module = type(controller).__module__
+    path = Path(current_path(name).rpartition(":")[0] or name)
+    if path.suffix != ".py" or path.stem != module:  # a module, or a file that imports the class from another module
+        path = Path(getattr(sys.modules.get(module), "__file__", None) or "")
+    if _is_own_module(module) or not path.is_file():
+        return {}
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest()}
+
+
+def _is_own_module(module: str) -> bool:
+    return module.split(".")[0] == __name__.split(".")[0]
+
+
 def named_controllers() -> dict[str, type[Controller]]:
     """The built-in controller classes and those of installed plug-ins, by name."""
     return CONTROLLERS.load_all(_problem)
@@ -120,7 +153,8 @@ def _noting_pair(name: str) -> Iterator[None]:
 
 def _find_plugin(name: str) -> type[Controller]:
     if name not in CONTROLLERS:
-        raise ControllerError(f"{CONTROLLERS.unknown(name)}; a class is named module:Class or ./file.py:Class")
+        message = CONTROLLERS.unknown(name)
+        raise ControllerError(message if "did you mean" in message else f"{message}, module:Class or ./file.py:Class")
     controller_class: type[Controller] = CONTROLLERS.load(name, _problem)
     return controller_class
 

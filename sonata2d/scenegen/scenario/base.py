@@ -44,7 +44,11 @@ def require_registered(registry: Registry, name: str) -> str:
         PydanticCustomError: it does not; the message suggests similar names.
     """
     if name not in registry:
-        raise PydanticCustomError("unknown_name", "{message}", {"message": registry.unknown(name)})
+        message = registry.unknown(name)
+        if ":" in name or name.endswith(".py"):  # as controllers are named, but those are named by the user only
+            message = f"a {registry.kind} cannot be a file or a class, because a scenario must not run code; "
+            message += "publish it as a plug-in (entry point), as in examples/plugin"
+        raise PydanticCustomError("unknown_name", "{message}", {"message": message})
     return name
 
 

@@ -168,7 +168,8 @@ class ScenarioConfig(Settings):
     def _check_furniture_types(self) -> Self:
         for k, piece in enumerate(self.furniture):
             if piece.size is None and piece.type not in self.sizes:
-                context = {"hint": did_you_mean(piece.type, self.sizes), "path": ("furniture", k, "type")}
+                hint = did_you_mean(piece.type, self.sizes) or f"; known types are {', '.join(self.sizes)}"
+                context = {"hint": hint, "path": ("furniture", k, "type")}
                 raise PydanticCustomError("furniture", "furniture of unknown type needs a size{hint}", context)
         return self
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -115,10 +116,14 @@ def _error_message(path: Path, settings: dict[str, Any], error: ValidationError)
     first, *others = error.errors(include_url=False)
     inner_path = first.get("ctx", {}).get("path", ())  # model validators put the key that is wrong there
     keys, value = _follow(settings, (*first["loc"], *inner_path))
+    hint = ""
+    if first["type"] == "literal_error":  # one of some words; the wrong one may be a key of a mapping
+        value = first["input"]
+        hint = did_you_mean(str(value), re.findall(r"'([^']*)'", first["ctx"]["expected"]))
     key_path = f"{'.'.join(str(key) for key in keys):.200}: " if keys else ""
     got = f" (got {_shortened(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
     more = f" (and {len(others)} more)" if others else ""
-    return f"{path.name}{line_of(path, keys)}: {key_path}{first['msg']:.300}{got}{more}"
+    return f"{path.name}{line_of(path, keys)}: {key_path}{first['msg']:.300}{got}{hint}{more}"
 
 
 def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str], Any]:

@@ -6,11 +6,11 @@ import pytest
 
 from sonata2d.core.geometry import Pose
 from sonata2d.view.camera import Camera
-from sonata2d.view.fonts import font, printable, shortened, width_of
-from sonata2d.view.overlay import Hud, Pen, draw_hud, draw_tint, draw_veil, zone_of
+from sonata2d.view.fonts import printable
 from sonata2d.view.palette import FLOOR, GOAL, shaded
+from sonata2d.window.hud import Hud, Pen, draw_hud, draw_tint, draw_veil, zone_of
 
-from .conftest import pixels, snapshot_at
+from ..view.conftest import pixels, scene as scene, snapshot_at
 
 ARROW = shaded(GOAL, 0.35)
 PLAIN = Hud()
@@ -123,17 +123,3 @@ def test_a_tint_ranges_from_no_effect_to_its_colour():
         surface = floor((64, 48))
         draw_tint(surface, (200, 30, 30), alpha)
         assert np.abs(pixels(surface) - expected).max() <= 1
-
-
-def test_fonts_work_after_pygame_was_closed():
-    before = width_of("Anna", 20)
-    pygame.font.quit()
-    pygame.font.init()
-    assert font(20).size("Anna")[0] == before
-
-
-def test_a_text_is_shortened_to_a_width():
-    assert shortened("Anna", 500, 20) == "Anna"
-    assert shortened("Anna" * 50, 100, 20).endswith("…")
-    assert width_of(shortened("Anna" * 50, 100, 20), 20) <= 100
-    assert shortened("Anna", 0, 20) == ""

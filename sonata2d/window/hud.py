@@ -14,10 +14,10 @@ import pygame
 from ..core.geometry import Point
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances
 from ..core.snapshot import Snapshot
-from .camera import Camera
-from .canvas import PixelCanvas, put
-from .fonts import shortened, width_of
-from .palette import FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
+from ..view.camera import Camera
+from ..view.canvas import PixelCanvas, put
+from ..view.fonts import shortened, width_of
+from ..view.palette import FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
 
 Light = Literal["waiting", "recording", "paused", "frozen", "replay", "watching"]
 
@@ -246,7 +246,9 @@ def _draw_keys(pen: Pen, keys: tuple[tuple[str, str], ...]) -> int:
 
 
 def _draw_gauges(pen: Pen, snapshot: Snapshot, bottom: int) -> int:
-    """Draw clearance and speed in the lower left corner."""
+    """Draw clearance and speed in the lower left corner; nothing for a run without a recorded robot."""
+    if "robot" in snapshot.scene.unmeasured:
+        return bottom
     box = pygame.Rect(pen.gap, 0, pen.px(_GAUGE), 2 * pen.row)
     box.bottom = bottom
     pen.plate(box)
@@ -311,6 +313,8 @@ def _draw_notice(pen: Pen, notice: str, top: int) -> int:
 
 def _draw_goal_distance(pen: Pen, snapshot: Snapshot, camera: Camera, free: pygame.Rect) -> None:
     """Write the distance to the goal next to it if it is in view, else next to an arrow at the edge towards it."""
+    if {"robot", "goal"} & snapshot.scene.unmeasured:
+        return
     goal, robot = snapshot.goal, snapshot.robot.position
     text = f"{math.hypot(goal.x - robot[0], goal.y - robot[1]):.1f} m"
     x, y = camera.to_pixels(goal.position)

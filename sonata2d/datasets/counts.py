@@ -1,0 +1,151 @@
+"""Contacts, and commands beyond the robot's limits, in all episodes of a data set: sums over the rows of a manifest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..record.counts import ANY_KIND, CONTACT_KINDS
+
+_WARNING_SHARE = 0.5  # of the frames
+_UNITS = {"vx": "m/s", "vy": "m/s", "omega": "rad/s"}
+
+
+@dataclass(frozen=True, slots=True)
+class Contacts:
+    """Contacts of the robot with one kind of outline, or with any.
+
+    Attributes:
+        episodes: number of episodes with such a contact.
+        frames: number of frames with such a contact.
+        robot_at_fault, other_at_fault: number of these frames in which that side closes the gap; both can, or neither.
+    """
+
+    episodes: int
+    frames: int
+    robot_at_fault: int
+    other_at_fault: int
+
+
+@dataclass(frozen=True, slots=True)
+class ContactSummary:
+    """Contacts of the robot in several episodes.
+
+    Attributes:
+        episodes, frames: number of episodes whose contacts are counted, and of their frames.
+        uncounted_episodes: number of the others: imported ones, and those that version 0.1 listed.
+        contacts: by kind (any, human, object, wall); kinds without a contact are left out.
+    """
+
+    episodes: int
+    frames: int
+    uncounted_episodes: int
+    contacts: dict[str, Contacts]
+
+    def rows(self) -> list[tuple[str, str]]:
+        """The summary as names and texts: all contacts, then each kind."""
+        return [
+            ("contacts", self._total_text()),
+            *(self._kind_row(kind) for kind in CONTACT_KINDS if kind in self.contacts),
+        ]
+
+    def _total_text(self) -> str:
+        parts = ["none"] if self.episodes and not self.contacts else []
+        if self.contacts:
+            total = self.contacts[ANY_KIND]
+            parts = [f"in {total.episodes} of {self.episodes} episodes, {self.share(total.frames)} of the frames"]
+        if self.uncounted_episodes:
+            parts.append(f"not counted in {self.uncounted_episodes} episodes")
+        return "; ".join(parts)
+
+    def share(self, frames: int) -> str:
+        """A number of frames as a percentage of all counted frames; a contact never shows as 0 %."""
+        percentage = 100.0 * frames / max(self.frames, 1)
+        return f"{percentage:.1f} %" if percentage >= 0.05 or not frames else "<0.1 %"
+
+    def _kind_row(self, kind: str) -> tuple[str, str]:
+        contacts = self.contacts[kind]
+        text = f"in {contacts.episodes} episodes, {self.share(contacts.frames)} of the frames"
+        faults = {"robot": contacts.robot_at_fault, "other": contacts.other_at_fault}
+        at_fault = [f"{side} at fault in {self.share(frames)}" for side, frames in faults.items() if frames]
+        return f"  with {'an' if kind == 'object' else 'a'} {kind}", "; ".join([text, *at_fault])
+
+
+@dataclass(frozen=True, slots=True)
+class ExcessiveCommands:
+    """Commands of one component beyond the limits of the robot's drive; `str` gives them as text.
+
+    Attributes:
+        component: vx, vy or omega.
+        frames: number of frames with such a command.
+        share: these frames as a fraction of all counted frames.
+        command, limit: the command that exceeds its limit most, and that limit; m/s or rad/s.
+    """
+
+    component: str
+    frames: int
+    share: float
+    command: float
+    limit: float
+
+    def __str__(self) -> str:
+        limit = f"limit {self.limit:g} {_UNITS[self.component]}"
+        if self.limit == 0.0:
+            limit = "a unicycle does not move sideways"
+        percentage = f"{100.0 * self.share:.0f} %" if self.share >= 0.005 else "<1 %"
+        return (
+            f"{self.component} up to {self.command:g} {_UNITS[self.component]} ({limit}) in {percentage} of the frames"
+        )
+
+
+def commands_warning(rows: Iterable[Mapping[str, Any]], name: str) -> str | None:
+    """A warning if most commands of a controller are beyond the limits of the robot's drive; else None.
+
+    Fewer are usual: a controller whose command is proportional to an error exceeds the limits while that is large.
+
+    Args:
+        rows: as for `excessive_commands`.
+        name: of the controller.
+    """
+    found = [one for one in excessive_commands(rows) if one.share > _WARNING_SHARE]
+    if not found:
+        return None
+    which = ", ".join(map(str, found))
+    return f"{name}: commands exceed the limits of the drive, which executes less: {which}"
+
+
+def contact_summary(rows: Iterable[Mapping[str, Any]]) -> ContactSummary:
+    """Contacts in several episodes.
+
+    Args:
+        rows: of the files in a manifest, with the keys `ticks` and `contacts`; without the latter a row is not counted.
+    """
+    rows = list(rows)
+    counted = [row for row in rows if row.get("contacts") is not None]
+    contacts: dict[str, Contacts] = {}
+    for kind in (ANY_KIND, *CONTACT_KINDS):
+        of_kind = [row["contacts"][kind] for row in counted if kind in row["contacts"]]
+        if of_kind:
+            sums = {key: sum(one[key] for one in of_kind) for key in ("frames", "robot_at_fault", "other_at_fault")}
+            contacts[kind] = Contacts(len(of_kind), **sums)
+    return ContactSummary(len(counted), sum(row["ticks"] for row in counted), len(rows) - len(counted), contacts)
+
+
+def excessive_commands(rows: Iterable[Mapping[str, Any]]) -> list[ExcessiveCommands]:
+    """Commands beyond the limits of the robot's drive in several episodes, by component; empty if there are none.
+
+    Args:
+        rows: of the files in a manifest, with the keys `ticks` and `commands_beyond_limits`; without the latter a row
+            is not counted.
+    """
+    counted = [row for row in rows if row.get("commands_beyond_limits") is not None]
+    frames = max(sum(row["ticks"] for row in counted), 1)
+    found = []
+    for component in _UNITS:
+        of_component = [own for row in counted if (own := row["commands_beyond_limits"].get(component))]
+        if of_component:
+            count = sum(own["frames"] for own in of_component)
+            worst = max(of_component, key=lambda own: abs(own["command"] - own["limit"]))
+            found.append(ExcessiveCommands(component, count, count / frames, worst["command"], worst["limit"]))
+    return found

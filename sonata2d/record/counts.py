@@ -1,0 +1,77 @@
+"""What a manifest states about a run beside its outcome: contacts of the robot, and commands beyond its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..core.entities import Robot
+from ..core.portable_math import Array
+from ..core.snapshot import Contact
+from .layout import COMMAND_NAMES, JsonDict
+
+CONTACT_KINDS = ("human", "object", "wall")
+ANY_KIND = "any"
+LIMIT_TOLERANCE = 2e-4  # m/s, rad/s: recorded commands are rounded to 1e-4
+
+
+def run_counts(robot: Robot, contacts: Iterable[Iterable[Contact]], command: Array) -> JsonDict:
+    """The counts of one run, as a manifest holds them: the keys `contacts` and `commands_beyond_limits`."""
+    return {"contacts": count_contacts(contacts), "commands_beyond_limits": commands_beyond_limits(robot, command)}
+
+
+def count_contacts(contacts: Iterable[Iterable[Contact]]) -> dict[str, dict[str, int]]:
+    """Count the frames in which the robot is in contact.
+
+    A frame counts as in contact if a contact is detected during its tick; the file states it in the next state, and
+    that of the last frame in the final state.
+
+    Args:
+        contacts: of each of the T + 1 states.
+
+    Returns:
+        By kind of contact (human, object, wall, and any): number of frames, and of those in which the robot or the
+        other side is at fault; both can be, or neither. Kinds without a contact are left out.
+    """
+    counts: dict[str, dict[str, int]] = {}
+    for state in contacts:
+        faults: dict[str, tuple[bool, bool]] = {}
+        for contact in state:
+            for kind in (ANY_KIND, contact.kind):
+                robot, other = faults.get(kind, (False, False))
+                faults[kind] = robot or contact.robot_at_fault, other or contact.other_at_fault
+        for kind, (robot, other) in faults.items():
+            count = counts.setdefault(kind, {"frames": 0, "robot_at_fault": 0, "other_at_fault": 0})
+            count["frames"] += 1
+            count["robot_at_fault"] += robot
+            count["other_at_fault"] += other
+    return {kind: counts[kind] for kind in (ANY_KIND, *CONTACT_KINDS) if kind in counts}
+
+
+def commands_beyond_limits(robot: Robot, command: Array) -> dict[str, dict[str, float]]:
+    """Count the frames whose command exceeds the velocity limits of the robot's drive, which executes less then.
+
+    Args:
+        robot: its kinematics and limits; the sideways limit of a unicycle is 0.
+        command: (T, 3), columns vx (m/s), vy (m/s), omega (rad/s), body frame.
+
+    Returns:
+        By component (vx, vy, omega): number of frames, and the command that exceeds its limit most, with that limit;
+        without signs, so that a mirror image has the same. Components that stay within their limits are left out.
+    """
+    limits = robot.limits
+    sideways = limits.sideways if robot.kinematics == "holonomic" else 0.0
+    lower = np.array([-limits.back, -sideways, -limits.turn])
+    upper = np.array([limits.ahead, sideways, limits.turn])
+    excess = np.maximum(command - upper, lower - command)
+    found: dict[str, dict[str, float]] = {}
+    for k in np.flatnonzero((excess > LIMIT_TOLERANCE).any(axis=0)).tolist():
+        worst = int(np.argmax(excess[:, k]))
+        value = float(command[worst, k])
+        found[COMMAND_NAMES[k]] = {
+            "frames": int(np.count_nonzero(excess[:, k] > LIMIT_TOLERANCE)),
+            "command": abs(value),
+            "limit": abs(float(upper[k] if value > 0.0 else lower[k])),
+        }
+    return found

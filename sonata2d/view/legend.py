@@ -1,0 +1,156 @@
+"""The legend of a picture: symbols and their meaning, in rows below the room so that nothing is hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ..core.geometry import Point
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ..core.snapshot import Snapshot
+from .brush import Brush
+from .camera import Camera
+from .canvas import Canvas
+from .figures import draw_body, draw_chassis, draw_head, draw_plain_body, draw_target
+from .fonts import width_of
+from .layers import draw_fan, draw_link_between, draw_shared_space, draw_zones_of
+from .palette import ACTIVITY, INK
+from .trails import draw_path_samples
+
+if TYPE_CHECKING:
+    from .draw import Layers
+
+_TEXT, _ROW, _EDGE = 16, 22, 14  # px: font size, height of a row, free space beside the rows
+_BELOW = 8  # px, free space below the last row
+_SYMBOL, _SPACE, _GAP = 18, 6, 20  # px: width of a symbol, and the space after it and after an entry
+_RADIUS = 0.2  # m, of pedestrians and robot in a symbol
+_MAXIMUM_FRACTION = 0.25  # of a picture's height
+_NAMES = {"using": "using an object", "looking": "looking at an object"}  # of activities
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A symbol and its meaning.
+
+    Attributes:
+        text: the meaning.
+        draw: draws the symbol centred on the brush.
+        size: width of the symbol, m.
+    """
+
+    text: str
+    draw: Callable[[Brush], None]
+    size: float = 2 * _RADIUS
+
+
+@dataclass(frozen=True, slots=True)
+class Legend:
+    """The legend of a picture or a film; the one without entries takes no space."""
+
+    entries: tuple[Entry, ...] = ()
+
+    @classmethod
+    def of(cls, snapshots: Iterable[Snapshot], layers: Layers, *, paths: bool = False) -> Legend:
+        """The legend of what is visible in any of the pictures; empty if the layers have no legend.
+
+        Args:
+            snapshots: of one scene, one or more.
+            layers: of the pictures.
+            paths: whether past paths are drawn.
+        """
+        return cls(tuple(_entries([*snapshots], layers, paths))) if layers.legend else cls()
+
+    def fitting(self, size: tuple[int, int] | None) -> Legend:
+        """The legend for a picture of a given size, px; empty if it would take more than a quarter of the height."""
+        is_too_high = size is not None and self.height(size[0]) > _MAXIMUM_FRACTION * size[1]
+        return Legend() if is_too_high else self
+
+    def height(self, width: int) -> int:
+        """Height of the legend of a picture of this width, px."""
+        rows = self._rows(width)
+        return len(rows) * _ROW + _BELOW if rows else 0
+
+    def draw(self, canvas: Canvas, top: int, width: int) -> None:
+        """Draw the legend from the pixel row `top` on, in a picture of this width, px."""
+        if not self.entries:
+            return
+        with canvas.group("legend"):
+            for k, row in enumerate(self._rows(width)):
+                x, y = float(_EDGE), top + (k + 0.5) * _ROW
+                for entry in row:
+                    _draw_symbol(canvas, entry, (x + _SYMBOL / 2, y))
+                    canvas.text(INK, entry.text, (x + _SYMBOL + _SPACE, y), _TEXT, "midleft")
+                    x += _width_of(entry) + _GAP
+
+    def _rows(self, width: int) -> list[list[Entry]]:
+        """The entries in rows that are not wider than the picture; a single entry may be."""
+        rows: list[list[Entry]] = []
+        end = 0
+        for entry in self.entries:
+            end += _GAP + _width_of(entry)
+            if not rows or end > width - 2 * _EDGE:
+                rows.append([])
+                end = _width_of(entry)
+            rows[-1].append(entry)
+        return rows
+
+
+def _width_of(entry: Entry) -> int:
+    return _SYMBOL + _SPACE + width_of(entry.text, _TEXT)
+
+
+def _draw_symbol(canvas: Canvas, entry: Entry, centre: Point) -> None:
+    scale = _SYMBOL / entry.size
+    camera = Camera(scale, -centre[0] / scale, centre[1] / scale, (_SYMBOL, _SYMBOL))
+    entry.draw(Brush(canvas, camera))
+
+
+def _entries(snapshots: list[Snapshot], layers: Layers, paths: bool) -> Iterable[Entry]:
+    """The entries for what the pictures of these snapshots show, in the order of the rows."""
+    scene, unmeasured = snapshots[0].scene, snapshots[0].scene.unmeasured
+    present = {human.activity for snapshot in snapshots for human in snapshot.humans}
+    for activity in ACTIVITY:
+        if activity in present:
+            yield Entry(_NAMES.get(activity, activity), partial(_draw_pedestrian, activity, unmeasured))
+    if present and any(human.reacts_to_robot == 0.0 for human in scene.humans) and "robot" not in unmeasured:
+        yield Entry("ignores the robot", partial(_draw_pedestrian, "standing", unmeasured, ignores_robot=True))
+    if present and layers.gaze and "heads" not in unmeasured:
+        yield Entry("field of view", _draw_view, 1.0)
+    if "robot" not in unmeasured:
+        yield Entry("robot", partial(_turned, partial(draw_chassis, r=_RADIUS)))
+    if layers.goal and "goal" not in unmeasured:
+        yield Entry("goal", partial(draw_target, radius=_RADIUS))
+    if paths:
+        yield Entry("paths", partial(draw_path_samples, robot="robot" not in unmeasured), 0.4)
+    has_interactions = any(snapshot.interactions for snapshot in snapshots)
+    if layers.links and has_interactions:
+        yield Entry("interaction", partial(draw_link_between, start=(-0.3, 0.0), end=(0.3, 0.0)), 0.6)
+    if layers.zones and present:
+        yield Entry(
+            f"intimate space {INTIMATE_DISTANCE:g} m, personal {PERSONAL_DISTANCE:g} m",
+            partial(draw_zones_of, r=0.15),
+            2 * (0.15 + PERSONAL_DISTANCE),
+        )
+    if layers.zones and has_interactions:
+        yield Entry("shared space", partial(draw_shared_space, half_length=0.5, half_width=0.35), 1.0)
+
+
+def _turned(draw: Callable[[Brush], None], brush: Brush) -> None:
+    """Draw a symbol that points up."""
+    draw(brush.at((brush.x, brush.y), (0.0, 1.0)))
+
+
+def _draw_pedestrian(activity: str, unmeasured: Iterable[str], brush: Brush, *, ignores_robot: bool = False) -> None:
+    up = brush.at((brush.x, brush.y), (0.0, 1.0))
+    if "headings" in unmeasured:
+        draw_plain_body(up, activity, _RADIUS, ignores_robot=ignores_robot)
+        return
+    draw_body(up, activity, _RADIUS, 0.7, ignores_robot=ignores_robot)
+    draw_head(up, _RADIUS, nose="heads" not in unmeasured)
+
+
+def _draw_view(brush: Brush) -> None:
+    """Draw the field of view of a pedestrian who looks to the right."""
+    draw_fan(brush.at((-0.45, 0.0)), "standing", 0.2)
