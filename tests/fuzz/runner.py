@@ -84,7 +84,6 @@ def _use(kind: str, rng: Random, samples: Path, work: Path) -> None:
     """Damage a copy of a sample and give it to a reader or a command."""
     if kind == "arguments":
         shutil.copytree(samples / "dataset", work, dirs_exist_ok=True)
-        shutil.copytree(work / "set", work / "other")
         words = arguments(rng)
         (work / "arguments.txt").write_text(repr(words))
         use_arguments(words)
@@ -92,8 +91,6 @@ def _use(kind: str, rng: Random, samples: Path, work: Path) -> None:
     this = KINDS[kind]
     folder = samples / (this.folder or kind)
     shutil.copytree(folder, work, dirs_exist_ok=True)
-    if kind in ("dataset", "beside"):
-        shutil.copytree(work / "set", work / "other")
     path = rng.choice(sorted(work.glob(rng.choice(this.damaged))))
     if rng.random() < 0.02:
         damage_path(rng, path)

@@ -68,6 +68,7 @@ def make_samples(folder: Path) -> None:
     data = folder / "dataset" / "set"
     generate_dataset(data, config, "social-planner", episodes=3, seed=3, workers=1)
     write_card(data, figures=False)
+    generate_dataset(folder / "dataset" / "other", config, "straight-to-goal", episodes=2, seed=4, workers=1)
     rate(data, rng)
     (data / "metrics.json").write_text(json.dumps({"metrics": [], "episodes": {}}))
     first = data / "000000.json"
@@ -79,8 +80,10 @@ def make_samples(folder: Path) -> None:
         (episodes / f"plain{suffix}").write_bytes(compress(first.read_bytes(), episodes / f"plain{suffix}"))
     mirror_file(first, episodes / "mirrored.json")
     document = json.loads(first.read_bytes())
-    document |= {"label": 2, "label_spec": {**{key: getattr(SPEC, key) for key in SPEC.__dataclass_fields__}}}
-    (episodes / "labelled.json").write_text(json.dumps(document))
+    recorder = s2.EpisodeRecorder(id="labelled", label_spec=SPEC)
+    recorder.label = 2
+    s2.Episode(s2.generate(config, seed=5), s2.SocialForce(), observers=[recorder]).run()
+    (episodes / "labelled.json").write_bytes(recorder.document())
 
     for name in ("csv", "npz", "parquet", "socnav3", "sonata"):
         export_to(first, name, folder / name)

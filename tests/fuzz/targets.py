@@ -35,7 +35,7 @@ class Kind:
 
 
 def run(words: str, path: Path) -> None:
-    """Run a command line, in which F is the damaged file and D its folder.
+    """Run a command line, in which F is the damaged file, D its folder, S its scenario and O another data set.
 
     Raises:
         Refusal: the command ended with a message.
@@ -44,7 +44,13 @@ def run(words: str, path: Path) -> None:
     from cli.common import EXIT_BUG
     from cli.main import main
 
-    line = [str(path) if word == "F" else str(path.parent) if word == "D" else word for word in shlex.split(words)]
+    places = {
+        "F": str(path),
+        "D": str(path.parent),
+        "O": str(path.parent.parent / "other"),
+        "S": str(path.parent / "scenario.json"),
+    }
+    line = [places.get(word, word) for word in shlex.split(words)]
     result = CliRunner().invoke(main, line, prog_name="sonata2d")
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
@@ -135,9 +141,9 @@ def imports(name: str, *lines: str) -> tuple[Use, ...]:
 
 
 DATASET = commands(
-    "check D", "describe D", "split D", "merge D D/../other -o merged", "mirror D -o mirrored", "card D --no-figures",
+    "check D", "describe D", "split D", "merge D O -o merged", "mirror D -o mirrored", "card D --no-figures",
     "export D --to csv -o out", "evaluate D --no-rerun --workers 1 --resamples 100", "check D --replay --workers 1",
-    "generate D --resume --episodes 3 --seed 3 --workers 1 --no-picture", "describe D --json",
+    "generate D --resume --scenario S --episodes 3 --seed 3 --workers 1 --no-picture", "describe D --json",
 )  # fmt: skip
 
 KINDS: dict[str, Kind] = {
@@ -152,14 +158,14 @@ KINDS: dict[str, Kind] = {
                 "evaluate F --workers 1 --resamples 100", "evaluate F --workers 1 --resamples 100 --metric all --no-rerun",
                 "export F --to csv -o out", "export F --to npz -o out", "export F --to socnav3 -o out",
                 "export F --to sonata -o out", "export F --to sonata --quirks original -o out",
-                "export F --to trajnet -o out", "export F --to parquet -o out",
+                "export F --to parquet -o out",
             ),
         ),
     ),
     "dataset": Kind(("set/manifest.json", "set/manifest.json", "set/scenario.json", "set/00*.json"), DATASET),
     "beside": Kind(
         ("set/croissant.json", "set/metrics.json", "set/run.jsonl", "set/README.md", "set/ratings/*"),
-        (*DATASET, *commands("describe D/..")), "dataset",
+        DATASET, "dataset",
     ),
     "scenario": Kind(
         ("*",), (*[few_ticks] * 3, *commands("scenarios show F", "scenarios draw F --scenes 1 -o x.png"))
@@ -190,7 +196,7 @@ LINES = (
     "describe set", "check set --workers 1", "render set/000000.json -o x.svg", "export set --to csv -o new",
     "import set/000000.json --from sonata -o new", "mirror set -o new", "split set --parts train=.5,test=.5 --seed 1",
     "merge set other -o new", "card set --no-figures --licence mit", "scenarios show sonata-2020",
-    "scenarios draw sonata-2020 --scenes 1 -o x.png", "controllers", "evaluate set --workers 1 --no-rerun --resamples 100",
+    "scenarios draw sonata-2020 --scenes 1 -o x.png", "controllers list", "evaluate set --workers 1 --no-rerun --resamples 100",
     "evaluate set --metric all --no-rerun --workers 1 --resamples 100", "generate set --resume --episodes 1 --workers 1",
     "check set/000000.json --rerun --controller social-planner --workers 1", "scenarios from-tracks set/000000.json -o x.yaml",
 )  # fmt: skip
