@@ -81,9 +81,7 @@ def _check_time(record: EpisodeRecord) -> Iterator[Finding]:
 def _check_speeds(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
     """Speeds must stay within the limits of the robot and the pedestrians."""
     scene = record.scene()
-    robot, limits = scene.robot, scene.robot.limits
-    sideways = limits.sideways if robot.kinematics == "holonomic" else 0.0
-    maximum_speed = math.hypot(max(limits.ahead, limits.back), sideways) + ROBOT_SPEED_TOLERANCE
+    limits, maximum_speed = scene.robot.limits, _top_speed(scene) + ROBOT_SPEED_TOLERANCE
     executed = np.hypot(record.executed[:, 0], record.executed[:, 1])
     yield from _worst_tick(executed - maximum_speed, "executed", "the robot's drive", "m/s faster than its limits")
     turning = np.abs(record.executed[:, 2]) - limits.turn - ROUNDING
@@ -95,7 +93,24 @@ def _check_speeds(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]
 
 def _maximum_speeds(scene: Scene) -> Array:
     """(N,), m/s, of the pedestrians."""
-    return np.array([HURRY_FACTOR * human.desired_speed + PUSH_SPEED for human in scene.humans])
+    push = PUSH_SPEED if scene.rules.guard else PUSH_SPEED + _top_speed(scene)  # without the guard it may run into them
+    return np.array([HURRY_FACTOR * human.desired_speed + push for human in scene.humans])
+
+
+def _top_speed(scene: Scene) -> float:
+    """Maximum speed of the robot's drive, m/s."""
+    robot, limits = scene.robot, scene.robot.limits
+    sideways = limits.sideways if robot.kinematics == "holonomic" else 0.0
+    return math.hypot(max(limits.ahead, limits.back), sideways)
+
+
+def _maximum_overlap(scene: Scene) -> float:
+    """Depth to which outlines may overlap, m.
+
+    Without the guard, the physics stops the robot, and those that it pushes, up to one substep too late.
+    """
+    rules = scene.rules
+    return MAXIMUM_OVERLAP if rules.guard else MAXIMUM_OVERLAP + _top_speed(scene) * rules.dt / rules.substeps
 
 
 def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
@@ -105,9 +120,11 @@ def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]
     humans, robot = _unexplained_speed(states.humans, dt), _unexplained_speed(states.robot, dt)
     exempt = pushed[1:] | pushed[:-1]
     humans[exempt[:, :-1]] = robot[exempt[:, -1]] = 0.0
-    excess = humans - _maximum_speeds(scene) / 2 - MOTION_TOLERANCE
+    # without the guard, bodies that overlap are also moved apart
+    tolerance = MOTION_TOLERANCE + (0.0 if scene.rules.guard else 2.0 * _maximum_overlap(scene) / dt)
+    excess = humans - _maximum_speeds(scene) / 2 - tolerance
     yield from _worst_tick_of_humans(excess, scene, "m/s of motion beyond what the velocities explain")
-    robot = robot - math.hypot(max(limits.ahead, limits.back), limits.sideways) / 2 - MOTION_TOLERANCE
+    robot = robot - math.hypot(max(limits.ahead, limits.back), limits.sideways) / 2 - tolerance
     yield from _worst_tick(robot, "robot", "the robot", "m/s of motion beyond what the velocities explain")
     turned = (np.diff(states.robot[:, THETA]) - record.executed[:, 2] * dt + np.pi) % (2 * np.pi) - np.pi
     turned = np.abs(turned) - TURN_TOLERANCE
@@ -134,14 +151,15 @@ def _check_room(record: EpisodeRecord) -> Iterator[Finding]:
 
 
 def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
-    """Outlines must not overlap by more than `MAXIMUM_OVERLAP`."""
+    """Outlines must not overlap by more than `_maximum_overlap`."""
     scene = record.scene()
+    maximum_overlap = _maximum_overlap(scene)
     positions = np.where(pushed[..., None], np.nan, _positions(record))
     radii = np.array([*(human.radius for human in scene.humans), scene.robot.radius])
     names = [*(f"human {human.id}" for human in scene.humans), "the robot"]
     walls = Barriers.of([(wall.start, wall.end, 0.0) for wall in scene.walls])
     for k, name in enumerate(names):
-        position, minimum_distance = positions[:, k], radii[k] - MAXIMUM_OVERLAP
+        position, minimum_distance = positions[:, k], radii[k] - maximum_overlap
         if len(walls):
             depth = minimum_distance - walls.gaps(position).min(axis=0)
             yield from _worst_tick(depth, "walls", name, "m too deep in a wall")

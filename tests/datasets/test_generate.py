@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import sonata2d as s2
@@ -16,6 +17,7 @@ from sonata2d.datasets.executors import parallel_map
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.verification import verify
 from sonata2d.errors import ControllerError, RecordError, Sonata2dError
+from sonata2d.record.reader import read_episode
 from sonata2d.testing.controllers import check_controller
 
 QUICK = s2.ScenarioConfig(name="quick", standing=2, wandering=3, tables=1, rules={"time_limit": 3.0})
@@ -118,6 +120,27 @@ def test_a_fast_robot_among_fast_pedestrians_passes_the_check(tmp_path: Path) ->
     )
     generate_dataset(tmp_path / "out", scenario, f"{__name__}:Racer", episodes=4)
     assert verify(tmp_path / "out", replay=True) == []
+
+
+def test_a_fast_robot_without_guard_passes_the_check_or_is_refused(tmp_path: Path) -> None:
+    def scenario(speed: float) -> s2.ScenarioConfig:
+        limits = {"ahead": speed, "back": speed, "sideways": 0.5, "acceleration": 100.0, "turn_acceleration": 100.0}
+        rules = {"time_limit": 10.0, "ends_on": ["time"], "guard": False}
+        return s2.ScenarioConfig(humans=8, robot={"limits": limits}, rules=rules)
+
+    generate_dataset(tmp_path / "out", scenario(10.0), f"{__name__}:Rammer", episodes=6)
+    pushed = [read_episode(path).states.humans[..., 3:5] for path in sorted((tmp_path / "out").glob("0*.json"))]
+    assert max(float(np.nanmax(np.hypot(v[..., 0], v[..., 1]))) for v in pushed) > 5.0
+    assert verify(tmp_path / "out", replay=True) == []
+    with pytest.raises(ValueError, match=r"without the guard the robot may drive at 12 m/s"):
+        scenario(20.0)
+
+
+class Rammer(s2.Controller):
+    """Drives at full speed, turning to and fro."""
+
+    def act(self, snapshot: s2.Snapshot) -> s2.Twist:
+        return s2.Twist(vx=10.0, omega=1.5 if snapshot.tick // 10 % 2 else -1.0)
 
 
 class Racer(s2.Controller):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any, Self
 
@@ -27,6 +28,8 @@ from .sections import (
     SocialConfig,
 )
 
+# Of a robot without safety guard, m/s, and m in a physics step: beyond them it pushes people through walls.
+_UNGUARDED_SPEED, _UNGUARDED_STEP = 12.0, 0.12
 _TWENTY_DEGREES = 0.3490658503988659  # rad
 
 
@@ -180,6 +183,22 @@ class ScenarioConfig(Settings):
             if dx * dx + dy * dy <= self.goal.distance * self.goal.distance:
                 context = {"path": ("goal", "position")}
                 raise PydanticCustomError("goal", "the robot would start on its goal", context)
+        return self
+
+    @model_validator(mode="after")
+    def _check_unguarded_speed(self) -> Self:
+        limits, rules = self.robot.limits, self.rules
+        sideways = limits.sideways if self.robot.kinematics == "holonomic" else 0.0
+        speed = math.hypot(max(limits.ahead, limits.back), sideways)
+        step = speed * rules.dt / rules.substeps
+        if not rules.guard and (speed > _UNGUARDED_SPEED or step > _UNGUARDED_STEP):
+            context = {"speed": f"{speed:.3g}", "step": f"{step:.2g}", "path": ("rules", "guard")}
+            message = (
+                f"without the guard the robot may drive at {_UNGUARDED_SPEED:g} m/s, and move {_UNGUARDED_STEP} m in a "
+                "physics step, dt / substeps; its limits are {speed} m/s and {step} m: lower robot.limits, or raise "
+                "rules.substeps"
+            )
+            raise PydanticCustomError("guard", message, context)
         return self
 
     def changed(self, **settings: Any) -> ScenarioConfig:
