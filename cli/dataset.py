@@ -25,8 +25,9 @@ DEFAULT_PARTS = "train=0.8,dev=0.1,test=0.1"
 def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers: int, as_json: bool) -> None:
     """Verify a data set or an episode file.
 
-    Checks the schema, hashes, finite numbers, ids and physical plausibility; with --replay and --rerun also that the
-    simulation reproduces the episodes. The exit code is 1 if there is a problem.
+    Checks the schema, hashes, finite numbers, ids and physical plausibility, and that scenario.json, data card and
+    Croissant metadata agree with the manifest; with --replay and --rerun also that the simulation reproduces the
+    episodes. The exit code is 1 if there is a problem, and 0 if there are only warnings, such as unknown keys.
     """
     from sonata2d.datasets.manifest import files_of
     from sonata2d.datasets.verification import verify
@@ -38,16 +39,18 @@ def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers
             advance=advance,
         )  # fmt: skip
     if as_json:
-        rows = [{"file": p.file, "place": p.place, "message": p.message} for p in problems]
+        rows = [{"file": p.file, "place": p.place, "message": p.message, "is_warning": p.is_warning} for p in problems]
         show_json({"files": len(files), "problems": rows})
     else:
         for problem in problems[:MAX_PROBLEMS]:
-            click.echo(f"{problem.file}: {problem.place}: {problem.message}")
+            click.echo(str(problem))
         if len(problems) > MAX_PROBLEMS:
             click.echo(f"... and {len(problems) - MAX_PROBLEMS} more; --json prints all")
         done = "".join([", replayed" if replay else "", ", rerun" if rerun else ""])
-        note(f"{path}: {len(files)} files checked{done}, {len(problems) or 'no'} problems")
-    if problems:
+        count = sum(not problem.is_warning for problem in problems)
+        warnings = f", {len(problems) - count} warnings" if len(problems) > count else ""
+        note(f"{path}: {len(files)} files checked{done}, {count or 'no'} problems{warnings}")
+    if any(not problem.is_warning for problem in problems):
         sys.exit(1)
 
 
@@ -165,7 +168,10 @@ def merge(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
         note(f"{output}: {manifest['episodes']} episodes of {', '.join(sources)}")
 
 
-@click.command(cls=Command, epilog=examples("card demo", "card demo --no-figures --licence mit"))
+@click.command(
+    cls=Command,
+    epilog=examples("card demo", "card demo --no-figures --licence mit", "card demo --date 2026-05-01 --creator Lab"),
+)
 @click.argument("folder", type=PATH, metavar="DIR")
 @click.option(
     "--figures/--no-figures",
@@ -173,12 +179,25 @@ def merge(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
     help="Draw statistics of the episodes.  [default: if matplotlib is installed]",
 )
 @click.option("--licence", metavar="NAME", help="Licence of the data.  [default: cc-by-4.0; other for recorded people]")
+@click.option("--date", metavar="YYYY-MM-DD", help="Date of publication.")
+@click.option("--data-version", "version", metavar="X.Y.Z", help="Version of the data set.  [default: 1.0.0]")
+@click.option("--creator", metavar="NAME", help="Author of the data set.")
+@click.option("--url", metavar="URL", help="Page of the data set.")
 @json_option
-def card(folder: Path, figures: bool | None, licence: str | None, as_json: bool) -> None:
+def card(
+    folder: Path,
+    figures: bool | None,
+    licence: str | None,
+    date: str | None,
+    version: str | None,
+    creator: str | None,
+    url: str | None,
+    as_json: bool,
+) -> None:
     """Write the data card of a data set.
 
     The card is README.md, with figures and the metadata that Hugging Face reads, and croissant.json, with Croissant
-    metadata.
+    metadata. What is stated once, such as a licence or a date, stays until another value is given.
     """
     from sonata2d.datasets.card import write_card
     from sonata2d.datasets.manifest import CROISSANT, FIGURES, read_manifest
@@ -186,7 +205,10 @@ def card(folder: Path, figures: bool | None, licence: str | None, as_json: bool)
     is_plain = figures is None and importlib.util.find_spec("matplotlib") is None
     figures = not is_plain if figures is None else figures
     with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
-        path = write_card(folder, figures=figures, licence=licence, advance=advance)
+        path = write_card(
+            folder, figures=figures, licence=licence, date=date, version=version, creator=creator, url=url,
+            advance=advance,
+        )  # fmt: skip
     written = {"card": str(path), "metadata": str(folder / CROISSANT)}
     written |= {"figures": str(folder / FIGURES)} if figures else {}
     if as_json:

@@ -123,7 +123,7 @@ def _samples_of_file(job: tuple[Path, str, int]) -> Samples | None:
 def _labelled_graphs(record: EpisodeRecord, kind: str) -> Iterator[tuple[Array, IntArray, IntArray, Array]]:
     """Yield inputs, edges, relations and wanted output of one graph per second."""
     if kind == "paper":  # needs a second of history, so the first instant gives no graph
-        for graph in paper_graphs(record):
+        for graph in paper_graphs(record, skip_first=True):  # as `GraphPolicy` reads them when it drives
             yield inputs_of(graph), graph.edges, graph.relation, graph.label
         return
     scene, labels = record.scene(), record.labels

@@ -11,11 +11,12 @@ import json
 import re
 import shlex
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import orjson
 
-from ..errors import ConfigError, RecordError
+from ..errors import RecordError
 from ..record.counts import ANY_KIND
 from ..record.files import read_bytes, write_atomically
 from ..record.layout import JsonDict
@@ -23,11 +24,10 @@ from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from .card_figure import EpisodeStatistics, collect_statistics, draw_statistics, require_matplotlib
 from .counts import ContactSummary, contact_summary
-from .croissant import croissant_metadata
+from .croissant import Publication, croissant_metadata, stored_publication
 from .executors import Advance
-from .manifest import CARD, CROISSANT, FIGURES, MANIFEST, SCENARIO, read_manifest, write_json
+from .manifest import CARD, CROISSANT, FIGURES, MANIFEST, SCENARIO, json_bytes, read_manifest, write_json
 
-_LICENCE = re.compile(r"[a-z0-9][a-z0-9.+-]*")  # a licence identifier of Hugging Face
 _MARKUP = re.compile(r"[\\`*_\[\]|~$!#]")  # begins or ends Markdown markup; HTML is escaped separately
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
@@ -131,14 +131,32 @@ _FIGURES = """\
 """
 
 
-def write_manifest_and_card(folder: Path, manifest: JsonDict) -> None:
-    """Write the data card, then the manifest, which marks the data set as complete.
+def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | None = None) -> None:
+    """Write the data card, Croissant metadata if the folder has any, and last the manifest: they always agree.
+
+    What the author stated about the data set (licence, date, …) stays. The figures of the card stay if its counts do,
+    else they are removed, as they show other episodes.
+
+    Args:
+        folder: folder of the data set.
+        manifest: the new manifest.
+        licence: of a data set that is derived from others; None: the one chosen for the folder, or the default.
 
     Raises:
-        RecordError: a file cannot be written.
+        RecordError: a file cannot be written, or the file of the settings is damaged.
     """
-    write_atomically(folder / CARD, card_text(manifest).encode())
-    write_json(folder / MANIFEST, manifest)
+    data, described = json_bytes(manifest), _with_settings(folder, manifest)
+    publication = stored_publication(folder)
+    publication = replace(publication, licence=licence or chosen_licence(folder) or _default_licence(described))
+    text = card_text(described, publication.licence)
+    if (figures := _stored_figures(folder)) and not count_differences(folder, manifest):
+        text = card_text(described, publication.licence, figures)
+    elif figures:
+        (folder / FIGURES).unlink(missing_ok=True)
+    write_atomically(folder / CARD, text.encode())
+    if (folder / CROISSANT).is_file():
+        write_json(folder / CROISSANT, _metadata(described, data, publication))
+    write_atomically(folder / MANIFEST, data)
 
 
 def write_card(
@@ -146,6 +164,10 @@ def write_card(
     *,
     figures: bool = True,
     licence: str | None = None,
+    date: str | None = None,
+    version: str | None = None,
+    creator: str | None = None,
+    url: str | None = None,
     advance: Advance = lambda step: None,
 ) -> Path:
     """Write the card of a data set with figures of its episodes, and Croissant metadata beside it.
@@ -153,38 +175,136 @@ def write_card(
     Args:
         folder: folder of the data set.
         figures: whether to read all episodes and draw their statistics; needs matplotlib.
-        licence: identifier as on Hugging Face; by default `cc-by-4.0`, or `other` for recorded pedestrians.
+        licence: identifier as on Hugging Face; by default the one that was chosen before, else `cc-by-4.0`, or `other`
+            for recorded pedestrians.
+        date: date of publication, YYYY-MM-DD; by default, as for the following, what was stated before, else nothing.
+        version: MAJOR.MINOR.PATCH; at first 1.0.0.
+        creator: person or organisation.
+        url: page of the data set.
         advance: progress callback; its argument is the number of episodes read.
 
     Returns:
         The path of the card.
 
     Raises:
-        ConfigError: the licence is not a valid identifier.
+        ConfigError: the licence, the date, the version or the address does not have its form.
         RecordError: the folder is not a data set, or an episode cannot be read.
         RenderError: `figures` is set and matplotlib is not installed.
     """
     folder = Path(folder)
     manifest = _with_settings(folder, read_manifest(folder))
-    if licence is not None and not _LICENCE.fullmatch(licence):
-        raise ConfigError(f"{licence!r} is not a licence identifier; use one like cc-by-4.0, or other")
-    licence, title = licence or _default_licence(manifest), title_of(manifest)
-    section = ""
+    given = {"date": date, "version": version, "creator": creator, "url": url}
+    publication = replace(
+        stored_publication(folder),
+        licence=licence or chosen_licence(folder) or _default_licence(manifest),
+        **{name: value for name, value in given.items() if value is not None},
+    )
+    title, section = title_of(manifest), ""
     if figures:
         require_matplotlib()
         statistics = collect_statistics(_records(folder, [file["name"] for file in manifest["files"]], advance))
         draw_statistics(folder / FIGURES, statistics, title)
         section = _figures_section(statistics)
-    metadata = croissant_metadata(
-        manifest,
-        hashlib.sha256((folder / MANIFEST).read_bytes()).hexdigest(),
-        title=title,
-        description=_description(manifest),
-        licence=licence,
-    )
-    write_json(folder / CROISSANT, metadata)
-    write_atomically(folder / CARD, card_text(manifest, licence, section).encode())
+    write_json(folder / CROISSANT, _metadata(manifest, (folder / MANIFEST).read_bytes(), publication))
+    write_atomically(folder / CARD, card_text(manifest, publication.licence, section).encode())
     return folder / CARD
+
+
+def chosen_licence(folder: Path) -> str | None:
+    """The licence that an author chose for a data set; None if it has the default one, or has no manifest yet."""
+    stored = stored_publication(folder).licence
+    if stored is None or not (folder / MANIFEST).is_file():
+        return None
+    return stored if stored != _default_licence(_with_settings(folder, read_manifest(folder))) else None
+
+
+def licence_of(folder: Path) -> str:
+    """The licence of a data set."""
+    return chosen_licence(folder) or _default_licence(_with_settings(folder, read_manifest(folder)))
+
+
+def _metadata(manifest: JsonDict, manifest_data: bytes, publication: Publication) -> JsonDict:
+    """Croissant metadata.
+
+    Args:
+        manifest: with the settings.
+        manifest_data: bytes of the manifest file.
+        publication: with a licence.
+    """
+    return croissant_metadata(
+        manifest,
+        hashlib.sha256(manifest_data).hexdigest(),
+        title=title_of(manifest),
+        description=_description(manifest),
+        publication=publication,
+        responsible_ai=_responsible_ai(manifest),
+    )
+
+
+def _responsible_ai(manifest: JsonDict) -> JsonDict:
+    """Properties of the Croissant RAI vocabulary."""
+    recorded, listed = _recorded_count(manifest)
+    sources = manifest.get("sources") or [manifest]
+    driven = [source for source in sources if source.get("scenario", source.get("name")) is None]
+    origin = []
+    if len(driven) < len(sources):
+        origin.append(
+            "A controller drove a simulated robot among pedestrians in scenes that were drawn from the settings and the"
+            " seed in manifest.json."
+        )
+    if driven:
+        origin.append("People drove a simulated robot in the window of sonata2d, and decided which runs were kept.")
+    if recorded:
+        origin.append(f"{recorded} of {listed} listed pedestrians follow recorded tracks and do not react to others.")
+    biases = ["Simulated pedestrians move by a pedestrian model; real people move and react in more ways."]
+    if len(driven) < len(sources):
+        biases.append("The robot is driven by the controllers in manifest.json; states that they avoid are rare.")
+    kept = sorted({status for source in (manifest, *sources) for status in source.get("keep") or ()})
+    if kept:
+        biases.append(f"Only episodes with these outcomes are kept: {', '.join(kept)}.")
+    people = []
+    if driven:
+        people.append("Names that drivers gave themselves (`contributor`), and how they drove.")
+    if recorded:
+        people.append("Positions of recorded people; the terms of the recordings apply.")
+    return {
+        "dataCollection": " ".join(origin),
+        "dataCollectionType": ["Experiments"] * bool(driven) + ["Software Collection"] * (len(driven) < len(sources)),
+        "dataBiases": biases,
+        "dataLimitations": [
+            "Pedestrians are simulated by social forces, with disc-shaped bodies, and without gestures, faces or"
+            " intentions beyond those in the files."
+        ],
+        "dataUseCases": [
+            "Training and comparison of social robot navigation. Not evidence of how people feel about a robot."
+        ],
+        "personalSensitiveInformation": people or ["None: all pedestrians are simulated, and no person drove."],
+    }
+
+
+def count_differences(folder: Path, manifest: JsonDict) -> list[str]:
+    """Where the counts in a card differ from a manifest; cards without them, as of other programs, never differ."""
+    path = folder / CARD
+    text = path.read_text("utf-8", errors="replace") if path.is_file() else ""
+    table = re.search(r"^\| outcome \| episodes \|\n\| -.*\n((?:\|.*\n)*)", text, re.MULTILINE)
+    frames = re.search(r"^(\d+) frames in (?:total|all)\.", text, re.MULTILINE)
+    differences = []
+    if table:
+        stated = {name: int(count) for name, count in re.findall(r"^\| (.+?) \| (\d+) \|$", table[1], re.MULTILINE)}
+        if stated != manifest["counts"]["outcome"]:
+            differences.append(f"states the outcomes {stated}, the manifest {manifest['counts']['outcome']}")
+    total = sum(file["ticks"] for file in manifest["files"])
+    if frames and int(frames[1]) != total:
+        differences.append(f"states {frames[1]} frames, the manifest {total}")
+    return differences
+
+
+def _stored_figures(folder: Path) -> str:
+    """The section about the figures of the present card; empty without one."""
+    path = folder / CARD
+    text = path.read_text("utf-8", errors="replace") if path.is_file() else ""
+    found = re.search(r"^## Figures\n.*?(?=^## )", text, re.MULTILINE | re.DOTALL)
+    return found[0] if found and f"]({FIGURES})" in found[0] else ""
 
 
 def card_text(manifest: JsonDict, licence: str | None = None, figures: str = "") -> str:
@@ -387,7 +507,7 @@ def _with_settings(folder: Path, manifest: JsonDict) -> JsonDict:
         RecordError: the file of the settings is damaged.
     """
     path = folder / SCENARIO
-    if not manifest["collected"] or not path.exists():
+    if not manifest.get("collected") or not path.exists():
         return manifest
     try:
         return manifest | {"settings": orjson.loads(read_bytes(path))}

@@ -7,13 +7,34 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import orjson
 
 from ..errors import InvalidFileError, RecordError
+from ..record.files import file_stem, read_bytes
 from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
-from .manifest import CARD, CROISSANT, LOG, MANIFEST, METRICS, SCENARIO, manifest_entry, read_manifest
+from .card import count_differences
+from .croissant import croissant_findings
+from .manifest import (
+    CARD,
+    CROISSANT,
+    LOG,
+    MANIFEST,
+    METRICS,
+    SCENARIO,
+    Manifest,
+    ManifestFile,
+    Source,
+    manifest_entry,
+    read_manifest,
+)
 from .plausibility import Finding, implausible_values
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 _MAXIMUM_FINDINGS = 20  # of the reader, reported per file
 
@@ -26,14 +47,16 @@ class Problem:
         file: file name.
         place: key in the file, such as `frames.3.robot`, or the name of a check.
         message: what is wrong.
+        is_warning: whether the data can be read and reproduced nevertheless.
     """
 
     file: str
     place: str
     message: str
+    is_warning: bool = False
 
     def __str__(self) -> str:
-        return f"{self.file}: {self.place}: {self.message}"
+        return f"{self.file}: {self.place}: {'warning: ' if self.is_warning else ''}{self.message}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +93,18 @@ def check_dataset(folder: str | Path) -> list[Problem]:
 
 
 def check_manifest(folder: Path) -> list[Problem]:
-    """Problems of a manifest by itself, and of the set of files in the folder."""
+    """Problems of a manifest, of the set of files in the folder, and of the files that repeat its content."""
     try:
         manifest = read_manifest(folder)
     except RecordError as error:
         return [Problem(MANIFEST, "file", str(error))]
-    return [Problem(MANIFEST, *finding) for finding in _manifest_findings(folder, manifest)]
+    return [
+        *(Problem(MANIFEST, *finding) for finding in _manifest_findings(folder, manifest)),
+        *(Problem(MANIFEST, *finding, is_warning=True) for finding in _unknown_keys(manifest)),
+        *_scenario_problems(folder, manifest),
+        *_card_problems(folder, manifest),
+        *(Problem(CROISSANT, *finding) for finding in croissant_findings(folder)),
+    ]
 
 
 def listed_files(folder: Path) -> list[ListedFile]:
@@ -86,7 +115,11 @@ def listed_files(folder: Path) -> list[ListedFile]:
     """
     manifest = read_manifest(folder)
     versions = {key: manifest[key] for key in ("physics", "precision")}
-    shared = {name: _shared_values(source, versions) for source in _sources(manifest) for name in source["files"]}
+    shared = {
+        name: _shared_values(source, versions) | _expected_id(source, name, is_merged=bool(manifest.get("sources")))
+        for source in _sources(manifest)
+        for name in source["files"]
+    }
     return [ListedFile(folder / entry["name"], entry, shared.get(entry["name"], {})) for entry in manifest["files"]]
 
 
@@ -101,6 +134,14 @@ def _shared_values(source: JsonDict, versions: JsonDict) -> JsonDict:
     if source["scenario"] is None:
         return {}
     return versions | {"name": source["scenario"], **{key: source[key] for key in ("settings", "seed", "controller")}}
+
+
+def _expected_id(source: JsonDict, name: str, *, is_merged: bool) -> JsonDict:
+    """The id of a generated episode, which is the name of its file; collected runs have ids of their own."""
+    if source["scenario"] is None:
+        return {}
+    stem = file_stem(Path(name))
+    return {"id": stem.removeprefix(f"{source['name']}__") if is_merged else stem}
 
 
 def check_listed(file: ListedFile) -> list[Problem]:
@@ -148,8 +189,12 @@ def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
         if key in entry and actual[key] != entry[key]  # manifests of version 0.1 do not count contacts
     ]
     for key, value in file.shared.items():
-        if record.document[key] != value:
-            problems.append(Problem(name, key, "differs from the manifest"))
+        if record.document[key] == value:
+            continue
+        differs = "differs from the manifest"
+        problems.append(
+            Problem(name, key, f"is {record.id!r}, but the file's name says {value!r}" if key == "id" else differs)
+        )
     return problems
 
 
@@ -173,6 +218,8 @@ def _manifest_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
     parts = [name for part in (manifest["split"] or {}).values() for name in part]
     for name in [*_repeated(parts), *sorted(set(parts) - set(names))]:
         yield "split", f"{name} is in two parts, or is not a listed file"
+    if manifest["split"] is not None and (omitted := sorted(set(names) - set(parts))):
+        yield "split", f"{omitted[0]} is in no part ({len(omitted)} files in all); split the data set again"
     known = {*names, MANIFEST, SCENARIO, CARD, LOG, METRICS, CROISSANT}
     unknown = {path.name for path in folder.iterdir() if path.is_file()} - known
     for name in sorted(name for name in unknown if ".json" in name or name.endswith(".tmp")):
@@ -182,6 +229,51 @@ def _manifest_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
 def _counts_to(count: int, numbers: list[int]) -> bool:
     """Whether the numbers are 0 to count - 1 in order."""
     return len(numbers) == count and numbers == list(range(len(numbers)))
+
+
+def _unknown_keys(manifest: JsonDict) -> Iterator[Finding]:
+    """Keys of a manifest that this version does not know: of a newer version, or misspelt."""
+    rows: tuple[tuple[str, type[BaseModel], list[JsonDict]], ...] = (
+        ("", Manifest, [manifest]),
+        ("files", ManifestFile, manifest["files"]),
+        ("sources", Source, manifest.get("sources") or []),
+    )
+    for place, model, documents in rows:
+        unknown = {key for document in documents for key in document} - set(model.model_fields)
+        for key in sorted(unknown):
+            yield f"{place}.{key}".lstrip("."), "is unknown to this version of sonata2d, and ignored"
+
+
+def _scenario_problems(folder: Path, manifest: JsonDict) -> Iterator[Problem]:
+    """Differences between the file of a generated data set's scenario and the settings in its manifest."""
+    if manifest["settings"] is None or manifest["collected"]:
+        return  # of merged data sets, without such a file, and of runs that may have other settings than the first
+    path = folder / SCENARIO
+    if not path.is_file():
+        message = f"is missing; the settings are in {MANIFEST} and in every episode"
+        yield Problem(SCENARIO, "file", message, is_warning=True)
+        return
+    try:
+        settings = orjson.loads(read_bytes(path))
+    except (RecordError, orjson.JSONDecodeError) as error:
+        yield Problem(SCENARIO, "file", f"cannot be read: {error}")
+        return
+    if settings != manifest["settings"]:
+        is_mapping = isinstance(settings, dict)
+        keys = [
+            key
+            for key in dict.fromkeys([*settings, *manifest["settings"]] if is_mapping else [])
+            if settings.get(key) != manifest["settings"].get(key)
+        ]
+        yield Problem(SCENARIO, ", ".join(keys[:3]) or "file", f"differs from the settings in {MANIFEST}")
+
+
+def _card_problems(folder: Path, manifest: JsonDict) -> Iterator[Problem]:
+    """Differences between the counts in the card and the manifest; the text of a card may be anything."""
+    if not (folder / CARD).is_file():
+        yield Problem(CARD, "file", "is missing; write it with `sonata2d card`", is_warning=True)
+    for difference in count_differences(folder, manifest) if manifest["complete"] else ():
+        yield Problem(CARD, "counts", f"{difference}; write it again with `sonata2d card`")
 
 
 def _selection_findings(manifest: JsonDict, episodes: list[int]) -> Iterator[Finding]:

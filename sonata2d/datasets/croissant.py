@@ -1,39 +1,68 @@
 """Croissant metadata: a machine-readable description of a data set.
 
-Source: Croissant format specification 1.0, MLCommons (2024), http://mlcommons.org/croissant/1.0.
+Sources: Croissant format specification 1.0, MLCommons (2024), http://mlcommons.org/croissant/1.0; its vocabulary for
+responsible AI, Croissant RAI 1.0, http://mlcommons.org/croissant/RAI/1.0.
 """
 
 from __future__ import annotations
 
+import hashlib
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import date as Date
 from pathlib import Path
 
-from ..record.files import file_suffix
+import orjson
+
+from ..errors import ConfigError, RecordError
+from ..record.files import file_suffix, read_bytes
 from ..record.layout import JsonDict
-from .manifest import CROISSANT, MANIFEST, METRICS, SCENARIO
+from .manifest import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO, is_file_name
+from .plausibility import Finding
 
 LICENCES = {"cc-by-4.0": "https://creativecommons.org/licenses/by/4.0/"}
-_CONTEXT = {
+DEFAULT_VERSION = "1.0.0"
+CONFORMS_TO = ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"]
+_LICENCE = re.compile(r"[a-z0-9][a-z0-9.+-]*")  # a licence identifier of Hugging Face
+_VERSION = re.compile(r"(0|[1-9][0-9]*)\.(0|[1-9][0-9]*)\.(0|[1-9][0-9]*)")
+_CONTEXT = {  # as the specification gives it
     "@language": "en",
     "@vocab": "https://schema.org/",
     "citeAs": "cr:citeAs",
     "column": "cr:column",
     "conformsTo": "dct:conformsTo",
     "cr": "http://mlcommons.org/croissant/",
-    "dct": "http://purl.org/dc/terms/",
     "data": {"@id": "cr:data", "@type": "@json"},
     "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+    "dct": "http://purl.org/dc/terms/",
+    "equivalentProperty": "cr:equivalentProperty",
+    "examples": {"@id": "cr:examples", "@type": "@json"},
     "excludes": "cr:excludes",
     "extract": "cr:extract",
     "field": "cr:field",
     "fileObject": "cr:fileObject",
+    "fileProperty": "cr:fileProperty",
     "fileSet": "cr:fileSet",
     "format": "cr:format",
     "includes": "cr:includes",
+    "isLiveDataset": "cr:isLiveDataset",
     "jsonPath": "cr:jsonPath",
+    "key": "cr:key",
     "md5": "cr:md5",
+    "parentField": "cr:parentField",
+    "path": "cr:path",
+    "rai": "http://mlcommons.org/croissant/RAI/",
     "recordSet": "cr:recordSet",
+    "references": "cr:references",
+    "regex": "cr:regex",
+    "repeated": "cr:repeated",
+    "replace": "cr:replace",
+    "samplingRate": "cr:samplingRate",
     "sc": "https://schema.org/",
+    "separator": "cr:separator",
     "source": "cr:source",
+    "subField": "cr:subField",
     "transform": "cr:transform",
 }
 _MEDIA_TYPES = {".json": "application/json", ".json.gz": "application/gzip", ".json.zst": "application/zstd"}
@@ -48,8 +77,105 @@ _FIELDS = (  # keys of the rows in the manifest's `files`: name, type, descripti
 )
 
 
+@dataclass(frozen=True, slots=True)
+class Publication:
+    """What the author of a data set states about it; kept in `croissant.json` and the card when the data set changes.
+
+    Nothing is taken from the clock, so the same statements give the same bytes.
+
+    Attributes:
+        licence: identifier as on Hugging Face; None: the default of the data set.
+        date: date of publication, YYYY-MM-DD.
+        version: MAJOR.MINOR.PATCH.
+        creator: person or organisation.
+        url: page of the data set.
+
+    Raises:
+        ConfigError: a value does not have its form.
+    """
+
+    licence: str | None = None
+    date: str | None = None
+    version: str = DEFAULT_VERSION
+    creator: str | None = None
+    url: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.licence is not None and not _LICENCE.fullmatch(self.licence):
+            raise ConfigError(f"{self.licence!r} is not a licence identifier; use one like cc-by-4.0, or other")
+        if not _VERSION.fullmatch(self.version):
+            raise ConfigError(f"{self.version!r} is not a version; use MAJOR.MINOR.PATCH, such as 1.0.0")
+        if self.date is not None and not _is_date(self.date):
+            raise ConfigError(f"{self.date!r} is not a date; use YYYY-MM-DD")
+        if self.url is not None and not self.url.startswith(("https://", "http://")):
+            raise ConfigError(f"{self.url!r} is not a web address; use one that begins with https://")
+
+
+def _is_date(text: str) -> bool:
+    try:
+        return Date.fromisoformat(text).isoformat() == text
+    except ValueError:
+        return False
+
+
+def stored_publication(folder: Path) -> Publication:
+    """What `croissant.json` and the card of a data set state; the defaults where they are missing or damaged."""
+    try:
+        metadata = orjson.loads(read_bytes(folder / CROISSANT))
+        licence = next((name for name, url in LICENCES.items() if url == metadata["license"]), metadata["license"])
+        creator = metadata.get("creator", {}).get("name")
+        return Publication(
+            licence,
+            metadata.get("datePublished"),
+            metadata.get("version", DEFAULT_VERSION),
+            creator,
+            metadata.get("url"),
+        )
+    except (RecordError, ConfigError, ValueError, TypeError, KeyError, AttributeError):
+        return Publication(card_licence(folder))
+
+
+def card_licence(folder: Path) -> str | None:
+    """The licence in the front matter of a card; None without one."""
+    path = folder / CARD
+    text = path.read_text("utf-8", errors="replace") if path.is_file() else ""
+    front_matter = text.split("---\n", 2)[1] if text.startswith("---\n") and text.count("---\n") > 1 else ""
+    found = re.search(r"^license: (\S+)$", front_matter, re.MULTILINE)
+    return found[1] if found and _LICENCE.fullmatch(found[1]) else None
+
+
+def croissant_findings(folder: Path) -> Iterator[Finding]:
+    """Contradictions between `croissant.json`, the files that it describes, and the card."""
+    path, remedy = folder / CROISSANT, "write it again with `sonata2d card`"
+    if not path.is_file():
+        return
+    try:
+        metadata = orjson.loads(read_bytes(path))
+        files = [entry for entry in metadata["distribution"] if entry.get("@type") == "cr:FileObject"]
+        stated = [(str(entry["contentUrl"]), entry["sha256"]) for entry in files if "sha256" in entry]
+    except (RecordError, ValueError, TypeError, KeyError, AttributeError) as error:
+        yield "file", f"is not valid Croissant metadata ({error}); {remedy}"
+        return
+    for name, sha256 in stated:
+        if not is_file_name(name):
+            continue  # on a web page or in another folder, which is not read
+        if not (folder / name).is_file():
+            yield "distribution", f"describes {name}, which is not in the folder; {remedy}"
+        elif hashlib.sha256((folder / name).read_bytes()).hexdigest() != sha256:
+            yield "distribution", f"states another SHA-256 of {name}; {remedy}"
+    licence = card_licence(folder)
+    if licence is not None and metadata.get("license") != LICENCES.get(licence, licence):
+        yield "license", f"is {metadata.get('license')!r}, but {CARD} says {licence}; {remedy}"
+
+
 def croissant_metadata(
-    manifest: JsonDict, manifest_sha256: str, *, title: str, description: str, licence: str
+    manifest: JsonDict,
+    manifest_sha256: str,
+    *,
+    title: str,
+    description: str,
+    publication: Publication,
+    responsible_ai: JsonDict,
 ) -> JsonDict:
     """Croissant metadata: the manifest as a file, the episodes as a file set, and one record per episode.
 
@@ -58,18 +184,27 @@ def croissant_metadata(
         manifest_sha256: SHA-256 of the manifest file.
         title: title of the data set.
         description: description of the data set.
-        licence: identifier as on Hugging Face.
+        publication: with a licence.
+        responsible_ai: properties of the Croissant RAI vocabulary.
     """
     suffixes = sorted({file_suffix(Path(file["name"])) for file in manifest["files"]}) or [".json"]
     media_types = [_MEDIA_TYPES[suffix] for suffix in suffixes]
     manifest_file = {"@id": "manifest.json"}
+    licence = publication.licence or "other"
     return {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
         "name": title,
         "description": description,
-        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "conformsTo": CONFORMS_TO,
         "license": LICENCES.get(licence, licence),
+        "version": publication.version,
+        **({"datePublished": publication.date} if publication.date else {}),
+        **({"creator": {"@type": "sc:Person", "name": publication.creator}} if publication.creator else {}),
+        **({"url": publication.url} if publication.url else {}),
+        "citeAs": _citation(title, manifest["software"]["sonata2d"], publication),
+        "isLiveDataset": False,
+        **{f"rai:{name}": value for name, value in responsible_ai.items()},
         "keywords": ["social navigation", "robotics", "pedestrians", "simulation", "sonata2d"],
         "distribution": [
             {
@@ -109,3 +244,18 @@ def croissant_metadata(
             }
         ],
     }
+
+
+def _citation(title: str, sonata2d: str, publication: Publication) -> str:
+    """A BibTeX entry for the data set."""
+    fields = {
+        "title": title,
+        "author": publication.creator,
+        "year": publication.date and publication.date[:4],
+        "version": publication.version,
+        "url": publication.url,
+        "note": f"made with sonata2d {sonata2d}",
+    }
+    # braces would end a field
+    rows = [f"{name} = {{{re.sub('[{}]', '', value)}}}" for name, value in fields.items() if value]
+    return f"@misc{{sonata2d-dataset, {', '.join(rows)}}}"

@@ -47,9 +47,14 @@ _short = reprlib.Repr()
 _short.maxstring = _short.maxother = 100
 
 
+def is_file_name(name: str) -> bool:
+    """Whether a name is that of a file in a folder, and does not lead out of it."""
+    return name not in ("", ".", "..") and not any(letter in name for letter in "/\\\0")
+
+
 def _in_folder(name: str) -> str:
     """Require the name of a file in the folder of the data set: a manifest must not lead out of it."""
-    if name in ("", ".", "..") or any(letter in name for letter in "/\\\0"):
+    if not is_file_name(name):
         raise ValueError(f"{name!r} is not a file name")
     return name
 
@@ -298,7 +303,12 @@ def write_json(path: Path, document: JsonDict) -> None:
     Raises:
         RecordError: the file cannot be written.
     """
-    write_atomically(path, orjson.dumps(document, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE))
+    write_atomically(path, json_bytes(document))
+
+
+def json_bytes(document: JsonDict) -> bytes:
+    """A document as `write_json` writes it."""
+    return orjson.dumps(document, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)
 
 
 def manifest_entry(record: EpisodeRecord) -> ManifestEntry:

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..errors import RecordError
 from ..record.files import read_bytes, safe_text, write_atomically
 from ..record.layout import JsonDict, software_versions
-from .card import write_manifest_and_card
+from .card import licence_of, write_manifest_and_card
 from .executors import Advance
 from .manifest import DATASET_FORMAT, DATASET_VERSION, new_folder, read_listed_file, read_stored_manifest
 
@@ -30,7 +30,8 @@ def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: A
     """Copy the episodes of several data sets into a new one, byte for byte.
 
     File names get the name of their source folder as a prefix. The manifest's `sources` hold the origin of each data
-    set. Splits are not copied, because a scene may be in several sources; split the merged data set again.
+    set. Splits are not copied, because a scene may be in several sources; split the merged data set again. The licence
+    is that of the data sets, or `other` where they differ.
 
     Args:
         folders: complete data sets.
@@ -62,7 +63,8 @@ def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: A
             for source in _sources(prefix, manifest)
         ]
         merged = _merged_manifest(manifests[0], rows, sources)
-        write_manifest_and_card(work, merged)
+        licences = {licence_of(path) for path in paths}
+        write_manifest_and_card(work, merged, licence=licences.pop() if len(licences) == 1 else "other")
     return merged
 
 

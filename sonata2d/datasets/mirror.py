@@ -22,7 +22,7 @@ from ..record.files import compress, file_stem, file_suffix, write_atomically
 from ..record.layout import JsonDict
 from ..record.reader import read_episode, record_from_document
 from ..record.record import EpisodeRecord, wrap_read_errors
-from .card import write_manifest_and_card
+from .card import licence_of, write_manifest_and_card
 from .executors import Advance
 from .manifest import SCENARIO, new_folder, read_listed_file, read_stored_manifest
 from .motion import HEAD, OMEGA, THETA, VY, Y
@@ -109,7 +109,7 @@ def mirror_dataset(
         if (folder / SCENARIO).is_file():
             write_atomically(work / SCENARIO, (folder / SCENARIO).read_bytes())
         image = _manifest_image(manifest, rows, names)
-        write_manifest_and_card(work, image)
+        write_manifest_and_card(work, image, licence=licence_of(folder))
     return image
 
 

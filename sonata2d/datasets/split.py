@@ -12,8 +12,9 @@ from ..errors import RecordError
 from ..record.layout import scene_to_json
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
+from .card import write_manifest_and_card
 from .executors import Advance
-from .manifest import MANIFEST, read_listed_file, read_stored_manifest, write_json
+from .manifest import read_listed_file, read_stored_manifest
 from .mirror import mirrored
 
 FRACTIONS = {"train": 0.8, "dev": 0.1, "test": 0.1}
@@ -29,7 +30,7 @@ def split_dataset(
     whole_families: bool = False,
     advance: Advance = lambda step: None,
 ) -> Split:
-    """Split a data set by scene and scene family, and write the parts into its manifest.
+    """Split a data set by scene and scene family, and write the parts into its manifest; the metadata follow.
 
     All episodes of one scene stay together: mirror images, branches, other controllers and other drivers. By default
     the scenes of each family are distributed in the same proportions; with `whole_families` a family stays in one part,
@@ -69,7 +70,7 @@ def split_dataset(
     split: Split = {
         part: [row["name"] for row in manifest["files"] if part_of[row["name"]] == part] for part in fractions
     }
-    write_json(folder / MANIFEST, manifest | {"split": split})
+    write_manifest_and_card(folder, manifest | {"split": split})
     return split
 
 

@@ -112,14 +112,14 @@ class GraphPolicy(Controller):
         return paper_graph(self._scene_nodes, instants, is_first=self._is_first(instants))
 
     def _is_first(self, instants: list[tuple[Observation, Observation]]) -> bool:
-        """Whether the oldest instant is the first that recorded graphs have."""
+        """Whether the oldest instant is the first one of `paper_graphs` with `skip_first`."""
         return instants[-1][0].tick < 2 * self._step
 
     def _instants(self) -> list[tuple[Observation, Observation]]:
         """Observations a second apart, the newest first, each with the one of the tick before.
 
-        Recorded graphs have no instant in the first second of an episode. So older instants in it are left out, and if
-        the newest one is in it, it is treated as one second old.
+        The graphs for training, `paper_graphs` with `skip_first`, have no instant in the first second of an episode. So
+        older instants in it are left out, and if the newest one is in it, it is treated as one second old.
         """
         by_tick, newest = {observation.tick: observation for observation in self._history}, self._history[-1]
         wanted = [newest.tick - i * self._step for i in range(INSTANTS)]

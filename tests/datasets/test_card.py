@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import shlex
+import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,8 +19,9 @@ from sonata2d.core.proxemics import clearance
 from sonata2d.datasets.card import card_text, write_card
 from sonata2d.datasets.card_figure import clearances, collect_statistics
 from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.manifest import read_manifest
+from sonata2d.datasets.manifest import read_manifest, write_json
 from sonata2d.datasets.verification import verify
+from sonata2d.errors import ConfigError
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 
@@ -117,7 +120,7 @@ def test_metadata_names_the_manifest_by_its_hash(folder: Path) -> None:
     write_card(folder, figures=False)
     metadata = json.loads((folder / "croissant.json").read_text())
     assert metadata["@type"] == "sc:Dataset"
-    assert metadata["conformsTo"] == "http://mlcommons.org/croissant/1.0"
+    assert metadata["conformsTo"] == ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"]
     manifest, episodes = metadata["distribution"]
     assert manifest["sha256"] == hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
     assert episodes["includes"] == ["*.json"]
@@ -141,6 +144,52 @@ def test_the_licence_of_recorded_pedestrians_is_other_unless_given(tmp_path: Pat
     assert metadata("--licence", "cc-by-4.0")[0] == "https://creativecommons.org/licenses/by/4.0/"
     assert "license: cc-by-4.0" in (tmp_path / "set" / "README.md").read_text()
     assert CliRunner().invoke(main, ["card", str(tmp_path / "set"), "--licence", "My terms"]).exit_code == 1
+
+
+def test_statements_of_the_author_are_in_the_metadata(folder: Path) -> None:
+    def metadata(**statements: str) -> dict[str, Any]:
+        write_card(folder, figures=False, **statements)
+        document: dict[str, Any] = json.loads((folder / "croissant.json").read_text())
+        return document
+
+    plain = metadata()
+    assert plain["version"] == "1.0.0"
+    assert not {"datePublished", "creator", "url"} & set(plain), "nothing comes from the clock"
+    assert plain["citeAs"].startswith("@misc{sonata2d-dataset, title = {sonata2d custom, seed 2}, version = {1.0.0}, ")
+    values = {"date": "2026-05-01", "version": "1.2.0", "creator": "A {Lab}", "url": "https://example.org/set"}
+    full = metadata(**values)
+    assert (full["datePublished"], full["version"], full["url"]) == ("2026-05-01", "1.2.0", values["url"])
+    assert "author = {A Lab}, year = {2026}, version = {1.2.0}, url = {https://example.org/set}" in full["citeAs"]
+    assert metadata() == full, "statements stay"
+    for wrong in ({"date": "1 May"}, {"date": "2026-02-30"}, {"version": "1"}, {"url": "my page"}, {"licence": "My"}):
+        with pytest.raises(ConfigError, match=repr(next(iter(wrong.values())))):
+            write_card(folder, figures=False, **wrong)
+
+
+def test_metadata_describe_collection_biases_and_personal_data(folder: Path, tmp_path: Path) -> None:
+    write_card(folder, figures=False)
+    simulated = json.loads((folder / "croissant.json").read_text())
+    assert simulated["rai:dataCollectionType"] == ["Software Collection"]
+    assert simulated["rai:personalSensitiveInformation"][0].startswith("None")
+    shutil.copytree(folder, tmp_path / "set")
+    manifest = read_manifest(tmp_path / "set")
+    people = [{"track": [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]}]
+    write_json(tmp_path / "set/manifest.json", manifest | {"settings": {"people": people}, "keep": ["goal"]})
+    write_card(tmp_path / "set", figures=False)
+    recorded = json.loads((tmp_path / "set/croissant.json").read_text())
+    assert "1 of 1 listed pedestrians follow recorded tracks" in recorded["rai:dataCollection"]
+    assert recorded["rai:personalSensitiveInformation"] == [
+        "Positions of recorded people; the terms of the recordings apply."
+    ]
+    assert recorded["rai:dataBiases"][-1] == "Only episodes with these outcomes are kept: goal."
+
+
+def test_metadata_pass_the_reference_validator(folder: Path) -> None:
+    mlcroissant = pytest.importorskip("mlcroissant", reason="mlcroissant is not installed")
+    write_card(folder, figures=False, date="2026-05-01", creator="A Lab", url="https://example.org/set")
+    dataset = mlcroissant.Dataset(jsonld=folder / "croissant.json")
+    assert not dataset.metadata.issues.report()
+    assert [row["episode/episode"] for row in dataset.records("episode")] == [0, 1, 2, 3]
 
 
 def test_the_same_data_give_the_same_card(folder: Path) -> None:

@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
+from sonata2d_cli import main
 
+from sonata2d.datasets.card import write_card
 from sonata2d.datasets.check import Problem, check_dataset, check_episode
 
 from ..record.test_reader import rewrite, set_value
@@ -129,3 +132,69 @@ def test_an_edited_manifest_is_found(folder: Path) -> None:
         assert "is not a file name" in problems_after(files=[{**manifest["files"][0], "name": name}])
     path.write_text("{")
     assert "not valid JSON" in _text(check_dataset(folder))
+
+
+def _rewrite(path: Path, change: Callable[[Any], None]) -> None:
+    document = json.loads(path.read_bytes())
+    change(document)
+    path.write_text(json.dumps(document))
+
+
+def test_files_that_repeat_the_manifest_are_compared_with_it(folder: Path) -> None:
+    write_card(folder, figures=False)
+    assert check_dataset(folder) == []
+    _rewrite(folder / "scenario.json", set_value("tiny", 1.0))
+    assert _text(check_dataset(folder)) == "scenario.json: tiny: differs from the settings in manifest.json"
+    _rewrite(folder / "scenario.json", set_value("tiny", 0.00001))
+    card = folder / "README.md"
+    card.write_text(card.read_text().replace("| stopped | 3 |", "| goal | 3 |").replace("12 frames in", "13 frames in"))
+    text = _text(check_dataset(folder))
+    assert "README.md: counts: states the outcomes {'goal': 3}, the manifest {'stopped': 3}" in text
+    assert "README.md: counts: states 13 frames, the manifest 12" in text
+    card.write_text("# My own card\n")
+    assert check_dataset(folder) == [], "the text of a card is free"
+    _rewrite(folder / "manifest.json", set_value("split", {"train": ["000000.json", "000001.json"]}))
+    text = _text(check_dataset(folder))
+    assert "manifest.json: split: 000002.json is in no part (1 files in all)" in text
+    assert "croissant.json: distribution: states another SHA-256 of manifest.json" in text
+    write_card(folder, figures=False, licence="mit")
+    card.write_text(card.read_text().replace("license: mit", "license: other"))
+    assert "croissant.json: license: is 'mit', but README.md says other" in _text(check_dataset(folder))
+    (folder / "croissant.json").write_text("[]")
+    assert "croissant.json: file: is not valid Croissant metadata" in _text(check_dataset(folder))
+
+
+def test_croissant_metadata_do_not_lead_out_of_the_folder(folder: Path, tmp_path: Path) -> None:
+    write_card(folder, figures=False)
+    (tmp_path / "secret").write_text("x")
+    _rewrite(folder / "croissant.json", set_value("distribution", 0, "contentUrl", "../secret"))
+    assert check_dataset(folder) == []
+
+
+def test_missing_files_and_unknown_keys_are_warnings(folder: Path) -> None:
+    (folder / "README.md").unlink()
+    (folder / "scenario.json").unlink()
+    _rewrite(folder / "manifest.json", set_value("sunshine", 1))
+    _rewrite(folder / "manifest.json", set_value("files", 1, "colour", "red"))
+    problems = check_dataset(folder)
+    assert all(problem.is_warning for problem in problems)
+    assert [(problem.file, problem.place) for problem in problems] == [
+        ("manifest.json", "sunshine"),
+        ("manifest.json", "files.colour"),
+        ("scenario.json", "file"),
+        ("README.md", "file"),
+    ]
+    result = CliRunner().invoke(main, ["check", str(folder)])
+    assert result.exit_code == 0
+    assert "warning: is unknown to this version of sonata2d" in result.output
+    assert "no problems, 4 warnings" in result.output
+
+
+def test_an_id_that_differs_from_the_name_of_the_file_is_found(folder: Path) -> None:
+    def change(manifest: Any) -> None:
+        manifest["files"][1]["name"] = "000001x.json"
+
+    (folder / "000001.json").rename(folder / "000001x.json")
+    _rewrite(folder / "manifest.json", change)
+    (problem,) = check_dataset(folder)
+    assert str(problem) == "000001x.json: id: is '000001', but the file's name says '000001x'"

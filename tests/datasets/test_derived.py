@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from dataclasses import asdict
@@ -15,6 +16,7 @@ from sonata2d_cli import main
 
 import sonata2d as s2
 from sonata2d.collect.collection import Collection, manifest_of_runs
+from sonata2d.datasets.card import write_card
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.manifest import manifest_entry, read_manifest, write_json
 from sonata2d.datasets.merge import merge_datasets
@@ -128,7 +130,7 @@ def test_check_finds_a_merged_file_that_differs_from_its_source(both: Path, tmp_
     manifest["sources"][0]["files"].pop()
     manifest["split"] = {"train": ["one__000000.json", "one__000000.json", "none.json"]}
     path.write_text(json.dumps(manifest))
-    assert [problem.place for problem in verify(tmp_path / "both")] == ["sources", "split", "split"]
+    assert [problem.place for problem in verify(tmp_path / "both")] == ["sources", "split", "split", "split"]
 
 
 def test_the_same_episode_is_not_merged_twice_whatever_its_compression(original: Path, tmp_path: Path) -> None:
@@ -188,6 +190,52 @@ def test_a_split_survives_a_resumption_without_new_episodes(tmp_path: Path) -> N
     assert read_manifest(folder)["split"] == split
     small_dataset(folder, episodes=5, resume=True)
     assert read_manifest(folder)["split"] is None, "the new episode is in no part of the split"
+
+
+def test_metadata_follow_the_manifest_through_every_command(original: Path, tmp_path: Path) -> None:
+    """A validator compares the SHA-256 in croissant.json; what the author stated stays."""
+    folder = tmp_path / "set"
+    shutil.copytree(original, folder)
+    write_card(folder, figures=False, licence="mit", date="2026-05-01", creator="A Lab")
+    for change in (
+        lambda: split_dataset(folder),
+        lambda: generate_dataset(folder, s2.ScenarioConfig(**QUICK), episodes=EPISODES + 1, seed=3, resume=True),
+        lambda: write_card(folder, figures=False),
+    ):
+        change()
+        metadata = json.loads((folder / "croissant.json").read_text())
+        digest = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+        assert metadata["distribution"][0]["sha256"] == digest
+        assert (metadata["license"], metadata["datePublished"], metadata["creator"]["name"]) == (
+            "mit", "2026-05-01", "A Lab",
+        )  # fmt: skip
+        assert "license: mit" in (folder / "README.md").read_text()
+        assert verify(folder) == []
+
+
+def test_derived_data_sets_have_the_licence_of_their_sources(original: Path, tmp_path: Path) -> None:
+    def licence(folder: Path) -> str:
+        return (folder / "README.md").read_text().partition("license: ")[2].splitlines()[0]
+
+    folder = tmp_path / "set"
+    shutil.copytree(original, folder)
+    write_card(folder, figures=False, licence="mit")
+    mirror_dataset(folder, tmp_path / "image")
+    merge_datasets([folder, tmp_path / "image"], tmp_path / "same")
+    merge_datasets([original, tmp_path / "image"], tmp_path / "mixed")
+    assert [licence(tmp_path / name) for name in ("image", "same", "mixed")] == ["mit", "mit", "other"]
+
+
+def test_figures_of_a_card_stay_as_long_as_they_show_the_episodes(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="the figures of the card need sonata2d[plots]")
+    folder = small_dataset(tmp_path / "set")
+    write_card(folder)
+    card = (folder / "README.md").read_bytes()
+    split_dataset(folder, HALVES)
+    assert (folder / "README.md").read_bytes() == card
+    small_dataset(folder, episodes=5, resume=True)
+    assert b"## Figures" not in (folder / "README.md").read_bytes()
+    assert not (folder / "card.png").exists()
 
 
 def test_whole_families_stay_in_one_part(both: Path) -> None:

@@ -89,6 +89,9 @@ def test_four_columns_without_header_are_read(tmp_path: Path, row: str) -> None:
     assert record.states.humans[2:5, 1, VX] == pytest.approx([2.5] * 3), "a new pedestrian has a velocity at once"
     lacks = set(record.document["imported"]["lacks"])
     assert {"robot", "goal", "walls", "humans.radius", "humans.group", "physics", "frames.command"} <= lacks
+    assert {"frames.robot", "humans.head"} <= lacks, "neither is drawn"
+    derived = set(record.document["imported"]["derived"])
+    assert {"frames.humans.theta", "frames.humans.velocity", "frames.activity"} <= derived
     assert check_episode(record.path) == []
 
 

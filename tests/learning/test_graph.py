@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +20,8 @@ from sonata2d.core.vectors import wrap_angle
 from sonata2d.datasets.mirror import mirrored
 from sonata2d.datasets.motion import motion_of
 from sonata2d.errors import Sonata2dError
+from sonata2d.formats import sonata
+from sonata2d.formats.base import Options
 from sonata2d.learning.graph.convert import save_graph, to_data, to_hetero, typed_edges
 from sonata2d.learning.graph.features import FEATURES
 from sonata2d.learning.graph.graph import NODE_TYPES, RELATIONS, Graph, wall_pieces
@@ -80,19 +83,22 @@ def test_sample_runs_have_all_rooms_and_relations(runs: list[EpisodeRecord]) -> 
     assert {interaction.relation for run in runs for interaction in run.scene().interactions} == set(INTERACTIONS)
 
 
+@pytest.mark.parametrize("skip_first", [False, True])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_numbers_of_graphs_nodes_and_edges_follow_the_formulas(runs: list[EpisodeRecord], seed: int) -> None:
+def test_numbers_of_graphs_nodes_and_edges_follow_the_formulas(
+    runs: list[EpisodeRecord], seed: int, skip_first: bool
+) -> None:
     run = runs[seed]
     scene = run.scene()
     lengths = [np.hypot(w.end[0] - w.start[0], w.end[1] - w.start[1]) for w in scene.walls]
     walls = sum(int(100 * round(float(length), 6) / 400) + 1 for length in lengths)
     people, objects = len(scene.humans), len(scene.furniture)
     nodes = 2 + people + objects + walls
-    graphs = paper_graphs(run)
+    graphs = paper_graphs(run, skip_first=skip_first)
     kept = 1 + int((len(run) - 1) // 10)
     assert len(graphs) == kept - 1
     for j, graph in enumerate(graphs):
-        k = min(j + 1, 3)
+        k = min(j + 1 if skip_first else j + 2, 3)
         counts = [len(run.document["frames"][tick]["interactions"]) for tick in graph.ticks]
         assert graph.features.shape == (k * nodes, 42)
         within = sum(1 + 3 * (people + objects + 1 + walls) + 2 * count for count in counts)
@@ -123,6 +129,37 @@ def test_edges_join_the_node_types_of_their_relation(runs: list[EpisodeRecord]) 
         else:
             assert RELATIONS[relation] == "_".join(kinds)
             assert a // count == b // count
+
+
+def test_graphs_are_those_that_the_original_makes_of_the_exported_frames(runs: list[EpisodeRecord]) -> None:
+    """The instants, by the original's rule, and their features, from the frame list in its format."""
+    checked = 0
+    for run in runs[5:]:
+        scene = run.scene()
+        ids = [entity.id for entity in (*scene.humans, *scene.furniture)]
+        if sorted(ids) != list(range(1, len(ids) + 1)) or run.time[-1] < 2.0:
+            continue  # the original takes ids for indices
+        frames = json.loads(sonata.export(run, Options()))[: len(run)]
+        instants, graphs = [0], paper_graphs(run)
+        for tick, frame in enumerate(frames):
+            if frame["timestamp"] - frames[instants[0]]["timestamp"] < 1.0:
+                continue
+            instants.insert(0, tick)
+            graph = graphs.pop(0)
+            assert list(graph.ticks) == instants[:3]
+            for i, t in enumerate(graph.ticks):
+                of_instant = graph.instant == i
+                assert set(column(graph, "is_first_frame")[of_instant]) == {float(t == 0)}
+                assert column(graph, "time_left")[of_instant] == pytest.approx(1 / (t + 1))
+                for person in frames[t]["people"]:
+                    (node,) = np.flatnonzero(of_instant & (graph.node_type == 0) & (graph.entity == person["id"]))
+                    row = node_features(graph, node)
+                    assert row["hum_x_pos"] == pytest.approx(person["x"] / 10, abs=1e-9)
+                    velocity = [row[f"human_{name}_vel"] for name in ("x", "y", "a")]
+                    assert velocity == pytest.approx([person[k] / 10 for k in ("vx", "vy", "va")], abs=1e-9)
+                    checked += t == 0
+        assert not graphs
+    assert checked > 10, "people in first frames, whose velocities are zero"
 
 
 def test_the_42_features_agree_with_the_snapshots(runs: list[EpisodeRecord]) -> None:

@@ -38,24 +38,27 @@ def kept_ticks(time: Array, interval: float = INTERVAL) -> list[int]:
     return kept
 
 
-def paper_graphs(record: EpisodeRecord) -> list[Graph]:
+def paper_graphs(record: EpisodeRecord, *, skip_first: bool = False) -> list[Graph]:
     """Return the graphs of an episode in order: one for each kept tick but the first, with up to two earlier ones.
 
-    The first kept tick is in no graph, as it has no velocities. So graph j has min(j + 1, 3) instants.
-    The label is the label of the frame if that is a twist, else the command, as fractions of the robot's limits: ahead,
-    right, clockwise.
+    As in the original's loader, the first kept tick has no graph of its own, but is an instant of the next two, with
+    zero velocities. So graph j has min(j + 2, 3) instants. The label is the label of the frame if that is a twist, else
+    the command, as fractions of the robot's limits: ahead, right, clockwise.
 
     Args:
         record: an episode; one that is shorter than a second gives no graphs.
+        skip_first: leave the first kept tick out of all graphs, so that graph j has min(j + 1, 3) instants. This is
+            what `GraphPolicy` reads while it drives, and what the networks of examples/use_case are trained on.
     """
     kept, scene, labels = kept_ticks(record.time), record.scene(), record.labels
     scene_nodes, observation = SceneNodes(scene), cache(lambda tick: recorded_observation(record, tick))
-    graphs = []
+    first, graphs = int(skip_first), []
     for j in range(1, len(kept)):
-        ticks = kept[max(j - INSTANTS + 1, 1) : j + 1][::-1]
+        ticks = kept[max(j - INSTANTS + 1, first) : j + 1][::-1]
         label = command_fractions(scene, labels[ticks[0]], record.command[ticks[0]])
-        pairs = [(observation(tick), observation(tick - 1)) for tick in ticks]
-        graphs.append(paper_graph(scene_nodes, pairs, is_first=ticks[-1] == kept[1], label=label))
+        # The first tick has no predecessor: it is paired with itself, which gives zero velocities.
+        pairs = [(observation(tick), observation(max(tick - 1, 0))) for tick in ticks]
+        graphs.append(paper_graph(scene_nodes, pairs, is_first=ticks[-1] == kept[first], label=label))
     return graphs
 
 
