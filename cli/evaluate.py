@@ -131,7 +131,8 @@ def command(
         evaluations = [Evaluation(label, own, resamples) for label, own in measured.items()]
         _save_metrics(sources, measured, resamples)
         if page is not None:  # before temporary episodes are deleted, since the page shows pictures of them
-            save_page(page, evaluations, list(files.values()), metrics if names else None)
+            with progress(len(evaluations), "film strips") as advance:
+                save_page(page, evaluations, list(files.values()), metrics if names else None, advance)
     if out is not None:
         from sonata2d.datasets.manifest import write_json
 

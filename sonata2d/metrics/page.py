@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader
 
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ..datasets.executors import Advance
 from ..errors import RenderError
 from ..record.files import write_atomically
 from ..record.layout import software_versions
@@ -25,7 +25,7 @@ from ..view.stills import filmstrip
 from .catalogue import FAMILIES, METRICS
 from .definition import ARROWS, DEFINITIONS_VERSION, Metric
 from .measurement import MARK, Evaluation, Measured
-from .plots import COLOURS
+from .plots import COLOURS, EVENTS, Share, share_of, short_names
 from .summary import LEVEL, Interval, Summary, format_number, wilson_interval
 from .trajectory import Trajectory
 
@@ -62,6 +62,7 @@ def save_page(
     evaluations: Sequence[Evaluation],
     files: Sequence[Sequence[Path]] | None = None,
     metrics: Sequence[Metric] | None = None,
+    advance: Advance | None = None,
 ) -> None:
     """Write a page that shows evaluations side by side.
 
@@ -71,6 +72,7 @@ def save_page(
         files: for each evaluation the files of its episodes, in the same order; without files the page has no film
             strips.
         metrics: the metrics to show; `page_metrics()` by default.
+        advance: called with the number of evaluations whose film strips were drawn, as of a progress bar.
 
     Raises:
         RenderError: the path does not end in .html or .htm.
@@ -78,8 +80,13 @@ def save_page(
     """
     path, shown = Path(path), page_metrics() if metrics is None else metrics
     check_page_path(path)
-    strips = [film_strips(one.episodes, own) for one, own in zip(evaluations, files, strict=True)] if files else []
+    strips = []
+    for one, own in zip(evaluations, files, strict=True) if files else ():
+        strips.append(film_strips(one.episodes, own))
+        if advance is not None:
+            advance(1)
     kinds = outcome_kinds(evaluations)
+    all_shares = [row for metric in shown if (row := shares(evaluations, metric))]
     environment = Environment(
         loader=PackageLoader(__package__, "."), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
@@ -98,7 +105,12 @@ def save_page(
         outcomes={kind: OUTCOMES[kind] for kind in kinds},
         outcome_counts=[outcome_counts(one, kinds) for one in evaluations],
         families=_families(evaluations, shown),
+        shares=[each for each in all_shares if each.constant is None],
+        constant_shares={
+            word: [each.metric for each in all_shares if each.constant == word] for word in ("no", "every")
+        },
         panels=[found for metric in shown if (found := panel(evaluations, metric))],
+        constants=[(metric, value) for metric in shown if (value := constant_of(evaluations, metric)) is not None],
         strips=strips,
         rules=(BEST_RULE, WORST_RULE),
         arrows=ARROWS,
@@ -109,19 +121,6 @@ def save_page(
 
 
 # --- What was evaluated ---
-
-
-def short_names(labels: Sequence[str]) -> list[str]:
-    """Shorten labels by the folders with which all of them begin or end.
-
-    >>> short_names(["runs/orca/office", "runs/mine/office"])
-    ['orca', 'mine']
-    """
-    parts = [re.split(r"[/\\]", label) for label in labels]
-    for side in (0, -1):
-        while len(parts) > 1 and all(len(own) > 1 for own in parts) and len({own[side] for own in parts}) == 1:
-            parts = [own[1:] if side == 0 else own[:-1] for own in parts]
-    return ["/".join(own) for own in parts]
 
 
 def _contents(evaluation: Evaluation) -> tuple[str, str, str]:
@@ -242,6 +241,35 @@ def _families(
     ]
 
 
+# --- Shares of episodes ---
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """In which share of the episodes something happened, for each evaluation; None where it is not defined."""
+
+    metric: Metric
+    rows: list[Share | None]
+
+    @property
+    def constant(self) -> str | None:
+        """`no` or `every` if it happened in no or in every episode of all evaluations, so that all bars are equal."""
+        fractions = {share.fraction for share in self.rows if share is not None}
+        return {0.0: "no", 1.0: "every"}.get(fractions.pop()) if len(fractions) == 1 else None
+
+
+def shares(evaluations: Sequence[Evaluation], metric: Metric) -> Shares | None:
+    """The shares of episodes of a metric that is 0 or 1, or counts events; None for others, or if it is not defined."""
+    rows = [share_of(one, metric) for one in evaluations]
+    return Shares(metric, rows) if any(rows) else None
+
+
+def constant_of(evaluations: Sequence[Evaluation], metric: Metric) -> float | None:
+    """The value of a measure that is the same in all episodes of all evaluations, so that a plot would be empty."""
+    values = {value for one in evaluations for value in one.values(metric.name)}
+    return values.pop() if len(values) == 1 and metric.unit not in EVENTS else None
+
+
 # --- Plots of means and intervals ---
 
 
@@ -288,18 +316,20 @@ class Panel:
 
 
 def panel(evaluations: Sequence[Evaluation], metric: Metric) -> Panel | None:
-    """The plot of a metric; None if it is not defined in any episode."""
+    """The plot of a measure; None if it is not defined in any episode, the same in all, or shown as shares."""
+    if metric.unit in EVENTS or constant_of(evaluations, metric) is not None:
+        return None
     rows = [(one.summary(metric.name), _quartiles(one, metric)) for one in evaluations]
     shown: list[float] = []
     for summary, quartiles in rows:
         shown += [] if summary.mean is None else [summary.mean, *(summary.interval or ()), *(quartiles or ())]
-    return Panel(metric, Axis.of([0.0, 1.0] if metric.unit == "0/1" else shown), rows) if shown else None
+    return Panel(metric, Axis.of(shown), rows) if shown else None
 
 
 def _quartiles(evaluation: Evaluation, metric: Metric) -> tuple[float, float] | None:
-    """First and third quartile over episodes; None for metrics that are 0 or 1, or not defined."""
+    """First and third quartile over episodes; None for metrics that are not defined."""
     values = evaluation.values(metric.name)
-    if not values or metric.unit == "0/1":
+    if not values:
         return None
     low, high = np.quantile(values, (0.25, 0.75)).tolist()
     return low, high

@@ -25,7 +25,7 @@ from .annotations import STRIP, TEXT, draw_strip, origin, summary
 from .brush import Brush
 from .camera import Camera
 from .canvas import PixelCanvas
-from .draw import Layers, annotate, backdrop, camera_for, draw_moving, draw_on_backdrop, height_below, picture
+from .draw import QUICK, Layers, annotate, backdrop, camera_for, draw_moving, draw_on_backdrop, height_below, picture
 from .fonts import shortened
 from .furniture import draw_furniture
 from .legend import Legend
@@ -37,8 +37,7 @@ from .trails import Trails, draw_trails
 _GAP, _TITLE = 10, 26  # px: between pictures, and height of a title
 _SHEET_WIDTH, _MAX_SCALE = 1600.0, 80.0  # px, px/m: of a sheet by default
 _MAX_COLUMNS = 4  # moments side by side
-MOMENT_SIDE = 230  # px, width and height of a moment on a page
-_MOMENT_MARGIN, _MIN_MOMENT_SIDE = 1.5, 5.0  # m: around the robot's path, and the smallest visible width
+MOMENT_SIDE = 480  # px, longer side of a moment on a page, which browsers make smaller
 
 
 # Files
@@ -290,7 +289,7 @@ def _columns(count: int) -> int:
 def filmstrip(snapshots: Sequence[Snapshot], indices: Sequence[int], *, layers: Layers | None = None) -> list[str]:
     """Draw moments of an episode for a page, each with the paths up to it.
 
-    The pictures show the part of the room that contains the robot's path and its goal, transparent outside the room.
+    The pictures show the whole room, and are transparent outside.
 
     Args:
         snapshots: of one episode, in order.
@@ -298,7 +297,7 @@ def filmstrip(snapshots: Sequence[Snapshot], indices: Sequence[int], *, layers: 
         layers: what to show; caption and legend are never drawn.
 
     Returns:
-        A data URL per index, each a square PNG of the same area.
+        A data URL per index, each a PNG of the same size.
 
     Raises:
         RenderError: `indices` is empty or contains an index out of range.
@@ -308,25 +307,14 @@ def filmstrip(snapshots: Sequence[Snapshot], indices: Sequence[int], *, layers: 
             f"cannot show snapshots {[*indices]} of {len(snapshots)}; ask for some of 0..{len(snapshots) - 1}"
         )
     layers = layers or Layers()
-    camera = _path_camera(snapshots)
-    room = backdrop(snapshots[0].scene, camera, layers, outside=None)
+    camera = camera_for(snapshots[0].scene, side=MOMENT_SIDE)
+    room = backdrop(snapshots[0].scene, camera, layers, outside=None, fine=QUICK)
     urls = []
     for k in indices:
         surface = room.copy()
         draw_on_backdrop(surface, camera, snapshots[k], layers, Trails.of(snapshots[: k + 1]))
         urls.append(url_of(pygame.transform.smoothscale(surface, camera.size)))
     return urls
-
-
-def _path_camera(snapshots: Sequence[Snapshot]) -> Camera:
-    """A square view of the robot's path and goal, at most the whole room."""
-    scene = snapshots[0].scene
-    places = np.array([scene.goal.position, *(snapshot.robot.position for snapshot in snapshots)])
-    low, high = places.min(axis=0), places.max(axis=0)
-    whole = camera_for(scene, size=(MOMENT_SIDE, MOMENT_SIDE))
-    side = max(float((high - low).max()) + 2.0 * _MOMENT_MARGIN, _MIN_MOMENT_SIDE)
-    x, y = ((low + high) / 2.0).tolist()
-    return whole.zoomed(max(MOMENT_SIDE / whole.scale / side, 1.0), (x, y))
 
 
 # Sheets

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import json
+import math
 import shlex
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +20,7 @@ from sonata2d_cli import main
 
 from sonata2d.core.proxemics import clearance
 from sonata2d.datasets.card import card_text, write_card
-from sonata2d.datasets.card_figure import clearances, collect_statistics
+from sonata2d.datasets.card_figure import _map_bounds, clearances, collect_statistics
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.manifest import read_manifest, write_json
 from sonata2d.datasets.verification import verify
@@ -89,16 +92,27 @@ def test_every_frame_is_counted_once(folder: Path) -> None:
     statistics = collect_statistics(records)
     frames = sum(len(record) for record in records)
     pedestrians = sum(int(record.present.sum()) for record in records)
-    assert (statistics.robot.sum(), statistics.robot_speed.sum(), statistics.frames) == (frames, frames, frames)
-    assert (statistics.pedestrians.sum(), statistics.pedestrian_speed.sum()) == (pedestrians, pedestrians)
+    assert (statistics.robot.total(), statistics.robot_speed.sum(), statistics.frames) == (frames, frames, frames)
+    assert (statistics.pedestrians.total(), statistics.pedestrian_speed.sum()) == (pedestrians, pedestrians)
     assert statistics.clearance.sum() == frames - statistics.empty_frames
     assert sum(statistics.outcomes.values()) == 4
 
 
-def test_the_first_axis_of_the_map_is_x(folder: Path) -> None:
+def test_cells_of_the_map_are_those_of_the_positions(folder: Path) -> None:
     record = read_episode(folder / "000000.json")
     (x, y), counts = record.robot[0, :2], collect_statistics([record]).robot
-    assert counts[int((x + 12.0) / 0.2), int((y + 12.0) / 0.2)] > 0
+    assert counts[math.floor(x / 0.2), math.floor(y / 0.2)] > 0
+
+
+def test_the_map_covers_the_rooms_wherever_they_are(folder: Path) -> None:
+    record = read_episode(folder / "000000.json")
+    moved = copy.deepcopy(record.document)
+    moved["room"]["polygon"] = [[0.0, 0.0], [10.0, 0.0], [10.0, 40.0], [0.0, 40.0]]
+    states = replace(record.states, robot=record.states.robot + 5.0, humans=record.states.humans + 5.0)
+    statistics = collect_statistics([replace(record, document=moved, states=states)])
+    assert statistics.rooms == (0.0, 10.0, 0.0, 40.0)
+    assert _map_bounds(statistics) == pytest.approx((-0.3, 10.3, -0.3, 40.3))
+    assert statistics.robot.total() == len(record)
 
 
 def test_clearances_equal_those_of_snapshots(folder: Path) -> None:

@@ -18,16 +18,18 @@ from sonata2d.metrics.page import (
     Axis,
     best_of,
     cells,
+    constant_of,
     outcome_counts,
     outcome_kinds,
     page_metrics,
     panel,
     save_page,
-    short_names,
+    shares,
     why_best,
     why_worst,
     worst_of,
 )
+from sonata2d.metrics.plots import short_names
 
 from .samples import evaluation, measured
 
@@ -165,7 +167,40 @@ def test_names_are_shortened_by_common_folders() -> None:
     assert short_names(["a/orca/x", "a/mine/x"]) == ["orca", "mine"]
     assert short_names(["runs/office"]) == ["runs/office"]
     assert short_names(["runs", "runs/office"]) == ["runs", "runs/office"]
-    assert short_names(["./mine.py:Mine", "orca"]) == ["./mine.py:Mine", "orca"]
+
+
+def test_a_class_is_named_without_its_file_and_a_long_name_without_its_middle() -> None:
+    assert short_names(["./folder/mine.py:Mine", "orca"]) == ["Mine", "orca"]
+    assert short_names(["./folder/mine.py:Mine"]) == ["Mine"]
+    assert short_names(["package.mine:Mine+./other.py:Other"]) == ["Mine+Other"]
+    assert short_names(["one.py:Mine", "two.py:Mine"]) == ["one.py:Mine", "two.py:Mine"]
+    (name,) = short_names(["an-evaluation-with-a-name-of-many-words"])
+    assert (name[:10], name[-10:], len(name)) == ("an-evaluat", "many-words", 25)
+
+
+def test_metrics_of_events_are_shares_and_have_no_plot_of_means() -> None:
+    reached = evaluation("a", 1.0, 1.0, 0.0, None, name="success")
+    found = shares([reached, evaluation("b", 1.0, name="spl")], METRICS["success"])
+    assert found is not None
+    share, missing = found.rows
+    assert share is not None
+    assert (share.count, share.total, missing) == (2, 3, None)
+    assert share.interval.low < 2 / 3 < share.interval.high
+    hit = shares([evaluation("a", 0.0, 3.0, name="wall_collisions")], METRICS["wall_collisions"])
+    assert hit is not None
+    assert [(share.count, share.total) for share in hit.rows if share] == [(1, 2)]
+    assert panel([reached], METRICS["success"]) is None
+    assert shares([evaluation("a", 0.2, 0.4)], METRICS["spl"]) is None
+
+
+def test_what_is_the_same_in_all_episodes_is_written_instead_of_drawn(tmp_path: Path) -> None:
+    pair = [evaluation(name, 0.0, 0.0, name="wall_collisions") for name in "ab"]
+    save_page(tmp_path / "a.html", pair)
+    page = (tmp_path / "a.html").read_text("utf-8")
+    assert "In no episode: wall collisions." in page
+    assert '<section class="panel">' not in page
+    assert constant_of([evaluation("a", 0.5, 0.5), evaluation("b", 0.5)], METRICS["spl"]) == 0.5
+    assert constant_of([evaluation("a", 0.5, 0.5), evaluation("b", 0.6)], METRICS["spl"]) is None
 
 
 @pytest.mark.parametrize(("count", "has_warning"), [(19, True), (20, False)])
