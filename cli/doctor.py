@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import importlib.util
 import os
 import platform
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
+from functools import partial
+from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
 from pathlib import Path
 
 import click
+
+from sonata2d.errors import PluginWarning, Sonata2dError
+from sonata2d.registry import Registry
 
 from .command import Command
 from .common import examples, json_option, show_json
@@ -23,6 +29,7 @@ PACKAGES = (
     "jinja2", "zstandard", "platformdirs", "filelock",
 )  # fmt: skip
 COMPILER = ("numba", "llvmlite")  # the interpreter runs the simulation without them
+MODULES = {"pygame-ce": "pygame", "PyYAML": "yaml"}  # where the name is not that of the package with underscores
 DIGEST = "fa69ca01d021e9e09ab297d39f0ef070"  # of the frames of the trial episode, the same on every machine
 
 Finding = tuple[bool | None, str]  # whether the check passed (None: an optional part is missing), and a description
@@ -31,17 +38,18 @@ Finding = tuple[bool | None, str]  # whether the check passed (None: an optional
 @click.command(cls=Command, epilog=examples("doctor", "doctor --json"))
 @json_option
 def command(as_json: bool) -> None:
-    """Check that the installation works: packages, engine, compiler, reproducibility, files, films, display, speed.
+    """Check that the installation works: packages, compiler, plug-ins, reproducibility, files, films, display, speed.
 
-    The exit code is 1 if a required part fails; missing optional parts are only listed.
+    The exit code is 1 if a required part is missing or anything fails; missing optional parts are only listed.
     """
     rows = [(name, ok, found) for name, (ok, found) in findings().items()]
     if as_json:
         show_json([{"check": name, "ok": ok, "found": found} for name, ok, found in rows])
     else:
         marks = {True: "ok", False: "FAIL", None: "-"}
+        width = max(len(name) for name, _, _ in rows)
         for name, ok, found in rows:
-            click.echo(f"{marks[ok]:<5} {name:<14} {found}")
+            click.echo(f"{marks[ok]:<5} {name:<{width}} {found}")
     if any(ok is False for _, ok, _ in rows):
         sys.exit(1)
 
@@ -55,6 +63,7 @@ def findings() -> dict[str, Finding]:
         **{package: _package(package) for package in PACKAGES},
         **{package: _package(package, is_required=False) for package in COMPILER},
         "kernels": _run(_kernels),
+        **_plugins(),
         "trial episode": _run(_trial_episode),
         "writing": _run(_writing),
         "films": (True, "gif and mp4") if has_film else (None, "not available; pip install 'sonata2d[video]'"),
@@ -63,10 +72,61 @@ def findings() -> dict[str, Finding]:
 
 
 def _package(name: str, *, is_required: bool = True) -> Finding:
+    """The version of a package that can be imported."""
     try:
-        return True, version(name)
+        found = version(name)
     except PackageNotFoundError:
         return (False if is_required else None), f"missing; pip install {name}"
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    try:
+        importlib.import_module(MODULES.get(name, name.replace("-", "_")))
+    except Exception as error:  # a missing library of the system, a version of NumPy that is too new, ...
+        return False, f"{found} cannot be imported ({_one_line(error)}); pip install -U {name}"
+    return True, found
+
+
+def _plugins() -> dict[str, Finding]:
+    """Each plug-in, with the package that it belongs to, and whether it can be used."""
+    from sonata2d import registry
+    from sonata2d.agents.controllers.loading import find_controller
+    from sonata2d.agents.pedestrians.models.base import pedestrian_model
+    from sonata2d.formats.api import format_named
+    from sonata2d.scenegen.floor_plans import load_room_kind
+
+    loaders: tuple[tuple[registry.Registry, Callable[[str], object]], ...] = (
+        (registry.CONTROLLERS, find_controller),
+        (registry.PEDESTRIAN_MODELS, pedestrian_model),
+        (registry.FORMATS, format_named),
+        (registry.METRICS, _load_metric),
+        (registry.ROOM_KINDS, load_room_kind),
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PluginWarning)  # the findings say the same
+        return {
+            f"{kind.kind} {point.name}": _run(partial(_plugin, kind, load, point))
+            for kind, load in loaders
+            for point in entry_points(group=kind.group)
+        }
+
+
+def _plugin(registry: Registry, load: Callable[[str], object], point: EntryPoint) -> Finding:
+    package = f"plug-in of {point.dist.name} {point.dist.version}" if point.dist else "plug-in"
+    kept = registry.plugins.get(point.name)
+    if kept is None or kept != point:
+        return False, f"{package}: the name is taken; rename the entry point ({point.value})"
+    try:
+        load(point.name)
+    except Sonata2dError as error:
+        return False, f"{package}: {' '.join(str(error).split())}"
+    return True, f"{package}: {point.value}"
+
+
+def _load_metric(name: str) -> None:
+    from sonata2d.metrics.catalogue import plugin_problem, select_metrics
+    from sonata2d.registry import METRICS
+
+    METRICS.load(name, plugin_problem)
+    select_metrics([name])  # fails if the metric has another name than the entry point
 
 
 def _run(check: Callable[[], Finding]) -> Finding:
@@ -74,7 +134,11 @@ def _run(check: Callable[[], Finding]) -> Finding:
     try:
         return check()
     except Exception as error:
-        return False, f"{type(error).__name__}: {error}"
+        return False, _one_line(error)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def _kernels() -> Finding:

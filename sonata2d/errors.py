@@ -26,6 +26,10 @@ class WorkerError(Sonata2dError):
     """A worker process crashed, or was killed."""
 
 
+class KernelError(Sonata2dError):
+    """A kernel, such as that of a plug-in's pedestrian model, cannot be compiled."""
+
+
 class RecordError(Sonata2dError):
     """An episode file or a data set cannot be read or written, or fails verification."""
 

@@ -114,7 +114,8 @@ class Registry:
 
     def unknown(self, name: str) -> str:
         """The error message for an unknown name: with the closest name, else with all names."""
-        return f"no {self.kind} is named {name!r}{did_you_mean(name, self) or '; known are ' + ', '.join(self)}"
+        hint = f"; known are {', '.join(self)}; if it is a plug-in, install the package that provides it"
+        return f"no {self.kind} is named {name!r}{did_you_mean(name, self) or hint}"
 
     def _load_plugin(self, point: EntryPoint, check: Check) -> Any:
         plugin = f"{self.kind} plug-in {point.name!r} ({point.value})"

@@ -7,6 +7,7 @@ import importlib
 import re
 import shlex
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -74,6 +75,19 @@ def anchors_of(page: Path) -> set[str]:
     """The anchors of the headings of a page, as code hosts derive them."""
     headings = (re.sub(r"[^\w\- ]", "", heading.lower()) for heading in HEADING.findall(page.read_text()))
     return {heading.replace(" ", "-") for heading in headings}
+
+
+def test_the_contents_of_how_to_link_each_section_once() -> None:
+    contents, *sections = (ROOT / "docs/how-to.md").read_text().split("\n## ")
+    headings = [section.partition("\n")[0] for section in sections]
+    anchors = [re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings]
+    assert sorted(anchor for file, anchor in LINK.findall(contents) if not file) == sorted(anchors)
+
+
+def test_the_api_reference_is_up_to_date() -> None:
+    script = str(ROOT / "docs/generate_api.py")
+    done = subprocess.run([sys.executable, script, "--check"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_readme_gives_two_commands_and_the_gate_runs_the_second() -> None:

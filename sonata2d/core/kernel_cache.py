@@ -27,9 +27,11 @@ from typing import Any, TypeVar
 import numba
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.errors import NumbaError
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 
+from ..errors import KernelError
 from .kernel_key import NotCacheableError, key_of
 
 logger = logging.getLogger(__name__)
@@ -116,10 +118,23 @@ class _KernelFiles:
         with global_compiler_lock:
             numba.core.config.reload_config()  # as numba does when it compiles: the settings are a part of the name
             name = self._name(signature)
-            if name is None or _find(name):
-                return self._compile(signature)
-            with _locked(name):
-                return self._compile(signature)
+            try:
+                if name is None or _find(name):
+                    return self._compile(signature)
+                with _locked(name):
+                    return self._compile(signature)
+            except NumbaError as error:
+                raise KernelError(self._cause(error)) from error
+
+    def _cause(self, error: NumbaError) -> str:
+        """What matters of numba's message, which repeats itself for each function on the way, over up to 100 lines."""
+        text = re.sub("\x1b\\[[0-9;]*m", "", str(error))  # without colours
+        lines = (line.strip() for line in text.splitlines())
+        what = next((line for line in lines if line and not line.startswith("Failed in ")), "")
+        place = re.search(r'File "(.*?)", line (\d+)', text)
+        where = f" ({Path(place[1]).name}, line {place[2]})" if place else ""
+        kernel = f"{self._kernel.__module__}.{self._kernel.py_func.__name__}"
+        return f"{kernel} cannot be compiled: {what}{where}; NUMBA_DISABLE_JIT=1 runs it as ordinary Python"
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """What numba would have compiled, or None; called by numba within `compile`."""

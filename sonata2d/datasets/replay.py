@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import is_installed, load_controller
 from ..core.devices import DeviceEvent
@@ -18,6 +20,7 @@ from ..record.files import read_bytes
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord, events_of, wrap_read_errors
 from ..record.recorder import EpisodeRecorder
+from ..registry import CONTROLLERS
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, TickInput, controller_info_of, renderer_for
@@ -136,6 +139,8 @@ def check_replay(path: Path, *, record: EpisodeRecord | None = None) -> list[Pro
     try:
         replayed = replay_document(record)
     except (ControllerError, ValueError) as error:
+        if any(str(error) in problem.message for problem in problems):  # such as a plug-in that is not installed
+            return problems
         return [*problems, Problem(path.name, "replay", str(error))]
     return problems + _first_difference(path.name, "replay", _stored_document(path, record), replayed)
 
@@ -156,10 +161,14 @@ def check_rerun(path: Path, name: str | None = None, *, record: EpisodeRecord | 
         return [Problem(path.name, "rerun", message)]
     recorded, settings = record.controller_info.path, record.controller_info.settings or {}
     if name is None and not is_installed(recorded, settings):
-        message = (
-            f"the controller {recorded!r} is neither built in nor a plug-in, and code that a file names is not run; "
-            f"if you trust it, give --controller {recorded}"
+        # a name without a path can only be that of a plug-in; a stock controller with own weights has its path in them
+        is_plugin = recorded not in CONTROLLERS.built_in and not any(letter in recorded for letter in ":./+")
+        remedy = (
+            " of an installed package; install the package that provides it"
+            if is_plugin
+            else f", and code that a file names is not run; if you trust it, give --controller {recorded}"
         )
+        message = f"the controller {recorded!r} is neither built in nor a plug-in{remedy}"
         return [Problem(path.name, "rerun", message)]
     controller = load_controller(name or recorded, settings)
     if not controller.deterministic:
@@ -196,6 +205,10 @@ def _check_scene(path: Path, record: EpisodeRecord) -> list[Problem]:
         return []
     try:
         scene = generate(ScenarioConfig(**settings), record.seed, record.episode)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        return [Problem(path.name, "settings", f"they give no scene: {place}: {first['msg']}")]
     except (ValueError, SceneError) as error:
         return [Problem(path.name, "settings", f"they give no scene: {error}")]
     is_equal = replace(scene, settings=settings) == record.scene()  # newer versions have more settings

@@ -21,14 +21,14 @@ FAMILIES: dict[str, tuple[Metric, ...]] = {
 }
 
 
-def _plugin_problem(plugin: object) -> str | None:
+def plugin_problem(plugin: object) -> str | None:
     """The reason why an object cannot be used as a metric, or None."""
     return None if isinstance(plugin, Metric) else "is not a Metric; it must be a sonata2d.metrics.Metric(...)"
 
 
 def _plugin_metrics(taken: Container[str]) -> Iterator[Metric]:
     """The metrics of plug-ins; one whose name is taken, or differs from its entry point, is skipped with a warning."""
-    for name, metric in PLUGINS.load_all(_plugin_problem).items():
+    for name, metric in PLUGINS.load_all(plugin_problem).items():
         if metric.name != name:
             problem = f"its metric is named {metric.name!r}; give the entry point the same name"
         elif name in taken:

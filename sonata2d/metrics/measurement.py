@@ -14,6 +14,7 @@ import orjson
 
 from ..datasets.executors import Advance, Workers, parallel_map
 from ..datasets.manifest import METRICS as METRICS_FILE, files_of as episode_files, write_json
+from ..errors import FOREIGN_ERRORS, MetricError
 from ..record.layout import scene_to_json, software_versions
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
@@ -224,7 +225,14 @@ def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
     """
     logger.info("measuring %s", path)
     record = read_episode(path)
-    trajectory = Trajectory(record, None if runs is None else without_robot(record, runs))
+    try:
+        undisturbed = None if runs is None else without_robot(record, runs)
+    except FOREIGN_ERRORS as error:  # a pedestrian model of a plug-in is missing, or fails
+        raise MetricError(
+            f"{path} cannot be run without the robot: {error}; --no-rerun (rerun=False) leaves out the metrics of its "
+            "effect on people"
+        ) from error
+    trajectory = Trajectory(record, undisturbed)
     return Measured(
         file=path.name,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
@@ -240,4 +248,10 @@ def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
 
 def _values(trajectory: Trajectory, metrics: Iterable[Metric]) -> dict[str, float | None]:
     record = trajectory.record
-    return {metric.name: metric.of(trajectory) if is_measurable(metric, record) else None for metric in metrics}
+    values: dict[str, float | None] = {}
+    for metric in metrics:
+        try:
+            values[metric.name] = metric.of(trajectory) if is_measurable(metric, record) else None
+        except FOREIGN_ERRORS as error:  # a metric of a plug-in may raise anything
+            raise MetricError(f"metric {metric.name!r} of {record.path}: {type(error).__name__}: {error}") from error
+    return values

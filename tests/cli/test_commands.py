@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import json
 import subprocess
@@ -171,6 +172,18 @@ def test_doctor_passes_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> No
     assert found["numba"] == (None, "missing; pip install numba")
     assert found["kernels"] == (None, compiled.BACKEND)
     assert False not in {ok for ok, _ in found.values()}
+
+
+def test_doctor_fails_where_an_installed_package_cannot_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    def find_module(name: str) -> None:
+        if name == "numba":
+            raise ImportError("Numba needs NumPy 2.4 or less")
+
+    monkeypatch.setattr(importlib, "import_module", find_module)
+    ok, found = doctor._package("numba", is_required=False)
+    assert ok is False
+    assert "cannot be imported (ImportError: Numba needs NumPy 2.4 or less); pip install -U numba" in found
+    assert doctor._package("llvmlite", is_required=False)[0]
 
 
 @pytest.mark.skipif(not compiled.IS_COMPILED, reason="kernels are interpreted")

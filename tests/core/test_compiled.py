@@ -25,6 +25,7 @@ import pytest
 import sonata2d
 from sonata2d.core import compiled
 from sonata2d.core.compiled import kernel, subroutine
+from sonata2d.errors import KernelError
 
 compiled_only = pytest.mark.skipif(not compiled.IS_COMPILED, reason="kernels are interpreted")
 if compiled.IS_COMPILED:
@@ -548,6 +549,19 @@ def test_old_files_are_deleted(plugin: Path, folder: Path) -> None:
     law = load()
     call(law)
     assert was_loaded(law)
+
+
+@compiled_only
+def test_an_error_of_compilation_is_one_line_with_its_place(plugin: Path, folder: Path) -> None:
+    helpers = plugin / "helpers.py"
+    helpers.write_text(helpers.read_text().replace("return math.sqrt(x * x) * GAIN + step", "return x.lower()"))
+    with pytest.raises(KernelError) as caught:
+        call(load())
+    assert str(caught.value) == (
+        "mine.laws.law cannot be compiled: Unknown attribute 'lower' of type float64 (helpers.py, line 7); "
+        "NUMBA_DISABLE_JIT=1 runs it as ordinary Python"
+    )
+    assert "nopython" in str(caught.value.__cause__)
 
 
 # ---- threads and processes

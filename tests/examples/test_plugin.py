@@ -25,7 +25,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     shutil.copytree(PLUGIN, source)  # setuptools builds inside the source folder
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
     subprocess.run([*pip, "--target", str(target), str(source)], check=True)
-    return {**os.environ, "PYTHONPATH": str(target)}
+    paths = [str(target), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def sonata2d(words: list[str], env: dict[str, str], cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -145,3 +146,70 @@ def test_a_metric_plug_in_cannot_replace_a_built_in_metric(installed: dict[str, 
     assert "7.0" not in done.stdout
     assert "metric plug-in 'success' is skipped: the name is taken" in done.stderr
     assert "metric plug-in 'other' is skipped: its metric is named 'success'" in done.stderr
+
+
+def package(folder: Path, entry_points: str, source: str) -> None:
+    """Write an installed package `mine`, with one module."""
+    info = folder / "mine-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(entry_points)
+    (folder / "mine.py").write_text(source)
+
+
+def test_doctor_lists_each_plug_in_with_its_package_and_whether_it_loads(
+    installed: dict[str, str], tmp_path: Path
+) -> None:
+    package(tmp_path, "[sonata2d.controllers]\nlost = no_such_module:Lost\norca = mine:Orca\n", "")
+    env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
+    done = sonata2d(["doctor", "--json"], env, tmp_path)
+    assert done.returncode == 1
+    rows = {row["check"]: row for row in json.loads(done.stdout)}
+    for name in ("controller cautious", "pedestrian model circular", "format robot-csv", "metric mean_speed"):
+        assert rows[name]["ok"] is True
+        assert rows[name]["found"].startswith("plug-in of sonata2d-example-plugin 0.1.0: ")
+    assert rows["controller lost"]["ok"] is False
+    assert "plug-in of mine 1.0: " in rows["controller lost"]["found"]
+    assert "ModuleNotFoundError" in rows["controller lost"]["found"]
+    assert "the name is taken" in rows["controller orca"]["found"]
+
+
+def test_episodes_of_a_plug_in_that_is_not_installed_say_what_to_install(
+    installed: dict[str, str], tmp_path: Path
+) -> None:
+    scenario = "extends: sonata-2020\nperson: {model: circular}\nwandering: 3\nrules: {time_limit: 2}\n"
+    (tmp_path / "quick.yaml").write_text(scenario)
+    words = ["generate", "out", "--scenario", "quick.yaml", "--controller", "cautious", "--episodes", "1"]
+    assert sonata2d([*words, "--no-picture"], installed, tmp_path).returncode == 0
+    env = {name: value for name, value in installed.items() if name != "PYTHONPATH"}
+    env |= {"PYTHONPATH": os.environ["PYTHONPATH"]} if "PYTHONPATH" in os.environ else {}
+    done = sonata2d(["evaluate", "out", "--workers", "1"], env, tmp_path)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 1
+    assert line.startswith(
+        "Error: MetricError: out/000000.json cannot be run without the robot: no pedestrian model is"
+    )
+    assert "install the package that provides it" in line
+    assert sonata2d(["evaluate", "out", "--no-rerun"], env, tmp_path).returncode == 0
+    problem, summary = sonata2d(["check", "out", "--replay"], env, tmp_path).stdout.splitlines()
+    assert problem.startswith("000000.json: settings: they give no scene: person.model: no pedestrian model is named")
+    assert summary == "out: 1 files checked, replayed, 1 problems"
+    problem, _ = sonata2d(["check", "out", "--rerun"], env, tmp_path).stdout.splitlines()
+    assert problem.endswith("nor a plug-in of an installed package; install the package that provides it")
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_a_metric_that_raises_is_named_with_the_file_and_a_broken_one_once(
+    installed: dict[str, str], tmp_path: Path, workers: str
+) -> None:
+    source = "from sonata2d.metrics import Metric\ndef fail(t): raise KeyError('x')\n"
+    source += "RAISING = Metric('raising', 'm', 'less', '', '', fail)\n"
+    package(tmp_path, "[sonata2d.metrics]\nraising = mine:RAISING\nwrong = math:pi\n", source)
+    env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
+    words = ["generate", "out", "--scenario", "empty", "--controller", "straight-to-goal", "--episodes", "2"]
+    assert sonata2d([*words, "--no-picture"], env, tmp_path).returncode == 0
+    done = sonata2d(["evaluate", "out", "--workers", workers], env, tmp_path)
+    assert done.returncode == 1
+    warning, error = done.stderr.splitlines()
+    assert warning.startswith("Warning: metric plug-in 'wrong' (math:pi) is not a Metric")
+    assert error == "Error: MetricError: metric 'raising' of out/000000.json: KeyError: 'x'"

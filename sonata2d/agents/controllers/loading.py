@@ -154,7 +154,8 @@ def _noting_pair(name: str) -> Iterator[None]:
 def _find_plugin(name: str) -> type[Controller]:
     if name not in CONTROLLERS:
         message = CONTROLLERS.unknown(name)
-        raise ControllerError(message if "did you mean" in message else f"{message}, module:Class or ./file.py:Class")
+        how = "" if "did you mean" in message else "; a class is named module:Class or ./file.py:Class"
+        raise ControllerError(message + how)
     controller_class: type[Controller] = CONTROLLERS.load(name, _problem)
     return controller_class
 
