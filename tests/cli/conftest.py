@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -47,3 +50,14 @@ def one_line(output: str) -> str:
     lines = output.strip().splitlines()
     assert len(lines) == 1, output
     return lines[0]
+
+
+@contextmanager
+def started(line: str) -> Iterator[subprocess.Popen[str]]:
+    """A process of its own group that runs the words of a command line; killed at the end if it still runs."""
+    words = [sys.executable, "-m", "sonata2d_cli", *line.split()]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()  # its workers end with it

@@ -16,7 +16,7 @@ import pytest
 
 from sonata2d.errors import ControllerWarning
 
-from .conftest import Run, one_line
+from .conftest import Run, one_line, started
 
 CONTROLLER = """
 import sonata2d as s2
@@ -234,11 +234,11 @@ def test_empty_room_and_a_single_tick_are_valid(sonata2d: Run, here: Path) -> No
 @pytest.mark.parametrize(("number", "word"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")])
 def test_a_stopped_batch_says_how_to_resume(here: Path, number: signal.Signals, word: str) -> None:
     line = "generate out --scenario quick.yaml --episodes 2000 --workers 1"
-    process = subprocess.Popen([sys.executable, "-m", "sonata2d_cli", *line.split()], stderr=subprocess.PIPE, text=True)
-    while not (here / "out/000001.json").exists():
-        assert process.poll() is None
-    process.send_signal(number)
-    _, output = process.communicate(timeout=30)
+    with started(line) as process:
+        while not (here / "out/000001.json").exists():
+            assert process.poll() is None
+        process.send_signal(number)
+        _, output = process.communicate(timeout=60)
     assert process.returncode == 128 + number
     assert one_line(output).startswith(f"{word}; complete episodes are in out")
     assert "--resume" in output
@@ -249,15 +249,13 @@ def test_a_stopped_batch_says_how_to_resume(here: Path, number: signal.Signals, 
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.3, 0.6, 1.0])
 def test_ctrl_c_while_the_workers_start_gives_no_traceback(here: Path, delay: float) -> None:
     line = "generate out --scenario quick.yaml --episodes 20000 --workers 2"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "sonata2d_cli", *line.split()], stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    while not (here / "out").exists():  # made just before the workers start
-        assert process.poll() is None
-        time.sleep(0.01)
-    time.sleep(delay)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes of the command
-    _, output = process.communicate(timeout=60)
+    with started(line) as process:
+        while not (here / "out").exists():  # made just before the workers start
+            assert process.poll() is None
+            time.sleep(0.01)
+        time.sleep(delay)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes of the command
+        _, output = process.communicate(timeout=60)
     assert process.returncode == 130
     assert output.strip().splitlines()[-1].startswith("interrupted")
     assert "Traceback" not in output

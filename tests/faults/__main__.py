@@ -8,6 +8,7 @@ same bytes when it is resumed or repeated. Prints a table; the exit code is 1 if
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -28,6 +29,7 @@ def main() -> int:
     options = parser.parse_args()
     if unknown := set(options.kinds) - set(kinds):
         parser.error(f"unknown kinds {', '.join(sorted(unknown))}; there are {', '.join(kinds)}")
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs and their children ignore it
     wrong = 0
     with tempfile.TemporaryDirectory() as folder:
         material, work = Path(folder, "material"), Path(folder, "work")
