@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import gc
+import logging
 import os
 import pickle
 import signal
 import threading
+import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -15,11 +17,15 @@ from functools import cached_property, partial
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from multiprocessing.synchronize import Event
-from typing import Any, Self, TypeVar
+from multiprocessing.util import Finalize
+from typing import Any, NoReturn, Self, TypeVar
 
 from ..errors import WorkerError
 
 CHUNK_SIZE = 4  # items sent to a worker at a time
+THREAD_GRACE = 1.0  # s, that a process waits at its end for threads that a controller has left running
+
+logger = logging.getLogger(__name__)
 
 Advance = Callable[[int], None]  # progress callback; its argument is the number of items finished since the last call
 
@@ -62,7 +68,12 @@ class Workers:
     ) -> Generator[R, None, None]:
         """See `unordered_map`."""
         if self.count <= 1:
-            yield from map(set_up(), items)
+            with exits_raised():
+                function = set_up()
+            for item in items:
+                with exits_raised():  # not while the caller has the result
+                    result = function(item)
+                yield result
             return
         pool, run = self._pool, partial(_run_chunk, pickle.dumps((set_up, is_last)))
         pending: set[Future[list[R]]] = set()
@@ -179,8 +190,50 @@ _stop_request: Event
 _present_call: tuple[bytes, Any, Any] = b"", None, None
 
 
+def end_if_forked(process: int) -> None:
+    """End this process if it is not the given one, but a copy that the code of others has forked from it.
+
+    A copy that returns from a controller would run the batch a second time.
+
+    Args:
+        process: id of the process that began the work.
+    """
+    if os.getpid() != process:
+        logger.warning(
+            "process %d was forked from process %d by the controller, and is ended because it went on with the batch;"
+            " end such a process with os._exit",
+            os.getpid(),
+            process,
+        )
+        os._exit(1)
+
+
+@contextmanager
+def exits_raised() -> Iterator[None]:
+    """Turn `os._exit` into `SystemExit` while the code of others runs in this process.
+
+    It would end the whole command, with any exit code, although work is missing. Processes that are forked in the
+    meantime exit as usual. Does nothing in other threads than the main one, because the function is the same for all.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    process, real_exit = os.getpid(), os._exit
+
+    def raise_exit(status: int) -> NoReturn:
+        if os.getpid() != process:
+            real_exit(status)
+        raise SystemExit(status)
+
+    os._exit = raise_exit
+    try:
+        yield
+    finally:
+        os._exit = real_exit
+
+
 def _start_worker(stop: Event) -> None:
-    """Prepare a worker process: it ignores Ctrl-C and exits when its parent process ends."""
+    """Prepare a worker process: it ignores Ctrl-C, and exits when its parent process ends, or its work is done."""
     global _stop_request
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
@@ -191,7 +244,18 @@ def _start_worker(stop: Event) -> None:
         os._exit(1)
 
     threading.Thread(target=exit_with_parent, daemon=True).start()
+    Finalize(None, _exit_soon, exitpriority=0)  # runs after the last item; otherwise the exit waits for all threads
     _stop_request = stop
+
+
+def _exit_soon() -> None:
+    """End a worker process that is done, even if a controller has left threads running."""
+
+    def exit_process() -> None:
+        time.sleep(THREAD_GRACE)
+        os._exit(0)
+
+    threading.Thread(target=exit_process, daemon=True).start()
 
 
 def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:
