@@ -23,7 +23,7 @@ from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
 from ..errors import FOREIGN_ERRORS, ControllerError, ControllerWarning, RecordError, Sonata2dError, WorkerError
 from ..record.layout import JsonDict
 from ..record.recorder import EpisodeRecorder
-from ..scenegen.generator import generate
+from ..scenegen.generator import generate, require_config
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, controller_info_of, renderer_for
 from .card import write_manifest_and_card
@@ -109,12 +109,14 @@ def generate_dataset(
         WorkerError: a worker process crashed, or was killed; finished episodes stay.
         SceneError: a scene cannot be generated; finished episodes stay.
         ValueError: `keep` names an outcome that cannot be kept, or both `resume` and `overwrite` are set.
+        TypeError: the scenario is not a `ScenarioConfig`.
 
     Warns:
         ControllerWarning: most commands exceed the limits of the robot's drive, or move a unicycle sideways.
     """
     if resume and overwrite:
         raise ValueError("resume continues a data set and overwrite replaces it; set one of them")
+    require_config(scenario)
     out = Path(out)
     kept_outcomes = _in_fixed_order(keep)
     process = os.getpid()

@@ -404,7 +404,8 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
             _remove_dataset(folder, stored)
         elif resume:
             raise RecordError(
-                f"{folder} holds another data set: {differences}; replace it with --overwrite, or choose another folder"
+                f"{folder} holds another data set: {differences}; replace it with generate --overwrite, or choose another "
+                "folder"
             )
         else:
             raise RecordError(
