@@ -9,7 +9,7 @@ import pickle
 import signal
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
@@ -56,7 +56,7 @@ class Workers:
     def ordered(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         """See `parallel_map`."""
         if self.count <= 1 or len(items) <= 1:
-            yield from map(function, items)
+            yield from _results_here(function, items)
             return
         with _crashes_explained():
             with _signals_deferred():
@@ -70,10 +70,7 @@ class Workers:
         if self.count <= 1:
             with exits_raised():
                 function = set_up()
-            for item in items:
-                with exits_raised():  # not while the caller has the result
-                    result = function(item)
-                yield result
+            yield from _results_here(function, items)
             return
         pool, run = self._pool, partial(_run_chunk, pickle.dumps((set_up, is_last)))
         pending: set[Future[list[R]]] = set()
@@ -131,6 +128,14 @@ def unordered_map(
     """
     with _shared(workers) as pool, closing(pool.unordered(set_up, items, is_last)) as results:
         yield from results
+
+
+def _results_here(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+    """Results of a function that runs in this process."""
+    for item in items:
+        with exits_raised():  # not while the caller has the result
+            result = function(item)
+        yield result
 
 
 @contextmanager
