@@ -126,6 +126,27 @@ def exit_interrupted(error: KeyboardInterrupt, hint: str = "") -> NoReturn:
     sys.exit(128 + (signal.SIGTERM if is_terminated else signal.SIGINT))
 
 
+def exit_despite_threads(code: Any) -> None:
+    """Let the program end after a moment, even if threads that a controller has left running would keep it alive.
+
+    Args:
+        code: of `SystemExit`.
+    """
+    threads = [one for one in threading.enumerate() if one is not threading.main_thread() and not one.daemon]
+    if not threads:
+        return
+
+    def exit_process() -> None:
+        for thread in threads:
+            thread.join(1.0)
+        names = ", ".join(thread.name for thread in threads if thread.is_alive())
+        click.echo(f"Warning: threads are still running and are ended: {names}; make them daemon threads", err=True)
+        sys.stdout.flush()
+        os._exit(code if isinstance(code, int) else int(code is not None))
+
+    threading.Thread(target=exit_process, daemon=True).start()
+
+
 @contextmanager
 def progress(total: int, unit: str) -> Iterator[Callable[[int], None]]:
     """Show a progress bar on standard error if that is a terminal; yields a function that advances it by steps.

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import click
 
 from .command import SETTINGS, Group, has_flag
-from .common import EXIT_BUG, examples, exit_interrupted, raising_terminated
+from .common import EXIT_BUG, examples, exit_despite_threads, exit_interrupted, raising_terminated
 
 # section of the overview: name of the command: (module and attribute, description)
 SECTIONS = {
@@ -48,6 +48,14 @@ COMMANDS = {name: place for section in SECTIONS.values() for name, (place, _) in
 
 class Commands(Group):
     """A group that imports a command only when it is used, so that `--help` is fast, and reports errors in one line."""
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Run the program. Tests call `main`, and stay alive."""
+        try:
+            return super().__call__(*args, **kwargs)
+        except SystemExit as error:
+            exit_despite_threads(error.code)
+            raise
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)

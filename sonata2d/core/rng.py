@@ -53,12 +53,20 @@ class RandomStream:
         return min(low + int(self.uniform() * (high - low + 1)), high)
 
     def choice(self, items: Sequence[T], weights: Sequence[float] | None = None) -> T:
-        """One of the items, with probabilities proportional to the weights; without weights all are equally likely."""
+        """One of the items, with probabilities proportional to the weights; without weights all are equally likely.
+
+        Raises:
+            ValueError: there are no items, or no weight is above 0.
+        """
+        if not items:
+            raise ValueError("choice needs at least one item")
         if weights is None:
             return items[self.integer(0, len(items) - 1)]
         total = 0.0
         for weight in weights:  # in order: the result of the built-in sum depends on the Python version
             total += weight
+        if not total > 0.0:
+            raise ValueError(f"choice needs a weight above 0, got {list(weights)}")
         remainder = self.uniform(0.0, total)
         for item, weight in zip(items, weights, strict=True):
             remainder -= weight

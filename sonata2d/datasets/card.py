@@ -474,7 +474,7 @@ def _one_line(text: str) -> str:
 
 def _contact_section(summary: ContactSummary) -> str:
     """Table of the robot's contacts by kind; a sentence if there are none, or they are not counted."""
-    uncounted = f"The contacts of {summary.uncounted_episodes} episodes were not counted."
+    uncounted = f"Number of episodes whose contacts were not counted: {summary.uncounted_episodes}."
     if not summary.contacts:
         return uncounted if summary.uncounted_episodes else "The robot touched nothing in any frame."
     rows = ["| robot in contact with | episodes | frames | robot at fault | other at fault |"]

@@ -54,9 +54,9 @@ class ContactSummary:
         parts = ["none"] if self.episodes and not self.contacts else []
         if self.contacts:
             total = self.contacts[ANY_KIND]
-            parts = [f"in {total.episodes} of {self.episodes} episodes, {self.share(total.frames)} of the frames"]
+            parts = [f"in {total.episodes} of {_episodes(self.episodes)}, {self.share(total.frames)} of the frames"]
         if self.uncounted_episodes:
-            parts.append(f"not counted in {self.uncounted_episodes} episodes")
+            parts.append(f"not counted in {_episodes(self.uncounted_episodes)}")
         return "; ".join(parts)
 
     def share(self, frames: int) -> str:
@@ -66,7 +66,7 @@ class ContactSummary:
 
     def _kind_row(self, kind: str) -> tuple[str, str]:
         contacts = self.contacts[kind]
-        text = f"in {contacts.episodes} episodes, {self.share(contacts.frames)} of the frames"
+        text = f"in {_episodes(contacts.episodes)}, {self.share(contacts.frames)} of the frames"
         faults = {"robot": contacts.robot_at_fault, "other": contacts.other_at_fault}
         at_fault = [f"{side} at fault in {self.share(frames)}" for side, frames in faults.items() if frames]
         return f"  with {'an' if kind == 'object' else 'a'} {kind}", "; ".join([text, *at_fault])
@@ -97,6 +97,10 @@ class ExcessiveCommands:
         return (
             f"{self.component} up to {self.command:g} {_UNITS[self.component]} ({limit}) in {percentage} of the frames"
         )
+
+
+def _episodes(count: int) -> str:
+    return f"{count} episode{'s' * (count != 1)}"
 
 
 def commands_warning(rows: Iterable[Mapping[str, Any]], name: str) -> str | None:

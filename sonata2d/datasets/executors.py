@@ -8,8 +8,9 @@ import os
 import pickle
 import signal
 import threading
+import time
 import warnings
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
@@ -17,7 +18,8 @@ from functools import cached_property, partial
 from itertools import islice
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.synchronize import Event
-from typing import Any, Self, TypeVar
+from multiprocessing.util import Finalize
+from typing import Any, NoReturn, Self, TypeVar
 
 from ..errors import PluginWarning, WorkerError
 
@@ -25,6 +27,7 @@ logger = logging.getLogger(__name__)
 
 _PACKAGE = "sonata2d"  # name of the logger of the whole package
 CHUNK_SIZE = 4  # items sent to a worker at a time
+THREAD_GRACE = 1.0  # s, that a process waits at its end for threads that a controller has left running
 
 Advance = Callable[[int], None]  # progress callback; its argument is the number of items finished since the last call
 
@@ -55,7 +58,7 @@ class Workers:
     def ordered(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         """See `parallel_map`."""
         if self.count <= 1 or len(items) <= 1:
-            yield from map(function, items)
+            yield from _results_here(function, items)
             return
         chunks = [items[start : start + CHUNK_SIZE] for start in range(0, len(items), CHUNK_SIZE)]
         with self._submitting() as submit:
@@ -67,7 +70,9 @@ class Workers:
     ) -> Generator[R, None, None]:
         """See `unordered_map`."""
         if self.count <= 1:
-            yield from map(set_up(), items)
+            with exits_raised():
+                function = set_up()
+            yield from _results_here(function, items)
             return
         run = partial(_run_chunk, pickle.dumps((set_up, is_last)))
         pending: set[Future[list[R]]] = set()
@@ -150,6 +155,14 @@ def unordered_map(
         yield from results
 
 
+def _results_here(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+    """Results of a function that runs in this process."""
+    for item in items:
+        with exits_raised():  # not while the caller has the result
+            result = function(item)
+        yield result
+
+
 @contextmanager
 def _shared(workers: int | Workers) -> Iterator[Workers]:
     """The given workers, or new ones for one call."""
@@ -230,8 +243,50 @@ _stop_request: Event
 _present_call: tuple[bytes, Any, Any] = b"", None, None
 
 
+def end_if_forked(process: int) -> None:
+    """End this process if it is not the given one, but a copy that the code of others has forked from it.
+
+    A copy that returns from a controller would run the batch a second time.
+
+    Args:
+        process: id of the process that began the work.
+    """
+    if os.getpid() != process:
+        logger.warning(
+            "process %d was forked from process %d by the controller, and is ended because it went on with the batch;"
+            " end such a process with os._exit",
+            os.getpid(),
+            process,
+        )
+        os._exit(1)
+
+
+@contextmanager
+def exits_raised() -> Iterator[None]:
+    """Turn `os._exit` into `SystemExit` while the code of others runs in this process.
+
+    It would end the whole command, with any exit code, although work is missing. Processes that are forked in the
+    meantime exit as usual. Does nothing in other threads than the main one, because the function is the same for all.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    process, real_exit = os.getpid(), os._exit
+
+    def raise_exit(status: int) -> NoReturn:
+        if os.getpid() != process:
+            real_exit(status)
+        raise SystemExit(status)
+
+    os._exit = raise_exit
+    try:
+        yield
+    finally:
+        os._exit = real_exit
+
+
 def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -> None:
-    """Prepare a worker process: it ignores Ctrl-C, exits when its parent process ends, and logs as its parent does.
+    """Prepare a worker process: it ignores Ctrl-C, exits with its parent or after its work, and logs as its parent does.
 
     Args:
         stop: request to stop.
@@ -253,6 +308,7 @@ def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -
         os._exit(1)
 
     threading.Thread(target=exit_with_parent, daemon=True).start()
+    Finalize(None, _exit_soon, exitpriority=0)  # runs after the last item; otherwise the exit waits for all threads
     _stop_request = stop
 
 
@@ -264,6 +320,16 @@ def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
             break
         results.append(function(item))
     return results
+
+
+def _exit_soon() -> None:
+    """End a worker process that is done, even if a controller has left threads running."""
+
+    def exit_process() -> None:
+        time.sleep(THREAD_GRACE)
+        os._exit(0)
+
+    threading.Thread(target=exit_process, daemon=True).start()
 
 
 def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:

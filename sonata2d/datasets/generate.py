@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import platform
 import sys
 import time
@@ -17,16 +18,17 @@ from typing import get_args
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import is_built_in, load_controller, source_hashes
-from ..core.snapshot import Status
+from ..core.scene import Scene
+from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
 from ..errors import FOREIGN_ERRORS, ControllerError, ControllerWarning, RecordError, Sonata2dError, WorkerError
 from ..record.layout import JsonDict
 from ..record.recorder import EpisodeRecorder
-from ..scenegen.generator import generate
+from ..scenegen.generator import generate, require_config
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, controller_info_of, renderer_for
 from .card import write_manifest_and_card
 from .counts import commands_warning
-from .executors import Advance, Workers, unordered_map
+from .executors import Advance, Workers, end_if_forked, exits_raised, unordered_map
 from .manifest import (
     FAILED,
     MANIFEST,
@@ -107,15 +109,20 @@ def generate_dataset(
         WorkerError: a worker process crashed, or was killed; finished episodes stay.
         SceneError: a scene cannot be generated; finished episodes stay.
         ValueError: `keep` names an outcome that cannot be kept, or both `resume` and `overwrite` are set.
+        TypeError: the scenario is not a `ScenarioConfig`.
 
     Warns:
         ControllerWarning: most commands exceed the limits of the robot's drive, or move a unicycle sideways.
     """
     if resume and overwrite:
         raise ValueError("resume continues a data set and overwrite replaces it; set one of them")
+    require_config(scenario)
     out = Path(out)
     kept_outcomes = _in_fixed_order(keep)
-    loaded = load_controller(controller)
+    process = os.getpid()
+    with exits_raised():
+        loaded = load_controller(controller)
+    end_if_forked(process)
     info, hashes = controller_info_of(loaded, controller), source_hashes(controller, loaded)
     spec = DatasetSpec(scenario.name, scenario.settings(), seed, episodes, info, suffix, kept_outcomes, hashes)
     stored = read_manifest(out) if resume and (out / MANIFEST).exists() else None
@@ -210,15 +217,38 @@ def _run_episodes(job: Job, progress: Progress, workers: int | Workers, advance:
 
 def _episode_runner(job: Job) -> Callable[[int], EpisodeResult]:
     """A function that runs an episode by number; all its episodes share one controller."""
-    return partial(_run_episode, job, load_controller(job.spec.controller_info.path))
+    process = os.getpid()
+    controller = load_controller(job.spec.controller_info.path)
+    end_if_forked(process)
+    return partial(_run_episode, job, controller, process)
+
+
+class _ForkGuard:
+    """An observer that ends copies of the process which the controller has forked, in the tick in which it did.
+
+    Args:
+        process: id of the process that runs the batch.
+    """
+
+    def __init__(self, process: int) -> None:
+        self._process = process
+
+    def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
+        end_if_forked(self._process)
+
+    def note(self, frame: Frame) -> None:
+        end_if_forked(self._process)
+
+    def close(self, last: Snapshot, outcome: Outcome) -> None:
+        end_if_forked(self._process)
 
 
 def _is_failure(result: EpisodeResult) -> bool:
     return isinstance(result, FailedEpisode)
 
 
-def _run_episode(job: Job, controller: Controller, episode: int) -> EpisodeResult:
-    """Run one episode and write its file if its outcome is kept."""
+def _run_episode(job: Job, controller: Controller, process: int, episode: int) -> EpisodeResult:
+    """Run one episode and write its file if its outcome is kept; `process` is the id of this process."""
     spec = job.spec
     recorder = EpisodeRecorder(id=f"{episode:06d}", context=job.scenario.context)
     try:
@@ -226,7 +256,7 @@ def _run_episode(job: Job, controller: Controller, episode: int) -> EpisodeResul
         run = Episode(
             scene,
             controller,
-            observers=[recorder],
+            observers=[_ForkGuard(process), recorder],
             controller_info=spec.controller_info,
             renderer=renderer_for(controller),
         )
@@ -256,7 +286,10 @@ def _message(error: BaseException) -> str:
     if isinstance(error, Sonata2dError):
         return "; ".join([str(error), *notes])
     text = "; ".join([f"{type(error).__name__}: {error}", *notes])
-    last = traceback.extract_tb(error.__traceback__)[-1]
+    places = traceback.extract_tb(error.__traceback__)
+    if isinstance(error, SystemExit) and len(places) > 1 and places[-1].name == "raise_exit":
+        places.pop()  # see `exits_raised`: the caller of os._exit is the place
+    last = places[-1]
     return f"{text} ({Path(last.filename).name}, line {last.lineno})"
 
 

@@ -419,9 +419,8 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
         elif overwrite or not (stored["files"] or _episode_files(folder)):
             _remove_dataset(folder, stored)
         elif resume:
-            raise RecordError(
-                f"{folder} holds another data set: {differences}; replace it with --overwrite, or choose another folder"
-            )
+            remedy = "replace it with generate --overwrite, or choose another folder"
+            raise RecordError(f"{folder} holds another data set: {differences}; {remedy}")
         else:
             raise RecordError(
                 f"{folder} already holds a data set; continue it with --resume, replace it with --overwrite, or choose "

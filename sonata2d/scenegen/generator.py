@@ -51,10 +51,12 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
 
     Raises:
         SceneError: no layout of `config.max_layouts` has space for everything, or a given position is not possible.
+        TypeError: the settings are not a `ScenarioConfig`.
 
     >>> generate(ScenarioConfig(), seed=7) == generate(ScenarioConfig(), seed=7)
     True
     """
+    require_config(config)
     rng = RandomStream(seed, episode, "scene")
     plan, given = draw_floor_plan(config.room, rng), config
     if config.flip and rng.uniform() < config.flip:
@@ -71,6 +73,13 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
     if scene is None:
         scene = _try_layout(given, plan, fixed, clusters, manners, rng)  # the last error is raised
     return replace(scene, seed=seed, episode=episode, settings=config.settings())
+
+
+def require_config(config: object) -> None:
+    """Raise TypeError for the name of a scenario, or a dictionary, in place of its settings."""
+    if not isinstance(config, ScenarioConfig):
+        how = "ScenarioConfig(**settings)" if isinstance(config, dict) else "load_scenario(name or file)"
+        raise TypeError(f"the scenario must be a ScenarioConfig, got {config!r:.60}; use sonata2d.{how}")
 
 
 def _check_furniture(fixed: tuple[Furniture, ...], plan: FloorPlan) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 
 from sonata2d.agents.controllers.human_like import HumanLike
 from sonata2d.agents.controllers.labelled import Labelled
-from sonata2d.agents.controllers.loading import load_controller, named_controllers
+from sonata2d.agents.controllers.loading import load_controller, named_controllers, source_hashes
 from sonata2d.agents.controllers.planner import SocialPlanner
 from sonata2d.agents.controllers.reactive import StraightToGoal
 from sonata2d.errors import ControllerError
@@ -134,7 +135,7 @@ def test_weights_that_changed_since_the_recording_are_rejected(folder: Path) -> 
     [
         (["First"], None),
         (["First", "Second"], "one.py defines First, Second; name one Controller class, as in ./one.py:Name"),
-        ([], "one.py defines no class; name one Controller class"),
+        ([], "one.py defines no Controller class; name one Controller class"),
     ],
 )
 def test_the_only_controller_class_of_a_file_needs_no_name(folder: Path, classes: list[str], found: str | None) -> None:
@@ -147,3 +148,39 @@ def test_the_only_controller_class_of_a_file_needs_no_name(folder: Path, classes
         return
     with pytest.raises(ControllerError, match=re.escape(found)):
         load_controller("./one.py")
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        (
+            "class One(Controller):\n    def step(self, snapshot): ...\n",
+            "One is a Controller class without the method act",
+        ),
+        ("class One:\n    def act(self, snapshot): ...\n", "One is not a Controller class; write"),
+    ],
+)
+@pytest.mark.parametrize("name", ["./one.py", "./one.py:One"])
+def test_a_class_that_is_no_controller_is_explained(folder: Path, name: str, code: str, message: str) -> None:
+    (folder / "one.py").write_text(f"from sonata2d import Controller\n{code}")
+    with pytest.raises(ControllerError, match=message):
+        load_controller(name)
+
+
+def test_the_source_of_a_controller_is_hashed_and_that_of_sonata2d_is_not(folder: Path) -> None:
+    def hashes(name: str) -> dict[str, str]:
+        return source_hashes(name, load_controller(name))
+
+    sha256 = hashlib.sha256((folder / "mine.py").read_bytes()).hexdigest()
+    assert hashes("./mine.py:Mine") == {"./mine.py:Mine": sha256}
+    assert hashes("./mine.py") == {"./mine.py": sha256}
+    assert hashes("social-planner") == hashes("policy.npz") == {}
+    assert hashes("orca+./mine.py:Mine") == {"./mine.py:Mine": sha256}
+    (folder / "front.py").write_text("from tests.agents.test_loading import Elsewhere\n")
+    assert hashes("./front.py:Elsewhere") == {
+        "./front.py:Elsewhere": hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
+    }
+
+
+class Elsewhere(StraightToGoal):
+    """A controller that another file imports."""

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from sonata2d.datasets.verification import verify
 from sonata2d.errors import ControllerWarning
 
 from .conftest import Run, one_line, started
@@ -281,6 +282,42 @@ def test_a_controller_that_exits_is_an_error_of_its_episode(sonata2d: Run, here:
     assert "episode 2 of seed 0: SystemExit: 0; at tick 3 of episode 2, seed 0 (fatal.py, line 8)" in output
     assert "--resume" in output
     assert (here / "out/failed/000002.json").exists()
+
+
+def test_a_controller_that_ends_the_process_is_an_error_of_its_episode(sonata2d: Run, here: Path) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os._exit(0)"))
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 1"
+    output = one_line(sonata2d(line, code=1).output)
+    assert "episode 2 of seed 0: SystemExit: 0; at tick 3 of episode 2, seed 0 (fatal.py, line 8)" in output
+    assert os._exit.__name__ == "_exit"  # as before
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_process_that_a_controller_forks_does_not_run_the_batch_again(here: Path, workers: int) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os.fork() or setattr(self, '_x', 1)"))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
+    done = subprocess.run(
+        [sys.executable, "-m", "sonata2d_cli", *line.split()], cwd=here, capture_output=True, text=True, timeout=100
+    )
+    assert done.returncode == 0
+    assert "by the controller, and is ended because it went on with the batch" in one_line(done.stderr)
+    assert done.stdout.count("6 episodes of quick") == 1
+    assert verify(here / "out", replay=True) == []
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_threads_of_a_controller_do_not_keep_a_command_alive(here: Path, workers: int) -> None:
+    thread = "__import__('threading').Thread(target=__import__('time').sleep, args=(300,), name='sensor').start()"
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=thread))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
+    done = subprocess.run(
+        [sys.executable, "-m", "sonata2d_cli", *line.split()], cwd=here, capture_output=True, text=True, timeout=100
+    )
+    assert done.returncode == 0
+    assert "6 episodes of quick" in done.stdout
+    assert ("are ended: sensor" in done.stderr) == (workers == 1)  # else it runs in a worker, which ends silently
+    assert verify(here / "out") == []
 
 
 def test_a_controller_file_that_exits_when_it_is_imported_is_an_error(sonata2d: Run, here: Path) -> None:

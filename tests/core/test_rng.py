@@ -71,3 +71,14 @@ def test_many_uniforms_are_those_of_single_draws() -> None:
     one_by_one, together = (RandomStream(7, 3, "glances", 2) for _ in range(2))
     assert together.uniforms(5).tolist() == [one_by_one.uniform() for _ in range(5)]
     assert together.uniform() == one_by_one.uniform()
+
+
+@pytest.mark.parametrize(
+    ("items", "weights", "message"),
+    [(["a", "b"], [0.0, 0.0], "a weight above 0"), ([], None, "at least one item"), ([], [], "at least one item")],
+)
+def test_a_choice_without_possible_items_is_refused(
+    items: list[str], weights: list[float] | None, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        RandomStream(1, 0, "scene").choice(items, weights)

@@ -107,7 +107,7 @@ def test_manifests_without_counts_are_read_and_say_so(careless: Path, tmp_path: 
     write_json(tmp_path / "old/manifest.json", manifest)
     assert check_dataset(tmp_path / "old") == []
     assert contact_summary(rows(tmp_path / "old")).rows() == [("contacts", "not counted in 2 episodes")]
-    assert "contacts of 2 episodes were not counted" in card_text(read_manifest(tmp_path / "old"))
+    assert "whose contacts were not counted: 2." in card_text(read_manifest(tmp_path / "old"))
 
 
 def test_a_changed_count_is_found_by_the_check(careless: Path, tmp_path: Path) -> None:

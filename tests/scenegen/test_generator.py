@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -399,3 +400,11 @@ def test_the_requested_numbers_of_entities_are_placed(standing, wandering, table
         == Counter({"standing": standing, "wandering": wandering}) + Counter()
     )
     assert sum(piece.type == "table" for piece in scene.furniture) == tables
+
+
+@pytest.mark.parametrize(
+    ("settings", "remedy"), [("sonata-2020", "load_scenario"), ({"humans": 2}, r"ScenarioConfig\(\*\*settings\)")]
+)
+def test_a_name_or_a_dictionary_is_not_a_scenario(settings: Any, remedy: str) -> None:
+    with pytest.raises(TypeError, match=rf"must be a ScenarioConfig, got .*{remedy}"):
+        generate(settings, seed=1)

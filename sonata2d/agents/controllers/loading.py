@@ -208,9 +208,12 @@ def _find_class(module: ModuleType, attribute: str, name: str) -> type[Controlle
 
 def _only_class(module: ModuleType, name: str) -> type[Controller]:
     """The controller class that a file defines, if it defines just one; `name` is the path of the file."""
-    classes = [v for v in vars(module).values() if _is_controller_class(v) and v.__module__ == module.__name__]
+    own = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]
+    classes = [one for one in own if _is_controller_class(one)]
     if len(classes) != 1:
-        found = ", ".join(one.__name__ for one in classes) or "no class"
+        if not classes and len(own) == 1 and (problem := _problem(own[0])):
+            raise ControllerError(f"{name}:{own[0].__name__} {problem}")
+        found = ", ".join(one.__name__ for one in classes) or "no Controller class"
         raise ControllerError(f"{name} defines {found}; name one Controller class, as in {name}:Name")
     found_class: type[Controller] = classes[0]
     return found_class
@@ -220,6 +223,9 @@ def _problem(found: object) -> str | None:
     """Why an object cannot be used as a controller class, or None."""
     if _is_controller_class(found):
         return None
+    if isinstance(found, type) and issubclass(found, Controller):
+        missing = ", ".join(sorted(found.__abstractmethods__))
+        return f"is a Controller class without the method {missing}; write def act(self, snapshot)"
     return "is not a Controller class; write class X(sonata2d.Controller) with a method act"
 
 
