@@ -13,18 +13,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
-from data import PRESET, add_mirror_images, record_runs, run_command
+from data import add_mirror_images, record_runs, run_command
 from networks import NETWORKS
+from settings import AGGREGATION_SEED, EXPERT, PRESET, SETTINGS, TIME_LIMIT
 from train import train
 
 from sonata2d import ScenarioConfig, load_scenario
 from sonata2d.datasets import twist_image
 from sonata2d.record.files import safe_text
-
-ROUNDS, EPISODES, EPOCHS = 2, 300, 8
-SEED = 3000
-TIME_LIMIT = 30.0  # s: a learner that has not reached the goal by then is stuck
-EXPERT = "social-planner"
 
 
 def aggregate(
@@ -35,9 +31,9 @@ def aggregate(
     *,
     scenarios: Mapping[str, int],
     expert: str = EXPERT,
-    rounds: int = ROUNDS,
-    epochs: int = EPOCHS,
-    seed: int = SEED,
+    rounds: int = SETTINGS.rounds,
+    epochs: int = SETTINGS.epochs,
+    seed: int = AGGREGATION_SEED,
     workers: int = 1,
 ) -> Path:
     """Run rounds of data-set aggregation.
@@ -96,9 +92,9 @@ def short_scenario(name: str) -> ScenarioConfig:
 @click.command()
 @click.option("--network", type=click.Choice(list(NETWORKS)), default="paper", show_default=True)
 @click.option("-o", "--out", type=click.Path(path_type=Path, exists=True), default=Path("runs"), show_default=True)
-@click.option("--rounds", type=click.IntRange(1), default=ROUNDS, show_default=True)
-@click.option("--episodes", type=click.IntRange(1), default=EPISODES, show_default=True, help="Runs per round.")
-@click.option("--epochs", type=click.IntRange(1), default=EPOCHS, show_default=True, help="Epochs per round.")
+@click.option("--rounds", type=click.IntRange(1), default=SETTINGS.rounds, show_default=True)
+@click.option("--episodes", type=click.IntRange(1), default=SETTINGS.met, show_default=True, help="Runs per round.")
+@click.option("--epochs", type=click.IntRange(1), default=SETTINGS.epochs, show_default=True, help="Epochs per round.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True)
 def main(network: str, out: Path, rounds: int, episodes: int, epochs: int, workers: int) -> None:
     """Improve the network in OUT/NETWORK by data-set aggregation; write OUT/NETWORK-aggregated."""

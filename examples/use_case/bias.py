@@ -16,7 +16,8 @@ import click
 import matplotlib
 import numpy as np
 from aggregate import short_scenario
-from data import PRESET, record_runs, run_command
+from data import record_runs, run_command
+from settings import BIAS_SEED, EXPERT, PRESET, SETTINGS, title_of
 
 from sonata2d import Array, EpisodeRecord, read_episode
 from sonata2d.core.geometry import Barriers
@@ -26,15 +27,13 @@ from sonata2d.metrics import bootstrap_interval
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-EPISODES, SEED = 60, 4000
 NEAR = 0.1  # m, clearance below which the robot counts as near
-FEWEST_RUNS = 10  # for a mean over the runs that visit a bin; below it, the mean is left out
 EDGES = np.array([-0.1, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.4, 2.0])  # m, lower edges of the bins of clearance
 CLEARANCE, DIFFERENCE = 0, 1  # columns of the array of a run
 CONTROLLERS = {  # driver and labeller; {before} and {after} are the learner's weights
-    "expert": ("social-planner", "{before}"),
-    "before": ("{before}", "social-planner"),
-    "after": ("{after}", "social-planner"),
+    "expert": (EXPERT, "{before}"),
+    "before": ("{before}", EXPERT),
+    "after": ("{after}", EXPERT),
 }
 LEGEND = {"expert": "where the expert goes", "before": "where the learner goes", "after": "after aggregation"}
 COLOURS = {"expert": "#0072b2", "before": "#d55e00", "after": "#009e73"}  # Okabe & Ito
@@ -55,7 +54,7 @@ def record_driver(out: Path, network: str, driver: str, workers: int) -> Path:
     weights = {"before": out / network / "policy.npz", "after": out / f"{network}-aggregated" / "policy.npz"}
     controller = "+".join(part.format(**weights) for part in CONTROLLERS[driver])
     folder = out / "bias" / f"{network}-{driver}"
-    record_runs(controller, folder, short_scenario(PRESET), EPISODES, SEED, workers)
+    record_runs(controller, folder, short_scenario(PRESET), SETTINGS.bias, BIAS_SEED, workers)
     return folder
 
 
@@ -103,7 +102,7 @@ def statistics(runs: list[Array]) -> dict[str, Any]:
         "near": mean_with_interval([(run[:, CLEARANCE] < NEAR).mean() for run in runs]),
         "difference": mean_with_interval([run[:, DIFFERENCE].mean() for run in runs]),
         "share": [float(np.mean([(index == edge).mean() for index in bins])) for edge in range(len(EDGES))],
-        "by gap": [float(np.mean(values)) if len(values) >= FEWEST_RUNS else None for values in by_bin],
+        "by gap": [float(np.mean(values)) if len(values) >= SETTINGS.fewest_runs else None for values in by_bin],
     }
 
 
@@ -125,7 +124,7 @@ def draw(results: dict[str, dict[str, Any]], path: Path) -> None:
             left.bar(positions + 0.27 * (k - 1), numbers["share"], 0.27, **style)
             differences = [np.nan if value is None else value for value in numbers["by gap"]]
             right.plot(positions, differences, "os^"[k] + "-", **style)
-        left.set(ylabel=f"{network}\nshare of frames")
+        left.set(ylabel=f"{title_of(network)}\nshare of frames")
         right.set(ylabel="mean squared difference\nof learner and expert", ylim=(0, None))
         for axis in (left, right):
             axis.set_xticks(positions, names)

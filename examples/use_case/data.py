@@ -14,16 +14,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
+from settings import DATA_SEED, EXPERT, PARTS, PRESET, SETTINGS
 from tqdm import tqdm
 
 from sonata2d import ScenarioConfig, Sonata2dError, generate_dataset, load_scenario, read_episode
 from sonata2d.datasets import merge_datasets, mirror_dataset, read_manifest, split_dataset, twist_image, write_card
 from sonata2d.errors import RecordError
-
-PRESET = "sonata-2020"
-EPISODES = 3092  # runs that reached the goal, as in the paper
-SEED = 2020
-PARTS = {"train": 0.9, "dev": 0.05, "test": 0.05}
 
 LabelImage = Callable[[Any], Any]
 
@@ -141,18 +137,18 @@ def progress_bar(description: str, count: int) -> Iterator[Callable[[int], objec
 @click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("runs"), show_default=True)
 @click.option(
     "--driver",
-    default="social-planner",
+    default=EXPERT,
     show_default=True,
     help="Controller that drives; human-like: the expert with human delay and noise.",
 )
 @click.option(
     "--episodes",
     type=click.IntRange(20),
-    default=EPISODES,
+    default=SETTINGS.episodes,
     show_default=True,
     help="Number of runs that reach the goal.",
 )
-@click.option("--seed", type=click.IntRange(0), default=SEED, show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=DATA_SEED, show_default=True)
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
 @click.option(
     "--add",

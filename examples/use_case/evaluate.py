@@ -11,25 +11,25 @@ from pathlib import Path
 
 import click
 import numpy as np
-from data import PRESET, run_command
+from data import run_command
 from samples import load_samples
+from settings import EVALUATION_SEEDS, EXPERT, PRESET, SETTINGS
 
 from sonata2d.learning import Weights, write_weights
 from sonata2d.learning.weights import GRAPHS
 from sonata2d.scenegen import scenario_names
 
-REFERENCES = ("social-planner", "social-force", "straight-to-goal")  # controllers without training
+REFERENCES = (EXPERT, "social-force", "straight-to-goal")  # controllers without training
 SHIPPED = "graph-policy"
 LEARNED = ("paper", "paper-aggregated", "attention", "attention-aggregated", SHIPPED)
 MEAN = "mean"  # folder of the policy that always answers the mean command
-SCENES = {"few": (60, 60), "many": (1000, 1000), "everywhere": (20, 30)}  # episodes per scenario, seed
 
 
 def controllers_for(scenes: str, out: Path) -> list[str]:
     """Return the controllers to compare: paths of weights, then names.
 
     Args:
-        scenes: key of `SCENES`. `everywhere` compares the shipped policy with the expert only, and the mean command
+        scenes: `few`, `many` or `everywhere`, which compares the shipped policy with the expert only; the mean command
             takes part in `few` only.
         out: output folder of the use case.
     """
@@ -54,15 +54,15 @@ def write_mean_policy(out: Path) -> None:
 @click.option("-o", "--out", type=click.Path(path_type=Path, exists=True), default=Path("runs"), show_default=True)
 @click.option(
     "--scenes",
-    type=click.Choice(list(SCENES)),
+    type=click.Choice(list(SETTINGS.scenes)),
     default="few",
     show_default=True,
-    help=f"60 or 1000 scenes of {PRESET}, or 20 of every scenario.",
+    help="Few or many scenes of {}, {} or {}; or {} of every scenario.".format(PRESET, *SETTINGS.scenes.values()),
 )
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
 def main(out: Path, scenes: str, workers: int) -> None:
     """Run `sonata2d evaluate` into OUT/evaluation-SCENES, with a page and a picture."""
-    episodes, seed = SCENES[scenes]
+    episodes, seed = SETTINGS.scenes[scenes], EVALUATION_SEEDS[scenes]
     if scenes == "few":
         write_mean_policy(out)
     scenarios = sorted(scenario_names()) if scenes == "everywhere" else [PRESET]

@@ -16,8 +16,8 @@ from typing import Any
 import click
 import numpy as np
 from data import run_command
-from evaluate import LEARNED, MEAN, REFERENCES, SCENES, SHIPPED
-from train import RECIPES
+from evaluate import LEARNED, MEAN, REFERENCES, SHIPPED
+from settings import OURS, SETTINGS, title_of
 
 from sonata2d import read_episode
 from sonata2d.metrics import Measured, bootstrap_interval, wilson_interval
@@ -67,15 +67,15 @@ def error_table(out: Path) -> str:
 
     The shipped policy is left out: it was trained on other data, so its errors are not comparable.
     """
-    rows = [["SONATA paper", *(f"{error:.4f}" for error in PAPER_ERRORS.values()), "", "", "", ""]]
+    rows = [["published: R-GCN, people's runs", *(f"{error:.4f}" for error in PAPER_ERRORS.values()), "", "", "", ""]]
     for name in (name for name in LEARNED if name != SHIPPED):
         training = json.loads((out / name / "training.json").read_text())
         if not name.endswith("aggregated"):
             mean = [f"{training['error of the mean'][part]:.4f}" for part in PAPER_ERRORS]
-            rows.append([f"the mean command ({name})", *mean, "", "", "", ""])
+            rows.append([f"the mean command ({title_of(name)})", *mean, "", "", "", ""])
         errors = [f"{training['error'][part]:.4f}" for part in PAPER_ERRORS]
         sizes = [str(number) for number in (training["graphs"]["train"], training["parameters"], training["epochs"])]
-        rows.append([name, *errors, *sizes, f"{training['seconds']['cpu'] / 60:.1f} min"])
+        rows.append([title_of(name), *errors, *sizes, f"{training['seconds']['cpu'] / 60:.1f} min"])
     return markdown_table(["network", "train", "dev", "test", "graphs", "parameters", "epochs", "CPU"], rows)
 
 
@@ -84,7 +84,7 @@ def evaluation_table(out: Path, scenes: str) -> str:
 
     Args:
         out: output folder of the use case.
-        scenes: key of `SCENES`.
+        scenes: `few` or `many`.
     """
     results = {
         controller_name(evaluation["label"]): [run["values"] for run in evaluation["episodes"]]
@@ -99,7 +99,7 @@ def evaluation_table(out: Path, scenes: str) -> str:
         [title, *(mean_with_interval([run[metric] for run in results[name]]) for name in names)]
         for title, metric in MEANS.items()
     ]
-    return markdown_table([f"{SCENES[scenes][0]} scenes", *names], rows)
+    return markdown_table([f"{SETTINGS.scenes[scenes]} scenes", *map(title_of, names)], rows)
 
 
 def scenario_table(out: Path) -> str:
@@ -163,7 +163,7 @@ def bias_table(out: Path) -> str:
         for driver, numbers in results[network].items():
             near = "{:.1f} % [{:.1f}, {:.1f}]".format(*(100 * value for value in numbers["near"]))
             difference = "{:.3f} [{:.3f}, {:.3f}]".format(*numbers["difference"])
-            rows.append([network, DRIVERS[driver], near, difference])
+            rows.append([title_of(network), DRIVERS[driver], near, difference])
     return markdown_table(["network", "driver", "frames within 0.1 m of anything", "mean squared difference"], rows)
 
 
@@ -171,14 +171,14 @@ def settings_table() -> str:
     """The settings of the trainings."""
     head = ["network", "learning rate", "weight decay", "cosine decay", "batch", "epochs", "dev interval", "patience"]
     rows = []
-    for name, recipe in RECIPES.items():
+    for name, recipe in SETTINGS.recipes.items():
         rate, decay, fading, *counts = astuple(recipe)
-        rows.append([name, str(rate), str(decay), "yes" if fading else "no", *map(str, counts)])
+        rows.append([title_of(name), str(rate), str(decay), "yes" if fading else "no", *map(str, counts)])
     return markdown_table(head, rows)
 
 
 def film_strips(out: Path) -> str:
-    """Draw the best and the worst of the 1000 runs of the shipped policy, chosen by the rule of `sonata2d evaluate`."""
+    """Draw the best and the worst of the many runs of the shipped policy, chosen by the rule of `sonata2d evaluate`."""
     evaluations = read_evaluations(out, "many")
     folders = safe_texts([evaluation["label"] for evaluation in evaluations])
     evaluation, folder = next(
@@ -222,10 +222,14 @@ def main(out: Path, docs: Path | None) -> None:
             " errors compare before and after aggregation. The tables below show how the networks drive."
         ),
         paragraph(
-            f"The paper's network reached the goal in {PAPER_GOALS} of {PAPER_RUNS} runs"
-            f" ({100 * PAPER_GOALS / PAPER_RUNS:.1f} %)."
+            f"{OURS} is the network of the publication (B. Baghel et al., 2020), trained here on runs of the expert."
+            f" The published one, trained on runs of people, reached the goal in {PAPER_GOALS} of {PAPER_RUNS} runs"
+            f" ({100 * PAPER_GOALS / PAPER_RUNS:.1f} %) in scenes of its own; no table below contains it."
         ),
-        *(f"## {SCENES[scenes][0]} unseen scenes\n\n{evaluation_table(out, scenes)}" for scenes in ("few", "many")),
+        *(
+            f"## {SETTINGS.scenes[scenes]} unseen scenes\n\n{evaluation_table(out, scenes)}"
+            for scenes in ("few", "many")
+        ),
         paragraph("The page `evaluation-many.html` in the output folder shows all metrics of these runs."),
         "## Every scenario",
         scenario_table(out),

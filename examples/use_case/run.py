@@ -2,6 +2,7 @@
 
     pip install '.[learn]'
     python examples/use_case/run.py -o runs
+    python examples/use_case/run.py --small -o small    # every stage, with few episodes: minutes instead of hours
 
 Finished stages are skipped, and an interrupted stage is continued.
 """
@@ -18,6 +19,7 @@ from pathlib import Path
 
 import click
 from data import run_command
+from settings import SIZE, SIZE_VARIABLE
 
 HERE = Path(__file__).parent
 STAGES = (  # groups of stages; the stages of a group run at the same time
@@ -25,8 +27,8 @@ STAGES = (  # groups of stages; the stages of a group run at the same time
     {name: f"train.py --network {name} --data {{out}}/data" for name in ("paper", "attention")},
     {f"{name}-aggregated": f"aggregate.py --network {name}" for name in ("paper", "attention")},
     {"graph-policy": "ship.py"},
-    {"evaluation of 60": "evaluate.py --scenes few"},
-    {"evaluation of 1000": "evaluate.py --scenes many"},
+    {"evaluation of few": "evaluate.py --scenes few"},
+    {"evaluation of many": "evaluate.py --scenes many"},
     {"bias": "bias.py"},
     {"evaluation everywhere": "evaluate.py --scenes everywhere"},
     {"report": "report.py"},
@@ -69,14 +71,32 @@ def wait_for(process: subprocess.Popen[bytes]) -> float | None:
     return round(usage.ru_utime + usage.ru_stime, 1)
 
 
+def require_size(out: Path, size: str) -> None:
+    """Record the size of the use case in its folder; stages of two sizes must not be mixed.
+
+    Raises:
+        ClickException: the folder contains stages of another size.
+    """
+    path = out / "size.txt"
+    stored = path.read_text().strip() if path.exists() else "full" if (out / "stages").exists() else size
+    if stored != size:
+        raise click.ClickException(f"{out} contains the use case of size {stored}, not {size}; choose another folder")
+    path.write_text(f"{size}\n")
+
+
 @click.command()
-@click.option("-o", "--out", type=click.Path(path_type=Path), default=Path("runs"), show_default=True)
+@click.option("-o", "--out", type=click.Path(path_type=Path), help="Output folder.  [default: runs, or runs-small]")
+@click.option("--small", is_flag=True, help="Run every stage with few episodes and epochs, to see that all works.")
 @click.option(
     "--until", type=click.Choice([name for group in STAGES for name in group]), help="Stop after the group of a stage."
 )
-def main(out: Path, until: str | None) -> None:
+def main(out: Path | None, small: bool, until: str | None) -> None:
     """Make the data, train, aggregate, evaluate, and write OUT/report.md."""
+    size = "small" if small else SIZE
+    os.environ[SIZE_VARIABLE] = size  # of the scripts of the stages
+    out = out or Path("runs" if size == "full" else f"runs-{size}")
     out.mkdir(parents=True, exist_ok=True)
+    require_size(out, size)
     for group in STAGES:
         with ThreadPoolExecutor(len(group)) as pool:
             for finished in [pool.submit(run_stage, name, command, out) for name, command in group.items()]:

@@ -9,17 +9,14 @@ from pathlib import Path
 
 import click
 from aggregate import aggregate, record_scenarios
-from data import PARTS, PRESET, run_command
+from data import run_command
+from settings import PARTS, SETTINGS, SHIPPING_SEED
 
 from sonata2d.datasets import split_dataset
 from sonata2d.scenegen import scenario_names
 
 NETWORK = "attention"
 CAREFUL = f"{Path(__file__).with_name('careful.py')}:Careful"
-EXPERT_EPISODES = {PRESET: 600, "sonata-2020-crowded": 100}  # runs of the expert; 30 in every other scenario
-LEARNER_EPISODES = {PRESET: 300, "sonata-2020-crowded": 60}  # runs of the learner per round; 20 in every other scenario
-ROUNDS, EPOCHS = 1, 10
-SEED = 5000
 
 
 @click.command()
@@ -29,8 +26,8 @@ def main(out: Path, workers: int) -> None:
     """Write OUT/graph-policy/policy.npz."""
     scenarios, everywhere = sorted(scenario_names()), out / "everywhere"
     if not everywhere.exists():
-        episodes = {name: EXPERT_EPISODES.get(name, 30) for name in scenarios}
-        record_scenarios(CAREFUL, everywhere, episodes, SEED, workers)
+        episodes = {name: SETTINGS.careful_episodes(name) for name in scenarios}
+        record_scenarios(CAREFUL, everywhere, episodes, SHIPPING_SEED, workers)
     split_dataset(everywhere, PARTS)
     target = out / "graph-policy"
     aggregate(
@@ -38,11 +35,11 @@ def main(out: Path, workers: int) -> None:
         out / f"{NETWORK}-aggregated",
         target,
         [everywhere],
-        scenarios={name: LEARNER_EPISODES.get(name, 20) for name in scenarios},
+        scenarios={name: SETTINGS.shipped_episodes(name) for name in scenarios},
         expert=CAREFUL,
-        rounds=ROUNDS,
-        epochs=EPOCHS,
-        seed=SEED,
+        rounds=1,
+        epochs=SETTINGS.shipped_epochs,
+        seed=SHIPPING_SEED,
         workers=workers,
     )
     click.echo(target / "policy.npz")

@@ -20,42 +20,13 @@ import torch
 from data import run_command
 from networks import NETWORKS, export
 from samples import PARTS, Samples, concatenate, load_samples
+from settings import SETTINGS, THREADS, Recipe
 from torch import nn
 from tqdm import tqdm
 
 from sonata2d.core.portable_math import IntArray
 from sonata2d.learning import read_weights
 from sonata2d.learning.network import network_of
-
-THREADS = 1  # the order of sums, and so their bits, depend on it; two trainings at a time use two cores better
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """Settings of a training. The names are recorded in `state.pt`.
-
-    Attributes:
-        rate, decay: learning rate and weight decay of Adam.
-        fading: whether the learning rate falls to zero along half a cosine.
-        batch: graphs per step.
-        epochs: maximum number of epochs.
-        every: epochs between evaluations of the dev part.
-        patience: evaluations without improvement after which the training ends.
-    """
-
-    rate: float
-    decay: float
-    fading: bool
-    batch: int
-    epochs: int
-    every: int
-    patience: int
-
-
-RECIPES = {
-    "paper": Recipe(5e-4, 1e-9, fading=False, batch=40, epochs=40, every=5, patience=5),
-    "attention": Recipe(1e-3, 1e-9, fading=True, batch=64, epochs=30, every=5, patience=8),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +107,7 @@ def train(
     torch.use_deterministic_algorithms(True, warn_only=device.type == "cuda")
     torch.manual_seed(seed)
     out.mkdir(parents=True, exist_ok=True)
-    recipe = RECIPES[name] if epochs is None else replace(RECIPES[name], epochs=epochs)
+    recipe = SETTINGS.recipes[name] if epochs is None else replace(SETTINGS.recipes[name], epochs=epochs)
     network = NETWORKS[name]().to(device)
     if start is not None:
         network.load_state_dict(torch.load(start / "best.pt", weights_only=True, map_location=device))

@@ -100,6 +100,16 @@ def test_notes_and_options_of_a_format_are_told(sonata2d: Run, dataset: Path, he
         assert message in sonata2d(line, code=2 if "=" in line else 1).output
 
 
+def test_files_refused_for_one_reason_are_one_line(sonata2d: Run, here: Path) -> None:
+    (here / "raw").mkdir()
+    for name in "abc":
+        (here / f"raw/{name}.json").write_text('{"sequence": []}')
+    result = sonata2d("import raw --from socnav3 -o back", code=1)
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("refused: raw/a.json is not a valid socnav3 file: it has no walls; pass a file of them")
+    assert line.endswith("with --walls FILE (with the header only: no walls) (and 2 more for this reason)")
+
+
 def test_quirks_are_refused_for_other_formats(sonata2d: Run, dataset: Path, here: Path) -> None:
     sonata2d("export out --to sonata --quirks original -o exported")
     names = {path.name for path in (here / "exported").iterdir()}
