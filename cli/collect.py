@@ -8,9 +8,21 @@ from typing import TYPE_CHECKING
 import click
 
 from .command import Command
-from .common import PATH, compress_option, episode_suffix, examples, json_option, note, show_json, size_option
+from .common import (
+    PATH,
+    compress_option,
+    episode_suffix,
+    examples,
+    json_option,
+    language_option,
+    note,
+    show_json,
+    size_option,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from sonata2d.scenegen.scenario.config import ScenarioConfig
     from sonata2d.window.rate_screen import RateScreen
     from sonata2d.window.stage import Screen
@@ -37,6 +49,8 @@ if TYPE_CHECKING:
 @compress_option
 @click.option("--rate", type=PATH, metavar="DIR|FILE", help="Rate these recorded runs instead of driving.")
 @click.option("--repeats", type=click.FloatRange(0, 1), default=0.1, help="Fraction of the runs rated twice.")
+@click.option("--allow-scene-changes", is_flag=True, help="Let drivers change the numbers of people and objects (G).")
+@language_option
 @size_option
 @json_option
 def command(
@@ -49,7 +63,9 @@ def command(
     compress: str,
     rate: Path | None,
     repeats: float,
-    size: tuple[int, int],
+    allow_scene_changes: bool,
+    language: str,
+    size: tuple[int, int] | None,
     as_json: bool,
 ) -> None:
     """Open a window in which a person drives the robot, and store each run in the folder OUT.
@@ -62,11 +78,11 @@ def command(
         raise click.UsageError(f"{problem}give either a folder OUT to drive, or --rate DIR|FILE to rate recorded runs")
     from sonata2d.scenegen.scenario.load import load_scenario
     from sonata2d.window.name_screen import NameScreen
-    from sonata2d.window.profiles import remember, remembered
     from sonata2d.window.stage import Stage
+    from sonata2d.window.texts import choose_language
 
+    choose_language(language)
     config = load_scenario(scenario)
-    key = "contributor" if rate is None else "rater"
     rating: list[RateScreen] = []
 
     def first_screen(name: str) -> Screen:
@@ -76,16 +92,18 @@ def command(
             rating.append(screen)
         else:
             assert out is not None
-            screen = _drive_screen(out, name, config, seed, runs, view, episode_suffix(compress))
-        remember(None, **{key: name.strip()})
+            # A person who was named on the command line is the only one of this session.
+            another = ask_name if contributor is None else None
+            screen = _drive_screen(
+                out, name, config, seed, runs, view, episode_suffix(compress), allow_scene_changes, another
+            )
         return screen
 
+    def ask_name() -> Screen:
+        return NameScreen(first_screen, role="driver" if rate is None else "rater")
+
     stage = Stage("sonata2d: collect", size=size)
-    if contributor is not None:
-        stage.run(first_screen(contributor))
-    else:
-        texts = {"title": "Who rates?", "line": "Use a pseudonym; it is stored with each rating."}
-        stage.run(NameScreen(first_screen, str(remembered().get(key) or ""), **({} if rate is None else texts)))
+    stage.run(ask_name() if contributor is None else first_screen(contributor))
     if out is not None:
         _show_runs(out, as_json)
     elif as_json or rating:
@@ -93,7 +111,15 @@ def command(
 
 
 def _drive_screen(
-    out: Path, name: str, config: ScenarioConfig, seed: int, runs: int | None, view: str, suffix: str
+    out: Path,
+    name: str,
+    config: ScenarioConfig,
+    seed: int,
+    runs: int | None,
+    view: str,
+    suffix: str,
+    scene_changes: bool,
+    new_person: Callable[[], Screen] | None,
 ) -> Screen:
     from sonata2d.collect.session import Session
     from sonata2d.window.collect_screen import CollectScreen
@@ -101,7 +127,14 @@ def _drive_screen(
 
     devices = InputDevices()
     session = Session(out, name, config, seed=seed, mappings=devices.mappings, suffix=suffix)
-    return CollectScreen(session, devices, runs=runs, view="top" if view == "top" else "follow")
+    return CollectScreen(
+        session,
+        devices,
+        runs=runs,
+        view="top" if view == "top" else "follow",
+        scene_changes=scene_changes,
+        new_person=new_person,
+    )
 
 
 def _rate_screen(folder: Path, name: str, config: ScenarioConfig, seed: int, repeats: float, view: str) -> RateScreen:

@@ -45,9 +45,14 @@ compress_option = click.option(
 size_option = click.option(
     "--size",
     type=(click.IntRange(640), click.IntRange(480)),
-    default=(1280, 800),
     metavar="WIDTH HEIGHT",
-    help="Size of the window, pixels.",
+    help="Size of the window, pixels.  [default: fits the screen]",
+)
+language_option = click.option(
+    "--language",
+    metavar="NAME|FILE",
+    default="en",
+    help="Words of the window: en, de, zh, or your own table (TOML).",
 )
 
 

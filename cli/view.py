@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .command import Command
-from .common import PATH, examples, json_option, show_json, size_option
+from .common import PATH, examples, json_option, language_option, show_json, size_option
 from .controllers import CONTROLLER_NAMES
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 @click.option("--controller", metavar="NAME", help=f"Controller of --live. {CONTROLLER_NAMES}")
 @click.option("--scenario", metavar="NAME|FILE", help="Scenario of --live.  [default: sonata-2020]")
 @click.option("--seed", type=click.IntRange(0), help="Seed of the scenes of --live.  [default: 0]")
+@language_option
 @size_option
 @json_option
 def command(
@@ -42,7 +43,8 @@ def command(
     controller: str | None,
     scenario: str | None,
     seed: int | None,
-    size: tuple[int, int],
+    language: str,
+    size: tuple[int, int] | None,
     as_json: bool,
 ) -> None:
     """Play recorded episodes in a window, or watch a controller drive.
@@ -50,7 +52,10 @@ def command(
     DIR plays all episodes of a data set, FILE a single one. In the window you can pause, step, change the camera and
     save pictures (PNG or SVG); F1 shows the keys.
     """
+    from sonata2d.window.texts import choose_language
+
     view: View = "follow" if follow else "top"
+    choose_language(language)
     if live:
         if path is not None or controller is None:
             raise click.UsageError("--live needs --controller and takes no DIR|FILE")
@@ -61,7 +66,7 @@ def command(
     _play(path, view, speed, fps, size, as_json)
 
 
-def _play(path: Path, view: View, speed: float, fps: int, size: tuple[int, int], as_json: bool) -> None:
+def _play(path: Path, view: View, speed: float, fps: int, size: tuple[int, int] | None, as_json: bool) -> None:
     """Play an episode file or a data set."""
     from sonata2d.datasets.manifest import files_of
     from sonata2d.window.stage import Stage
@@ -76,7 +81,14 @@ def _play(path: Path, view: View, speed: float, fps: int, size: tuple[int, int],
 
 
 def _run_live(
-    controller: str, scenario: str, seed: int, view: View, speed: float, fps: int, size: tuple[int, int], as_json: bool
+    controller: str,
+    scenario: str,
+    seed: int,
+    view: View,
+    speed: float,
+    fps: int,
+    size: tuple[int, int] | None,
+    as_json: bool,
 ) -> None:
     """Run a controller in generated scenes; exit with 1 if it fails."""
     from sonata2d.scenegen.scenario.load import load_scenario

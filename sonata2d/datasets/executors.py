@@ -286,7 +286,7 @@ def exits_raised() -> Iterator[None]:
 
 
 def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -> None:
-    """Prepare a worker process: it ignores Ctrl-C, exits with its parent or after its work, and logs as its parent does.
+    """Prepare a worker process: it ignores Ctrl-C, exits with its parent or after its work, and logs like it.
 
     Args:
         stop: request to stop.

@@ -5,54 +5,49 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Self
 
 import pygame
 
+from .texts import text
+
 
 class Action(StrEnum):
-    """A request to the window.
+    """A request to the window; the value is its name in the profiles file."""
 
-    Attributes:
-        value: name in the profiles file.
-        text: description for the controls page.
-    """
+    CONFIRM = "confirm"
+    DISCARD = "discard"
+    REDO = "redo"
+    NEXT = "next"
+    UNDO = "undo"
+    PAUSE = "pause"
+    MENU = "menu"
+    HELP = "help"
+    HUD = "hud"
+    VIEW = "view"
+    ZONES = "zones"
+    ZOOM_IN = "zoom_in"
+    ZOOM_OUT = "zoom_out"
+    LABEL_UP = "label_up"
+    LABEL_DOWN = "label_down"
+    LABEL_1 = "label_1"
+    LABEL_2 = "label_2"
+    LABEL_3 = "label_3"
+    LABEL_4 = "label_4"
+    LABEL_5 = "label_5"
+    LABEL_6 = "label_6"
+    LABEL_7 = "label_7"
+    LABEL_8 = "label_8"
+    LABEL_9 = "label_9"
+    SCENE = "scene"
+    REMAP = "remap"
+    FULLSCREEN = "fullscreen"
+    QUIT = "quit"
+    NEW_PERSON = "new_person"
 
-    text: str
-
-    def __new__(cls, value: str, text: str = "") -> Self:
-        member = str.__new__(cls, value)
-        member._value_, member.text = value, text
-        return member
-
-    CONFIRM = "confirm", "start / keep the run"
-    DISCARD = "discard", "discard the run"
-    REDO = "redo", "redo the same scene"
-    NEXT = "next", "another scene"
-    UNDO = "undo", "undo the last keep"
-    PAUSE = "pause", "pause"
-    MENU = "menu", "menu"
-    HELP = "help", "help"
-    HUD = "hud", "show / hide readings"
-    VIEW = "view", "switch camera"
-    ZONES = "zones", "personal space"
-    ZOOM_IN = "zoom_in", "zoom in"
-    ZOOM_OUT = "zoom_out", "zoom out"
-    LABEL_UP = "label_up", "label up"
-    LABEL_DOWN = "label_down", "label down"
-    LABEL_1 = "label_1", "label 1"
-    LABEL_2 = "label_2", "label 2"
-    LABEL_3 = "label_3", "label 3"
-    LABEL_4 = "label_4", "label 4"
-    LABEL_5 = "label_5", "label 5"
-    LABEL_6 = "label_6", "label 6"
-    LABEL_7 = "label_7", "label 7"
-    LABEL_8 = "label_8", "label 8"
-    LABEL_9 = "label_9", "label 9"
-    SCENE = "scene", "scene settings"
-    REMAP = "remap", "set up the controls"
-    FULLSCREEN = "fullscreen", "full screen"
-    QUIT = "quit", "close the window"
+    @property
+    def text(self) -> str:
+        """Description for the controls page."""
+        return text("action.label", number=self.level) if self.level else text(f"action.{self.value}")
 
     @property
     def level(self) -> int:
@@ -81,45 +76,50 @@ PAD_ACTIONS: Mapping[str, Action] = {
     "hat0_y": Action.LABEL_UP, "-hat0_y": Action.LABEL_DOWN,
 }  # fmt: skip
 
-# Rows of the help page: default control, and what it does.
-HELP: tuple[tuple[str, str], ...] = (
-    ("W S or up, down", "drive ahead, back"),
-    ("A D or left, right", "turn"),
-    ("Q E", "sideways, if the robot can"),
-    ("Space", "brake"),
-    ("Drag the mouse", "drive: up is ahead"),
-    ("Left stick", "drive and turn"),
-    ("Right stick", "sideways, if the robot can"),
-    ("Left shoulder", "brake"),
-    ("Enter, pad A", "start; keep the run"),
-    ("Backspace, pad B", "discard the run"),
-    ("R, pad X", "redo the same scene"),
-    ("N, pad Y", "another scene"),
-    ("Ctrl+Z, pad Back", "undo the last keep"),
-    ("P, pad Start", "pause"),
-    ("1 to 9", "label 1 to 9"),
-    ("Wheel, Page keys, triggers", "label up, down"),
-    ("V, press right stick", "switch camera"),
-    ("H, press left stick", "show / hide readings"),
-    ("Z", "personal space"),
-    ("+ -", "zoom"),
-    ("G", "scene settings"),
-    ("K", "set up the controls"),
-    ("F11", "full screen"),
-    ("F12", "save a screenshot"),
-    ("F1", "this help"),
-    ("Esc", "menu"),
-    ("Ctrl+Q", "close the window"),
+# Rows of the help page: the keys, or the key of their text; the key of what they do; and whether it changes the scenes.
+_HELP = (
+    ("help.ahead_keys", "help.ahead"),
+    ("help.turn_keys", "help.turn"),
+    ("Q E", "help.sideways"),
+    ("Space", "help.brake"),
+    ("help.mouse_keys", "help.mouse"),
+    ("help.left_stick_keys", "help.left_stick"),
+    ("help.right_stick_keys", "help.sideways"),
+    ("help.shoulder_keys", "help.brake"),
+    ("help.confirm_keys", "help.confirm"),
+    ("help.discard_keys", "action.discard"),
+    ("help.redo_keys", "action.redo"),
+    ("help.next_keys", "action.next"),
+    ("help.undo_keys", "action.undo"),
+    ("help.pause_keys", "action.pause"),
+    ("help.label_keys", "help.labels"),
+    ("help.label_step_keys", "help.label_step"),
+    ("help.view_keys", "action.view"),
+    ("help.hud_keys", "action.hud"),
+    ("Z", "action.zones"),
+    ("+ -", "help.zoom"),
+    ("G", "action.scene"),
+    ("K", "action.remap"),
+    ("F11", "action.fullscreen"),
+    ("F12", "help.screenshot"),
+    ("F1", "help.this"),
+    ("Esc", "action.menu"),
+    ("Ctrl+Q", "action.quit"),
 )
 
-_CONTROL_TEXTS = {
-    "return": "Enter", "enter": "Num Enter", "escape": "Esc", "drag_x": "drag sideways",
-    "drag_y": "drag up and down", "wheel_up": "wheel up", "wheel_down": "wheel down",
-    "left_x": "left stick sideways", "left_y": "left stick up and down", "right_x": "right stick sideways",
-    "right_y": "right stick up and down", "left_stick": "left stick press", "right_stick": "right stick press",
-}  # fmt: skip
+
+def help_rows(*, scene_changes: bool) -> list[tuple[str, str]]:
+    """Rows of the help page: default control, and what it does."""
+    rows = [row for row in _HELP if scene_changes or row != ("G", "action.scene")]
+    return [(text(keys) if keys.startswith("help.") else keys, text(meaning)) for keys, meaning in rows]
+
+
+_NAMED = frozenset({  # controls that have a text
+    "return", "enter", "escape", "drag_x", "drag_y", "wheel_up", "wheel_down",
+    "left_x", "left_y", "right_x", "right_y", "left_stick", "right_stick",
+})  # fmt: skip
 _NUMBERED = re.compile(r"(-?)(axis|button|hat)(\d+)(?:_([xy]))?")
-_HAT_ENDS = {("", "x"): " right", ("-", "x"): " left", ("", "y"): " up", ("-", "y"): " down"}
+_HAT_ENDS = {("", "x"): "right", ("-", "x"): "left", ("", "y"): "up", ("-", "y"): "down"}
 _FIRST_LETTER, _FIRST_DIGIT = pygame.KSCAN_A, pygame.KSCAN_1
 
 
@@ -154,19 +154,21 @@ def control_text(control: str) -> str:
     >>> [control_text(control) for control in ("left_shoulder", "ctrl+z", "-axis3", "hat0_y", "w", "[4]", "page up")]
     ['left shoulder', 'Ctrl+Z', 'axis 3 minus', 'hat 0 up', 'W', 'Num 4', 'Page Up']
     """
-    if control in _CONTROL_TEXTS:
-        return _CONTROL_TEXTS[control]
+    if control in _NAMED:
+        return text(f"control.{control}")
     if len(control) == 1:
         return control.upper()
     if control.startswith("["):  # SDL's name of a key of the number pad
-        return f"Num {control[1:-1]}"
+        return text("control.number_pad", key=control[1:-1])
     numbered = _NUMBERED.fullmatch(control)
     if numbered:
         minus, kind, number, side = numbered.groups()
-        end = _HAT_ENDS.get((minus, side), " minus" if minus else "")
-        return f"{kind} {number}{end}"
+        if (minus, side) in _HAT_ENDS:
+            return text(f"control.hat_{_HAT_ENDS[minus, side]}", number=number)
+        name = text(f"control.{kind}", number=number)
+        return text("control.minus", control=name) if minus else name
     if control.startswith("-"):
-        return f"{control_text(control[1:])} minus"
+        return text("control.minus", control=control_text(control[1:]))
     if "_" in control:
         return control.replace("dpad", "d-pad").replace("_", " ")
     return "+".join(" ".join(word.capitalize() for word in part.split(" ")) for part in control.split("+"))

@@ -6,16 +6,37 @@ from typing import Any
 
 import pygame
 import pygame_gui
-from pygame_gui.elements import UIButton, UITextEntryLine
+from pygame_gui.elements import UITextEntryLine
 
 from ..core.devices import DeviceEvent
 from ..core.labels import LABEL_DEVICE, LabelSpec
 from .actions import Action
-from .widgets import ButtonSpec, Scale, button_row
+from .hud import FrameQuestion
+from .texts import text
+from .widgets import Choices, Scale
 
-_GAP, _ROW = 6, 40  # px at scale 1: between rows of buttons, and height of a row
+_ROW = 42  # height of a text field, px at scale 1
 _MAX_LENGTH = 2000  # characters of a text
 _STEP = 0.05  # change of a slider label per action
+
+
+def question_of(spec: LabelSpec) -> str:
+    """The question of a label; its name if there is none."""
+    return spec.question or text("question.nameless", name=spec.name)
+
+
+def answer_text(label: Any, spec: LabelSpec) -> str:
+    """A label as text in the window's language."""
+    if spec.kind == "yes_no":
+        return text("question.not_given") if label is None else text("question.yes" if label else "question.no")
+    return text("question.not_given") if label is None else spec.in_words(label)
+
+
+def labels_of(spec: LabelSpec) -> list[Any]:
+    """All labels of a discrete question in the order of their buttons: yes before no, classes in ascending order."""
+    if spec.kind == "yes_no":
+        return [True, False]
+    return list(range(1, spec.levels + 1))
 
 
 class LabelSlider:
@@ -60,6 +81,23 @@ class LabelSlider:
             self.position = min(max(start + sign * step, 0.0), 1.0)
         return bool(action.level) or action in (Action.LABEL_UP, Action.LABEL_DOWN)
 
+    def shown(self, label: Any) -> FrameQuestion | None:
+        """The question as the driver sees it while driving; None for a label that is not asked for while driving.
+
+        Args:
+            label: answer in use, if the position is undefined.
+        """
+        spec = self.spec
+        if not spec.per_frame:
+            return None
+        position = self.position if self.position is not None or label is None else spec.position_of(label)
+        answers = [answer_text(spec.label_at(k / (spec.levels - 1)), spec) for k in range(spec.levels)]
+        if spec.kind == "yes_no":  # yes is the first answer
+            answers.reverse()
+            position = None if position is None else 1.0 - position
+        keys = text("question.number_keys", count=spec.levels) if answers else text("question.frame_keys")
+        return FrameQuestion(question_of(spec), tuple(answers), spec.ends, keys, position)
+
     def set(self, label: Any) -> None:
         """Move to a label; None clears the position."""
         self.position = None if label is None else self.spec.position_of(label)
@@ -79,8 +117,8 @@ class Answer:
     def __init__(
         self, spec: LabelSpec, ui: pygame_gui.UIManager, box: pygame.Rect, scale: float, label: Any = None
     ) -> None:
-        self.spec, self._label = spec, label
-        self._buttons: list[UIButton] = []
+        self.spec = spec
+        self._choices: Choices | None = None
         self._scale: Scale | None = None
         self._entry: UITextEntryLine | None = None
         if spec.kind == "slider":
@@ -88,12 +126,25 @@ class Answer:
         elif spec.kind == "text":
             place = pygame.Rect(box.left, 0, box.width, round(_ROW * scale))
             place.centery = box.centery
-            self._entry = UITextEntryLine(place, ui, initial_text=label or "", placeholder_text="type here")
+            hint = text("question.type_here")
+            self._entry = UITextEntryLine(place, ui, initial_text=label or "", placeholder_text=hint)
             self._entry.set_text_length_limit(_MAX_LENGTH)
             ui.set_focus_set(self._entry)
         else:
-            self._buttons = self._button_rows(ui, box, scale)
-            self._choose(label)
+            chosen = None if label is None else labels_of(spec).index(label)
+            self._choices = Choices(box, self._texts(spec), scale, chosen)
+
+    @staticmethod
+    def height_of(spec: LabelSpec, width: int, scale: float) -> int:
+        """Height that the widgets need in a width, px."""
+        if spec.kind == "slider":
+            return Scale.height_of(spec.ends, width, scale)
+        return round(_ROW * scale) if spec.kind == "text" else Choices.height_of(Answer._texts(spec), width, scale)
+
+    @staticmethod
+    def _texts(spec: LabelSpec) -> list[str]:
+        """Texts of the buttons of a discrete question."""
+        return [answer_text(label, spec) for label in labels_of(spec)]
 
     @property
     def label(self) -> Any:
@@ -102,7 +153,9 @@ class Answer:
             return None if self._scale.value is None else self.spec.label_at(self._scale.value)
         if self._entry is not None:
             return self._entry.get_text().strip() or None
-        return self._label
+        if self._choices is None or self._choices.chosen is None:
+            return None
+        return labels_of(self.spec)[self._choices.chosen]
 
     @property
     def is_typing(self) -> bool:
@@ -113,12 +166,14 @@ class Answer:
         """Process an event; returns True if the answer has used it."""
         if self._scale is not None:
             return self._scale.handle(event)
-        if event.type != pygame.KEYDOWN or not self._buttons:
+        if self._choices is None:
             return False
-        label = self._label_of_key(event.key)
-        if label is not None:
-            self._choose(label)
-        return label is not None
+        if event.type != pygame.KEYDOWN:
+            return self._choices.handle(event)
+        chosen = self._choice_of_key(event.key, self._choices.chosen)
+        if chosen is not None:
+            self._choices.chosen = chosen
+        return chosen is not None
 
     def type_key(self, event: pygame.Event) -> None:
         """Pass a key to the text field if the focus was elsewhere."""
@@ -128,60 +183,26 @@ class Answer:
 
     def kill(self) -> None:
         """Remove the widgets."""
-        for button in self._buttons:
-            button.kill()
         if self._entry is not None:
             self._entry.kill()
 
     def draw(self, surface: pygame.Surface) -> None:
         """Draw what is not a widget of pygame_gui."""
-        if self._scale is not None:
-            self._scale.draw(surface)
+        for part in (self._scale, self._choices):
+            if part is not None:
+                part.draw(surface)
 
-    @property
-    def _labels(self) -> list[Any]:
-        """All labels in the order of their buttons: yes before no, classes in ascending order."""
-        if self.spec.kind == "yes_no":
-            return [True, False]
-        return list(range(1, self.spec.levels + 1))
-
-    def _button_rows(self, ui: pygame_gui.UIManager, box: pygame.Rect, scale: float) -> list[UIButton]:
-        """One row of buttons for up to five labels, otherwise two."""
-        labels, gap = self._labels, round(_GAP * scale)
-        columns = len(labels) if len(labels) <= 5 else (len(labels) + 1) // 2
-        rows = [labels[k : k + columns] for k in range(0, len(labels), columns)]
-        height = min(round(_ROW * scale), (box.height - gap * (len(rows) - 1)) // len(rows))
-        top = box.top + (box.height - len(rows) * (height + gap) + gap) // 2
-        buttons = []
-        for k, row in enumerate(rows):
-            place = pygame.Rect(box.left, top + k * (height + gap), round(box.width * len(row) / columns), height)
-            buttons += button_row(ui, place, [self._button(label) for label in row], gap=gap, equal=True)
-        return buttons
-
-    def _button(self, label: Any) -> ButtonSpec:
-        key = {True: "Y", False: "N"}[label] if self.spec.kind == "yes_no" else str(label)
-        return self.spec.in_words(label), lambda: self._choose(label), f"key {key}"
-
-    def _label_of_key(self, key: int) -> Any:
-        """Label of a key: Y and N, digits, or the arrows to move along the row; None for other keys."""
-        labels = self._labels
+    def _choice_of_key(self, key: int, chosen: int | None) -> int | None:
+        """Button of a key: Y and N, digits, or the arrows to move along the buttons; None for other keys."""
+        labels = labels_of(self.spec)
         if self.spec.kind == "yes_no" and key in (pygame.K_y, pygame.K_n):
-            return key == pygame.K_y
+            return int(key == pygame.K_n)
         digit = next((key - first + 1 for first in (pygame.K_1, pygame.K_KP_1) if 0 <= key - first < 9), 0)
         if digit:
-            return labels[digit - 1] if digit <= len(labels) and self.spec.kind == "classes" else None
+            return digit - 1 if digit <= len(labels) and self.spec.kind == "classes" else None
         if key not in (pygame.K_LEFT, pygame.K_RIGHT):
             return None
         step = 1 if key == pygame.K_RIGHT else -1
-        if self._label is None:
-            return labels[0 if step > 0 else -1]
-        return labels[min(max(labels.index(self._label) + step, 0), len(labels) - 1)]
-
-    def _choose(self, label: Any) -> None:
-        """Store the answer and highlight its button."""
-        self._label = label
-        for button, own in zip(self._buttons, self._labels, strict=True):
-            if own == label:
-                button.select()
-            else:
-                button.unselect()
+        if chosen is None:
+            return 0 if step > 0 else len(labels) - 1
+        return min(max(chosen + step, 0), len(labels) - 1)

@@ -11,13 +11,12 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..view.draw import Layers
 from ..view.painter import Painter
-from ..view.palette import INK, PAPER
+from ..view.palette import INK, OUTSIDE, PAPER
 from .actions import Action
-from .hud import Hud, draw_hud
+from .hud import Hud, draw_hud, free_area
 from .input import MouseJoystick
 
 _ZOOM_STEP, _MIN_ZOOM, _MAX_ZOOM = 1.25, 0.4, 3.0
-_TOP_MARGIN = 0.92  # zoom factor of the top view, so that the readings in the corners do not cover the room
 
 
 class SceneCamera:
@@ -48,15 +47,20 @@ class SceneCamera:
             return False
         return True
 
-    def draw(self, surface: pygame.Surface, snapshot: Snapshot, hud: Hud, *, scale: float, question: str = "") -> None:
-        """Draw the world, and the readings over it."""
+    def draw(self, surface: pygame.Surface, snapshot: Snapshot, hud: Hud, *, scale: float) -> None:
+        """Draw the world, and the readings over it; the whole room is drawn where the readings leave space."""
         if self._painter is None or self._scene is not snapshot.scene:
             self._scene, self._painter = snapshot.scene, Painter(snapshot.scene)
-        layers = Layers(caption=False, zones=self._zones)
-        zoom = self._zoom * (_TOP_MARGIN if self.view == "top" else 1.0)
-        camera = self._painter.draw(surface, snapshot, view=self.view, layers=layers, zoom=zoom)
+        area = surface.get_rect()
+        if self._hud and (self.view == "top" or hud.question is not None):
+            surface.fill(OUTSIDE)
+            area = free_area(surface, hud, scale=scale)
+            if self.view == "follow":  # only a question may hide the robot, because it is at the lower edge
+                area = pygame.Rect(0, 0, area.width, area.bottom)
+        picture, layers = surface.subsurface(area), Layers(caption=False, zones=self._zones)
+        camera = self._painter.draw(picture, snapshot, view=self.view, layers=layers, zoom=self._zoom)
         if self._hud:
-            draw_hud(surface, hud, snapshot, camera, scale=scale, question=question)
+            draw_hud(surface, hud, snapshot, camera, scale=scale, origin=area.topleft)
 
 
 def draw_mouse_joystick(surface: pygame.Surface, joystick: MouseJoystick) -> None:

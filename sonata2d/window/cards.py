@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton
 
-from ..view.palette import BLUE, FAINT, INK, PAPER
+from ..view.fonts import wrapped
+from ..view.palette import BLUE, FAINT, INK, PAPER, VERMILLION, Colour
 from .actions import Action
-from .widgets import EDGE, LARGE, TEXT, wrapped, write
+from .answer import question_of
+from .texts import text
+from .widgets import EDGE, LARGE, SMALL, TEXT, natural_width, text_size, write
 
 if TYPE_CHECKING:
     from ..collect.rating import RatingSession
@@ -19,8 +22,19 @@ if TYPE_CHECKING:
 
 Buttons = Sequence[tuple[str, Action]]
 Text = tuple[str, list[str]]  # title and lines
-_WIDTH, _TITLE, _LINE, _ROW, _GAP = 520, 40, 24, 38, 12  # px at scale 1
-_MAX_LINES = 4  # of one wrapped text
+_WIDTH, _ROW, _GAP = 640, 42, 14  # px at scale 1
+_PITCH = 1.3  # distance of lines, in heights of the text
+_SHRINK = 0.92  # factor by which a card becomes smaller until it fits into the window
+_KEY_SHARE, _MEANING_SHARE = 0.23, 0.26  # of the width, for keys and their meanings in two columns of pairs
+_SHORT_RUN = 2.0  # s; a shorter run may have been ended by mistake
+
+
+class _Line(NamedTuple):
+    """One drawn line of a card."""
+
+    words: str
+    size: int  # px
+    colour: Colour
 
 
 class Card:
@@ -29,16 +43,19 @@ class Card:
     Args:
         ui: manager of the window's widgets.
         scale: of texts and widgets.
-        title: first line.
+        title: headline.
         lines: further lines; pairs of a key and its meaning are set in two columns.
         buttons: text and action of each button.
-        free_height: height left free between lines and buttons, px at scale 1.
-        high_up: whether the card lies in the upper part of the window.
-        stacked: whether the buttons are below one another.
+        above: a small line above the title.
+        warning: a line that stands out, below the others.
+        free_height: height left free between lines and buttons, px, for a width in px and a scale.
+        top: of the card, px; None for the middle of the window.
+        stacked: whether the buttons are below one another; they are as well if they do not fit side by side.
 
     Attributes:
         box: of the card, px.
         free: box left free for other widgets, px.
+        scale: of the card; smaller than that of the window if the card would not fit.
     """
 
     def __init__(
@@ -49,49 +66,57 @@ class Card:
         lines: Sequence[str | tuple[str, str]] = (),
         buttons: Buttons = (),
         *,
-        free_height: int = 0,
-        high_up: bool = False,
+        above: str = "",
+        warning: str = "",
+        free_height: Callable[[int, float], int] | None = None,
+        top: int | None = None,
         stacked: bool = False,
     ) -> None:
-        self._title, self._pairs = title, [line for line in lines if isinstance(line, tuple)]
+        self._texts = (above, title, [line for line in lines if isinstance(line, str)], warning)
+        self._pairs = [line for line in lines if isinstance(line, tuple)]
+        self.scale = scale
         window_width, window_height = ui.window_resolution
-        width = 1.7 * _WIDTH if self._pairs else _WIDTH
-        # The card shrinks until both its width and its height fit into the window.
-        self._scale = min(scale, (window_width - 20) / width)
-        texts = [line for line in lines if isinstance(line, str)]
-        inner, size = self._px(width - 2 * _GAP), self._px(TEXT)
-        self._lines = [line for text in texts for line in wrapped(text, inner, size, max_lines=_MAX_LINES)]
-        rows = len(buttons) if stacked else min(len(buttons), 1)
-        above = _GAP + _TITLE + _LINE * (len(self._lines) + (len(self._pairs) + 1) // 2)
-        height = above + free_height + rows * (_ROW + _GAP) + _GAP
-        self._scale = min(self._scale, (window_height - 20) / height)
-        self.box = pygame.Rect(0, 0, self._px(width), self._px(height))
-        self.box.center = (window_width // 2, window_height // 2)
-        if high_up:
-            self.box.top = round(50 * scale)
-        inside = self.box.inflate(-2 * self._px(_GAP), 0)
-        self.free = pygame.Rect(inside.left, self.box.top + self._px(above), inside.width, self._px(free_height))
-        self._buttons = self._create_buttons(ui, buttons, stacked)
+        start = top or 0
+        while True:  # smaller until the height fits; the width is limited anyway
+            self.box = pygame.Rect(0, 0, min(self._px(_WIDTH * (1.6 if self._pairs else 1.0)), window_width - 20), 0)
+            inner = self.box.width - 2 * self._px(_GAP)
+            self._lines = self._laid_out(inner)
+            free = free_height(inner, self.scale) if free_height else 0
+            gap, row = self._px(_GAP), self._px(_ROW)
+            widths = [natural_width(ui, words) + 2 * gap for words, _ in buttons]
+            is_stacked = stacked or sum(widths) + gap * (len(buttons) - 1) > inner
+            rows = len(buttons) if is_stacked else min(len(buttons), 1)
+            head = gap + sum(round(line.size * _PITCH) for line in self._lines)
+            head += (len(self._pairs) + 1) // 2 * self._pair_pitch + self._px(6)
+            self.box.height = head + (free + gap if free else 0) + rows * (row + gap) + gap // 2
+            if self.box.height <= window_height - start - 10 or self.scale < 0.4:
+                break
+            start = 10 if self.scale < 0.8 * scale else start  # rather over the readings than unreadable
+            self.scale *= _SHRINK
+        self.box.center = window_width // 2, window_height // 2
+        if top is not None:
+            self.box.top = start
+        self.free = pygame.Rect(self.box.left + gap, self.box.top + head, inner, free)
+        bottom = pygame.Rect(self.free.left, self.box.bottom - gap // 2 - rows * (row + gap), inner, row)
+        self._buttons = self._create_buttons(ui, buttons, bottom, widths, is_stacked)
 
     def pressed(self, event: pygame.Event) -> Action | None:
         """Action of the button that an event reports as pressed; None for other events."""
         return self._buttons.get(event.ui_element) if event.type == pygame_gui.UI_BUTTON_PRESSED else None
 
     def draw(self, surface: pygame.Surface, notice: str = "") -> None:
-        """Draw everything but the widgets; a notice is shown below the card."""
-        if notice:
-            self._draw_notice(surface, notice)
+        """Draw everything but the widgets; a notice is shown beside the card, not behind it."""
         radius = self._px(10)
         pygame.draw.rect(surface, PAPER, self.box, border_radius=radius)
-        pygame.draw.rect(surface, EDGE, self.box, width=1, border_radius=radius)
-        x, y = self.box.centerx, self.box.top + self._px(_GAP + _TITLE / 2)
-        width = self.free.width
-        write(surface, self._title, (x, y), size=self._px(LARGE), anchor="center", max_width=width)
-        y += self._px((_TITLE + _LINE) / 2)
-        for line in self._lines:
-            write(surface, line, (x, y), size=self._px(TEXT), colour=FAINT, anchor="center", max_width=width)
-            y += self._px(_LINE)
+        pygame.draw.rect(surface, EDGE, self.box, width=max(self._px(1), 1), border_radius=radius)
+        y: float = self.box.top + self._px(_GAP)
+        for words, size, colour in self._lines:
+            pitch = round(size * _PITCH)
+            write(surface, words, (self.box.centerx, y + pitch / 2), size=size, colour=colour, anchor="center")
+            y += pitch
         self._draw_pairs(surface, y)
+        if notice:
+            self._draw_notice(surface, notice)
 
     def kill(self) -> None:
         """Remove the widgets."""
@@ -99,36 +124,58 @@ class Card:
             button.kill()
 
     def _px(self, size: float) -> int:
-        return round(size * self._scale)
+        return round(size * self.scale)
+
+    @property
+    def _pair_pitch(self) -> int:
+        return round(text_size(TEXT, self.scale) * _PITCH)
+
+    def _laid_out(self, width: int) -> list[_Line]:
+        """The texts as lines that fit into a width."""
+        above, title, lines, warning = self._texts
+        parts = [(above, SMALL, FAINT), (title, LARGE, INK)]
+        parts += [(line, TEXT, FAINT) for line in lines] + [(warning, TEXT, VERMILLION)]
+        laid_out = []
+        for words, points, colour in parts:
+            size = text_size(points, self.scale)
+            rows = wrapped(words, width, size) or ([""] if words in lines else [])  # empty lines separate paragraphs
+            laid_out += [_Line(row, size, colour) for row in rows]
+        return laid_out
 
     def _draw_notice(self, surface: pygame.Surface, notice: str) -> None:
-        size, width = self._px(TEXT), self.free.width
-        lines = wrapped(notice, width, size, max_lines=_MAX_LINES)
-        box = pygame.Rect(self.box.left, self.box.bottom + 6, self.box.width, self._px(_LINE * len(lines) + _GAP))
+        """A dark box below the card, or above it if there is more space."""
+        size, width = text_size(TEXT, self.scale), self.box.width - 2 * self._px(_GAP)
+        lines, pitch = wrapped(notice, width, size), round(size * _PITCH)
+        box = pygame.Rect(self.box.left, self.box.bottom + self._px(6), self.box.width, 0)
+        box.height = pitch * len(lines) + self._px(_GAP)
+        if box.bottom > surface.get_height():
+            box.bottom = max(self.box.top - self._px(6), box.height)
         pygame.draw.rect(surface, INK, box, border_radius=self._px(8))
         for k, line in enumerate(lines):
-            y = box.top + self._px((k + 0.5) * _LINE + _GAP / 2)
-            write(surface, line, (box.centerx, y), size=size, colour=PAPER, anchor="center", max_width=width)
+            y = box.top + self._px(_GAP) / 2 + (k + 0.5) * pitch
+            write(surface, line, (box.centerx, y), size=size, colour=PAPER, anchor="center")
 
-    def _draw_pairs(self, surface: pygame.Surface, top: int) -> None:
+    def _draw_pairs(self, surface: pygame.Surface, top: float) -> None:
         """Keys and their meanings, one half on the left and one on the right."""
-        half, size, width = (len(self._pairs) + 1) // 2, self._px(TEXT), self.free.width
+        half, size, width = (len(self._pairs) + 1) // 2, text_size(TEXT, self.scale), self.box.width
         for k, (key, meaning) in enumerate(self._pairs):
-            middle = self.free.left + (k // half) * width / 2 + 0.26 * width
-            y = top + (k % half) * self._px(_LINE)
-            write(surface, key, (middle, y), size=size, colour=BLUE, anchor="midright", max_width=0.26 * width)
-            write(surface, meaning, (middle + 10, y), size=size, colour=INK, max_width=0.23 * width)
+            middle = self.box.left + (k // half) * width / 2 + (_KEY_SHARE + 0.005) * width
+            y = top + (k % half + 0.5) * self._pair_pitch
+            write(surface, key, (middle, y), size=size, colour=BLUE, anchor="midright", max_width=_KEY_SHARE * width)
+            place = middle + self._px(10), y
+            write(surface, meaning, place, size=size, colour=INK, max_width=_MEANING_SHARE * width - self._px(14))
 
-    def _create_buttons(self, ui: pygame_gui.UIManager, buttons: Buttons, stacked: bool) -> dict[UIButton, Action]:
-        """Buttons side by side, with widths by the lengths of their texts, or below one another."""
-        gap, row = self._px(_GAP), self._px(_ROW)
-        letters = sum(len(text) + 2 for text, _ in buttons)
-        left, top, created = self.free.left, self.free.bottom + gap // 2, {}
-        total = self.free.width - gap * (len(buttons) - 1)
-        for text, action in buttons:
-            width = self.free.width if stacked else total * (len(text) + 2) // letters
-            created[UIButton(pygame.Rect(left, top, width, row), text, ui)] = action
-            left, top = (left, top + row + gap) if stacked else (left + width + gap, top)
+    def _create_buttons(
+        self, ui: pygame_gui.UIManager, buttons: Buttons, place: pygame.Rect, widths: Sequence[int], stacked: bool
+    ) -> dict[UIButton, Action]:
+        """Buttons side by side, with widths by their texts, or below one another."""
+        gap, created = self._px(_GAP), {}
+        left, top = place.left, place.top
+        rest = place.width - gap * (len(buttons) - 1) - sum(widths)
+        for (words, action), natural in zip(buttons, widths, strict=True):
+            width = place.width if stacked else natural + rest // len(buttons)
+            created[UIButton(pygame.Rect(left, top, width, place.height), words, ui)] = action
+            left, top = (left, top + place.height + gap) if stacked else (left + width + gap, top)
         return created
 
 
@@ -137,105 +184,114 @@ class Card:
 Light = Literal["waiting", "recording", "paused", "frozen"]
 LIGHTS: dict[str, Light] = {"waiting": "waiting", "driving": "recording", "paused": "paused", "ended": "frozen"}
 
-_DRIVE = ("W A S D, stick or drag", "drive")
-_HELP = ("F1", "help")
-KEYS: dict[str, tuple[tuple[str, str], ...]] = {
-    "waiting": (_DRIVE, ("N", "another scene"), ("V", "camera"), ("G", "scene"), ("Z", "zones"), _HELP),
-    "driving": (_DRIVE, ("Enter", "end the run"), ("P", "pause"), ("V", "camera"), ("H", "readings"), _HELP),
-    "paused": (("P", "continue"), ("R", "redo"), ("N", "another scene"), _HELP),
-    "ended": (("Enter", "keep"), ("Backspace", "discard"), ("R", "redo"), _HELP),
+_DRIVE = ("keys.driving_keys", "keys.drive")
+_HELP = ("F1", "keys.help")
+_SCENE = ("G", "keys.scene")
+_KEYS: dict[str, tuple[tuple[str, str], ...]] = {  # a key, or the key of its text; the key of its meaning
+    "waiting": (_DRIVE, ("N", "keys.another_scene"), ("V", "keys.camera"), _SCENE, ("Z", "keys.zones"), _HELP),
+    "driving": (
+        _DRIVE, ("Enter", "keys.end_run"), ("P", "keys.pause"), ("V", "keys.camera"), ("H", "keys.readings"), _HELP,
+    ),
+    "paused": (("P", "keys.continue"), ("R", "keys.redo"), ("N", "keys.another_scene"), _HELP),
+    "ended": (("Enter", "keys.keep"), ("Backspace", "keys.discard"), ("R", "keys.redo"), _HELP),
+    "typing": (("Enter", "keys.keep"), ("Esc", "keys.menu"), ("Ctrl+Q", "keys.close")),  # letters belong to a text
+}  # fmt: skip
+_MENU = {
+    "menu.continue": Action.MENU,
+    "menu.redo": Action.REDO,
+    "menu.next": Action.NEXT,
+    "menu.undo": Action.UNDO,
+    "menu.scene": Action.SCENE,
+    "menu.controls": Action.REMAP,
+    "menu.help": Action.HELP,
+    "menu.new_person": Action.NEW_PERSON,
+    "menu.quit": Action.QUIT,
 }
-TYPING_KEYS = (("Enter", "keep"), ("Esc", "menu"), ("Ctrl+Q", "close"))  # while letters belong to a text
-
-MENU = (
-    ("Continue", Action.MENU),
-    ("Redo this scene", Action.REDO),
-    ("Another scene", Action.NEXT),
-    ("Undo the last keep", Action.UNDO),
-    ("Scene settings", Action.SCENE),
-    ("Set up the controls", Action.REMAP),
-    ("Keys and buttons", Action.HELP),
-    ("Quit", Action.QUIT),
-)
-ENDED = (("Keep (Enter)", Action.CONFIRM), ("Discard (Backspace)", Action.DISCARD), ("Redo (R)", Action.REDO))
-_OUTCOMES = {"goal": "Goal reached", "timeout": "Time is over", "contact": "Collision", "stopped": "Run ended"}
+_ENDED = {"run.keep": Action.CONFIRM, "run.discard": Action.DISCARD, "run.redo": Action.REDO}
+_OUTCOMES = ("goal", "timeout", "contact", "stopped")
 
 
-def outcome_text(session: Session) -> Text:
-    """Title and lines of the card at the end of a run."""
+def keys_of(state: str, *, scene_changes: bool) -> tuple[tuple[str, str], ...]:
+    """Keys and their functions in a state of the session, or while `typing`."""
+    shown = [pair for pair in _KEYS[state] if scene_changes or pair != _SCENE]
+    return tuple((text(key) if key == _DRIVE[0] else key, text(meaning)) for key, meaning in shown)
+
+
+def menu_buttons(hidden: Sequence[Action]) -> Buttons:
+    """Buttons of the menu without some actions."""
+    return [(text(key), action) for key, action in _MENU.items() if action not in hidden]
+
+
+def ended_card(ui: pygame_gui.UIManager, scale: float, session: Session, free_height: Callable[[int, float], int],
+               top: int) -> Card:  # fmt: skip
+    """The card at the end of a run: the question is its headline."""
     assert session.outcome is not None
-    spec, status = session.label_spec, session.outcome.status
-    question = (spec.question or spec.name) if spec.per_run else "Keep this run?"
-    return _OUTCOMES.get(status, status), [f"{session.outcome.time:.1f} s driven. {question}"]
+    spec, status, time = session.label_spec, session.outcome.status, session.outcome.time
+    above = text(f"run.{status}", time=f"{time:.1f}") if status in _OUTCOMES else status
+    is_short = time < _SHORT_RUN
+    return Card(
+        ui,
+        scale,
+        question_of(spec) if spec.per_run else text("run.keep_question"),
+        buttons=[(text(key), action) for key, action in _ENDED.items()],
+        above=above,
+        warning=text("run.short", time=f"{time:.1f}") if is_short else "",
+        free_height=free_height,
+        top=top,
+    )
 
 
 def recovered_notice(session: Session) -> str:
     """Notice about a run that continues from an earlier session."""
     assert session.recovered is not None
-    notice = f"Your last run was left open after {session.recovered:.1f} s; it continues from there."
+    notice = text("notice.recovered", time=f"{session.recovered:.1f}")
     if session.scene.name == session.config.name:
         return notice
-    return f"{notice} Its scenario is {session.scene.name}; {session.config.name} starts with the next scene."
+    return f"{notice} {text('notice.recovered_scenario', old=session.scene.name, new=session.config.name)}"
 
 
 def state_notice(session: Session) -> str:
-    """Notice that tells what to do while the session is paused or waiting."""
-    if session.state == "paused":
-        return "Paused: drive on, or press P"
-    if session.state != "waiting":
-        return ""
-    return "Drive to the green target. The world waits for your first move."
+    """Notice that says what to do while the session is paused or waiting."""
+    return text(f"notice.{session.state}") if session.state in ("paused", "waiting") else ""
 
 
 # Texts of the rating screen, by phase
 
-_ANSWER_KEYS = {
-    "yes_no": "Y, N: answer",
-    "classes": "1, 2, …: answer",
-    "slider": "Left, Right: answer (with Shift: small steps)",
-    "text": "type the answer",
-}
-_MAX_SKIPPED = 5  # names of files that are listed
-
 
 def rating_start(session: RatingSession) -> Text:
-    """The question, the number of runs left, and the keys."""
-    spec, total = session.spec, session.total
-    with_control = "      (while typing: with Ctrl)" if spec.kind == "text" else ""
-    return "Rating runs", [
-        spec.question or f"{spec.name}?",
+    """The question, the fraction of the runs that is done, and the keys.
+
+    The number of presentations is not shown: it would reveal that some runs are shown twice.
+    """
+    spec = session.spec
+    return question_of(spec), [
         "",
-        f"{total - session.done} of {total} runs are left for {session.rater}.",
-        "Watch each run to its end. Then you can answer.",
-        f"{_ANSWER_KEYS[spec.kind]}      Enter: save, next run",
-        f"Space: pause      R: watch again      V: camera      + -: speed{with_control}",
-        "You can stop at any time with Esc and continue later.",
-        "",
-        "Space: begin",
+        text("rating.left_some", percent=percent_done(session)) if session.done else text("rating.left_none"),
+        text("rating.watch_first"),
+        text(f"rating.keys_{spec.kind}"),
+        text("rating.keys_play_typing" if spec.kind == "text" else "rating.keys_play"),
+        text("rating.stop"),
     ]
 
 
 def rating_break(session: RatingSession) -> Text:
     """Suggestion to take a break."""
-    return "Time for a break", [
-        f"{session.done} of {session.total} runs are rated.",
-        "Look out of the window for a while.",
+    return text("rating.break"), [
+        text("rating.left_some", percent=percent_done(session)),
+        text("rating.break_line"),
         "",
-        "Space: continue      Esc: stop for now",
+        text("rating.break_stop"),
     ]
 
 
 def rating_end(session: RatingSession) -> Text:
-    """The file of the ratings, and the runs that could not be shown."""
-    skipped = [f"Skipped, because it cannot be read: {name}" for name in session.skipped[:_MAX_SKIPPED]]
-    more = len(session.skipped) - len(skipped)
-    return "Thank you!", [
-        f"All {session.total} runs are rated."
-        if session.done == session.total
-        else f"{session.done} of {session.total} runs are rated; it is too early to repeat the others.",
-        f"The ratings are in {session.path}",
-        *skipped,
-        *([f"and {more} more"] if more > 0 else []),
-        "",
-        "Enter: close",
-    ]
+    """Thanks, and how many runs could not be shown."""
+    lines = [text("rating.all_done" if session.done == session.total else "rating.too_early")]
+    if session.skipped:
+        lines.append(text("rating.unreadable", count=len(session.skipped)))
+    return text("rating.thanks"), lines
+
+
+def percent_done(session: RatingSession) -> int:
+    """Fraction of the presentations that are rated, in percent."""
+    return 100 * session.done // max(session.total, 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import pygame
 
@@ -15,12 +15,13 @@ from ..view.palette import GREEN, VERMILLION
 from .actions import Action
 from .answer import LabelSlider
 from .camera import SceneCamera, draw_mouse_joystick
-from .cards import KEYS, LIGHTS, TYPING_KEYS, recovered_notice, state_notice
+from .cards import LIGHTS, keys_of, recovered_notice, state_notice
 from .controls_screen import ControlsScreen
 from .hud import Hud, draw_tint
 from .input import HOTPLUG_EVENTS, InputDevices
 from .overlay import Overlay, Page
 from .stage import Screen, Stage
+from .texts import text
 
 _NOTICE_SECONDS = 5.0
 _MAX_TICKS = 3  # per frame of the window, to catch up; a longer delay is dropped and counted
@@ -93,15 +94,25 @@ class CollectScreen:
         devices: keyboard, mouse and pads.
         runs: number of runs requested; None for no limit.
         view: initial view.
+        scene_changes: whether the person may change the counts of people and objects, which a study fixes as a rule.
+        new_person: makes the screen for another person; None if the session is for one person.
     """
 
     def __init__(
-        self, session: Session, devices: InputDevices, *, runs: int | None = None, view: View = "follow"
+        self,
+        session: Session,
+        devices: InputDevices,
+        *,
+        runs: int | None = None,
+        view: View = "follow",
+        scene_changes: bool = False,
+        new_person: Callable[[], Screen] | None = None,
     ) -> None:
         self.session, self.devices, self._runs = session, devices, runs
+        self._scene_changes, self._new_person = scene_changes, new_person
         self._camera = SceneCamera(view)
-        self._notice, self._notice_left = "", 0.0
-        self._overlay = Overlay(session, runs)
+        self._notice, self._notice_left, self._has_answer = "", 0.0, False
+        self._overlay = Overlay(session, runs, scene_changes=scene_changes, new_person=new_person is not None)
         self._following: Screen | None = self
         self._stage: Stage
         self._begin_scene()
@@ -122,15 +133,20 @@ class CollectScreen:
             if not request or event.type in _RELEASES:
                 request = self.devices.handle(event, self._stage.size) or request
             if event.type == pygame.WINDOWFOCUSLOST and self.session.state == "driving":
-                self._pause("Paused: the window is not in front.")
+                self._pause(text("notice.out_of_focus"))
             if isinstance(request, ScenarioConfig):
                 self._next(config=request)
             elif isinstance(request, Action):
                 self._perform(request)
         except (Sonata2dError, ValueError, pygame.error) as error:  # shown to the person; nothing is lost
-            self._notify(str(error))
+            if not self._overlay.show_problem(str(error)):
+                self._notify(str(error))
 
     def advance(self, seconds: float) -> Screen | None:
+        has_answer = self._overlay.label is not None
+        if has_answer and not self._has_answer:
+            self._notice_left = 0.0  # the notice may have asked for the answer
+        self._has_answer = has_answer
         self._notice_left -= seconds
         self._check_pads()
         session = self.session
@@ -145,18 +161,19 @@ class CollectScreen:
     def draw(self, surface: pygame.Surface) -> None:
         session = self.session
         snapshot = between(session.before, session.after, self._clock.fraction)
-        question = session.label_spec.meaning if session.label_spec.per_frame else ""
-        self._camera.draw(surface, snapshot, self._hud(), scale=self._stage.scale, question=question)
+        notice = self._current_notice()
+        hud = self._hud("" if self._overlay.covers else notice)
+        self._camera.draw(surface, snapshot, hud, scale=self._stage.scale)
         if session.state in ("waiting", "ended"):
             draw_tint(surface, GREEN if session.state == "waiting" else VERMILLION, 24)
         if self.devices.joystick is not None:
             draw_mouse_joystick(surface, self.devices.joystick)
-        self._overlay.draw(surface)
+        self._overlay.draw(surface, notice)
 
     def leave(self) -> None:
         self.devices.release()
         self.session.pause()
-        if self._following is None:
+        if not isinstance(self._following, ControlsScreen):  # only that screen comes back
             self.session.close()
 
     # Actions
@@ -187,6 +204,10 @@ class CollectScreen:
                 self._start()
         elif action is Action.QUIT:
             self._following = None
+        elif action is Action.NEW_PERSON and self._new_person is not None:
+            self._following = self._new_person()
+        elif action is Action.SCENE and not self._scene_changes:
+            self._notify(text("notice.fixed_scenes"))
         elif action in _PAGES:
             self._toggle_page(_PAGES[action])
         elif self._camera.apply(action):
@@ -207,11 +228,11 @@ class CollectScreen:
         elif session.state == "ended":
             label = self._overlay.label
             if self._overlay.answer is not None and label is None:
-                self._notify("Answer the question first, or discard the run.")
+                self._notify(text("notice.answer_first"))
                 return
-            path = session.keep(label)
+            session.keep(label)
             self._begin_scene()
-            self._notify(f"Kept {path.name}" + (f". {session.notice}" if session.notice else ""))
+            self._notify(" ".join(part for part in (text("notice.kept"), session.notice) if part))
         elif self._overlay.is_done:
             self._overlay.drive_on()
         else:
@@ -229,25 +250,26 @@ class CollectScreen:
     def _redo(self) -> None:
         path = self.session.redo()
         self._begin_scene()
-        self._notify("The same scene again." + (f" The run is in {path.parent.name}/." if path else ""))
+        self._notify(text("notice.redo" if path else "notice.redo_fresh"))
 
     def _next(self, reason: str = "another scene", config: ScenarioConfig | None = None) -> None:
         path = self.session.next(config, reason)
         self._begin_scene()
         self._close_page()
-        self._notify("Another scene." + (f" The run is in {path.parent.name}/." if path else ""))
+        discarded = "notice.discarded" if reason == "discarded" else "notice.next"
+        self._notify(text(discarded if path else "notice.next_fresh"))
 
     def _undo(self) -> None:
         self.devices.release()
-        path = self.session.undo()
+        self.session.undo()
         self._begin_scene()
         self._overlay.label = self.session.undone_label
-        self._notify(f"The last run is open again; its file is in {path.parent.name}/. Keep, discard or redo it.")
+        self._notify(text("notice.undone"))
 
     def _set_up_controls(self) -> None:
         if self.session.ticks and self.session.state != "ended":
             self._pause()
-            self._notify("Controls can be changed between runs. First end this run (Enter) or redo it (R).")
+            self._notify(text("notice.controls_later"))
             return
         self._following = ControlsScreen(self.devices, self)
 
@@ -301,20 +323,23 @@ class CollectScreen:
         lost, found = self.devices.pop_disconnected(), self.devices.pop_connected()
         if lost:
             self._pause()
-            self._notify(f"{lost} was disconnected and the robot stands still. Reconnect it, or use another device.")
+            self._notify(text("notice.pad_lost", device=lost))
         elif found:
             later = self.session.ticks and not self.devices.pads_match(self.session.mappings)
             self.session.set_mappings(self.devices.mappings)
-            self._notify(f"{found} is ready." + (" Its own controls apply from the next run." if later else ""))
+            self._notify(text("notice.pad_later" if later else "notice.pad_found", device=found))
 
     def _notify(self, notice: str) -> None:
         self._notice, self._notice_left = notice, _NOTICE_SECONDS
-        self._overlay.notice = notice
 
-    def _hud(self) -> Hud:
+    def _current_notice(self) -> str:
+        """The latest notice while it is shown, a problem of the journal, or what to do in the present state."""
+        if self._notice_left > 0.0:
+            return self._notice
+        return self.session.journal_error or ("" if self._overlay.covers else state_notice(self.session))
+
+    def _hud(self, notice: str) -> Hud:
         session = self.session
-        notice = self._notice if self._notice_left > 0.0 else session.journal_error or state_notice(session)
-        label = self._slider.label if self._slider.position is not None else session.label
         is_typing = session.state == "ended" and session.label_spec.kind == "text"
         return Hud(
             run=min(session.kept + 1, self._runs or session.kept + 1),
@@ -322,7 +347,7 @@ class CollectScreen:
             kept=session.kept,
             contributor=session.contributor,
             light=LIGHTS[session.state],
-            label=session.label_spec.in_words(label) if session.label_spec.per_frame else "",
-            keys=TYPING_KEYS if is_typing else KEYS[session.state],
+            question=self._slider.shown(session.label),
+            keys=keys_of("typing" if is_typing else session.state, scene_changes=self._scene_changes),
             notice=notice,
         )

@@ -13,13 +13,11 @@ from ..view.palette import FLOOR
 from .input import KEYBOARD, Device, InputDevices, Move
 from .profiles import TARGETS, Profile, Target, is_assignable
 from .stage import Screen, Stage
+from .texts import text
 from .widgets import SMALL, ButtonSpec, button_row, fitted, text_size, write
 
 _MAX_DEAD_ZONE = 0.5
-_TWO_COLUMNS = 900  # px, smallest window width for two columns
-_HINT = "Click an action, then press a key or button, or move a stick."
-_WAITING = "Press a control for: {}. Esc: cancel. Delete: none."
-_UNSAVED = "Not saved yet. Cancel again to drop the changes."
+_TWO_COLUMNS = 900  # px at scale 1, smallest window width for two columns
 
 
 class ControlsScreen:
@@ -59,7 +57,7 @@ class ControlsScreen:
             else:
                 self._wait_for(None)
         elif is_key and event.key == pygame.K_DELETE and self._waiting is not None:
-            self._change(self.profile.cleared(self._waiting), f"No control now: {self._waiting.text}. Not saved yet.")
+            self._change(self.profile.cleared(self._waiting), text("controls.none", action=self._waiting.text))
         else:
             for move in self._input.moves(event, self._stage.size):
                 self._assign(move)
@@ -98,7 +96,7 @@ class ControlsScreen:
         gap, row = round(16 * self._stage.scale), max(round(34 * self._stage.scale), 28)
         inner = width - 2 * gap
         ui.clear_and_reset()
-        UILabel(pygame.Rect(gap, gap // 2, inner, row), "Set up the controls", ui, object_id="#title")
+        UILabel(pygame.Rect(gap, gap // 2, inner, row), text("controls.title"), ui, object_id="#title")
         tabs = pygame.Rect(gap, gap + row, min(inner, inner * len(slots) // 4), row)
         specs: list[ButtonSpec] = [(device.name, partial(self._show, device.slot), "") for device in self._devices]
         self._tabs = button_row(ui, tabs, specs, equal=True)
@@ -106,9 +104,9 @@ class ControlsScreen:
         buttons = pygame.Rect(0, height - gap - row, round(width * 0.45), row)
         buttons.right = gap + inner
         specs = [
-            ("Reset", self._reset, "default controls"),
-            ("Save", self._save, ""),
-            ("Cancel", self._cancel, "(Esc)"),
+            (text("controls.reset"), self._reset, text("controls.reset_tip")),
+            (text("controls.save"), self._save, ""),
+            (text("controls.cancel"), self._cancel, text("controls.cancel_tip")),
         ]
         self._reset_button, self._save_button, self._cancel_button = button_row(ui, buttons, specs, equal=True)
         self._status_box = tabs.move(0, row)
@@ -119,12 +117,12 @@ class ControlsScreen:
         top = self._status_box.bottom + gap // 2
         self._build_list(pygame.Rect(gap, top, inner, sliders.top - gap - top))
         self._set_sliders()
-        self._refresh(_WAITING.format(self._waiting.text) if self._waiting else _HINT)
+        self._refresh(self._waiting_text(self._waiting) if self._waiting else text("controls.hint"))
 
     def _build_list(self, box: pygame.Rect) -> None:
         """One line per action, in one or two columns: its text, and a button with its controls."""
         ui, pitch = self._stage.ui, max(round(32 * self._stage.scale), 26)
-        columns = 2 if box.width >= _TWO_COLUMNS else 1
+        columns = 2 if box.width >= _TWO_COLUMNS * self._stage.scale else 1
         lines, width = -(-len(TARGETS) // columns), box.width - 24  # room for the scroll bar
         area = UIScrollingContainer(box, ui, allow_scroll_x=False)
         area.set_scrollable_area_dimensions((width, lines * pitch))
@@ -157,16 +155,17 @@ class ControlsScreen:
         self._status, is_named = status, self._input.is_named(self._slot)
         for target, button in self._rows.items():
             is_waiting = target == self._waiting
-            text = "press …" if is_waiting else self.profile.texts(target, named=is_named) or "–"
-            text = fitted(self._stage.ui, text, button.rect.width - 8)
-            if button.text != text:  # rebuilding a button is slow
-                button.set_text(text)
+            controls = self.profile.texts(target, named=is_named) or text("controls.nothing")
+            words = text("controls.press") if is_waiting else controls
+            words = fitted(self._stage.ui, words, button.rect.width - 8)
+            if button.text != words:  # rebuilding a button is slow
+                button.set_text(words)
             if is_waiting:
                 button.select()
             elif button.is_selected:
                 button.unselect()
-        self._dead_zone[0].set_text(f"Dead zone  {self.profile.mapping.dead_zone:.2f}")
-        self._curve[0].set_text(f"Curve  {self.profile.mapping.curve:.2f}")
+        self._dead_zone[0].set_text(text("controls.dead_zone", value=f"{self.profile.mapping.dead_zone:.2f}"))
+        self._curve[0].set_text(text("controls.curve", value=f"{self.profile.mapping.curve:.2f}"))
 
     # Input of the person
 
@@ -178,26 +177,34 @@ class ControlsScreen:
     def _wait_for(self, target: Target | None) -> None:
         """Assign the next control that is moved to a target; None stops waiting."""
         self._waiting = target
-        self._refresh(_WAITING.format(target.text) if target else _UNSAVED if self._was_warned else _HINT)
+        if target is not None:
+            self._refresh(self._waiting_text(target))
+        else:
+            self._refresh(text("controls.unsaved" if self._was_warned else "controls.hint"))
+
+    @staticmethod
+    def _waiting_text(target: Target) -> str:
+        return text("controls.waiting", action=target.text)
 
     def _assign(self, move: Move) -> None:
         """Assign a moved control of the device on show to the target that waits for it."""
         if self._waiting and move.slot == self._slot and is_assignable(move.control, move.value):
             target = self._waiting
-            self._change(self.profile.assigned(target, move.control, move.value), f"Set: {target.text}. Not saved yet.")
+            status = text("controls.set", action=target.text)
+            self._change(self.profile.assigned(target, move.control, move.value), status)
 
     def _shape(self) -> None:
         """Take over the values of the sliders."""
         dead_zone, curve = (slider.get_current_value() for _, slider in (self._dead_zone, self._curve))
         mapping = replace(self.profile.mapping, dead_zone=round(dead_zone, 2), curve=round(curve, 2))
-        self._change(replace(self.profile, mapping=mapping), "Not saved yet.")
+        self._change(replace(self.profile, mapping=mapping), text("controls.shaped"))
 
     def _change(self, profile: Profile, status: str) -> None:
         self._drafts[self._key], self._was_warned, self._waiting = profile, False, None
         self._refresh(status)
 
     def _reset(self) -> None:
-        self._change(Profile.default(self._key), "Default controls. Not saved yet.")
+        self._change(Profile.default(self._key), text("controls.reset_done"))
         self._set_sliders()
 
     def _save(self) -> None:
@@ -208,7 +215,7 @@ class ControlsScreen:
         if self._input.profiles.save():
             self._leaving = True
         else:
-            self._refresh(f"Holds until the window closes: {self._input.profiles.notice}")
+            self._refresh(text("controls.not_stored", problem=self._input.profiles.notice))
 
     def _cancel(self) -> None:
         """Return without saving; unsaved changes are dropped only at the second request."""
@@ -217,4 +224,4 @@ class ControlsScreen:
         if self._leaving:
             self._drafts.clear()
         else:
-            self._refresh(_UNSAVED)
+            self._refresh(text("controls.unsaved"))

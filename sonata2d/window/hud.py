@@ -1,4 +1,4 @@
-"""Texts, plates and signs over a picture, in pixels: the readings while driving (HUD), cards and tints."""
+"""Texts, plates and signs over the scene: the readings while driving (HUD) with the question, cards and tints."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances
 from ..core.snapshot import Snapshot
 from ..view.camera import Camera
 from ..view.canvas import PixelCanvas, put
-from ..view.fonts import shortened, width_of
-from ..view.palette import FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
+from ..view.fonts import shortened, width_of, wrapped
+from ..view.palette import BLUE, FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
+from .texts import text
 
 Light = Literal["waiting", "recording", "paused", "frozen", "replay", "watching"]
 
@@ -33,7 +34,8 @@ _LIGHTS: dict[str, tuple[str, Colour]] = {  # sign and colour
     "replay": ("play", shaded(GOAL, 0.2)),
     "watching": ("eye", INK),
 }
-_GAUGE, _KEY = 196, 18  # px at scale 1: width of the box with clearance and speed, font size of keys
+_GAUGES, _KEY = 400, 19  # px at scale 1: width of clearance and speed, font size of keys
+_QUESTION, _QUESTION_TEXT, _NOTICE = 760, 28, 26  # px at scale 1: width of the question, font sizes
 _DIM = (150, 152, 158)  # of 255, the brightness that remains below a card
 _CARD_TITLE, _CARD_LINE, _CARD_PADDING = 34, 23, 26
 
@@ -65,28 +67,28 @@ class Pen:
         """Distance between plates, px."""
         return self.px(8)
 
-    def width(self, text: str, size: float = _TEXT) -> int:
+    def width(self, line: str, size: float = _TEXT) -> int:
         """Width of a line, px."""
-        return width_of(text, self.px(size))
+        return width_of(line, self.px(size))
 
-    def fitted(self, text: str, max_width: float, size: float = _TEXT) -> str:
+    def fitted(self, line: str, max_width: float, size: float = _TEXT) -> str:
         """The line, shortened to a width in pixels."""
-        return shortened(text, max_width, self.px(size))
+        return shortened(line, max_width, self.px(size))
 
     def write(
-        self, text: str, place: Point, *, colour: Colour = INK, size: float = _TEXT, anchor: str = "midleft"
+        self, line: str, place: Point, *, colour: Colour = INK, size: float = _TEXT, anchor: str = "midleft"
     ) -> pygame.Rect:
         """Write a line; `anchor` names the point of its box at `place`, as in `pygame.Rect`. Returns the box."""
-        return PixelCanvas(self.surface).text(colour, text, place, self.px(size), anchor)
+        return PixelCanvas(self.surface).text(colour, line, place, self.px(size), anchor)
 
     def plate(self, box: pygame.Rect, *, colour: Colour = PAPER, alpha: int = _PLATE_ALPHA) -> None:
         """Draw a translucent plate with round corners."""
         put(self.surface, _plate_image(box.size, self.px(7), colour, alpha), *box.topleft)
 
-    def panel(self, text: str, place: Point, anchor: str, *, max_width: float, colour: Colour = INK) -> pygame.Rect:
+    def panel(self, line: str, place: Point, anchor: str, *, max_width: float, colour: Colour = INK) -> pygame.Rect:
         """Write a line on a plate, shortened to `max_width` pixels; returns an empty box if nothing fits."""
         padding = self.px(_PADDING)
-        line = self.fitted(text, max_width - 2 * padding)
+        line = self.fitted(line, max_width - 2 * padding)
         box = pygame.Rect(0, 0, self.width(line) + 2 * padding if line else 0, self.row if line else 0)
         setattr(box, anchor, (round(place[0]), round(place[1])))
         if line:
@@ -140,6 +142,25 @@ def _plate_image(size: tuple[int, int], corner: int, colour: Colour, alpha: int)
 
 
 @dataclass(frozen=True, slots=True)
+class FrameQuestion:
+    """A question that is answered while driving.
+
+    Attributes:
+        text: the question.
+        choices: names of the answers, from position 0 to 1; empty for a continuous scale.
+        ends: meanings of 0 and 1 on a continuous scale.
+        keys: the controls that answer it.
+        position: of the current answer, 0 to 1; None before the first answer.
+    """
+
+    text: str
+    choices: tuple[str, ...] = ()
+    ends: tuple[str, str] = ("", "")
+    keys: str = ""
+    position: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Hud:
     """The readings that do not follow from the snapshot.
 
@@ -148,7 +169,8 @@ class Hud:
         kept: number of runs kept so far.
         contributor: name of the person who drives.
         light: state of the recording.
-        label: current label as text; empty without a question.
+        label: recorded label as text; empty without one.
+        question: the question that is asked while driving.
         keys: active keys and their functions.
         notice: a message shown prominently.
     """
@@ -159,8 +181,20 @@ class Hud:
     contributor: str = ""
     light: Light = "waiting"
     label: str = ""
+    question: FrameQuestion | None = None
     keys: tuple[tuple[str, str], ...] = ()
     notice: str = ""
+
+
+def free_area(surface: pygame.Surface, hud: Hud, *, scale: float) -> pygame.Rect:
+    """The part of a surface that the readings leave free, px."""
+    pen = Pen.on(surface, scale)
+    width, height = surface.get_size()
+    top = pen.gap + (2 if _has_two_rows(pen) else 1) * (pen.row + pen.gap)
+    bottom = height - pen.gap - ((pen.row + pen.gap) if hud.keys or hud.label else 0)
+    if hud.question is not None:
+        bottom -= _QuestionPanel(pen, hud.question).box.height + pen.gap
+    return pygame.Rect(0, top, width, max(bottom - top, 1))
 
 
 def draw_hud(
@@ -170,58 +204,75 @@ def draw_hud(
     camera: Camera,
     *,
     scale: float = 1.0,
-    title: str = "",
-    question: str = "",
+    origin: tuple[int, int] = (0, 0),
 ) -> None:
     """Draw all readings over a finished picture.
 
     Args:
         camera: the camera of the picture.
         scale: of texts and signs; limited by the size of the surface.
-        title: shown at the top centre.
-        question: the question that the label answers.
+        origin: upper left corner of the picture on the surface, px.
     """
     pen = Pen.on(surface, scale)
-    top = _draw_top(pen, hud, snapshot.time, title)
-    bottom = _draw_keys(pen, hud.keys)
-    free_bottom = min(_draw_gauges(pen, snapshot, bottom), _draw_label(pen, hud.label, question, bottom))
+    top = _draw_top(pen, hud, snapshot)
+    bottom = _draw_keys(pen, hud.keys, hud.label)
+    if hud.question is not None:
+        bottom = _QuestionPanel(pen, hud.question).draw(bottom)
     if hud.notice:
         top = _draw_notice(pen, hud.notice, top)
-    free = pygame.Rect(pen.gap, top, surface.get_width() - 2 * pen.gap, max(free_bottom - top, 1))
-    _draw_goal_distance(pen, snapshot, camera, free)
+    free = pygame.Rect(pen.gap, top, surface.get_width() - 2 * pen.gap, max(bottom - top, 1))
+    _draw_goal_distance(pen, snapshot, camera, origin, free)
 
 
 # Each of the following functions returns the y coordinate at which the free part of the picture starts or ends, px.
 
 
-def _draw_top(pen: Pen, hud: Hud, time: float, title: str) -> int:
-    """Draw run, time and contributor on the left, the light on the right, the title between them."""
+def _has_two_rows(pen: Pen) -> bool:
+    """Whether the readings at the top need two rows, because the surface is narrow."""
+    return pen.surface.get_width() < pen.px(_GAUGES + 620)
+
+
+def _draw_top(pen: Pen, hud: Hud, snapshot: Snapshot) -> int:
+    """Draw run, time and contributor on the left, the light on the right, clearance and speed between or below them."""
     width, gap = pen.surface.get_width(), pen.gap
     light = _draw_light(pen, hud.light)
-    run = f"run {hud.run}" + (f" of {hud.runs}" if hud.runs is not None else "")
-    parts = [run, f"{time:.1f} s", f"kept {hud.kept}" if hud.kept else "", pen.fitted(hud.contributor, 0.2 * width)]
-    text = "   ".join(part for part in parts if part)
-    left = pen.panel(text, (gap, gap), "topleft", max_width=light.left - 2 * gap)
-    free = light.left - left.right - 2 * gap
-    if title and free > pen.px(90):
-        pen.panel(title, (left.right + gap + free // 2, gap), "midtop", max_width=free)
-    return left.bottom + gap
+    run = text("readings.run", number=hud.run)
+    if hud.runs is not None:
+        run = text("readings.run_of", number=hud.run, count=hud.runs)
+    kept = text("readings.kept", count=hud.kept) if hud.kept else ""
+    time = text("readings.seconds", time=f"{snapshot.time:.1f}")
+    parts = [run, time, kept, pen.fitted(hud.contributor, 0.2 * width)]
+    gauges = pygame.Rect(gap, gap, pen.px(_GAUGES), pen.row)
+    if _has_two_rows(pen):
+        gauges.top += pen.row + gap
+        gauges.width = min(gauges.width, width - 2 * gap)
+        limit = light.left
+    else:
+        gauges.right = light.left - gap
+        limit = gauges.left
+    line = "   ".join(part for part in parts if part)
+    pen.panel(line, (gap, gap), "topleft", max_width=limit - 2 * gap)
+    _draw_gauges(pen, snapshot, gauges)
+    return gauges.bottom + gap
 
 
 def _draw_light(pen: Pen, light: Light) -> pygame.Rect:
     kind, colour = _LIGHTS[light]
+    word = text(f"readings.{light}")
     padding, radius = pen.px(10), pen.px(7)
-    box = pygame.Rect(0, 0, pen.width(light) + 2 * padding + 3 * radius, pen.row)
+    box = pygame.Rect(0, 0, pen.width(word) + 2 * padding + 3 * radius, pen.row)
     box.topright = pen.surface.get_width() - pen.gap, pen.gap
     pen.plate(box)
     pen.sign(kind, (box.left + padding + radius, box.centery), radius, colour)
-    pen.write(light, (box.left + padding + 3 * radius, box.centery), colour=colour)
+    pen.write(word, (box.left + padding + 3 * radius, box.centery), colour=colour)
     return box
 
 
-def _draw_keys(pen: Pen, keys: tuple[tuple[str, str], ...]) -> int:
-    """Draw keys and their functions along the bottom, as many as fit."""
+def _draw_keys(pen: Pen, keys: tuple[tuple[str, str], ...], label: str) -> int:
+    """Draw keys and their functions along the bottom, as many as fit, or a recorded label in the right corner."""
     gap, (width, height) = pen.gap, pen.surface.get_size()
+    if label:
+        return pen.panel(label, (width - gap, height - gap), "bottomright", max_width=width - 2 * gap).top - gap
     if not keys:
         return height - gap
     padding, shown, used = pen.px(6), [], 2 * pen.px(6)
@@ -236,7 +287,7 @@ def _draw_keys(pen: Pen, keys: tuple[tuple[str, str], ...]) -> int:
     pen.plate(bar)
     x = bar.left + 2 * padding
     for key, function, (cap_width, text_width) in shown:
-        cap = pygame.Rect(x, 0, cap_width, pen.px(21))
+        cap = pygame.Rect(x, 0, cap_width, pen.px(22))
         cap.centery = bar.centery
         pen.plate(cap, colour=mixed(METAL, PAPER, 0.35), alpha=255)
         pen.write(key, cap.center, size=_KEY, anchor="center")
@@ -245,39 +296,38 @@ def _draw_keys(pen: Pen, keys: tuple[tuple[str, str], ...]) -> int:
     return bar.top - gap
 
 
-def _draw_gauges(pen: Pen, snapshot: Snapshot, bottom: int) -> int:
-    """Draw clearance and speed in the lower left corner; nothing for a run without a recorded robot."""
+def _draw_gauges(pen: Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
+    """Draw clearance and speed side by side; nothing for a run without a recorded robot."""
     if "robot" in snapshot.scene.unmeasured:
-        return bottom
-    box = pygame.Rect(pen.gap, 0, pen.px(_GAUGE), 2 * pen.row)
-    box.bottom = bottom
+        return
     pen.plate(box)
-    padding, robot = pen.px(10), snapshot.robot
-    _draw_clearance(pen, snapshot, (box.left + padding, box.top + pen.row // 2))
-    y, speed = box.bottom - pen.row // 2, math.hypot(*robot.velocity)
-    pen.write(f"{speed:.2f} m/s", (box.left + padding, y))
-    left = box.left + padding + pen.px(84)
-    track = pygame.Rect(left, y - pen.px(4), box.right - padding - left, pen.px(8))
+    padding, robot, y = pen.px(10), snapshot.robot, box.centery
+    _draw_clearance(pen, snapshot, (box.left + padding, y))
+    speed = math.hypot(*robot.velocity)
+    left = box.left + round(0.52 * box.width)
+    pen.write(text("readings.speed", speed=f"{speed:.2f}"), (left, y))
+    left += pen.px(88)
+    track = pygame.Rect(left, y - pen.px(4), max(box.right - padding - left, 1), pen.px(8))
     pygame.draw.rect(pen.surface, mixed(METAL, PAPER, 0.3), track, border_radius=pen.px(4))
     fraction = min(speed / robot.body.limits.ahead, 1.0)
     if fraction > 0.01:
         bar = track.copy()
         bar.width = max(round(track.width * fraction), pen.px(4))
         pygame.draw.rect(pen.surface, INK, bar, border_radius=pen.px(4))
-    return box.top - pen.gap
 
 
 def _draw_clearance(pen: Pen, snapshot: Snapshot, place: tuple[int, int]) -> None:
     gaps = clearances(snapshot)
     gaps = gaps[np.isfinite(gaps)]
     if not len(gaps):
-        pen.write("no pedestrians", place, colour=FAINT)
+        pen.write(text("readings.nobody"), place, colour=FAINT)
         return
     nearest = float(gaps.min())
     word, sign, colour = zone_of(nearest)
     radius = pen.px(7)
     pen.sign(sign, (place[0] + radius, place[1]), radius, colour)
-    pen.write(f"{max(nearest, 0.0):.2f} m  {word}", (place[0] + 3 * radius, place[1]), colour=colour)
+    distance = text("readings.distance", distance=f"{max(nearest, 0.0):.2f}")
+    pen.write(f"{distance}  {text(f'readings.{word}')}", (place[0] + 3 * radius, place[1]), colour=colour)
 
 
 def zone_of(clearance: float) -> tuple[str, str, Colour]:
@@ -289,35 +339,123 @@ def zone_of(clearance: float) -> tuple[str, str, Colour]:
     return "clear", "ring", shaded(GOAL, 0.3)
 
 
-def _draw_label(pen: Pen, label: str, question: str, bottom: int) -> int:
-    """Draw the label below its question, in the lower right corner."""
-    right = pen.surface.get_width() - pen.gap
-    max_width = right - pen.px(_GAUGE) - 3 * pen.gap
-    for text, colour in ((label, INK), (question if label else "", mixed(INK, FAINT, 0.6))):
-        if text:
-            box = pen.panel(text, (right, bottom), "bottomright", max_width=max_width, colour=colour)
-            bottom = box.top - pen.px(2)
-    return bottom - pen.gap
+class _QuestionPanel:
+    """The question asked while driving, with its answers and the current one, at the lower edge.
+
+    Args:
+        pen: of the surface.
+        question: the question.
+
+    Attributes:
+        box: size of the panel, px.
+    """
+
+    def __init__(self, pen: Pen, question: FrameQuestion) -> None:
+        self._pen, self._question = pen, question
+        padding, width = pen.px(14), min(pen.px(_QUESTION), pen.surface.get_width() - 2 * pen.gap)
+        self._inner = width - 2 * padding
+        self._head = wrapped(question.text, self._inner, pen.px(_QUESTION_TEXT))
+        self._head_pitch, self._pitch = pen.px(_QUESTION_TEXT * 1.3), pen.px(_TEXT * 1.3)
+        self._top = padding + len(self._head) * self._head_pitch + pen.px(4)
+        self._chips: list[tuple[pygame.Rect, list[str]]] = []
+        self._ends = [wrapped(end, 0.26 * self._inner, pen.px(_TEXT)) for end in question.ends]
+        scale_height = max(len(end) for end in self._ends) * self._pitch
+        height = self._place_chips(padding) if question.choices else scale_height
+        height += pen.px(_KEY * 1.6) if question.keys else 0
+        self.box = pygame.Rect(0, 0, width, self._top + max(height, self._pitch) + padding)
+
+    def _place_chips(self, padding: int) -> int:
+        """Put the answers into rows; returns their height, px."""
+        pen, gap = self._pen, self._pen.px(6)
+        rows: list[list[tuple[int, list[str]]]] = [[]]
+        used = 0
+        for choice in self._question.choices:
+            lines = wrapped(choice, self._inner - 2 * gap, pen.px(_TEXT)) or [""]
+            width = max(pen.width(line) for line in lines) + 4 * gap
+            if rows[-1] and used + width > self._inner:
+                rows.append([])
+                used = 0
+            rows[-1].append((min(width, self._inner), lines))
+            used += width + gap
+        y = self._top
+        for row in rows:
+            height = max(len(lines) for _, lines in row) * self._pitch + gap
+            x = padding + (self._inner - sum(width for width, _ in row) - gap * (len(row) - 1)) // 2
+            for width, lines in row:
+                self._chips.append((pygame.Rect(x, y, width, height), lines))
+                x += width + gap
+            y += height + gap
+        return y - gap - self._top
+
+    def draw(self, bottom: int) -> int:
+        """Draw the panel above a y coordinate; returns where the free part of the picture ends, px."""
+        pen, box = self._pen, self.box
+        box.bottom, box.centerx = bottom, pen.surface.get_width() // 2
+        pen.plate(box, alpha=240)
+        y = box.top + pen.px(14)
+        for k, line in enumerate(self._head):
+            place = box.centerx, y + (k + 0.5) * self._head_pitch
+            pen.write(line, place, size=_QUESTION_TEXT, anchor="center")
+        if self._chips:
+            self._draw_chips()
+        else:
+            self._draw_scale()
+        if self._question.keys:
+            place = box.centerx, box.bottom - pen.px(8)
+            pen.write(self._question.keys, place, size=_KEY, colour=FAINT, anchor="midbottom")
+        return box.top - pen.gap
+
+    def _draw_chips(self) -> None:
+        pen, position = self._pen, self._question.position
+        current = None if position is None else round(position * (len(self._chips) - 1))
+        for k, (place, lines) in enumerate(self._chips):
+            chip = place.move(self.box.topleft)
+            pen.plate(chip, colour=BLUE if k == current else mixed(METAL, PAPER, 0.5), alpha=255)
+            for row, line in enumerate(lines):
+                y = chip.centery + (row - (len(lines) - 1) / 2) * self._pitch
+                pen.write(line, (chip.centerx, y), colour=PAPER if k == current else INK, anchor="center")
+
+    def _draw_scale(self) -> None:
+        pen, position, box = self._pen, self._question.position, self.box
+        middle = box.top + self._top + max(len(end) for end in self._ends) * self._pitch / 2
+        inner = pygame.Rect(box.left + pen.px(14), 0, self._inner, 1)
+        for lines, anchor, x in zip(self._ends, ("midleft", "midright"), (inner.left, inner.right), strict=True):
+            for k, line in enumerate(lines):
+                pen.write(line, (x, middle + (k - (len(lines) - 1) / 2) * self._pitch), anchor=anchor)
+        track = pygame.Rect(0, 0, round(0.4 * self._inner), pen.px(8))
+        track.center = box.centerx, round(middle)
+        pygame.draw.rect(pen.surface, mixed(METAL, PAPER, 0.3), track, border_radius=pen.px(4))
+        if position is not None:
+            knob = track.left + position * track.width, track.centery
+            pen.sign("dot", knob, pen.px(10), BLUE)
 
 
 def _draw_notice(pen: Pen, notice: str, top: int) -> int:
     """Draw the notice on a dark plate, so that it stands out."""
     width, padding = pen.surface.get_width(), pen.px(16)
-    line = pen.fitted(notice, width - 2 * pen.gap - 2 * padding, 26)
-    box = pygame.Rect(0, top, pen.width(line, 26) + 2 * padding, pen.px(38))
+    lines = wrapped(notice, min(width - 2 * pen.gap, pen.px(1000)) - 2 * padding, pen.px(_NOTICE), max_lines=3)
+    pitch = pen.px(_NOTICE * 1.3)
+    widest = max((pen.width(line, _NOTICE) for line in lines), default=0)
+    box = pygame.Rect(0, top, widest + 2 * padding, pitch * len(lines) + pen.px(8))
     box.centerx = width // 2
     pen.plate(box, colour=INK, alpha=235)
-    pen.write(line, box.center, colour=PAPER, size=26, anchor="center")
+    for k, line in enumerate(lines):
+        place = box.centerx, box.top + pen.px(4) + (k + 0.5) * pitch
+        pen.write(line, place, colour=PAPER, size=_NOTICE, anchor="center")
     return box.bottom + pen.gap
 
 
-def _draw_goal_distance(pen: Pen, snapshot: Snapshot, camera: Camera, free: pygame.Rect) -> None:
+def _draw_goal_distance(
+    pen: Pen, snapshot: Snapshot, camera: Camera, origin: tuple[int, int], free: pygame.Rect
+) -> None:
     """Write the distance to the goal next to it if it is in view, else next to an arrow at the edge towards it."""
     if {"robot", "goal"} & snapshot.scene.unmeasured:
         return
     goal, robot = snapshot.goal, snapshot.robot.position
-    text = f"{math.hypot(goal.x - robot[0], goal.y - robot[1]):.1f} m"
+    metres = math.hypot(goal.x - robot[0], goal.y - robot[1])
+    word = text("readings.distance", distance=f"{metres:.1f}")
     x, y = camera.to_pixels(goal.position)
+    x, y = x + origin[0], y + origin[1]
     if pen.surface.get_rect().collidepoint(x, y):
         centre = x, y + goal.distance * camera.scale + pen.px(14)
     else:
@@ -331,11 +469,11 @@ def _draw_goal_distance(pen: Pen, snapshot: Snapshot, camera: Camera, free: pyga
         tip = middle[0] + radius * c, middle[1] + radius * s
         pen.arrow(tip, angle, size, shaded(GOAL, 0.35))
         centre = tip[0] - 1.9 * size * c, tip[1] - 1.6 * size * s
-    box = pygame.Rect(0, 0, pen.width(text) + pen.px(12), pen.px(24))
+    box = pygame.Rect(0, 0, pen.width(word) + pen.px(12), pen.px(24))
     box.center = round(centre[0]), round(centre[1])
     box.clamp_ip(free)
     pen.plate(box)
-    pen.write(text, box.center, colour=shaded(GOAL, 0.45), anchor="center")
+    pen.write(word, box.center, colour=shaded(GOAL, 0.45), anchor="center")
 
 
 # Cards and tints
@@ -352,36 +490,28 @@ def draw_veil(surface: pygame.Surface, title: str, lines: Sequence[str] = (), *,
     surface.fill(_DIM, special_flags=pygame.BLEND_RGB_MULT)
     pen = Pen.on(surface, scale)
     width, height = surface.get_size()
-    card_height = _CARD_TITLE * 1.3 + len(lines) * _CARD_LINE * 1.3 + 2 * _CARD_PADDING
-    if card_height * pen.scale > 0.94 * height:
-        pen = Pen(surface, 0.94 * height / card_height)
-    padding = pen.px(_CARD_PADDING)
-    max_width = 0.94 * width - 2 * padding
-    head = pen.fitted(title, max_width, _CARD_TITLE)
-    rows = [row for line in lines for row in _wrapped(pen, line, max_width)]
-    card_height = _CARD_TITLE * 1.3 + len(rows) * _CARD_LINE * 1.3 + 2 * _CARD_PADDING
-    widths = [pen.width(head, _CARD_TITLE), *(pen.width(row, _CARD_LINE) for row in rows), pen.px(220)]
-    box = pygame.Rect(0, 0, max(widths) + 2 * padding, round(card_height * pen.scale))
+    while True:  # smaller until the wrapped texts fit
+        padding = pen.px(_CARD_PADDING)
+        max_width = min(0.94 * width, pen.px(1000)) - 2 * padding
+        sized = [(row, _CARD_TITLE) for row in wrapped(title, max_width, pen.px(_CARD_TITLE))]
+        rows = [row for line in lines for row in wrapped(line, max_width, pen.px(_CARD_LINE)) or [""]]
+        sized += [(row, _CARD_LINE) for row in rows]
+        card_height = 2 * padding + sum(pen.px(size * 1.3) for _, size in sized)
+        if card_height <= 0.94 * height or pen.scale < 0.3:
+            break
+        pen = Pen(surface, 0.92 * pen.scale)
+    widths = [*(pen.width(row, size) for row, size in sized), pen.px(220)]
+    box = pygame.Rect(0, 0, max(widths) + 2 * padding, min(card_height, round(0.94 * height)))
     box.center = width // 2, height // 2
+    box.clamp_ip(surface.get_rect())
     pen.plate(box, alpha=245)
-    y = box.top + padding + pen.px(_CARD_TITLE * 0.5)
-    pen.write(head, (box.centerx, y), size=_CARD_TITLE, anchor="center")
-    y += pen.px(_CARD_TITLE * 0.8)
-    for k, row in enumerate(rows):
-        place = box.centerx, y + round((k + 0.5) * _CARD_LINE * 1.3 * pen.scale)
-        pen.write(row, place, size=_CARD_LINE, colour=mixed(INK, PAPER, 0.15), anchor="center")
-
-
-def _wrapped(pen: Pen, line: str, max_width: float) -> list[str]:
-    """Break a line into rows of at most `max_width` pixels; a longer word is shortened."""
-    rows = [""]
-    for word in line.split(" "):
-        longer = f"{rows[-1]} {word}" if rows[-1] else word
-        if pen.width(longer, _CARD_LINE) <= max_width or not rows[-1]:
-            rows[-1] = longer
-        else:
-            rows.append(word)
-    return [pen.fitted(row, max_width, _CARD_LINE) for row in rows]
+    y = box.top + padding
+    for row, size in sized:
+        pitch = pen.px(size * 1.3)
+        if y + pitch <= box.bottom:
+            colour = INK if size == _CARD_TITLE else mixed(INK, PAPER, 0.15)
+            pen.write(row, (box.centerx, y + pitch / 2), size=size, colour=colour, anchor="center")
+        y += pitch
 
 
 def draw_tint(surface: pygame.Surface, colour: Colour, alpha: int) -> None:

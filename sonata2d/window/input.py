@@ -14,6 +14,7 @@ from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
 from ..core.devices import DeviceEvent
 from .actions import Action, key_name, key_with_modifiers
 from .profiles import Profile, Profiles
+from .texts import text
 
 logger = logging.getLogger(__name__)
 
@@ -326,7 +327,8 @@ class InputDevices:
     def devices(self) -> list[Device]:
         """All devices, keyboard and mouse first."""
         pads = [Device(f"pad{slot}", pad.name, pad.guid) for slot, pad in sorted(self._pads.items())]
-        return [Device(KEYBOARD, "Keyboard", KEYBOARD), Device(MOUSE, "Mouse", MOUSE), *pads]
+        fixed = [Device(slot, text(f"controls.{slot}"), slot) for slot in (KEYBOARD, MOUSE)]
+        return fixed + pads
 
     def profile_key(self, slot: str) -> str:
         """Key of a device's profile."""

@@ -23,13 +23,14 @@ from .camera import SceneCamera
 from .hud import Hud
 from .input import InputDevices
 from .stage import Screen, Stage
+from .texts import text
 
 logger = logging.getLogger(__name__)
 
 _MAX_FAILURES = 20  # scenes in a row that cannot be laid out, before the search ends
 _REST = 2.0  # time for which an ended run stays on screen, s
 _MAX_TICKS = 20  # per frame of the window, at high speed
-_KEYS = (("P", "pause"), ("N", "next scene"), ("R", "again"), ("+ -", "speed"), ("V", "camera"), ("Z", "zones"))
+_KEYS = (("P", "pause"), ("N", "next_scene"), ("R", "again"), ("+ -", "speed"), ("V", "camera"), ("Z", "zones"))
 
 
 class LiveScreen:
@@ -97,12 +98,13 @@ class LiveScreen:
     def draw(self, surface: pygame.Surface) -> None:
         outcome = self._episode.outcome
         fraction = min(self._lag / self.after.dt, 1.0) if outcome is None else 1.0
+        ended = text("notice.outcome", status=outcome.status, reason=outcome.reason) if outcome else ""
         hud = Hud(
             run=self._number + 1,
             contributor=self._name,
             light="frozen" if self._rest == math.inf else "paused" if self._paused else "watching",
-            keys=_KEYS,
-            notice=self._notice or (f"{outcome.status}: {outcome.reason}" if outcome else ""),
+            keys=tuple((key, text(f"keys.{meaning}")) for key, meaning in _KEYS),
+            notice=self._notice or ended,
         )
         self._camera.draw(surface, between(self.before, self.after, fraction), hud, scale=self._stage.scale)
 
@@ -161,6 +163,8 @@ class LiveScreen:
 
     def _report(self, error: BaseException) -> None:
         """Show an error in the window and log its traceback; the scene stays visible."""
-        self._notice = str(error) if isinstance(error, Sonata2dError) else f"{type(error).__name__}: {error}"
+        kind = type(error).__name__
+        is_ours = isinstance(error, Sonata2dError)
+        self._notice = str(error) if is_ours else text("notice.live_error", kind=kind, message=error)
         self.failed, self._rest = True, math.inf
         logger.exception("the controller raised an error at tick %d of scene %d", self.after.tick, self._number)

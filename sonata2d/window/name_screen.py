@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal
 
 import pygame
 import pygame_gui
@@ -13,6 +14,10 @@ from ..view.palette import FLOOR
 from .actions import Action
 from .cards import Card
 from .stage import Screen, Stage
+from .texts import text
+
+Role = Literal["driver", "rater"]
+_ENTRY = 42  # height of the text field, px at scale 1
 
 
 class NameScreen:
@@ -20,21 +25,12 @@ class NameScreen:
 
     Args:
         follow: makes the next screen from the name; its errors are shown, and the question is asked again.
-        name: initial text.
-        title: of the question.
-        line: explanation below the title.
+        role: `driver` or `rater`.
     """
 
-    def __init__(
-        self,
-        follow: Callable[[str], Screen],
-        name: str = "",
-        *,
-        title: str = "Who drives?",
-        line: str = "A name or a pseudonym. It is written into every run.",
-    ) -> None:
-        self._follow, self._name, self._problem = follow, name, ""
-        self._title, self._line = title, line
+    def __init__(self, follow: Callable[[str], Screen], *, role: Role = "driver") -> None:
+        self._follow, self._role = follow, role
+        self._name = self._problem = ""  # the field is empty at first: the next person is another one
         self._entry: UITextEntryLine | None = None
         self._following: Screen | None = self
 
@@ -42,9 +38,16 @@ class NameScreen:
         self._stage = stage
         if self._entry is not None:
             self._name = self._entry.get_text()
-        lines = [self._problem or self._line]
-        buttons = [("Start (Enter)", Action.CONFIRM), ("Quit", Action.QUIT)]
-        self._card = Card(stage.ui, stage.scale, self._title, lines, buttons, free_height=44)
+        buttons = [(text("name.start"), Action.CONFIRM), (text("name.quit"), Action.QUIT)]
+        self._card = Card(
+            stage.ui,
+            stage.scale,
+            text(f"name.{self._role}"),
+            [text(f"name.{self._role}_line")],
+            buttons,
+            warning=self._problem,
+            free_height=lambda _, scale: round(_ENTRY * scale),
+        )
         self._entry = UITextEntryLine(self._card.free, stage.ui, initial_text=self._name)
         stage.ui.set_focus_set(self._entry)
 

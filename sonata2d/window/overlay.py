@@ -9,15 +9,16 @@ import pygame_gui
 
 from ..collect.session import Session
 from ..scenegen.scenario.config import ScenarioConfig
-from .actions import HELP, Action
+from .actions import Action, help_rows
 from .answer import Answer, LabelSlider
-from .cards import ENDED, MENU, Card, outcome_text
+from .cards import Card, ended_card, menu_buttons
 from .input import HOTPLUG_EVENTS
 from .scene_panel import ScenePanel
 from .stage import Stage
+from .texts import text
 
 Page = Literal["help", "menu", "scene"]
-_ANSWER_HEIGHT = 96  # px at scale 1
+_TOP = 54  # upper edge of the card at the end of a run, px at scale 1; the readings are above it
 _COMMAND_KEYS = (pygame.K_RETURN, pygame.K_KP_ENTER, pygame.K_ESCAPE, pygame.K_F1)  # not part of a typed text
 _PASSED_ON = (pygame.WINDOWFOCUSLOST, *HOTPLUG_EVENTS)  # reach the screen while the scene panel is open
 
@@ -28,17 +29,22 @@ class Overlay:
     Args:
         session: its state decides what is shown.
         runs: number of runs requested; None for no limit.
+        scene_changes: whether the person may change the counts of people and objects.
+        new_person: whether another person may take over.
 
     Attributes:
         page: page that the person opened, shown instead of the card of the state.
         answer: widgets of the question at the end of the run, while they are shown.
-        notice: extra message at the end of a run.
     """
 
-    def __init__(self, session: Session, runs: int | None) -> None:
+    def __init__(
+        self, session: Session, runs: int | None, *, scene_changes: bool = False, new_person: bool = False
+    ) -> None:
         self._session, self._runs, self._drives_on = session, runs, False
+        self._scene_changes = scene_changes
+        allowed = {Action.SCENE: scene_changes, Action.NEW_PERSON: new_person}
+        self._hidden = [action for action, is_allowed in allowed.items() if not is_allowed]
         self._label: Any = None
-        self.notice = ""
         self.page: Page | None = None
         self.answer: Answer | None = None
         self._card: Card | None = None
@@ -76,21 +82,34 @@ class Overlay:
         if self.page == "scene":
             self._panel = ScenePanel(ui, scale, session.config)
         elif self.page == "help":
-            self._card = Card(ui, scale, "Keys and buttons", HELP, [("Close", Action.HELP)])
+            rows = help_rows(scene_changes=self._scene_changes)
+            self._card = Card(ui, scale, text("help.title"), rows, [(text("help.close"), Action.HELP)])
         elif self.page == "menu":
-            self._card = Card(ui, scale, "Menu", [f"Runs kept: {session.kept}"], MENU, stacked=True)
+            lines = [text("menu.kept", count=session.kept)]
+            self._card = Card(ui, scale, text("menu.title"), lines, menu_buttons(self._hidden), stacked=True)
         elif session.state == "ended":
-            asks = session.label_spec.per_run
-            title, lines = outcome_text(session)
-            self.notice = ""
-            height = _ANSWER_HEIGHT if asks else 0
-            self._card = Card(ui, scale, title, lines, ENDED, free_height=height, high_up=True)
-            if asks:
-                self.answer = Answer(session.label_spec, ui, self._card.free, scale, self._label)
+            spec = session.label_spec
+
+            def free_height(width: int, scale: float) -> int:
+                return Answer.height_of(spec, width, scale) if spec.per_run else 0
+
+            self._card = ended_card(ui, scale, session, free_height, round(_TOP * scale))
+            if spec.per_run:
+                self.answer = Answer(spec, ui, self._card.free, self._card.scale, self._label)
         elif self.is_done:
-            buttons = [("Close the window", Action.QUIT), ("Drive on", Action.CONFIRM)]
-            lines = [f"{session.kept} runs are kept in {session.out}."]
-            self._card = Card(ui, scale, "All runs are done. Thank you!", lines, buttons)
+            buttons = [
+                (text("run.close"), Action.QUIT),
+                (text("menu.new_person"), Action.NEW_PERSON),
+                (text("run.drive_on"), Action.CONFIRM),
+            ]
+            buttons = [button for button in buttons if button[1] not in self._hidden]
+            lines = [text("run.done_count", count=session.kept)]
+            self._card = Card(ui, scale, text("run.done"), lines, buttons)
+
+    @property
+    def covers(self) -> bool:
+        """Whether a card or the panel is shown; it shows notices then."""
+        return self._card is not None or self._panel is not None
 
     def handle(self, event: pygame.Event) -> Action | ScenarioConfig | bool | None:
         """Process an event.
@@ -122,12 +141,19 @@ class Overlay:
         self.label = slider.label
         self.rebuild(stage)
 
-    def draw(self, surface: pygame.Surface) -> None:
-        """Draw everything but the widgets."""
+    def draw(self, surface: pygame.Surface, notice: str = "") -> None:
+        """Draw everything but the widgets; a notice is shown beside the card."""
         if self._card is not None:
-            self._card.draw(surface, self.notice if self._session.state == "ended" else "")
+            self._card.draw(surface, notice)
         if self.answer is not None:
             self.answer.draw(surface)
+
+    def show_problem(self, problem: str) -> bool:
+        """Show an error in the scene panel; returns False if the panel is not open."""
+        if self._panel is None:
+            return False
+        self._panel.show_problem(problem)
+        return True
 
     def _types(self, event: pygame.Event, answer: Answer) -> bool:
         """Whether a key types a letter of a text answer, so that it does nothing else; the text gets it in any case."""

@@ -22,6 +22,8 @@ from ..view.interpolation import between
 from ..view.painter import Painter
 from ..view.stills import save_moment
 from ..view.trails import Trails
+from .answer import answer_text
+from .texts import text
 
 logger = logging.getLogger(__name__)
 
@@ -183,9 +185,9 @@ class Playlist:
     def move(self, direction: int) -> str:
         """Open the next (1) or previous (-1) readable file; returns a notice for the person, or an empty text."""
         opened, skipped = self._open(self.index + direction, direction)
-        notice = f"skipped: {skipped[-1]}" if skipped else ""
+        notice = text("notice.skipped", problem=skipped[-1]) if skipped else ""
         if opened is None:
-            end = f"this is the {'last' if direction > 0 else 'first'} file"
+            end = text("notice.last_file" if direction > 0 else "notice.first_file")
             return f"{end}; {notice}" if notice else end
         self.index, self.record = opened
         return notice
@@ -271,6 +273,12 @@ class Exporter:
 # Text summaries
 
 
+def playing_time(player: Player) -> str:
+    """Position, length and speed of the playback."""
+    time, length = f"{player.time:.1f}", f"{player.length:.1f}"
+    return text("player.time", time=time, length=length, speed=f"{player.speed:g}")
+
+
 def frame_summary(record: EpisodeRecord, snapshot: Snapshot, index: int) -> list[str]:
     """Command, contacts and device events of a tick, one text each.
 
@@ -281,11 +289,15 @@ def frame_summary(record: EpisodeRecord, snapshot: Snapshot, index: int) -> list
     """
     texts = []
     if index < len(record) and "robot" not in snapshot.scene.unmeasured:
-        vx, vy, omega = record.command[index].tolist()
-        sideways = f", {vy:+.2f} m/s left" if vy else ""
-        texts.append(f"command {vx:+.2f} m/s ahead{sideways}, {omega:+.2f} rad/s")
+        vx, vy, omega = (f"{value:+.2f}" for value in record.command[index].tolist())
+        is_sideways = bool(record.command[index, 1])
+        texts.append(
+            text("player.command_sideways", ahead=vx, left=vy, turn=omega)
+            if is_sideways
+            else text("player.command", ahead=vx, turn=omega)
+        )
     if snapshot.robot.guarded:
-        texts.append("safety guard limits the speed")
+        texts.append(text("player.guarded"))
     texts += [_contact_text(contact, snapshot.scene) for contact in snapshot.contacts]
     return texts + [_event_text(event) for event in snapshot.events]
 
@@ -298,14 +310,17 @@ def frame_label(record: EpisodeRecord, index: int) -> str:
 
 
 def run_summary(record: EpisodeRecord) -> list[tuple[str, str]]:
-    """Names and values that describe the whole run; values that the file does not have are left out."""
+    """Keys of names (`player.…`) and values that describe the whole run; absent values are left out."""
     outcome, spec = record.outcome, record.label_spec
     entries = [
         ("file", record.path.name),
-        ("scenario", f"{record.family}, seed {record.seed}, episode {record.episode}"),
-        ("driven by", record.controller_info.path),
+        ("scenario", text("player.scenario_value", name=record.family, seed=record.seed, episode=record.episode)),
+        ("driven_by", record.controller_info.path),
         ("contributor", record.contributor or ""),
-        ("outcome", f"{outcome.status}: {outcome.reason} ({outcome.time:.1f} s)"),
+        (
+            "outcome",
+            text("player.outcome_value", status=outcome.status, reason=outcome.reason, time=f"{outcome.time:.1f}"),
+        ),
         ("question", spec.question),
         ("label", "" if record.label is None else label_text(record.label, spec)),
         ("context", record.context or ""),
@@ -328,8 +343,12 @@ def _contact_text(contact: Contact, scene: Scene) -> str:
     """What the robot touches, and which of the two is at fault."""
     types = {item.id: item.type for item in scene.furniture}
     name = types.get(contact.id, "object") if contact.kind == "object" else contact.kind
-    fault = {(True, False): ", robot at fault", (False, True): ", other at fault", (True, True): ", both at fault"}
-    return f"touches {name} {contact.id}{fault.get((contact.robot_at_fault, contact.other_at_fault), '')}"
+    fault = {(True, False): "robot", (False, True): "other", (True, True): "both"}.get(
+        (contact.robot_at_fault, contact.other_at_fault)
+    )
+    if fault is None:
+        return text("player.touches", what=name, number=contact.id)
+    return text("player.touches_fault", what=name, number=contact.id, fault=text(f"player.fault_{fault}"))
 
 
 def _event_text(event: DeviceEvent) -> str:
@@ -339,7 +358,7 @@ def _event_text(event: DeviceEvent) -> str:
 def _value_text(value: Any, spec: LabelSpec | None) -> str:
     """One value; the answer to a question in its own words."""
     if spec is not None and spec.kind != "command":
-        return spec.in_words(value)
+        return answer_text(value, spec)
     if isinstance(value, bool):
-        return "yes" if value else "no"
+        return text("question.yes" if value else "question.no")
     return f"{value:.2f}" if isinstance(value, float) else str(value)

@@ -1,4 +1,4 @@
-"""Settings kept between sessions: what each control of a device does, and the person's last choices."""
+"""Settings kept between sessions: what each control of a device does."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, Axis, DeviceMap
 from ..errors import RecordError
 from ..record.files import write_atomically
 from .actions import KEYBOARD_ACTIONS, MOUSE_ACTIONS, PAD_ACTIONS, Action, control_text
+from .texts import text
 
 logger = logging.getLogger(__name__)
 
 FOLDER_VARIABLE = "SONATA2D_CONFIG"
-_DEVICES, _SETTINGS = "devices.json", "settings.json"
+_DEVICES = "devices.json"
 _ACTIONS = {"keyboard": KEYBOARD_ACTIONS, "mouse": MOUSE_ACTIONS}
 _MIN_MOVE = 0.6  # deflection that selects a control for a new assignment
 _MODIFIERS = frozenset(f"{side} {key}" for side in ("left", "right") for key in ("ctrl", "shift", "alt", "meta"))
 _RESERVED = frozenset({"escape", "delete", "f12", "caps lock", "numlock", ""}) | _MODIFIERS  # cannot be assigned
-_STICKS = {"left": "left stick", "right": "right stick", "drag": "drag"}
+_STICKS = {"left": "left_stick", "right": "right_stick", "drag": "drag"}
 _STICK_ENDS = {f"{stick}_{axis}": ends for stick in _STICKS for axis, ends in
                (("x", ("left", "right")), ("y", ("up", "down")))}  # fmt: skip
 
@@ -35,20 +36,28 @@ class Drive(NamedTuple):
 
     axis: Axis
     sign: float
-    text: str
+    name: str
+
+    @property
+    def text(self) -> str:
+        """Description for the controls page."""
+        return text(f"action.{self.name}")
 
 
 Target = Drive | Action
 DRIVES = (
     Drive("ahead", 1.0, "ahead"),
     Drive("ahead", -1.0, "back"),
-    Drive("turn", 1.0, "turn left"),
-    Drive("turn", -1.0, "turn right"),
-    Drive("left", 1.0, "sideways left"),
-    Drive("left", -1.0, "sideways right"),
+    Drive("turn", 1.0, "turn_left"),
+    Drive("turn", -1.0, "turn_right"),
+    Drive("left", 1.0, "left"),
+    Drive("left", -1.0, "right"),
     Drive("brake", 1.0, "brake"),
 )
-TARGETS: tuple[Target, ...] = (*DRIVES, *(action for action in Action if action is not Action.MENU))  # Esc is fixed
+TARGETS: tuple[Target, ...] = (  # Esc is fixed, and a new person takes over by the menu only
+    *DRIVES,
+    *(action for action in Action if action not in (Action.MENU, Action.NEW_PERSON)),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,10 +164,10 @@ def _drives(control: str, axis: Axis, gain: float, target: Drive) -> bool:
 def _end_text(control: str, sign: float) -> str:
     """Readable name of one end of a driving control: `left stick up`."""
     if control in _STICK_ENDS:
-        return f"{_STICKS[control[:-2]]} {_STICK_ENDS[control][sign > 0]}"
+        return text(f"control.{_STICKS[control[:-2]]}_{_STICK_ENDS[control][sign > 0]}")
     if has_two_ends(control):
-        plus = " plus" if sign > 0 and "hat" not in control else ""
-        return control_text(control if sign > 0 else f"-{control}") + plus
+        name = control_text(control if sign > 0 else f"-{control}")
+        return text("control.plus", control=name) if sign > 0 and "hat" not in control else name
     return control_text(control)
 
 
@@ -195,17 +204,6 @@ class Profiles:
         settings = {"devices": {key: profile.settings() for key, profile in self._devices.items()}}
         self.notice = write_json(self._path, settings)
         return not self.notice
-
-
-def remembered(folder: Path | None = None) -> dict[str, Any]:
-    """The choices stored by `remember`, such as the contributor's name; empty at first."""
-    return read_json((folder or config_folder()) / _SETTINGS)
-
-
-def remember(folder: Path | None = None, **choices: Any) -> str:
-    """Store choices for the next session, in addition to earlier ones; returns an error message or an empty text."""
-    path = (folder or config_folder()) / _SETTINGS
-    return write_json(path, read_json(path) | choices)
 
 
 def config_folder() -> Path:

@@ -13,22 +13,26 @@ from ..collect.rating import RatingSession
 from ..core.devices import View
 from ..errors import RecordError
 from ..record.record import EpisodeRecord
+from ..view.fonts import wrapped
 from ..view.palette import BLUE, FAINT, FLOOR, VERMILLION
-from .answer import Answer
-from .cards import rating_break, rating_end, rating_start
-from .hud import draw_veil
-from .playback import Exporter, Player
+from .actions import Action
+from .answer import Answer, question_of
+from .cards import Card, percent_done, rating_break, rating_end, rating_start
+from .playback import Exporter, Player, playing_time
 from .stage import Screen, Stage
-from .widgets import LARGE, MINUS, PLUS, SMALL, TEXT, Timeline, button_row, draw_panel, text_size, wrapped, write
+from .texts import text
+from .widgets import LARGE, MINUS, PLUS, SMALL, TEXT, Timeline, button_row, draw_panel, text_size, write
 
 _SPEEDS = (0.25, 0.5, 1.0, 2.0)
 _DELAY = 1.0  # time to read the text before a run starts, s
-_BAR = 206  # height of the lower bar, px at scale 1
+_LOWER = 116  # height of the lower bar without the answer, px at scale 1
 _MAX_LINES = 4  # of the context above the picture
+_PICTURE = 0.3  # fraction of the window's height that is kept for the picture, if the question permits it
+_ESCAPE = 4.0  # s, within which a second Esc closes the window
 _ENTER = (pygame.K_RETURN, pygame.K_KP_ENTER)
 
 Phase = Literal["start", "watch", "break", "end"]
-_CARD_BUTTONS = {"start": "Begin", "break": "Continue", "end": "Close"}
+_CARD_BUTTONS = {"start": "rating.begin", "break": "rating.continue", "end": "rating.close"}
 _CARDS = {"start": rating_start, "break": rating_break, "end": rating_end}
 
 
@@ -57,12 +61,12 @@ class RateScreen:
         self._exporter: Exporter | None = None
         self._record: EpisodeRecord | None = None
         self._view: View = view
-        self._delay = self._seconds = 0.0
+        self._delay = self._seconds = self._escape_left = 0.0
         self._label: Any = None
         self._notice = ""
         self._closing = False
-        self._progress = (session.done, session.total)
-        if self._progress[0] == self._progress[1]:
+        self._percent = percent_done(session)
+        if session.done == session.total:
             self.phase = "end"
 
     def enter(self, stage: Stage) -> None:
@@ -76,6 +80,8 @@ class RateScreen:
         elif self.phase != "watch":
             if event.type == pygame.KEYDOWN:
                 self._press_on_card(event.key)
+            elif self._card.pressed(event):
+                self._leave_card()
         elif event.type == pygame_gui.UI_TEXT_ENTRY_FINISHED:  # the text field does not pass Enter on
             self._save()
         elif self.answer is not None and self.answer.handle(event):
@@ -84,6 +90,7 @@ class RateScreen:
             self._press(event)
 
     def advance(self, seconds: float) -> Screen | None:
+        self._escape_left -= seconds
         if self.phase == "watch" and self.player is not None:
             self._delay -= seconds
             if self._delay <= 0.0:
@@ -92,9 +99,9 @@ class RateScreen:
             if self.player.watched and self.answer is None:
                 self._stage.ui.clear_and_reset()
                 self._build()
-            text = "Pause" if self.player.playing else "Play"
-            if self._play_button.text != text:
-                self._play_button.set_text(text)
+            words = text("player.pause" if self.player.playing else "player.play")
+            if self._play_button.text != words:
+                self._play_button.set_text(words)
         return None if self._closing else self
 
     def draw(self, surface: pygame.Surface) -> None:
@@ -106,7 +113,7 @@ class RateScreen:
             self._draw_bar(surface)
         else:
             surface.fill(FLOOR)
-            draw_veil(surface, *_CARDS[self.phase](self.session), scale=self._stage.scale)
+            self._card.draw(surface)
 
     def leave(self) -> None:
         """Nothing needs to be saved: saved answers are on the disk."""
@@ -134,7 +141,7 @@ class RateScreen:
             pygame.K_SPACE: self._toggle,
             pygame.K_r: self._restart,
             pygame.K_v: self._switch_view,
-            pygame.K_ESCAPE: self._close,
+            pygame.K_ESCAPE: self._escape,
             **dict.fromkeys(PLUS, self.player.faster),
             **dict.fromkeys(MINUS, self.player.slower),
             **dict.fromkeys(_ENTER, self._save),
@@ -156,6 +163,11 @@ class RateScreen:
         if self._exporter is not None:
             self._exporter.switch_view()
 
+    def _escape(self) -> None:
+        """Close at the second press, because the key is hit easily and the answer on show would be lost."""
+        self._closing = self._escape_left > 0.0
+        self._escape_left, self._notice = _ESCAPE, text("rating.escape_again")
+
     def _close(self) -> None:
         self._closing = True
 
@@ -163,9 +175,9 @@ class RateScreen:
         """Store the answer and continue; without an answer, tell the person what is missing."""
         label = self.answer.label if self.answer else None
         if self._record is None or self.answer is None:
-            self._notice = "watch the run to its end first"
+            self._notice = text("rating.watch_to_end")
         elif label is None:
-            self._notice = "answer first, then save"
+            self._notice = text("rating.answer_first")
         else:
             try:
                 self.session.rate(self._record, label, seconds=self._seconds, whole=True)
@@ -179,7 +191,7 @@ class RateScreen:
         self.answer, self._label, self._notice, self._seconds = None, None, "", 0.0
         self.phase = "break" if self.session.break_due else "watch"
         self._record = self.session.load() if self.phase == "watch" else None
-        self._progress = (self.session.done, self.session.total)
+        self._percent = percent_done(self.session)
         if self._record is not None:
             self.player = Player(self._record, speeds=_SPEEDS)
             self._exporter = Exporter(self.player, view=self._view, like=self._exporter)
@@ -196,22 +208,24 @@ class RateScreen:
         stage = self._stage
         (width, height), s = stage.size, stage.scale
         if self.phase != "watch" or self.player is None:
-            row = pygame.Rect(0, height - round(70 * s), round(160 * s), round(40 * s))
-            row.centerx = width // 2
-            button_row(stage.ui, row, [(_CARD_BUTTONS[self.phase], self._leave_card, "")])
+            title, lines = _CARDS[self.phase](self.session)
+            self._card = Card(stage.ui, s, title, lines, [(text(_CARD_BUTTONS[self.phase]), Action.CONFIRM)])
             return
-        self._lines = self._text_lines(width - round(40 * s))
+        edge = round(20 * s)
+        answer = Answer.height_of(self.session.spec, width - 2 * edge, s)
+        bar_height = round(_LOWER * s) + answer
+        self._bar = pygame.Rect(0, height - bar_height, width, bar_height)
+        self._lines = self._text_lines(width - 2 * edge, height - bar_height - round(_PICTURE * height))
         top = round(16 * s) + sum(_pitch(size) for _, size in self._lines)
-        self._bar = pygame.Rect(0, height - round(_BAR * s), width, round(_BAR * s))
         self._head = pygame.Rect(0, 0, width, top)
         self._picture = pygame.Rect(0, top, width, self._bar.top - top)
-        edge, bar = round(20 * s), self._bar
-        line = pygame.Rect(edge + 4, bar.top + round(10 * s), width - edge - round(170 * s), round(24 * s))
+        bar = self._bar
+        line = pygame.Rect(edge + 4, bar.top + round(10 * s), width - edge - round(200 * s), round(24 * s))
         # Contacts are not marked, because they would suggest an answer before the run is watched.
-        self._timeline = Timeline(self.player, line, draggable=self.player.watched, show_contacts=False)
-        row = pygame.Rect(edge, bar.bottom - round(50 * s), width - 2 * edge, round(38 * s))
+        self._timeline = Timeline(self.player, line, scale=s, draggable=self.player.watched, show_contacts=False)
+        row = pygame.Rect(edge, bar.bottom - round(54 * s), width - 2 * edge, round(40 * s))
         self._build_buttons(row)
-        self._free = pygame.Rect(edge, bar.top + round(48 * s), width - 2 * edge, row.top - bar.top - round(60 * s))
+        self._free = pygame.Rect(edge, bar.top + round(46 * s), width - 2 * edge, answer)
         if self.player.watched:
             self.answer = Answer(self.session.spec, stage.ui, self._free, s, self._label)
 
@@ -219,56 +233,61 @@ class RateScreen:
         """Playback on the left, saving on the right, and space for the progress in between."""
         ui, gap = self._stage.ui, round(6 * self._stage.scale)
         specs = [
-            ("Pause", self._toggle, "play or pause (Space)"),
-            ("Watch again", self._restart, "from the start (R)"),
-            ("Camera", self._switch_view, "whole room, or behind the robot (V)"),
+            (text("player.pause"), self._toggle, text("player.play_tip")),
+            (text("rating.again"), self._restart, text("rating.again_tip")),
+            (text("player.camera"), self._switch_view, text("player.camera_tip")),
         ]
         left = pygame.Rect(row.left, row.top, round(row.width * 0.36), row.height)
         self._play_button: UIButton = button_row(ui, left, specs, gap=gap)[0]
         right = pygame.Rect(0, row.top, round(row.width * 0.2), row.height)
         right.right = row.right
-        (self._save_button,) = button_row(ui, right, [("Save & next", self._save, "(Enter)")])
+        (self._save_button,) = button_row(ui, right, [(text("rating.save"), self._save, text("rating.save_tip"))])
         if self.player is not None and not self.player.watched:
             self._save_button.disable()
         self._between = pygame.Rect(left.right, row.top, right.left - left.right, row.height)
 
-    def _text_lines(self, max_width: int) -> list[tuple[str, int]]:
-        """Lines of context and question, each with its text height in px."""
-        s, spec = self._stage.scale, self.session.spec
+    def _text_lines(self, max_width: int, max_height: int) -> list[tuple[str, int]]:
+        """Lines of context and question, each with its text height in px; a small window has fewer of them."""
+        s = self._stage.scale
         context = (self._record.context if self._record else None) or self._context
         small, large = text_size(TEXT, s), text_size(LARGE, s)
-        lines = [(line, small) for line in wrapped(context, max_width, small, max_lines=_MAX_LINES)]
-        question = spec.question or f"{spec.name}?"
-        return lines + [(line, large) for line in wrapped(question, max_width, large, max_lines=2)]
+        question = [(line, large) for line in wrapped(question_of(self.session.spec), max_width, large)]
+        used = sum(_pitch(size) for _, size in question)
+        count = min(max((max_height - used) // _pitch(small), 0), _MAX_LINES)
+        lines = wrapped(context, max_width, small, max_lines=count) if count else []
+        return [(line, small) for line in lines] + question
 
     # Drawing
 
     def _draw_question(self, surface: pygame.Surface) -> None:
         s, y = self._stage.scale, self._head.top + round(8 * self._stage.scale)
         draw_panel(surface, self._head, edge="bottom")
-        for text, size in self._lines:
-            write(surface, text, (round(20 * s), y + _pitch(size) / 2), size=size)
+        for words, size in self._lines:
+            write(surface, words, (round(20 * s), y + _pitch(size) / 2), size=size)
             y += _pitch(size)
 
     def _draw_bar(self, surface: pygame.Surface) -> None:
         """Draw the time, the answer or why there is none yet, and the progress of the session."""
         assert self.player is not None
         player, s, box = self.player, self._stage.scale, self._between
-        time = f"{player.time:.1f} / {player.length:.1f} s   {player.speed:g}x"
+        time = playing_time(player)
         right = self._bar.right - round(20 * s)
         write(surface, time, (right, self._timeline.box.centery), size=text_size(SMALL, s), anchor="midright")
         size = text_size(TEXT, s)
         if self.answer is not None:
             self.answer.draw(surface)
         else:
-            hint = "You can answer after the run has been watched to its end."
+            hint = text("rating.wait")
             write(surface, hint, self._free.center, size=size, colour=FAINT, anchor="center")
-        done, total = self._progress
-        text, colour = f"{done + 1} of {total}   ·   {self.session.rater}", FAINT
+        words, colour = text("rating.progress", percent=self._percent, rater=self.session.rater), FAINT
         if self._notice:
-            text, colour = self._notice, VERMILLION
-        write(surface, text, box.center, size=size, colour=colour, anchor="center", max_width=box.width - 20)
-        progress = pygame.Rect(0, self._bar.bottom - 4, round(self._bar.width * done / max(total, 1)), 4)
+            words, colour = self._notice, VERMILLION
+        lines = wrapped(words, box.width - 20, size, max_lines=2)
+        for k, line in enumerate(lines):
+            place = box.centerx, box.centery + (k - (len(lines) - 1) / 2) * _pitch(size)
+            write(surface, line, place, size=size, colour=colour, anchor="center")
+        thickness = max(round(4 * s), 1)
+        progress = pygame.Rect(0, self._bar.bottom - thickness, self._bar.width * self._percent // 100, thickness)
         surface.fill(BLUE, progress)
 
 

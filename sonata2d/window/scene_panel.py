@@ -6,55 +6,45 @@ from dataclasses import dataclass
 
 import pygame
 import pygame_gui
-from pygame_gui.elements import UIButton, UILabel, UIPanel
+from pygame_gui.elements import UIButton, UILabel, UIPanel, UITextEntryLine
 
 from ..scenegen.scenario.config import ScenarioConfig
 from .actions import Action
+from .texts import text
+from .widgets import fitted
 
 _COUNTS = (
-    ("humans", "People"),
-    ("standing", "People standing"),
-    ("wandering", "People walking"),
-    ("talking_pairs", "Pairs talking"),
-    ("walking_pairs", "Pairs walking"),
-    ("talking_groups", "Groups talking"),
-    ("walking_groups", "Groups walking"),
-    ("at_laptop", "People at a laptop"),
-    ("at_plant", "People at a plant"),
-    ("relations", "Relations"),
-    ("tables", "Tables"),
-    ("plants", "Plants"),
-    ("chairs", "Chairs"),
-    ("shelves", "Shelves"),
-    ("tvs", "TVs"),
-)
+    "humans", "standing", "wandering", "talking_pairs", "walking_pairs", "talking_groups", "walking_groups",
+    "at_laptop", "at_plant", "relations", "tables", "plants", "chairs", "shelves", "tvs",
+)  # fmt: skip
 _MAX_COUNT = 99
-_ROW, _GAP, _WIDTH = 30, 10, 480  # px at scale 1
+_TYPED = (pygame_gui.UI_TEXT_ENTRY_CHANGED, pygame_gui.UI_TEXT_ENTRY_FINISHED)
+_ROW, _GAP, _WIDTH = 34, 12, 580  # px at scale 1
 _PITCH = _ROW + 4  # px at scale 1
+_COLUMNS, _FIELD = (250, 420), 52  # px at scale 1: left edges of minimum and maximum, and width of a number
 
 
 @dataclass(slots=True)
 class CountRow:
-    """One count: its range, and the labels that show it."""
+    """One count: its range, and the fields that show it and take typed numbers."""
 
     low: int
     high: int
-    labels: tuple[UILabel, UILabel]
+    fields: tuple[UITextEntryLine, UITextEntryLine]
 
-    def change(self, end: int, by: int) -> None:
-        """Change the minimum (end 0) or maximum (end 1); the other one follows if the range would be empty."""
+    def change(self, end: int, value: int) -> None:
+        """Set the minimum (end 0) or maximum (end 1); the other one follows if the range would be empty."""
+        value = min(max(value, 0), _MAX_COUNT)
         if end == 0:
-            self.low = min(max(self.low + by, 0), _MAX_COUNT)
-            self.high = max(self.high, self.low)
+            self.low, self.high = value, max(self.high, value)
         else:
-            self.high = min(max(self.high + by, 0), _MAX_COUNT)
-            self.low = min(self.low, self.high)
-        self.show()
+            self.low, self.high = min(self.low, value), value
 
-    def show(self) -> None:
-        """Update the labels."""
-        for label, value in zip(self.labels, (self.low, self.high), strict=True):
-            label.set_text(str(value))
+    def show(self, *, except_for: UITextEntryLine | None = None) -> None:
+        """Update the fields, but not the one that the person types in."""
+        for field, value in zip(self.fields, (self.low, self.high), strict=True):
+            if field is not except_for and field.get_text() != str(value):
+                field.set_text(str(value))
 
 
 class ScenePanel:
@@ -68,26 +58,26 @@ class ScenePanel:
 
     def __init__(self, ui: pygame_gui.UIManager, scale: float, config: ScenarioConfig) -> None:
         self._config = config
-        counts = [(key, text) for key, text in _COUNTS if getattr(config, key) is not None]
+        counts = [key for key in _COUNTS if getattr(config, key) is not None]
         width, height = ui.window_resolution
-        rows = len(counts) + 2
-        self._unit = min(scale, (height - 20) / ((rows + 1) * _PITCH + 3 * _GAP), (width - 20) / _WIDTH)
-        box = pygame.Rect(0, 0, self._px(_WIDTH), self._px(rows * _PITCH + 3 * _GAP))
+        rows = len(counts) + 4  # title, heads, problem and buttons
+        self._unit = min(scale, (height - 20) / (rows * _PITCH + 2 * _GAP), (width - 20) / _WIDTH)
+        box = pygame.Rect(0, 0, self._px(_WIDTH), self._px(rows * _PITCH + 2 * _GAP))
         box.center = (width // 2, height // 2)
         self.panel = UIPanel(box, starting_height=8, manager=ui)
         self._ui, self._changes = ui, dict[UIButton, tuple[CountRow, int, int]]()
-        fixed = f" (plus {len(config.furniture)} fixed objects)" if config.furniture else ""
-        self._label(f"Scene settings{fixed}", 0, 0, _WIDTH - 2 * _GAP, "#title")
-        for text, left in (("at least", 220), ("at most", 350)):
-            self._label(text, left, 1, 100, "#line")
-        self._rows = {key: self._row(k, key, text) for k, (key, text) in enumerate(counts, 2)}
-        bottom = self._px(_GAP + (rows - 1) * _PITCH) + self._px(_PITCH)
-        half = self._px((_WIDTH - 3 * _GAP) / 2)
-        self.panel.set_dimensions((box.width, bottom + self._px(_ROW + 2 * _GAP)))
-        self.panel.set_position((box.left, max((height - self.panel.rect.height) // 2, 0)))
+        self._typed: dict[UITextEntryLine, tuple[CountRow, int]] = {}
+        fixed = len(config.furniture)
+        title = text("scene.fixed", count=fixed) if fixed else text("scene.title")
+        self._label(title, 0, 0, _WIDTH - 2 * _GAP, "#title")
+        for key, left in zip(("scene.at_least", "scene.at_most"), _COLUMNS, strict=True):
+            self._label(text(key), left, 1, _FIELD + 2 * _ROW, "#line")
+        self._rows = {key: self._row(k, key) for k, key in enumerate(counts, 2)}
+        self._problem = self._label("", 0, rows - 2, _WIDTH - 2 * _GAP, "#problem")
+        half = (_WIDTH - 3 * _GAP) / 2
         self._apply, self._cancel = (
-            UIButton(pygame.Rect(left, bottom, half, self._px(_ROW)), text, ui, container=self.panel)
-            for text, left in (("New scene", self._px(_GAP)), ("Cancel", 2 * self._px(_GAP) + half))
+            UIButton(self._place(left, rows - 1, half), text(key), ui, container=self.panel)
+            for key, left in (("scene.apply", 0), ("scene.cancel", _GAP + half))
         )
 
     def handle(self, event: pygame.Event) -> Action | ScenarioConfig | None:
@@ -101,12 +91,22 @@ class ScenePanel:
         """
         if event.type == pygame.KEYDOWN and event.key == pygame.K_ESCAPE:
             return Action.SCENE
+        if event.type == pygame.MOUSEBUTTONUP:
+            for field in self._typed:
+                if field.rect.collidepoint(event.pos):  # a typed number replaces the one that was clicked
+                    field.select_range = [0, len(field.get_text())]
+        if event.type in _TYPED and event.ui_element in self._typed:
+            self._take_over(event.ui_element, is_done=event.type == pygame_gui.UI_TEXT_ENTRY_FINISHED)
         if event.type != pygame_gui.UI_BUTTON_PRESSED:
             return None
+        self.show_problem("")
         if event.ui_element in self._changes:
             row, end, by = self._changes[event.ui_element]
-            row.change(end, by)
+            row.change(end, (row.low, row.high)[end] + by)
+            row.show()
         elif event.ui_element is self._apply:
+            for row in self._rows.values():
+                row.show()
             return self._config.changed(**{key: (row.low, row.high) for key, row in self._rows.items()})
         return Action.SCENE if event.ui_element is self._cancel else None
 
@@ -114,24 +114,46 @@ class ScenePanel:
         """Remove the widgets."""
         self.panel.kill()
 
+    def show_problem(self, problem: str) -> None:
+        """Show why the counts cannot be used, in the panel, or an empty text."""
+        problem = fitted(self._ui, problem, self._px(_WIDTH - 3 * _GAP))
+        if self._problem.text != problem:
+            self._problem.set_text(problem)
+
+    def _take_over(self, field: UITextEntryLine, *, is_done: bool) -> None:
+        """Use a typed number; an empty field keeps the number before until the person has finished."""
+        row, end = self._typed[field]
+        if field.get_text().isdigit():
+            row.change(end, int(field.get_text()))
+        row.show(except_for=None if is_done else field)
+
     def _px(self, size: float) -> int:
         return round(size * self._unit)
 
-    def _label(self, text: str, left: float, row: int, width: float, style: str) -> UILabel:
-        place = pygame.Rect(self._px(_GAP + left), self._px(_GAP + row * _PITCH), self._px(width), self._px(_ROW))
-        return UILabel(place, text, self._ui, container=self.panel, object_id=style)
+    def _place(self, left: float, row: int, width: float) -> pygame.Rect:
+        """A box in a row of the panel, px."""
+        top = self._px(_GAP + row * _PITCH)
+        return pygame.Rect(self._px(_GAP + left), top, self._px(width), self._px(_ROW))
 
-    def _row(self, k: int, key: str, text: str) -> CountRow:
-        """Line of the panel: a text, then minus, value and plus for the minimum and for the maximum."""
+    def _label(self, words: str, left: float, row: int, width: float, style: str) -> UILabel:
+        return UILabel(self._place(left, row, width), words, self._ui, container=self.panel, object_id=style)
+
+    def _row(self, k: int, key: str) -> CountRow:
+        """Line of the panel: a text, then minus, number and plus for the minimum and for the maximum."""
         count = getattr(self._config, key)
-        self._label(text, 0, k, 200, "#row")
-        row = CountRow(
-            count.min, count.max, (self._label("", 250, k, 40, "#line"), self._label("", 380, k, 40, "#line"))
-        )
+        self._label(text(f"scene.{key}"), 0, k, _COLUMNS[0] - _GAP, "#row")
+        row = CountRow(count.min, count.max, (self._field(k, 0), self._field(k, 1)))
         row.show()
-        for end, left in enumerate((220, 350)):
-            for sign, by, offset in (("-", -1, 0), ("+", 1, 70)):
-                top = self._px(_GAP + k * _PITCH)
-                place = pygame.Rect(self._px(_GAP + left + offset), top, self._px(_ROW), self._px(_ROW))
+        for end, left in enumerate(_COLUMNS):
+            self._typed[row.fields[end]] = row, end
+            for sign, by, offset in (("−", -1, 0), ("+", 1, _ROW + _FIELD)):
+                place = self._place(left + offset, k, _ROW)
                 self._changes[UIButton(place, sign, self._ui, container=self.panel)] = row, end, by
         return row
+
+    def _field(self, k: int, end: int) -> UITextEntryLine:
+        place = self._place(_COLUMNS[end] + _ROW, k, _FIELD)
+        field = UITextEntryLine(place, self._ui, container=self.panel, object_id="#count")
+        field.set_allowed_characters("numbers")
+        field.set_text_length_limit(len(str(_MAX_COUNT)))
+        return field

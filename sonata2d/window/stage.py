@@ -15,14 +15,30 @@ import pygame_gui
 from pygame._sdl2 import controller
 
 from ..errors import RenderError, WindowError
+from ..view.fonts import FAMILY
 from ..view.stills import save_surface
+from .gui_fonts import provide_fonts
+from .texts import text
+from .widgets import text_size
 
-SIZE = (1280, 800)
+REFERENCE = (1280, 800)  # px, size of a window at scale 1
 FPS = 60
 _CTRL = pygame.KMOD_CTRL | pygame.KMOD_META
 _FALLBACK_DRIVERS = ("offscreen", "dummy")  # SDL uses them if there is no display; allowed only on request
 _THEME = Path(__file__).with_name("theme.json")
-_FONT_SIZES = {"defaults": 14, "#title": 18, "#line": 14, "#row": 14}  # in a window of SIZE
+# Text sizes of widgets in a window of REFERENCE, px. The "defaults" of a theme are colours only, so elements are named.
+_TEXT_SIZES = dict.fromkeys(("button", "label", "text_entry_line", "text_box"), 20) | {
+    "#title": 26,
+    "horizontal_slider.@arrow_button": 18,
+    "vertical_scroll_bar.button": 18,
+}
+_LENGTHS = (  # of the theme, px at scale 1
+    *((part, "shape_corner_radius", 6) for part in ("button", "text_entry_line", "panel")),
+    *((part, "border_width", 1) for part in ("button", "text_entry_line", "panel")),
+    ("horizontal_slider", "sliding_button_width", 20),
+    ("tool_tip", "rect_width", 260),
+)
+_MIN_SIZE, _MAX_SHARE = (1024, 640), (0.86, 0.82)  # of the desktop: title bar and panels need the rest
 
 
 class Screen(Protocol):
@@ -49,13 +65,13 @@ class Stage:
 
     Args:
         title: of the window.
-        size: px.
+        size: px; None to choose one that fits the desktop.
         fps: maximum number of frames per second.
         clock: waits for the next frame at a given rate and returns the ms that have passed; real time by default.
 
     Attributes:
         ui: pygame_gui's manager of the widgets; emptied when a screen is entered.
-        scale: size of texts and widgets relative to a window of `SIZE`.
+        scale: size of texts and widgets relative to a window of `REFERENCE`.
 
     Raises:
         WindowError: there is no display.
@@ -65,13 +81,13 @@ class Stage:
         self,
         title: str = "sonata2d",
         *,
-        size: tuple[int, int] = SIZE,
+        size: tuple[int, int] | None = None,
         fps: int = FPS,
         clock: Callable[[int], int] | None = None,
     ) -> None:
         self._fps, self._clock = fps, clock or pygame.time.Clock().tick
         _open_display(title, size)
-        self._reset_ui(size)
+        self._reset_ui(self.size)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -127,20 +143,43 @@ class Stage:
         path = Path.cwd() / f"sonata2d-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.png"
         try:
             save_surface(self.surface, path)
-            pygame.display.set_caption(f"saved: {path}")
+            pygame.display.set_caption(text("notice.saved", path=path))
         except RenderError as error:
-            pygame.display.set_caption(f"not saved: {error}")
+            pygame.display.set_caption(text("notice.not_saved", problem=error))
 
     def _reset_ui(self, size: tuple[int, int]) -> None:
-        """Replace the manager by an empty one for a window size."""
-        self.scale = max(min(size[0] / SIZE[0], size[1] / SIZE[1]), 0.75)
+        """Replace the manager by an empty one for a window size; all texts and widgets have one scale."""
+        self.scale = max(min(size[0] / REFERENCE[0], size[1] / REFERENCE[1]), 0.75)
         theme = json.loads(_THEME.read_text(encoding="utf-8"))
-        for part, points in _FONT_SIZES.items():
-            theme.setdefault(part, {})["font"] = {"name": "noto_sans", "size": str(round(points * self.scale))}
-        self.ui = pygame_gui.UIManager(size, theme)
+        sizes = {part: text_size(points, self.scale) for part, points in _TEXT_SIZES.items()}
+        for part, points in sizes.items():
+            theme.setdefault(part, {})["font"] = {"name": FAMILY, "size": str(points)}
+        for part, name, length in _LENGTHS:
+            pixels = str(max(round(length * self.scale), 1))
+            text_of_length = ",".join([pixels] * 4) if "radius" in name else pixels
+            theme.setdefault(part, {}).setdefault("misc", {})[name] = text_of_length
+        self.ui = pygame_gui.UIManager(size)
+        provide_fonts(self.ui, set(sizes.values()))
+        self.ui.get_theme().load_theme(theme)
 
 
-def _open_display(title: str, size: tuple[int, int]) -> None:
+def fitting_size(desktop: tuple[int, int]) -> tuple[int, int]:
+    """Size of a window that leaves room for its title bar and the panels of a desktop of a given size, px.
+
+    >>> fitting_size((1280, 800))
+    (1049, 656)
+    """
+    limits = [
+        min(max(share * side, minimum), 0.96 * side)
+        for share, side, minimum in zip(_MAX_SHARE, desktop, _MIN_SIZE, strict=True)
+    ]
+    scale = min(limit / side for limit, side in zip(limits, REFERENCE, strict=True))
+    width, height = (int(scale * side) for side in REFERENCE)
+    # The shape of REFERENCE would make a window on a small desktop lower or narrower than the minimum.
+    return max(width, int(min(limits[0], _MIN_SIZE[0]))), max(height, int(min(limits[1], _MIN_SIZE[1])))
+
+
+def _open_display(title: str, size: tuple[int, int] | None) -> None:
     """Open the window; only pygame's display and fonts are started, not its sound."""
     is_linux = sys.platform.startswith("linux")
     has_display = any(os.environ.get(key) for key in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"))
@@ -152,7 +191,7 @@ def _open_display(title: str, size: tuple[int, int]) -> None:
             raise pygame.error("the display named by the environment does not respond")
         pygame.font.init()
         pygame.display.set_caption(title)
-        pygame.display.set_mode(size, pygame.RESIZABLE)
+        pygame.display.set_mode(size or fitting_size(pygame.display.get_desktop_sizes()[0]), pygame.RESIZABLE)
     except pygame.error as error:
         raise WindowError(
             f"the window cannot be opened ({error}); without a display, use `sonata2d generate` to make data sets and"

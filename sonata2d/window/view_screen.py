@@ -10,28 +10,20 @@ from pygame_gui.elements import UIButton
 
 from ..core.devices import View
 from ..errors import RenderError
-from .hud import Hud, draw_hud, draw_veil
-from .playback import Exporter, Player, Playlist, frame_label, frame_summary, run_summary
+from ..view.fonts import wrapped
+from ..view.palette import OUTSIDE
+from .hud import Hud, draw_hud, draw_veil, free_area
+from .playback import Exporter, Player, Playlist, frame_label, frame_summary, playing_time, run_summary
 from .stage import Screen, Stage
-from .widgets import MINUS, PLUS, SMALL, TEXT, Timeline, button_row, draw_panel, text_size, wrapped, write
+from .texts import text
+from .widgets import MINUS, PLUS, SMALL, TEXT, Timeline, button_row, draw_panel, text_size, write
 
-_BAR = 138  # height of the lower bar, px at scale 1
-_NARROW, _NOT_IN_NARROW = 760, ("Zones", "Trails", "PNG", "SVG")  # px; these buttons do not fit (their keys work)
+_BAR = 146  # height of the lower bar, px at scale 1
+_NARROW, _NOT_IN_NARROW = 900, ("zones", "trails", "png", "svg")  # px; these buttons do not fit (their keys work)
 _REST = 1.5  # time at the end of a run before the next one begins, s
 _NOTICE = 5.0  # time for which a notice is shown, s
-_HELP_PAGE, _ABOUT_PAGE = "Keys", "About this run"
-_HELP = (
-    "Space   play, pause",
-    "Left, Right   one frame back, forward (with Shift: one second)",
-    "+, -   faster, slower",
-    "Home   from the start",
-    "N, B   next file, previous file (Page Down, Page Up)",
-    "V   camera      Z   zones      T   trails      H   readings",
-    "Mouse wheel   zoom",
-    "P, S   save this moment as PNG, as SVG",
-    "I   about this run",
-    "Esc   close",
-)
+_HELP_PAGE, _ABOUT_PAGE = "help_title", "about_title"
+_HELP = ("play", "step", "speed", "home", "files", "layers", "zoom", "save", "about", "close")
 
 
 class ViewScreen:
@@ -61,7 +53,7 @@ class ViewScreen:
         self._rest: float | None = None  # time until the next file begins, s
         self._notice, self._notice_left = "", 0.0
         if self.files.skipped:
-            self._notify(f"skipped: {self.files.skipped}")
+            self._notify(text("notice.skipped", problem=self.files.skipped))
 
     @property
     def notice(self) -> str:
@@ -75,9 +67,9 @@ class ViewScreen:
         inner = self._bar.inflate(-round(28 * s), 0)
         row = pygame.Rect(inner.left, inner.top + round(40 * s), inner.width, round(36 * s))
         specs = [
-            (text, command, tip)
-            for text, tip, command, _ in self._commands()
-            if text and (width >= _NARROW or text not in _NOT_IN_NARROW)
+            (text(f"player.{name}"), command, text(f"player.{'play' if name == 'pause' else name}_tip"))
+            for name, command, _ in self._commands()
+            if name and (width >= _NARROW * s or name not in _NOT_IN_NARROW)
         ]
         self._play_button: UIButton = button_row(stage.ui, row, specs, gap=round(5 * s))[2]
         self._build_timeline()
@@ -103,18 +95,22 @@ class ViewScreen:
             if self._rest <= 0.0:
                 self._rest = None
                 self._open_file(1)
-        text = "Pause" if self.player.playing else "Play"
-        if self._play_button.text != text:
-            self._play_button.set_text(text)
+        words = text("player.pause" if self.player.playing else "player.play")
+        if self._play_button.text != words:
+            self._play_button.set_text(words)
         return None if self._closing else self
 
     def draw(self, surface: pygame.Surface) -> None:
-        picture = surface.subsurface((0, 0, self._bar.width, self._bar.top))
-        camera = self.exporter.draw(picture)
+        whole = surface.subsurface((0, 0, self._bar.width, self._bar.top))
+        hud, scale, area = self._hud(), self._stage.scale, whole.get_rect()
+        if self._show_hud and self.exporter.view == "top":  # the room is drawn where the readings leave space
+            whole.fill(OUTSIDE)
+            area = free_area(whole, hud, scale=scale)
+        camera = self.exporter.draw(whole.subsurface(area))
         if self._show_hud:
-            draw_hud(picture, self._hud(), self.exporter.moment, camera, scale=self._stage.scale)
+            draw_hud(whole, hud, self.exporter.moment, camera, scale=scale, origin=area.topleft)
         if self._page:
-            draw_veil(picture, self._page, self._page_lines(picture.get_width()), scale=self._stage.scale)
+            draw_veil(whole, text(f"player.{self._page}"), self._page_lines(whole.get_width()), scale=scale)
         draw_panel(surface, self._bar, edge="top")
         self._timeline.draw(surface)
         self._draw_texts(surface)
@@ -122,26 +118,26 @@ class ViewScreen:
     def leave(self) -> None:
         """Nothing needs to be saved."""
 
-    def _commands(self) -> list[tuple[str, str, Callable[[], object], tuple[int, ...]]]:
-        """Text and tool tip of a button (without text: no button), the command, and its keys."""
+    def _commands(self) -> list[tuple[str, Callable[[], object], tuple[int, ...]]]:
+        """Name of a button (empty: no button), the command, and its keys."""
         return [
-            ("Previous", "previous file (B)", lambda: self._open_file(-1), (pygame.K_b, pygame.K_PAGEUP)),
-            ("- 1", "one frame back (left arrow)", lambda: self._step(-1), (pygame.K_LEFT,)),
-            ("Pause", "play or pause (Space)", self._toggle, (pygame.K_SPACE,)),
-            ("+ 1", "one frame forward (right arrow)", lambda: self._step(1), (pygame.K_RIGHT,)),
-            ("Next", "next file (N)", lambda: self._open_file(1), (pygame.K_n, pygame.K_PAGEDOWN)),
-            ("Slower", "(-)", lambda: self.player.slower(), (*MINUS, pygame.K_LEFTBRACKET)),
-            ("Faster", "(+)", lambda: self.player.faster(), (*PLUS, pygame.K_RIGHTBRACKET)),
-            ("Camera", "whole room, or behind the robot (V)", lambda: self.exporter.switch_view(), (pygame.K_v,)),
-            ("Zones", "people's intimate and personal space (Z)", lambda: self._toggle_layer("zones"), (pygame.K_z,)),
-            ("Trails", "paths of the last seconds (T)", lambda: self._toggle_layer("trails"), (pygame.K_t,)),
-            ("PNG", "save this moment as a picture (P)", lambda: self._save(".png"), (pygame.K_p,)),
-            ("SVG", "save this moment as a drawing (S)", lambda: self._save(".svg"), (pygame.K_s,)),
-            ("About", "about this run (I)", lambda: self._toggle_page(_ABOUT_PAGE), (pygame.K_i,)),
-            ("Help", "keys (F1)", lambda: self._toggle_page(_HELP_PAGE), (pygame.K_F1,)),
-            ("", "", self.player.restart, (pygame.K_HOME,)),
-            ("", "", self._toggle_hud, (pygame.K_h,)),
-            ("", "", self._escape, (pygame.K_ESCAPE,)),
+            ("previous", lambda: self._open_file(-1), (pygame.K_b, pygame.K_PAGEUP)),
+            ("back", lambda: self._step(-1), (pygame.K_LEFT,)),
+            ("pause", self._toggle, (pygame.K_SPACE,)),
+            ("forward", lambda: self._step(1), (pygame.K_RIGHT,)),
+            ("next", lambda: self._open_file(1), (pygame.K_n, pygame.K_PAGEDOWN)),
+            ("slower", lambda: self.player.slower(), (*MINUS, pygame.K_LEFTBRACKET)),
+            ("faster", lambda: self.player.faster(), (*PLUS, pygame.K_RIGHTBRACKET)),
+            ("camera", lambda: self.exporter.switch_view(), (pygame.K_v,)),
+            ("zones", lambda: self._toggle_layer("zones"), (pygame.K_z,)),
+            ("trails", lambda: self._toggle_layer("trails"), (pygame.K_t,)),
+            ("png", lambda: self._save(".png"), (pygame.K_p,)),
+            ("svg", lambda: self._save(".svg"), (pygame.K_s,)),
+            ("about", lambda: self._toggle_page(_ABOUT_PAGE), (pygame.K_i,)),
+            ("help", lambda: self._toggle_page(_HELP_PAGE), (pygame.K_F1,)),
+            ("", self.player.restart, (pygame.K_HOME,)),
+            ("", self._toggle_hud, (pygame.K_h,)),
+            ("", self._escape, (pygame.K_ESCAPE,)),
         ]
 
     def _press(self, event: pygame.Event) -> None:
@@ -150,7 +146,7 @@ class ViewScreen:
             self._rest = None
             self.player.step_seconds(1 if event.key == pygame.K_RIGHT else -1)
             return
-        for _, _, command, keys in self._commands():
+        for _, command, keys in self._commands():
             if event.key in keys:
                 self._rest = None
                 command()
@@ -193,14 +189,14 @@ class ViewScreen:
     def _save(self, suffix: str) -> None:
         try:
             self.saved.append(self.exporter.save(Path.cwd(), suffix))
-            self._notify(f"saved: {self.saved[-1]}")
+            self._notify(text("notice.saved", path=self.saved[-1]))
         except RenderError as error:
             self._notify(str(error))
 
     def _build_timeline(self) -> None:
         s, bar = self._stage.scale, self._bar
-        box = pygame.Rect(bar.left + round(26 * s), bar.top + round(10 * s), bar.width - round(196 * s), round(24 * s))
-        self._timeline = Timeline(self.player, box)
+        box = pygame.Rect(bar.left + round(26 * s), bar.top + round(10 * s), bar.width - round(230 * s), round(24 * s))
+        self._timeline = Timeline(self.player, box, scale=s)
 
     def _hud(self) -> Hud:
         record = self.files.record
@@ -211,24 +207,25 @@ class ViewScreen:
     def _page_lines(self, width: int) -> Sequence[str]:
         """Lines of the open page: the keys, or a summary of the run with long texts wrapped."""
         if self._page == _HELP_PAGE:
-            return _HELP
+            return [text(f"player.help_{name}") for name in _HELP]
         size = text_size(TEXT, self._stage.scale)
-        texts = [f"{name}:  {value}" for name, value in run_summary(self.files.record)]
-        return [line for text in texts for line in wrapped(text, width * 0.6, size, max_lines=5)]
+        entries = [(text(f"player.{name}"), value) for name, value in run_summary(self.files.record)]
+        lines = [text("player.entry", name=name, value=value) for name, value in entries]
+        return [row for line in lines for row in wrapped(line, width * 0.6, size, max_lines=5)]
 
     def _draw_texts(self, surface: pygame.Surface) -> None:
         """Draw time and speed beside the timeline, and below the buttons the tick and the run (or a notice)."""
         player, s, bar, record = self.player, self._stage.scale, self._bar, self.files.record
         left, right = bar.left + round(16 * s), bar.right - round(16 * s)
-        time = f"{player.time:.1f} / {player.length:.1f} s   {player.speed:g}x"
+        time = playing_time(player)
         write(surface, time, (right, self._timeline.box.centery), size=text_size(TEXT, s), anchor="midright")
         label = frame_label(record, player.index)
-        texts = [f"tick {player.snapshot.tick}", *([label] if label and not self._show_hud else [])]
+        texts = [text("player.tick", number=player.snapshot.tick), *([label] if label and not self._show_hud else [])]
         texts += frame_summary(record, player.snapshot, player.index)
         run = dict(run_summary(record))
         # The readings show the contributor already.
         names = ("file", "outcome", "label", *(() if self._show_hud else ("contributor",)), "context")
         run_texts = [run[name] for name in names if name in run]
         lines = ("   ·   ".join(texts), self.notice or "   ·   ".join(run_texts))
-        for line, y in zip(lines, (94, 118), strict=True):
+        for line, y in zip(lines, (98, 124), strict=True):
             write(surface, line, (left, bar.top + round(y * s)), size=text_size(SMALL, s), max_width=right - left)

@@ -1,4 +1,4 @@
-"""Parts of the screens: lines of text, rows of buttons, a timeline to drag, and a slider without a default."""
+"""Parts of the screens: lines of text, rows of buttons, a timeline to drag, and answers without a default."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton
 
-from ..view.fonts import rendered, shortened, width_of
+from ..view.fonts import rendered, shortened, width_of, wrapped
 from ..view.palette import BLUE, FAINT, GRID, INK, PAPER, VERMILLION, Colour
+from .texts import text
 
 if TYPE_CHECKING:
     from .playback import Player
@@ -20,6 +21,9 @@ EDGE: Colour = (214, 212, 206)
 TEXT, SMALL, LARGE = 20, 18, 28  # heights of texts, px at scale 1
 PLUS = (pygame.K_PLUS, pygame.K_EQUALS, pygame.K_KP_PLUS)
 MINUS = (pygame.K_MINUS, pygame.K_KP_MINUS)
+HOVER: Colour = (234, 242, 248)  # of a button under the mouse
+_CHOICE_GAP, _CHOICE_ROW = 8, 42  # px at scale 1: between answers, and height of an answer with one line
+_END_SHARE = 0.33  # of a slider's width for the meaning of an end
 _BUTTON_PADDING = 8  # px, left and right of a button's text together
 _MIN_TEXT = 17  # px; smaller text is hard to read
 ButtonSpec = tuple[str, Callable[[], object], str]  # text, command, tool tip (may be empty)
@@ -39,7 +43,7 @@ def draw_panel(surface: pygame.Surface, box: pygame.Rect, *, edge: str) -> None:
 
 def write(
     surface: pygame.Surface,
-    text: str,
+    words: str,
     position: tuple[float, float],
     *,
     size: int,
@@ -51,7 +55,7 @@ def write(
 
     Args:
         surface: target.
-        text: the line.
+        words: the line.
         position: of the anchor, px.
         size: text height, px.
         colour: RGB.
@@ -61,26 +65,10 @@ def write(
     Returns:
         The box of the drawn text, px.
     """
-    line = rendered(shortened(text, max_width, size), size, colour)
+    line = rendered(shortened(words, max_width, size), size, colour)
     box = line.get_rect(**{anchor: (round(position[0]), round(position[1]))})
     surface.blit(line, box)
     return box
-
-
-def wrapped(text: str, max_width: float, size: int, *, max_lines: int) -> list[str]:
-    """Break a text into at most `max_lines` lines of at most `max_width` px; an ellipsis replaces the excess."""
-    lines = [""]
-    words = text.split()
-    for k, word in enumerate(words):
-        longer = f"{lines[-1]} {word}".strip()
-        if width_of(longer, size) <= max_width or not lines[-1]:
-            lines[-1] = longer
-        elif len(lines) < max_lines:
-            lines.append(word)
-        else:
-            lines[-1] = shortened(" ".join([lines[-1], *words[k:]]), max_width, size)
-            break
-    return [shortened(line, max_width, size) for line in lines if line]
 
 
 def button_row(
@@ -95,28 +83,27 @@ def button_row(
         gap: between buttons, px.
         equal: whether all buttons have the same width; otherwise the width follows the text.
     """
-    font = ui.get_theme().get_font(["button"])
-    texts = [0 if equal else font.size(text)[0] for text, _, _ in specs]
+    texts = [0 if equal else natural_width(ui, words) for words, _, _ in specs]
     rest = (box.width - gap * (len(specs) - 1) - sum(texts)) / len(specs)
     if rest < _BUTTON_PADDING:  # too narrow for all texts: equal widths, and the longest texts are cut
         texts, rest = [0] * len(specs), (box.width - gap * (len(specs) - 1)) / len(specs)
     buttons, left = [], float(box.left)
-    for (text, command, tip), width in zip(specs, texts, strict=True):
+    for (words, command, tip), width in zip(specs, texts, strict=True):
         place = pygame.Rect(round(left), box.top, round(width + rest), box.height)
-        text = fitted(ui, text, place.width - _BUTTON_PADDING)
-        buttons.append(UIButton(place, text, ui, command=command, tool_tip_text=tip or None))
+        words = fitted(ui, words, place.width - _BUTTON_PADDING)
+        buttons.append(UIButton(place, words, ui, command=command, tool_tip_text=tip or None))
         left += width + rest + gap
     return buttons
 
 
-def fitted(ui: pygame_gui.UIManager, text: str, max_width: float) -> str:
+def natural_width(ui: pygame_gui.UIManager, words: str) -> int:
+    """Width of a text in the theme's font of buttons, px."""
+    return int(ui.get_theme().get_font(["button"]).size(words)[0])
+
+
+def fitted(ui: pygame_gui.UIManager, words: str, max_width: float) -> str:
     """Shorten a text of a button or label to `max_width` px of the theme's font."""
-    font = ui.get_theme().get_font(["button"])
-    if font.size(text)[0] <= max_width:
-        return text
-    while text and font.size(f"{text}…")[0] > max_width:
-        text = text[:-1]
-    return f"{text.rstrip()}…"
+    return shortened(words, max_width, ui.get_theme().get_font(["button"]).get_point_size())
 
 
 class _Drag:
@@ -151,12 +138,21 @@ class Timeline:
     Args:
         player: of the run.
         box: px.
+        scale: of the bar and its marks.
         draggable: whether the mouse moves it.
         show_contacts: whether the starts of contacts are marked.
     """
 
-    def __init__(self, player: Player, box: pygame.Rect, *, draggable: bool = True, show_contacts: bool = True) -> None:
-        self.player, self.box, self.draggable = player, box, draggable
+    def __init__(
+        self,
+        player: Player,
+        box: pygame.Rect,
+        *,
+        scale: float = 1.0,
+        draggable: bool = True,
+        show_contacts: bool = True,
+    ) -> None:
+        self.player, self.box, self.draggable, self._unit = player, box, draggable, scale
         self._marks = player.contacts() if show_contacts else []
         self._drag = _Drag(box, box.inflate(12, 8), player.seek)
 
@@ -165,18 +161,99 @@ class Timeline:
         return self.draggable and self._drag.handle(event)
 
     def draw(self, surface: pygame.Surface) -> None:
-        box = self.box
+        box, u = self.box, self._unit
         x, y = box.left + round(self.player.fraction * box.width), box.centery
-        track = pygame.Rect(box.left, y - 3, box.width, 6)
-        pygame.draw.rect(surface, GRID, track, border_radius=3)
-        pygame.draw.rect(surface, BLUE, (box.left, y - 3, x - box.left, 6), border_radius=3)
+        half, corner = round(3 * u), round(3 * u)
+        track = pygame.Rect(box.left, y - half, box.width, 2 * half)
+        pygame.draw.rect(surface, GRID, track, border_radius=corner)
+        pygame.draw.rect(surface, BLUE, (box.left, y - half, x - box.left, 2 * half), border_radius=corner)
         for mark in self._marks:
             at = box.left + round(mark * box.width)
-            pygame.draw.line(surface, VERMILLION, (at, y - 4), (at, y + 4), 2)
-            pygame.draw.polygon(surface, VERMILLION, [(at, y - 5), (at - 4, y - 11), (at + 4, y - 11)])
+            pygame.draw.line(surface, VERMILLION, (at, y - 4 * u), (at, y + 4 * u), max(round(2 * u), 1))
+            pygame.draw.polygon(
+                surface, VERMILLION, [(at, y - 5 * u), (at - 4 * u, y - 11 * u), (at + 4 * u, y - 11 * u)]
+            )
         if self.draggable:
-            pygame.draw.circle(surface, PAPER, (x, y), 9)
-            pygame.draw.aacircle(surface, BLUE, (x, y), 9, 3)
+            pygame.draw.circle(surface, PAPER, (x, y), 9 * u)
+            pygame.draw.aacircle(surface, BLUE, (x, y), 9 * u, max(round(3 * u), 1))
+
+
+class Choices:
+    """Buttons of which one may be chosen; their texts wrap, and none is chosen at first.
+
+    Args:
+        box: px; as high as `height_of` says.
+        texts: of the buttons.
+        scale: of texts and buttons.
+        chosen: index of the button chosen before; None for none.
+
+    Attributes:
+        chosen: index of the chosen button; None before the first choice.
+        places: of the buttons, px.
+    """
+
+    def __init__(self, box: pygame.Rect, texts: Sequence[str], scale: float, chosen: int | None = None) -> None:
+        self.chosen, self._unit, self._size = chosen, scale, text_size(TEXT, scale)
+        columns, height = _grid(texts, box.width, scale)
+        gap, rows = round(_CHOICE_GAP * scale), -(-len(texts) // columns)
+        width = (box.width - gap * (columns - 1)) // columns
+        top = box.top + max(box.height - rows * (height + gap) + gap, 0) // 2
+        self.places = [
+            pygame.Rect(box.left + k % columns * (width + gap), top + k // columns * (height + gap), width, height)
+            for k in range(len(texts))
+        ]
+        self._lines = [wrapped(words, width - 2 * gap, self._size) for words in texts]
+        self._hovered: int | None = None
+
+    @staticmethod
+    def height_of(texts: Sequence[str], width: int, scale: float) -> int:
+        """Height that the buttons need in a width, px."""
+        columns, height = _grid(texts, width, scale)
+        gap, rows = round(_CHOICE_GAP * scale), -(-len(texts) // columns)
+        return rows * (height + gap) - gap
+
+    def handle(self, event: pygame.Event) -> bool:
+        """Process a mouse event; returns True if it chooses a button."""
+        if event.type not in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEMOTION):
+            return False
+        hit = next((k for k, place in enumerate(self.places) if place.collidepoint(event.pos)), None)
+        if event.type == pygame.MOUSEMOTION:
+            self._hovered = hit
+        elif event.button == pygame.BUTTON_LEFT and hit is not None:
+            self.chosen = hit
+            return True
+        return False
+
+    def draw(self, surface: pygame.Surface) -> None:
+        """Draw the buttons; the chosen one is filled, so that colour is not the only cue of its edge."""
+        radius, pitch = round(6 * self._unit), round(self._size * 1.25)
+        for k, (place, lines) in enumerate(zip(self.places, self._lines, strict=True)):
+            is_chosen = k == self.chosen
+            fill = BLUE if is_chosen else HOVER if k == self._hovered else PAPER
+            pygame.draw.rect(surface, fill, place, border_radius=radius)
+            edge = BLUE if is_chosen or k == self._hovered else FAINT
+            pygame.draw.rect(surface, edge, place, max(round(self._unit), 1), border_radius=radius)
+            for row, line in enumerate(lines):
+                y = place.centery + (row - (len(lines) - 1) / 2) * pitch
+                colour = PAPER if is_chosen else INK
+                write(surface, line, (place.centerx, y), size=self._size, colour=colour, anchor="center")
+
+
+def _grid(texts: Sequence[str], width: int, scale: float) -> tuple[int, int]:
+    """Number of columns, and height of a button: low in all, but rather more rows than many lines in a button."""
+    gap, size = round(_CHOICE_GAP * scale), text_size(TEXT, scale)
+    longest_word = max(width_of(word, size) for words in texts for word in [*words.split(), ""])
+    grids: list[tuple[float, int, int]] = []
+    for columns in range(1, len(texts) + 1):
+        inner = (width - gap * (columns - 1)) // columns - 2 * gap
+        if columns > 1 and longest_word > inner:
+            break
+        lines = max(len(wrapped(words, max(inner, 1), size)) for words in texts)
+        height = max(round(_CHOICE_ROW * scale), round(lines * size * 1.25) + 2 * gap)
+        rows = -(-len(texts) // columns)
+        grids.append((rows * (height + gap) * (1.0 + 0.25 * (lines - 1)), columns, height))
+    _, columns, height = min(grids)
+    return columns, height
 
 
 class Scale:
@@ -192,10 +269,19 @@ class Scale:
     def __init__(
         self, box: pygame.Rect, ends: tuple[str, str], *, scale: float = 1.0, value: float | None = None
     ) -> None:
-        self.box, self.value = box, value
-        self._ends, self._size = ends, text_size(TEXT, scale)
-        self.track = pygame.Rect(box.left + 12, box.top + box.height // 3 - 4, box.width - 24, 8)
-        self._drag = _Drag(self.track, self.track.inflate(24, 36), self._set)
+        self.box, self.value, self._unit = box, value, scale
+        self._size = text_size(TEXT, scale)
+        self._ends = [wrapped(end, box.width * _END_SHARE, self._size) for end in ends]
+        edge, height = round(12 * scale), round(8 * scale)
+        self.track = pygame.Rect(box.left + edge, box.top + round(16 * scale), box.width - 2 * edge, height)
+        self._drag = _Drag(self.track, self.track.inflate(2 * edge, 3 * edge), self._set)
+
+    @staticmethod
+    def height_of(ends: tuple[str, str], width: int, scale: float) -> int:
+        """Height that the slider needs in a width, px."""
+        size = text_size(TEXT, scale)
+        lines = max(len(wrapped(end, width * _END_SHARE, size)) for end in ends)
+        return round(44 * scale) + round(max(lines, 1) * size * 1.25)
 
     def handle(self, event: pygame.Event) -> bool:
         """Process a mouse event or an arrow key (with Shift: small steps); returns True if the slider has used it."""
@@ -208,21 +294,22 @@ class Scale:
         return self._drag.handle(event)
 
     def draw(self, surface: pygame.Surface) -> None:
-        track, value = self.track, self.value
-        pygame.draw.rect(surface, GRID, track, border_radius=4)
+        track, value, u, size = self.track, self.value, self._unit, self._size
+        pygame.draw.rect(surface, GRID, track, border_radius=round(4 * u))
         for tenth in range(11):
-            x = track.left + round(tenth / 10 * track.width)
-            pygame.draw.line(surface, FAINT, (x, track.bottom + 3), (x, track.bottom + (9 if tenth % 5 == 0 else 6)))
+            x, length = track.left + round(tenth / 10 * track.width), 9 if tenth % 5 == 0 else 6
+            pygame.draw.line(surface, FAINT, (x, track.bottom + 3 * u), (x, track.bottom + length * u))
         if value is not None:
             x = track.left + round(value * track.width)
-            pygame.draw.circle(surface, PAPER, (x, track.centery), 12)
-            pygame.draw.aacircle(surface, BLUE, (x, track.centery), 12, 4)
-        y = (track.bottom + 9 + self.box.bottom) / 2
-        text = "click or press an arrow key" if value is None else f"{value:.2f}"
-        middle = write(surface, text, (self.box.centerx, y), size=self._size, colour=FAINT, anchor="center")
-        max_width = (self.box.width - middle.width) / 2 - 16
-        write(surface, self._ends[0], (self.box.left, y), size=self._size, max_width=max_width)
-        write(surface, self._ends[1], (self.box.right, y), size=self._size, anchor="midright", max_width=max_width)
+            pygame.draw.circle(surface, PAPER, (x, track.centery), 12 * u)
+            pygame.draw.aacircle(surface, BLUE, (x, track.centery), 12 * u, max(round(4 * u), 1))
+        y = track.bottom + 14 * u + size / 2
+        words = text("question.no_value") if value is None else f"{value:.2f}"
+        write(surface, words, (self.box.centerx, y), size=size, colour=FAINT, anchor="center",
+              max_width=self.box.width * (1 - 2 * _END_SHARE))  # fmt: skip
+        for lines, anchor, x in zip(self._ends, ("midleft", "midright"), (self.box.left, self.box.right), strict=True):
+            for k, line in enumerate(lines):
+                write(surface, line, (x, y + k * size * 1.25), size=size, anchor=anchor)
 
     def _set(self, value: float) -> None:
         self.value = value

@@ -16,8 +16,11 @@ from sonata2d.collect.session import Session
 from sonata2d.datasets.verification import verify
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.config import ScenarioConfig
+from sonata2d.view.fonts import wrapped
 from sonata2d.window.collect_screen import CollectScreen
 from sonata2d.window.input import InputDevices
+from sonata2d.window.name_screen import NameScreen
+from sonata2d.window.stage import fitting_size
 
 from .fake_devices import FakePads, axis, plugged_in, unplugged
 from .volunteer import Person
@@ -42,7 +45,7 @@ class Driver(Person):
     def _make(self) -> CollectScreen:
         devices = InputDevices(pads=self.pads)
         self.session = Session(self.folder, "zoe", ScenarioConfig(**self._scene), mappings=devices.mappings)
-        self.collect = CollectScreen(self.session, devices, runs=3)
+        self.collect = CollectScreen(self.session, devices, runs=3, scene_changes=True)
         return self.collect
 
     def drive_briefly(self, seconds: float = 0.4) -> None:
@@ -364,3 +367,150 @@ def test_runs_among_people_who_enter_and_leave_verify(driver: Callable[..., Driv
     person.press(pygame.K_RETURN)
     assert person.session.kept == 1
     assert verify(person.folder, replay=True) == []
+
+
+def test_the_question_is_the_headline_and_long_answers_are_shown_in_full(driver: Callable[..., Driver]) -> None:
+    answers = ["rude", "poor", "fair", "good", "so polite that I would like to meet it every day, " * 3]
+    question = "How polite was the robot to all people in this room, from the start of the run to its end?"
+    person = driver(label={"kind": "classes", "question": question, "classes": answers})
+    person.drive_briefly()
+    person.press(pygame.K_RETURN)
+    card, answer = person.collect._overlay._card, person.collect._overlay.answer
+    assert card is not None
+    assert answer is not None
+    assert answer._choices is not None
+    sizes: dict[int, str] = {}
+    for line in card._lines:
+        sizes[line.size] = f"{sizes.get(line.size, '')} {line.words}".strip()
+    assert sizes[max(sizes)] == question
+    shown = [" ".join(lines) for lines in answer._choices._lines]
+    assert shown == [f"{k} {name}".strip() for k, name in enumerate(answers, 1)]
+    assert all(card.box.contains(place) for place in answer._choices.places)
+
+
+def test_a_very_short_run_is_pointed_out_and_can_still_be_kept(driver: Callable[..., Driver]) -> None:
+    person = driver()
+    person.drive_briefly(0.6)
+    person.press(pygame.K_RETURN)
+    card = person.collect._overlay._card
+    assert card is not None
+    assert any("only 0.6 s long" in line.words for line in card._lines)
+    person.press(pygame.K_RETURN)
+    assert person.session.kept == 1
+
+
+def test_volunteers_read_neither_file_names_nor_folders(driver: Callable[..., Driver]) -> None:
+    person = driver()
+    for key in (pygame.K_RETURN, pygame.K_BACKSPACE, pygame.K_r):
+        person.drive_briefly()
+        person.press(pygame.K_RETURN, key)
+        assert person.collect._current_notice()
+        assert not any(word in person.collect._current_notice() for word in ("zoe", "json", "discarded", "/"))
+
+
+def test_a_notice_is_shown_once_and_beside_the_card(
+    driver: Callable[..., Driver], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sonata2d.window import cards, hud
+
+    shown: list[str] = []
+
+    def wrapped_and_listed(words: str, *arguments: Any, **options: Any) -> list[str]:
+        shown.append(words)
+        return wrapped(words, *arguments, **options)
+
+    for module in (cards, hud):
+        monkeypatch.setattr(module, "wrapped", wrapped_and_listed)
+    person = driver(label=TEXT)
+    person.drive_briefly()
+    person.press(pygame.K_RETURN, pygame.K_RETURN)
+    shown.clear()
+    person.wait()
+    assert shown.count("Answer the question first, or discard the run.") == 1
+    person.type("x")
+    shown.clear()
+    person.wait()
+    assert "Answer the question first, or discard the run." not in shown, "it is answered"
+
+
+def test_the_scenes_of_a_study_are_fixed_unless_the_researcher_allows_changes(driver: Callable[..., Driver]) -> None:
+    person = driver()
+    person.collect = CollectScreen(person.session, InputDevices(pads=person.pads))
+    person.screen = person.collect
+    person.screen.enter(person.stage)
+    person.press(pygame.K_g)
+    assert person.collect._overlay.page is None
+    assert "G" not in dict(person.collect._hud("").keys)
+    person.press(pygame.K_ESCAPE)
+    card = person.collect._overlay._card
+    assert card is not None
+    assert "Scene settings" not in {button.text for button in card._buttons}
+
+
+def test_a_new_person_starts_with_an_empty_name(driver: Callable[..., Driver]) -> None:
+    person = driver()
+    names: list[str] = []
+    ask = NameScreen(lambda name: names.append(name) or person.collect)  # type: ignore[func-returns-value]
+    person.collect = CollectScreen(person.session, InputDevices(pads=person.pads), new_person=lambda: ask)
+    person.screen = person.collect
+    person.screen.enter(person.stage)
+    person.press(pygame.K_ESCAPE)
+    card = person.collect._overlay._card
+    assert card is not None
+    (button,) = [button for button in card._buttons if button.text == "New person"]
+    person.click(*button.rect.center)
+    person.wait()
+    assert person.screen is ask
+    assert ask._entry is not None
+    assert ask._entry.get_text() == ""
+    Driver(person.folder).session.close()  # the folder is free for the next session of the same person
+
+
+def test_counts_can_be_typed(driver: Callable[..., Driver]) -> None:
+    person = driver()
+    person.press(pygame.K_g)
+    panel = person.collect._overlay._panel
+    assert panel is not None
+    row = panel._rows["humans"]
+    person.click(*row.fields[0].rect.center)
+    person.type("5")
+    person.wait()
+    assert (row.low, row.high) == (5, 5), "the maximum follows the minimum"
+    assert row.fields[1].get_text() == "5"
+    person.click(*panel._apply.rect.center)
+    person.wait()
+    assert len(person.session.scene.humans) == 5
+
+
+def test_counts_that_contradict_each_other_are_explained_in_the_panel(driver: Callable[..., Driver]) -> None:
+    person = driver(room={"kinds": "square", "side": 4})
+    person.press(pygame.K_g)
+    panel = person.collect._overlay._panel
+    assert panel is not None
+    panel._rows["humans"].change(0, 99)
+    person.click(*panel._apply.rect.center)
+    person.wait()
+    assert person.collect._overlay._panel is panel
+    assert panel._problem.text
+
+
+@pytest.mark.parametrize("size", [(1024, 640), (1280, 800), (1920, 1200), (2560, 1600)])
+def test_texts_and_widgets_have_the_scale_of_the_window(size: tuple[int, int], driver: Callable[..., Driver]) -> None:
+    person = driver(size=size)
+    person.press(pygame.K_ESCAPE)
+    card = person.collect._overlay._card
+    assert card is not None
+    button = next(iter(card._buttons))
+    scale = size[0] / 1280
+    assert button.font.get_point_size() == pytest.approx(20 * scale, abs=1.1)
+    assert button.rect.height == pytest.approx(42 * scale, abs=1.1)
+    assert card.box.width == pytest.approx(640 * scale, abs=1.1)
+
+
+def test_the_window_leaves_room_on_every_desktop() -> None:
+    for desktop in ((1024, 700), (1280, 800), (1366, 768), (1920, 1080), (3840, 2160)):
+        width, height = fitting_size(desktop)
+        assert width <= 0.97 * desktop[0]
+        assert height <= 0.97 * desktop[1]
+        assert width >= min(1024, 0.95 * desktop[0])
+        assert height >= min(640, 0.95 * desktop[1])

@@ -6,9 +6,8 @@ import pytest
 
 from sonata2d.core.geometry import Pose
 from sonata2d.view.camera import Camera
-from sonata2d.view.fonts import printable
 from sonata2d.view.palette import FLOOR, GOAL, shaded
-from sonata2d.window.hud import Hud, Pen, draw_hud, draw_tint, draw_veil, zone_of
+from sonata2d.window.hud import FrameQuestion, Hud, Pen, draw_hud, draw_tint, draw_veil, free_area, zone_of
 
 from ..view.conftest import pixels, scene as scene, snapshot_at
 
@@ -16,7 +15,8 @@ ARROW = shaded(GOAL, 0.35)
 PLAIN = Hud()
 FULL = Hud(
     run=12, runs=200, kept=11, contributor="Wilhelmina Featherstonehaugh-Cholmondeley", light="recording",
-    label="fairly well (3 of 4)", notice="The robot is near to a person who does not see it at all, please be careful",
+    question=FrameQuestion("How does the robot drive? " * 3, ("poorly", "fairly well", "机器人", "x" * 90)),
+    notice="The robot is near to a person who does not see it at all, please be careful",
     keys=(("W A S D", "drive"), ("Q E", "turn"), ("Space", "stop"), ("Esc", "pause"), ("Tab", "view"), ("F1", "help")),
 )  # fmt: skip
 
@@ -27,10 +27,10 @@ def floor(size=(1280, 800)):
     return surface
 
 
-def shown(snapshot, hud=PLAIN, size=(1280, 800), scale=1.0, **texts):
+def shown(snapshot, hud=PLAIN, size=(1280, 800), scale=1.0):
     surface = floor(size)
     camera = Camera.behind(snapshot.robot.position, snapshot.robot.direction, size=size)
-    draw_hud(surface, hud, snapshot, camera, scale=scale, **texts)
+    draw_hud(surface, hud, snapshot, camera, scale=scale)
     return surface
 
 
@@ -80,7 +80,7 @@ def test_texts_do_not_overlap_and_stay_inside_the_picture(scene, size, scale, mo
     for pose in (Pose(5.0, 1.0, 3.0), Pose(1.0, 0.5, 0.0), Pose(4.6, 0.6, 1.0)):
         boxes.clear()
         snapshot = snapshot_at(scene, robot=pose)
-        surface = shown(snapshot, FULL, size, scale, title="A kitchen " * 6, question="How does the robot drive? " * 5)
+        surface = shown(snapshot, FULL, size, scale)
         assert len(boxes) > 8
         for k, box in enumerate(boxes):
             assert surface.get_rect().contains(box)
@@ -88,10 +88,15 @@ def test_texts_do_not_overlap_and_stay_inside_the_picture(scene, size, scale, mo
 
 
 def test_characters_that_the_font_lacks_are_accepted(scene):
-    nasty = Hud(contributor="\0\ud800\u202e😀\n" * 30, label="\0", notice="\x1b[31m\u200b" * 3000, keys=(("\0", ""),))
-    shown(snapshot_at(scene), nasty, title="\0" * 9, question="\ufffe")
+    nasty = Hud(
+        contributor="\0\ud800\u202e😀\n" * 30,
+        label="\0",
+        notice="\x1b[31m\u200b" * 3000,
+        keys=(("\0", ""),),
+        question=FrameQuestion("\0"),
+    )
+    shown(snapshot_at(scene), nasty)
     draw_veil(floor(), "\0", ["\ud800", ""])
-    assert printable("a\0b\u200bc\n") == "abc "
 
 
 def test_the_hud_shows_that_no_pedestrians_are_present(scene):
@@ -123,3 +128,32 @@ def test_a_tint_ranges_from_no_effect_to_its_colour():
         surface = floor((64, 48))
         draw_tint(surface, (200, 30, 30), alpha)
         assert np.abs(pixels(surface) - expected).max() <= 1
+
+
+@pytest.mark.parametrize("question", [None, FULL.question, FrameQuestion("How?", ends=("rough " * 9, "smooth"))])
+@pytest.mark.parametrize("size", [(1024, 640), (1280, 800), (2560, 1600)])
+def test_the_free_area_is_free_of_readings(scene, size, question):
+    hud, scale = replace(FULL, question=question, notice=""), size[0] / 1280
+    snapshot = snapshot_at(replace(scene, goal=replace(scene.goal, x=4.6, y=0.6)), robot=Pose(4.6, 0.6, 1.0))
+    area = free_area(floor(size), hud, scale=scale)
+    assert area.height > 0.5 * size[1]
+    changed = (pixels(shown(snapshot, hud, size, scale)) != pixels(floor(size))).any(axis=2)
+    assert changed.any()
+    assert changed[:, area.top : area.bottom].mean() < 0.02, "only the distance to the goal is drawn there"
+
+
+def test_a_question_shows_its_answers_and_both_ends_in_full(scene, monkeypatch):
+    words = []
+    write = Pen.write
+
+    def record(self, line, *arguments, **settings):
+        words.append(line)
+        return write(self, line, *arguments, **settings)
+
+    monkeypatch.setattr(Pen, "write", record)
+    ends = ("I would not want to meet this robot again in a narrow corridor", "very pleasant")
+    shown(snapshot_at(scene), Hud(question=FrameQuestion("How pleasant is it?", ends=ends, position=0.23)))
+    assert "How pleasant is it?" in words
+    assert ends[1] in words
+    assert set(ends[0].split()) <= set(" ".join(words).split())
+    assert not any("…" in line or "0.23" in line for line in words)

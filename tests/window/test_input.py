@@ -121,7 +121,7 @@ def test_default_keys_request_the_actions_of_the_help_page(devices: InputDevices
     actions = [Action.CONFIRM, Action.MENU, Action.LABEL_7, Action.LABEL_DOWN, Action.LABEL_UP]
     assert p.feed(devices, *keys, wheel, p.key(W, down=False)) == actions
     assert Action.LABEL_7.level == 7
-    assert set(Action) == set(KEYBOARD_ACTIONS.values())
+    assert set(Action) - {Action.NEW_PERSON} == set(KEYBOARD_ACTIONS.values()), "a new person comes by the menu"
 
 
 def test_every_control_has_a_readable_name() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from sonata2d.agents.controllers.teleoperation import DeviceMapping
 from sonata2d.window.actions import Action
-from sonata2d.window.profiles import FOLDER_VARIABLE, Profile, Profiles, config_folder, remember, remembered
+from sonata2d.window.profiles import FOLDER_VARIABLE, Profile, Profiles, config_folder
 
 MINE = Profile(DeviceMapping({"axis4": ("ahead", -0.5)}, 0.2, 0.7), {"button9": Action.UNDO, "-axis1": Action.LABEL_3})
 
@@ -71,24 +71,11 @@ def test_a_folder_that_cannot_be_written_gives_a_notice(tmp_path: Path) -> None:
     assert not profiles.save()
     assert "cannot be written" in profiles.notice
     assert FOLDER_VARIABLE in profiles.notice
-    assert "cannot be written" in remember(tmp_path / "file", contributor="Anna")
 
 
-def test_the_contributor_is_remembered_with_other_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_variable_names_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
     assert config_folder() == tmp_path
-    assert remembered() == {}
-    assert remember(contributor="Änne", humans=[2, 6]) == ""
-    assert remember(speed=0.5) == ""
-    assert remembered() == {"contributor": "Änne", "humans": [2, 6], "speed": 0.5}
-
-
-def test_a_value_that_json_cannot_hold_raises_and_leaves_the_file(tmp_path: Path) -> None:
-    remember(tmp_path, contributor="Anna")
-    with pytest.raises(TypeError):
-        remember(tmp_path, contributor=object())
-    assert remembered(tmp_path) == {"contributor": "Anna"}
-    assert [path.name for path in tmp_path.iterdir()] == ["settings.json"]
 
 
 def test_the_users_own_folder_is_the_default(monkeypatch: pytest.MonkeyPatch) -> None:

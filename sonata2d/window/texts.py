@@ -1,0 +1,93 @@
+"""The words of the window: one table per language, in `languages/`."""
+
+from __future__ import annotations
+
+import string
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ..errors import ConfigError
+from ..registry import did_you_mean
+
+_FOLDER = Path(__file__).with_name("languages")
+_ENGLISH = "en"
+_MAX_BYTES = 1_000_000  # of a table; longer files are no tables
+_chosen: dict[str, str] = {}
+
+
+def text(key: str, /, **values: object) -> str:
+    """A text of the chosen language with its values filled in; in English if the language does not have it.
+
+    >>> text("readings.run_of", number=2, count=20)
+    'run 2 of 20'
+    """
+    template = _chosen.get(key) or _table(_ENGLISH)[key]
+    return template.format(**values) if values else template
+
+
+def languages() -> list[str]:
+    """Names of the languages that come with sonata2d."""
+    return sorted(path.stem for path in _FOLDER.glob("*.toml"))
+
+
+def choose_language(name: str) -> None:
+    """Use a language for the window.
+
+    Args:
+        name: of a language that comes with sonata2d (`en`), or the path of a table in TOML.
+
+    Raises:
+        ConfigError: the table cannot be read, or has an unknown key or value.
+    """
+    table = _table(name) if name in languages() else _checked(Path(name), _table(_ENGLISH))
+    _chosen.clear()
+    _chosen.update(table)
+
+
+@cache
+def _table(language: str) -> dict[str, str]:
+    return _flat(tomllib.loads((_FOLDER / f"{language}.toml").read_text(encoding="utf-8")))
+
+
+def _flat(tables: dict[str, Any]) -> dict[str, Any]:
+    """Texts by `section.key`."""
+    return {
+        f"{section}.{key}": value
+        for section, entries in tables.items()
+        for key, value in (entries.items() if isinstance(entries, dict) else {"": entries}.items())
+    }
+
+
+def _checked(path: Path, english: dict[str, str]) -> dict[str, str]:
+    """Read a researcher's table."""
+    if path.suffix.lower() != ".toml":
+        known = ", ".join(languages())
+        raise ConfigError(f"no language {str(path)!r}; choose {known}, or name a file that ends in .toml")
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise ConfigError(f"{path} is larger than {_MAX_BYTES // 1000} kB; a table of texts is shorter")
+        read = _flat(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{path} is not valid TOML: {error}") from None
+    for key, value in read.items():
+        if key not in english:
+            raise ConfigError(f"{path}: there is no text {key!r}{did_you_mean(key, english)}")
+        if not isinstance(value, str):
+            raise ConfigError(f"{path}: {key} is {value!r}; a text in quotes is expected")
+        if not fields_of(value) <= fields_of(english[key]):
+            allowed = ", ".join(f"{{{field}}}" for field in sorted(fields_of(english[key]))) or "no braces"
+            raise ConfigError(f"{path}: {key} is {value!r}; it may have {allowed}")
+    return read
+
+
+def fields_of(template: str) -> set[str]:
+    """Names in braces of a text; a text with unbalanced braces has the name `!`, which no text may have."""
+    try:
+        parts = string.Formatter().parse(template)
+        return {f"{name}{spec}{conversion or ''}" for _, name, spec, conversion in parts if name is not None}
+    except ValueError:
+        return {"!"}

@@ -1,0 +1,119 @@
+"""The words of the window are in one table per language, and researchers can translate them."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from sonata2d.errors import ConfigError
+from sonata2d.window import texts
+from sonata2d.window.texts import choose_language, fields_of, languages, text
+
+FOLDER = Path(texts.__file__).parent
+MODULES = sorted(path for path in FOLDER.glob("*.py") if path.name not in ("texts.py", "profiles.py"))
+ENGLISH = texts._table("en")
+WORDS = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}|^[A-Z][a-z]{2,}")
+NO_WORDS = {
+    "Enter", "Backspace", "Space", "Esc", "Ctrl+Q",  # keys, shown as they are printed on them
+    "page up", "page down",  # SDL's names of keys
+    "another scene",  # a reason in the log of a folder
+}  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _english() -> Iterator[None]:
+    yield
+    choose_language("en")
+
+
+def patterns(tree: ast.AST) -> set[str]:
+    """Constant strings, and f-strings as regular expressions."""
+    found = {
+        re.escape(node.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            parts = [re.escape(str(v.value)) if isinstance(v, ast.Constant) else r"[a-z_0-9]+" for v in node.values]
+            found.add("".join(parts))
+    return found
+
+
+def shown_literals(tree: ast.AST) -> Iterator[str]:
+    """Strings that may be shown: not docstrings, errors, log lines, or explanations of assertions."""
+    hidden: set[int] = set()
+    for node in ast.walk(tree):
+        is_log = isinstance(node, ast.Call) and ast.unparse(node.func).startswith("logger.")
+        if is_log or isinstance(node, ast.Raise | ast.Assert):
+            hidden |= {id(inner) for inner in ast.walk(node)}
+        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            hidden.add(id(node.value))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in hidden:
+            yield node.value
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)
+def test_no_screen_shows_words_that_are_not_in_the_table(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    assert [words for words in shown_literals(tree) if WORDS.search(words) and words not in NO_WORDS] == []
+
+
+def test_every_text_that_a_screen_names_exists_and_every_text_is_used() -> None:
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in FOLDER.glob("*.py")]
+    named = {
+        node.args[0].value
+        for tree in trees
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "text" and isinstance(node.args[0], ast.Constant)
+    }
+    assert named - set(ENGLISH) == set()
+    used = [re.compile(pattern) for tree in trees for pattern in patterns(tree) if "." in pattern]
+    assert [key for key in ENGLISH if not any(pattern.fullmatch(key) for pattern in used)] == []
+
+
+@pytest.mark.parametrize("language", languages())
+def test_a_language_has_all_texts_with_the_same_values(language: str) -> None:
+    table = texts._table(language)
+    assert set(table) == set(ENGLISH)
+    assert {key for key in table if fields_of(table[key]) != fields_of(ENGLISH[key])} == set()
+
+
+def test_a_table_of_ones_own_falls_back_to_english(tmp_path: Path) -> None:
+    (tmp_path / "latin.toml").write_text('[run]\nkeep_question = "Servare?"\n', encoding="utf-8")
+    choose_language(str(tmp_path / "latin.toml"))
+    assert (text("run.keep_question"), text("run.keep")) == ("Servare?", "Keep (Enter)")
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ('[run]\nkept = "x"', r"there is no text 'run.kept'; did you mean 'run.keep'"),
+        ('kept = "x"', "there is no text"),
+        ("[run]\nkeep = 3", "a text in quotes is expected"),
+        ('[run]\nkeep = "{count}"', r"may have no braces"),
+        ('[run]\ngoal = "{time!r}"', r"may have {time}"),
+        ('[run]\ngoal = "{time"', r"may have {time}"),
+        ("[run", "not valid TOML"),
+        ("[run]\nkeep = " + "[" * 5000, "not valid TOML"),
+    ],
+)
+def test_a_wrong_table_is_refused_by_file_and_key(tmp_path: Path, content: str, problem: str) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(ConfigError, match=problem) as error:
+        choose_language(str(path))
+    assert "own.toml" in str(error.value)
+    assert text("run.keep") == "Keep (Enter)", "the language before stays"
+
+
+def test_an_unknown_language_names_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="choose de, en, zh"):
+        choose_language("latin")
+    with pytest.raises(ConfigError, match=r"absent\.toml cannot be read: No such file"):
+        choose_language(str(tmp_path / "absent.toml"))
