@@ -17,6 +17,7 @@ from .fonts import font, printable, width_of
 from .palette import Colour, hex_colour
 
 _FONT = {"font-family": "FreeSans, Helvetica, Arial, sans-serif", "font-weight": "bold"}
+_SPACE = "{http://www.w3.org/XML/1998/namespace}space"
 _EM = 0.6875  # font size in SVG that matches size 1 of pygame's default font
 
 
@@ -70,6 +71,7 @@ class SvgCanvas:
         if box.width:
             spot = {"x": str(box.left), "y": str(box.top + font(size).get_ascent()), "textLength": str(box.width)}
             spot["lengthAdjust"] = "spacingAndGlyphs"  # of another font; letter spacing stays even
+            spot[_SPACE] = "preserve"  # several spaces in a row
             element = self._add("text", **spot, fill=hex_colour(colour), **{"font-size": _number(size * _EM)}, **_FONT)
             element.text = printable(words)
         return box
