@@ -28,6 +28,7 @@ from sonata2d.core.entities import (
 from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
 from sonata2d.core.scene import Rules, Scene, Social
 from sonata2d.core.snapshot import Snapshot
+from sonata2d.metrics.situations import SnapshotCollector
 from sonata2d.view.draw import Layers
 from sonata2d.view.film import save_film
 
@@ -140,20 +141,6 @@ FILMS: dict[str, Callable[[], tuple[Scene, Controller]]] = {
     "doorway": doorway, "crossing": crossing, "turn": turn, "group": group, "visit": visit,
     **{kind: reacting(kind) for kind in ("ignores", "avoids", "stops", "curious", "scared")},
 }  # fmt: skip
-
-
-class SnapshotCollector:
-    """An observer that keeps every snapshot."""
-
-    def __init__(self) -> None:
-        self.snapshots: list[Snapshot] = []
-
-    def open(self, *arguments: object) -> None: ...
-
-    def note(self, frame: object) -> None:
-        self.snapshots.append(frame.snapshot)
-
-    def close(self, *arguments: object) -> None: ...
 
 
 def snapshots_of(name: str) -> list[Snapshot]:

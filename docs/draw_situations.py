@@ -34,7 +34,8 @@ def main(folder: Path) -> None:
         snapshots = run(name)
         verdict = judge(name, snapshots)
         assert verdict.took_place, f"{name}: {verdict.description}"
-        render(selected(snapshots), folder / f"situation-{name}.png", size=size_of(snapshots[0]), caption=name)
+        path, layers = folder / f"situation-{name}.png", Layers(legend=False)
+        render(selected(snapshots), path, size=size_of(snapshots[0]), caption=name, layers=layers)
         sys.stdout.write(f"{name}: {verdict.description}\n")
     demo(folder / "demo.gif")
     rooms(folder / "rooms.png")

@@ -85,13 +85,22 @@ def save_film(
         layers=layers,
         legend=legend,
     )
+    if advance is not None:
+        snapshots = _counted(snapshots, advance)
     samples = _sampled(snapshots, speed / fps, interpolate=interpolate)
-    shown = _pictures(samples, round(fps * _HOLD), make, caption, outcome, advance)
+    shown = _pictures(samples, round(fps * _HOLD), make, caption, outcome)
     try:
         with whole_file(path) as temporary:
             (_write_gif if is_gif else _write_mp4)(temporary, shown, fps)
     except OSError as error:
         raise RenderError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _counted(snapshots: Iterable[Snapshot], advance: Callable[[int], None]) -> Iterator[Snapshot]:
+    """The snapshots; each is reported when the next one is requested."""
+    for snapshot in snapshots:
+        yield snapshot
+        advance(1)
 
 
 def paced(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool = True) -> Iterator[Snapshot]:
@@ -120,7 +129,6 @@ def _pictures(
     make: Callable[[Scene], PictureSequence],
     caption: str | None,
     outcome: str | None,
-    advance: Callable[[int], None] | None,
 ) -> Iterator[pygame.Surface]:
     """The pictures of the film, each valid until the next one; the last one, with the outcome, is repeated."""
     pictures, last = None, None
@@ -130,8 +138,6 @@ def _pictures(
             pictures = make(last.scene)
         if not ticks or ticks[-1] is not tick:
             ticks.append(tick)
-            if advance is not None:
-                advance(1)
         yield pictures.draw(last, trails=_tail(ticks, last), caption=caption)
     if pictures is None or last is None:
         raise RenderError("there is nothing to film: the episode holds no frame")

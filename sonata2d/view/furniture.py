@@ -1,7 +1,7 @@
 """Furniture, seen from above; one function per type.
 
-The front of a piece is at the end of its x axis or, if it is longer than wide, on its right; so the front of a screen
-or a shelf is always a broad side.
+The front of a piece that is longer (x) than wide (y), such as a laptop, a shelf or a TV, is its right side (-y), where
+pedestrians stand who attend to it. A chair faces +x.
 """
 
 from __future__ import annotations
@@ -51,11 +51,15 @@ def _draw_item(brush: Brush, item: Furniture) -> None:
     if draw is not None:
         draw(brush, depth, breadth, is_round)
     else:
-        _draw_unknown(brush, depth, breadth, is_round, item.type)
+        length, width = half_size(item)
+        _draw_unknown(brush, depth, breadth, is_round, item.type, has_front=length > width)
 
 
 def front_of(item: Furniture) -> Point:
-    """Unit vector from the centre of a piece of furniture to its front, world frame."""
+    """Unit vector from the centre of a piece of furniture to its front, world frame.
+
+    This is +x of pieces that are not longer than wide; of these, only a chair is drawn with a front.
+    """
     (x, y), (length, width) = item.pose.direction, half_size(item)
     return (y, -x) if length > width else (x, y)
 
@@ -69,13 +73,15 @@ def half_size(item: Furniture) -> tuple[float, float]:
 # In the following functions, a and b are half the depth (from back to front) and half the breadth, m.
 
 
-def _draw_unknown(brush: Brush, a: float, b: float, is_round: bool, name: str) -> None:
-    """Draw a plain block with a mark at its front and the name of its type on it."""
+def _draw_unknown(brush: Brush, a: float, b: float, is_round: bool, name: str, *, has_front: bool) -> None:
+    """Draw a plain block with the name of its type on it and, if it has a front, a mark there."""
     _draw_body(brush, a, b, is_round, BLOCK, BLOCK_EDGE)
-    tip, half = 0.88 * a, 0.2 * min(a, 0.5)
-    brush.polygon(BLOCK_EDGE, [(tip, 0.0), (tip - half, half), (tip - half, -half)])
+    if has_front:
+        tip, half = 0.88 * a, 0.2 * min(a, 0.5)
+        brush.polygon(BLOCK_EDGE, [(tip, 0.0), (tip - half, half), (tip - half, -half)])
     if not is_round:
-        brush.box(mixed(BLOCK, PAPER, 0.45), (-0.8 * a, -b + 0.2 * a), (0.55 * a, b - 0.2 * a))
+        top = 0.55 if has_front else 0.8
+        brush.box(mixed(BLOCK, PAPER, 0.45), (-0.8 * a, -b + 0.2 * a), (top * a, b - 0.2 * a))
     brush.word(INK, name.replace("_", " "), 1.5 * a, 0.18)
 
 

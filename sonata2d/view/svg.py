@@ -17,6 +17,7 @@ from .fonts import EM, FAMILY, font, printable, width_of
 from .palette import Colour, hex_colour
 
 _FONT = {"font-family": f"'{FAMILY}', 'Noto Sans CJK SC', 'Noto Emoji', sans-serif"}
+_SPACE = "{http://www.w3.org/XML/1998/namespace}space"
 
 
 class SvgCanvas:
@@ -69,6 +70,7 @@ class SvgCanvas:
         if box.width:
             spot = {"x": str(box.left), "y": str(box.top + font(size).get_ascent()), "textLength": str(box.width)}
             spot["lengthAdjust"] = "spacingAndGlyphs"  # of another font; letter spacing stays even
+            spot[_SPACE] = "preserve"  # several spaces in a row
             element = self._add("text", **spot, fill=hex_colour(colour), **{"font-size": _number(size * EM)}, **_FONT)
             element.text = printable(words)
         return box

@@ -477,3 +477,31 @@ def test_a_group_without_space_at_its_place_is_told_to_move(
 def test_a_misspelt_command_gets_a_suggestion(sonata2d: Run) -> None:
     assert "No such command 'generat'; did you mean 'generate'?" in sonata2d("generat out", code=2).output
     assert "No such command 'zzz'" in sonata2d("zzz", code=2).output
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "message"),
+    [
+        ("x.gif --strip 2", 1, "strip has no effect on this format, only on .png"),
+        ("x.png --fps 5", 1, "fps has no effect on this format, only on .gif, .mp4"),
+        ("x.svg --speed 2", 1, "speed has no effect on this format"),
+        ("x.html --size 300 200", 1, "size has no effect on this format"),
+        ("x.png --strip 2 --size 300 200", 1, "size has no effect on moments side by side"),
+        ("x.html --no-legend", 2, "--no-legend have no effect on a page"),
+    ],
+)
+def test_options_without_effect_on_the_format_of_the_output_are_refused(
+    sonata2d: Run, here: Path, options: str, code: int, message: str
+) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
+    output = sonata2d(f"render out/000000.json -o {options}", code=code).output
+    assert message in " ".join(output.split())
+    assert not [*here.glob("x.*")]
+
+
+def test_a_picture_has_a_legend_unless_it_is_omitted(sonata2d: Run, here: Path) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
+    sonata2d("render out/000000.json -o with.svg")
+    sonata2d("render out/000000.json -o without.svg --no-legend")
+    texts = [(here / name).read_text("utf-8") for name in ("with.svg", "without.svg")]
+    assert [">goal</text>" in text for text in texts] == [True, False]

@@ -67,7 +67,9 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evaluation, list[Pat
 
 def test_page_is_self_contained(demo: tuple[Evaluation, list[Path]], tmp_path: Path) -> None:
     one, files = demo
-    save_page(tmp_path / "a.html", [one], [files])
+    drawn: list[int] = []
+    save_page(tmp_path / "a.html", [one], [files], advance=drawn.append)
+    assert drawn == [1]
     page = (tmp_path / "a.html").read_text("utf-8")
     tags = Tags(page)
     assert tags.open == []

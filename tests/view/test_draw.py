@@ -1,3 +1,4 @@
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -6,8 +7,8 @@ import numpy as np
 import pygame
 import pytest
 
-from sonata2d.core.entities import Human, Wall
-from sonata2d.core.geometry import Pose
+from sonata2d.core.entities import Furniture, Human, Wall
+from sonata2d.core.geometry import Pose, Rectangle
 from sonata2d.errors import RenderError
 from sonata2d.view.annotations import Label, draw_labels
 from sonata2d.view.camera import Camera
@@ -216,3 +217,14 @@ def test_labels_do_not_hide_each_other(scene):
     draw_labels(Canvas(surface), labels, 14)
     assert len(boxes) == 4
     assert all(box.collidelist(boxes[k + 1 :]) < 0 for k, box in enumerate(boxes))
+
+
+def test_only_a_piece_that_is_longer_than_wide_is_drawn_with_a_front(scene, camera):
+    def drawn(size, theta):
+        piece = Furniture(1, "crate", Pose(1.5, 1.5, theta), Rectangle(*size))
+        return pixels(
+            picture(snapshot_of(replace(scene, furniture=(piece,), humans=(), interactions=())), camera=camera)
+        )
+
+    for size, has_front in (((1.0, 0.6), True), ((0.8, 0.8), False), ((0.6, 1.0), False)):
+        assert (np.abs(drawn(size, 0.0) - drawn(size, math.pi)).max() > 20) == has_front

@@ -78,6 +78,13 @@ def test_an_mp4_has_even_sides_and_the_length_of_the_episode(tmp_path, episode):
     assert frames == 22 + 1 + 30  # every half tick, the last snapshot, and the hold at the end
 
 
+@pytest.mark.parametrize("settings", [{"speed": 3.0}, {"fps": 50.0}, {"layers": Layers(legend=True)}])
+def test_a_film_reports_each_snapshot_once(tmp_path, episode, settings):
+    steps = []
+    render(episode, tmp_path / "a.gif", size=SIZE, advance=steps.append, **settings)
+    assert steps == [1] * len(episode)
+
+
 def test_a_film_accepts_an_iterator(tmp_path, episode):
     save_film(tmp_path / "a.gif", iter(episode), size=SIZE, speed=3.0)
     with Image.open(tmp_path / "a.gif") as film:

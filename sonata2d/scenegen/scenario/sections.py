@@ -71,7 +71,8 @@ class FurnitureConfig(Settings):
         x, y: m, world frame.
         theta: rad, world frame.
         size: m; default: the size of its type.
-        attracts: whether `at_laptop`, `at_plant` or `at_object` may place a pedestrian at its front (-y), facing it.
+        attracts: whether `at_laptop`, `at_plant` or `at_object` may place a pedestrian at its right side (-y), facing
+            it.
     """
 
     type: str

@@ -1,0 +1,85 @@
+"""Draws the picture of docs/scenario.md that shows each type of furniture at theta 0.
+
+python docs/draw_furniture.py [FOLDER]
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from sonata2d.core.entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, Furniture, Goal, Human, Interaction, Robot
+from sonata2d.core.geometry import Pose
+from sonata2d.core.scene import Scene
+from sonata2d.scenegen.scenario.sections import SIZES, shape_of_size
+from sonata2d.view.brush import Brush
+from sonata2d.view.camera import Camera
+from sonata2d.view.canvas import PixelCanvas
+from sonata2d.view.draw import Layers, picture
+from sonata2d.view.palette import BLUE, FAINT, INK, Colour
+from sonata2d.view.stills import save_surface, snapshot_of
+
+ROOT = Path(__file__).parent.parent
+
+SCALE, SPACE = 105.0, 1.5  # px/m; m between the centres of two pieces
+LOW, HIGH = -1.0, 0.82  # m, lower and upper edge of the picture
+AXIS = 0.45  # m beyond the outline
+STAND = 0.45  # m, from the outline of a piece to a person who attends to it
+ATTENDED = {"laptop": AT_LAPTOP, "plant": AT_PLANT, "shelf": AT_OBJECT, "tv": AT_OBJECT}
+
+
+def main(folder: Path) -> None:
+    """Draw the picture."""
+    folder.mkdir(parents=True, exist_ok=True)
+    furniture = [Furniture(k, kind, Pose(SPACE * k, 0.0), shape_of_size(SIZES[kind])) for k, kind in enumerate(SIZES)]
+    left, right = -SPACE / 2, SPACE * (len(furniture) - 0.5)
+    people = [
+        Human(10 + item.id, Pose(item.pose.x, -half_width(item) - STAND, 1.5708), 0.16)
+        for item in furniture
+        if item.type in ATTENDED
+    ]
+    interactions = tuple(
+        Interaction(10 + item.id, ATTENDED[item.type], item.id) for item in furniture if item.type in ATTENDED
+    )
+    corners = ((left, LOW), (right, LOW), (right, HIGH), (left, HIGH))
+    # the robot and the goal are not part of the picture
+    scene = Scene(
+        "furniture", "furniture", corners, (), tuple(furniture), tuple(people), Robot(Pose(0.0, 0.0)),
+        Goal(0.0, 0.0), interactions=interactions, unmeasured=frozenset({"robot", "goal"}),
+    )  # fmt: skip
+    camera = Camera.fit(corners, scale=SCALE, margin=0.0)
+    drawn = picture(
+        snapshot_of(scene), camera=camera, layers=Layers(gaze=False, links=False, grid=False, caption=False)
+    )
+    brush = Brush(PixelCanvas(drawn), camera)
+    for item in furniture:
+        draw_axis(brush, item, (1.0, 0.0), "x")
+        draw_axis(brush, item, (0.0, 1.0), "y")
+        x, y = camera.to_pixels((item.pose.x, LOW))
+        brush.canvas.text(INK, item.type, (x, y - 12), 18)
+    save_surface(drawn, folder / "furniture.png")
+
+
+def half_width(item: Furniture) -> float:
+    """Half the extent of a piece along its y axis, m."""
+    size = SIZES[item.type]
+    return size[1] / 2 if isinstance(size, tuple) else size
+
+
+def draw_axis(brush: Brush, item: Furniture, direction: tuple[float, float], name: str) -> None:
+    """Draw an arrow from the centre of a piece to beyond its outline."""
+    size = SIZES[item.type]
+    half = half_width(item) if name == "y" else size[0] / 2 if isinstance(size, tuple) else size
+    length = min(half + AXIS, SPACE / 2 - 0.18)
+    colour: Colour = BLUE if name == "x" else FAINT
+    arrow = brush.at(item.pose.position, direction)
+    arrow.stroke(colour, [(0.0, 0.0), (length - 0.05, 0.0)], 0.02)
+    arrow.polygon(colour, [(length, 0.0), (length - 0.11, 0.045), (length - 0.11, -0.045)])
+    x, y = brush.camera.to_pixels(
+        (item.pose.x + (length + 0.08) * direction[0], item.pose.y + (length + 0.08) * direction[1])
+    )
+    brush.canvas.text(colour, name, (x, y), 18)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "images")
