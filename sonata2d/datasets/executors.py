@@ -19,6 +19,7 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.synchronize import Event
 from typing import Any, Self, TypeVar
 
+from ..core import interruption
 from ..errors import PluginWarning, WorkerError
 
 logger = logging.getLogger(__name__)
@@ -148,7 +149,7 @@ def _crashes_explained() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        logger.warning("stopping: each worker process first finishes its episode, or the compilation under way")
+        logger.warning("stopping: each worker process first finishes its episode, or the kernel that it compiles")
         raise
     except BrokenProcessPool as error:
         raise WorkerError(
@@ -212,6 +213,7 @@ def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -
 
     threading.Thread(target=exit_with_parent, daemon=True).start()
     _stop_request = stop
+    interruption.is_requested = stop.is_set
 
 
 def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:
@@ -231,7 +233,10 @@ def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:
     for item in items:
         if _stop_request.is_set():
             break
-        results.append(function(item))
+        try:
+            results.append(function(item))
+        except KeyboardInterrupt:  # of `interruption`: the item's compilation was given up
+            break
         if is_last(results[-1]):
             break
     return results
