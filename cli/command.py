@@ -141,7 +141,7 @@ class Group(Command, click.Group):
             if args[0].startswith("-"):  # an option of the group is misspelt
                 raise
             known = self.list_commands(ctx)
-            hint = did_you_mean(args[0], known) or f"; commands are {', '.join(known)}"
+            hint = did_you_mean(args[0], [*known, "--help"]) or f"; commands are {', '.join(known)}"
             raise click.UsageError(error.message.rstrip(".") + hint, ctx) from None
 
 

@@ -10,8 +10,9 @@ from .common import examples, json_option, show_json, show_table
 CONTROLLER_NAMES = "A listed name, package.module:Class, ./file.py:Class, ./weights.npz, or driver+labeller."
 
 
-@click.group(cls=Group)
-def command() -> None:
+@click.group(cls=Group, invoke_without_command=True)
+@click.pass_context
+def command(context: click.Context) -> None:
     """List the available controllers.
 
     Commands take a controller as one of:
@@ -24,6 +25,8 @@ def command() -> None:
       driver+labeller        the first drives the robot; the label of each
                              frame is the twist that the second would command
     """
+    if context.invoked_subcommand is None:
+        context.invoke(list_controllers, as_json=False)
 
 
 @command.command("list", epilog=examples("controllers list", "controllers list --json"))

@@ -60,6 +60,8 @@ def command(
     from sonata2d.view.draw import Layers
     from sonata2d.view.files import FILM_SUFFIXES, render
 
+    if file.is_dir():
+        raise click.UsageError(f"{file} is a folder; give one of its episodes, as in {file}/000000.json")
     record = read_episode(file)
     if graph:
         if any((*options.values(), zones, ids, legend is not None)):

@@ -32,13 +32,14 @@ from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 
 from ..errors import KernelError
+from . import interruption
 from .kernel_key import NotCacheableError, key_of
 
 logger = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-STAMP = "last"  # a file in the folder, touched at each compilation
+STAMP, WAIT_STAMP = "last", "waiting"  # files in the folder, touched at each compilation, and when one is waited for
 _SUFFIX = ".kernel"
 _MAX_FILES = 16  # of one kernel: versions, settings, argument types
 _MAX_AGE = 90 * 86400.0  # s since a file was last used
@@ -119,7 +120,10 @@ class _KernelFiles:
             numba.core.config.reload_config()  # as numba does when it compiles: the settings are a part of the name
             name = self._name(signature)
             try:
-                if name is None or _find(name):
+                if name is not None and _find(name):
+                    return self._compile(signature)
+                interruption.check()  # a compilation takes up to 10 s, and an episode needs a dozen
+                if name is None:
                     return self._compile(signature)
                 with _locked(name):
                     return self._compile(signature)
@@ -259,7 +263,8 @@ def _locked(name: str) -> Iterator[None]:
         try:
             lock.acquire(timeout=_SILENT_WAIT)
         except filelock.Timeout:
-            _say_waiting()
+            if not _is_start_announced(folder / WAIT_STAMP):  # once for all processes that start together
+                _say("another process compiles the same; waiting for it ...")
             lock.acquire(timeout=_LOCK_TIMEOUT)
     try:
         yield
@@ -268,11 +273,6 @@ def _locked(name: str) -> Iterator[None]:
             lock.release()
             with suppress(OSError):
                 Path(lock.lock_file).unlink(missing_ok=True)
-
-
-@cache  # once for all kernels
-def _say_waiting() -> None:
-    _say("waiting for another process that compiles the same ...")
 
 
 _is_announced = False

@@ -21,6 +21,7 @@ from multiprocessing.synchronize import Event
 from multiprocessing.util import Finalize
 from typing import Any, NoReturn, Self, TypeVar
 
+from ..core import interruption
 from ..errors import PluginWarning, WorkerError
 
 logger = logging.getLogger(__name__)
@@ -183,7 +184,7 @@ def _crashes_explained() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        logger.warning("stopping: each worker process first finishes its episode, or the compilation under way")
+        logger.warning("stopping: each worker process first finishes its episode, or the kernel that it compiles")
         raise
     except BrokenProcessPool as error:
         raise WorkerError(
@@ -310,6 +311,7 @@ def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -
     threading.Thread(target=exit_with_parent, daemon=True).start()
     Finalize(None, _exit_soon, exitpriority=0)  # runs after the last item; otherwise the exit waits for all threads
     _stop_request = stop
+    interruption.is_requested = stop.is_set
 
 
 def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
@@ -349,7 +351,10 @@ def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:
     for item in items:
         if _stop_request.is_set():
             break
-        results.append(function(item))
+        try:
+            results.append(function(item))
+        except KeyboardInterrupt:  # of `interruption`: the item's compilation was given up
+            break
         if is_last(results[-1]):
             break
     return results

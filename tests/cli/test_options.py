@@ -102,7 +102,9 @@ def test_a_bug_is_reported_in_one_line_with_its_own_exit_code(sonata2d: Run, mon
 
 @pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
 @pytest.mark.skipif(not compiled.IS_COMPILED, reason="kernels are interpreted")
-def test_a_stopped_compilation_is_said_at_once(here: Path, tmp_path: Path) -> None:
+def test_ctrl_c_during_the_compilation_is_answered_at_once_and_ends_after_one_kernel(
+    here: Path, tmp_path: Path
+) -> None:
     words = ["generate", "out", "--scenario", "quick.yaml", "--workers", "2", "--no-picture"]
     process = subprocess.Popen(
         [sys.executable, "-m", "sonata2d_cli", *words],
@@ -115,6 +117,20 @@ def test_a_stopped_compilation_is_said_at_once(here: Path, tmp_path: Path) -> No
     assert "compiling for this processor" in process.stderr.readline()
     process.send_signal(signal.SIGINT)
     assert "stopping: each worker process first finishes" in process.stderr.readline()
-    os.killpg(process.pid, signal.SIGKILL)  # the compilation takes long
-    process.wait()
-    process.stderr.close()
+    assert process.communicate()[1].splitlines()[-1].startswith("interrupted; complete episodes are in out")
+    assert process.returncode == 130
+    assert len([*(tmp_path / "cache").rglob("*.kernel")]) <= 2  # an episode needs a dozen
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX pipes")
+def test_a_reader_that_has_ended_gives_the_code_of_a_broken_pipe(here: Path) -> None:
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    words = ["scenarios", "show", "sonata-2020"]
+    done = subprocess.run([sys.executable, "-m", "sonata2d_cli", *words], stdout=write_end, stderr=subprocess.PIPE)
+    os.close(write_end)
+    assert (done.returncode, done.stderr) == (141, b"")
+
+
+def test_controllers_without_a_command_lists_them(sonata2d: Run) -> None:
+    assert sonata2d("controllers").output == sonata2d("controllers list").output

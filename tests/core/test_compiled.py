@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 
 import sonata2d
-from sonata2d.core import compiled
+from sonata2d.core import compiled, interruption
 from sonata2d.core.compiled import kernel, subroutine
 from sonata2d.errors import KernelError
 
@@ -549,6 +549,16 @@ def test_old_files_are_deleted(plugin: Path, folder: Path) -> None:
     law = load()
     call(law)
     assert was_loaded(law)
+
+
+@compiled_only
+def test_nothing_is_compiled_after_a_request_to_stop(
+    plugin: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruption, "is_requested", lambda: True)
+    with pytest.raises(KeyboardInterrupt):
+        call(load())
+    assert not kernels(folder)
 
 
 @compiled_only
