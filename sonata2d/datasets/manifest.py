@@ -231,7 +231,9 @@ def files_of(path: Path) -> list[Path]:
         if file.is_file() and file.name.endswith(SUFFIXES) and file.name not in _NOT_EPISODES
     )
     if not files:
-        raise RecordError(f"{path} holds no episode files" if path.is_dir() else f"{path} does not exist")
+        if path.is_dir():
+            raise RecordError(f"{path} holds no episode files")
+        raise RecordError(f"{path} is neither a file nor a folder" if path.exists() else f"{path} does not exist")
     return files
 
 
@@ -301,9 +303,13 @@ def write_json(path: Path, document: JsonDict) -> None:
     """Write a document as indented JSON, in one atomic step.
 
     Raises:
-        RecordError: the file cannot be written.
+        RecordError: the file cannot be written, or JSON cannot represent a value.
     """
-    write_atomically(path, json_bytes(document))
+    try:
+        data = json_bytes(document)
+    except orjson.JSONEncodeError as error:
+        raise RecordError(f"{path} cannot be written: JSON cannot represent a value: {error}") from error
+    write_atomically(path, data)
 
 
 def json_bytes(document: JsonDict) -> bytes:

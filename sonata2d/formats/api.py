@@ -98,7 +98,10 @@ def episodes_in(source: Path) -> list[Path]:
     Raises:
         RecordError: the source does not exist or holds no episodes.
     """
-    return [file for file in files_of(source) if file.name not in (MANIFEST, SCENARIO, METRICS)]
+    files = [file for file in files_of(source) if file.name not in (MANIFEST, SCENARIO, METRICS)]
+    if not files:
+        raise RecordError(f"{source} holds no episodes")
+    return files
 
 
 def export_to(

@@ -50,6 +50,8 @@ def export_all(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
     Raises:
         RecordError: pyarrow is not installed, two episodes have the same file name, or a file cannot be written.
     """
+    if out.exists() and not out.is_dir():
+        raise RecordError(f"{out} is a file; the tables need a folder, choose another name")
     pa, pq = _pyarrow()
     schemas, files = _schemas(pa), {name: out / f"{name}.parquet" for name in TABLES}
     parts = {name: out / f"{TEMPORARY_PREFIX}{name}.tmp" for name in TABLES}

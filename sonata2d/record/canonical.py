@@ -71,6 +71,13 @@ def to_json_value(value: Any, location: str, *, exact: bool = False) -> Any:
     Raises:
         RecordError: JSON cannot represent the value; names location and type.
     """
+    try:
+        return _json_value(value, location, exact)
+    except RecursionError:
+        raise RecordError(f"{location} is nested too deeply, or contains itself") from None
+
+
+def _json_value(value: Any, location: str, exact: bool) -> Any:
     if value is None or value is True or value is False:
         return value
     if isinstance(value, float):
@@ -82,11 +89,11 @@ def to_json_value(value: Any, location: str, *, exact: bool = False) -> Any:
             raise RecordError(f"{location} contains {value}; files contain integers of 64 bits only")
         return value
     if isinstance(value, _SEQUENCE):
-        return [to_json_value(item, location, exact=exact) for item in value]
+        return [_json_value(item, location, exact) for item in value]
     if isinstance(value, _MAPPING):
-        return {_key(key, location): to_json_value(item, location, exact=exact) for key, item in value.items()}
+        return {_key(key, location): _json_value(item, location, exact) for key, item in value.items()}
     if isinstance(value, _NUMPY):
-        return to_json_value(value.tolist(), location, exact=exact)
+        return _json_value(value.tolist(), location, exact)
     raise RecordError(
         f"{location} contains a {type(value).__name__}, which JSON cannot represent; use numbers, text, lists and dicts"
     )

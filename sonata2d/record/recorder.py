@@ -21,6 +21,7 @@ from .counts import run_counts
 from .files import compress, file_stem, write_atomically
 from .frames import Answer, Observation, frame_lines, observation
 from .layout import JsonDict, columns, scene_to_json, software_versions
+from .validate import require_consistent
 
 
 class EpisodeRecorder:
@@ -73,12 +74,13 @@ class EpisodeRecorder:
         """Begin the episode.
 
         Raises:
-            RecordError: this recorder has recorded an episode already.
+            RecordError: this recorder has recorded an episode already, or a file of this scene could not be read.
         """
         if self.scene is not None:
             raise RecordError(
                 f"this recorder already holds an episode of {self.scene.name}; use a new recorder for each episode"
             )
+        require_consistent(scene)  # before the run, not after it
         self.scene, self._controller_info = scene, controller_info
 
     def note(self, frame: Frame) -> None:

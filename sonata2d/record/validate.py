@@ -16,8 +16,9 @@ import orjson
 from ..core.entities import RELATIONS, ROBOT_ID
 from ..core.humans import ACTIVITIES
 from ..core.labels import LabelSpec
-from ..errors import InvalidFileError
-from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
+from ..core.scene import Scene
+from ..errors import InvalidFileError, RecordError
+from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict, scene_to_json
 
 Finding = tuple[str, str]  # place, such as `frames.3.robot`, and what is wrong
 
@@ -40,6 +41,16 @@ def require_valid(document: Any, path: Path) -> None:
         place, message = found[0]
         more = f" ({len(found) - 1} more problems; `sonata2d check` lists them)" if len(found) > 1 else ""
         raise InvalidFileError(f"{path} is not a valid episode: {place}: {message}{more}", found)
+
+
+def require_consistent(scene: Scene) -> None:
+    """Require a scene whose file can be read.
+
+    Raises:
+        RecordError: ids are not unique, references refer to nothing, or a number is not finite.
+    """
+    for place, message in _id_findings(scene_to_json(scene)):
+        raise RecordError(f"the scene {scene.name} cannot be recorded: {place}: {message}")
 
 
 def findings_of(document: Any) -> Iterator[Finding]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -380,10 +380,22 @@ def controller_info_of(controller: Controller, path: str | None = None) -> Contr
     Args:
         controller: the controller.
         path: its name, e.g. on the command line; by default its module and class.
+
+    Raises:
+        ControllerError: `settings()` raises an exception, or a value is not of the kind that files hold.
     """
-    return ControllerInfo(
-        path=path or recorded_path(type(controller)),
-        version=controller.version,
-        settings=dict(controller.settings()),
-        labels=dict(controller.labels) or None,
-    )
+    name = path or recorded_path(type(controller))
+    try:
+        settings = controller.settings()
+    except FOREIGN_ERRORS as error:
+        raise ControllerError(f"settings() of {name} raised {type(error).__name__}: {error}") from error
+    version, labels = controller.version, controller.labels
+    if not isinstance(settings, Mapping):
+        raise ControllerError(f"settings() of {name} must return a dict, got {settings!r:.60}")
+    if version is not None and not isinstance(version, str):
+        raise ControllerError(
+            f"version of {name} must be text, got {version!r:.60}; write version = {str(version)!r:.60}"
+        )
+    if not isinstance(labels, Mapping) or not all(isinstance(meaning, str) for meaning in labels.values()):
+        raise ControllerError(f"labels of {name} must be a dict of names and their meanings, got {labels!r:.60}")
+    return ControllerInfo(name, version, dict(settings), dict(labels) or None)

@@ -7,12 +7,14 @@ import logging
 import os
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import click
 
 from .runner import ALL, Result, repeat, run_cases
 from .samples import make_samples
+from .targets import few_ticks, weights
 
 # loaded once, before workers are forked
 LOADED = [
@@ -47,10 +49,13 @@ def main(count: int, seed: int, kinds: tuple[str, ...], case: int | None, worker
         make_samples(Path(samples))
         for name in LOADED:
             importlib.import_module(name)
-        for result in run_cases(cases, seed, Path(samples), failures, workers):
-            results.append(result)
-            if result.status == "failed" or case is not None:
-                click.echo(f"{result.status}: {result.detail}\n  {repeat(result, seed)}")
+        few_ticks(Path(samples) / "scenario" / "drawn.yaml")  # compiles kernels, which may take longer than a case
+        weights(Path(samples) / "weights" / "policy.npz")
+        with suppress(KeyboardInterrupt):  # the table shows what was done so far
+            for result in run_cases(cases, seed, Path(samples), failures, workers):
+                results.append(result)
+                if result.status == "failed" or case is not None:
+                    click.echo(f"{result.status}: {result.detail}\n  {repeat(result, seed)}")
     _show_table(results)
     rate = len(results) / (time.monotonic() - start)
     click.echo(f"seed {seed}, {rate:.0f} cases a second; the input of failures is in {failures}")

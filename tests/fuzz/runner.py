@@ -161,7 +161,7 @@ def run_cases(cases: list[tuple[str, int]], seed: int, samples: Path, failures: 
         while queue and len(running) < workers:
             ours, theirs = context.Pipe()
             batch = [queue.pop() for _ in range(min(500, len(queue)))]
-            process = context.Process(target=_work, args=(theirs, batch, seed, samples, failures))
+            process = context.Process(target=_work, args=(theirs, batch, seed, samples, failures), daemon=True)
             process.start()
             theirs.close()
             running[ours] = (process, batch, time.monotonic())
@@ -190,6 +190,7 @@ def _work(connection: Connection, batch: list[tuple[str, int]], seed: int, sampl
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + _HEADROOM, resource.RLIM_INFINITY))
     warnings.simplefilter("error", RuntimeWarning)  # NumPy warns of numbers that the reader should have refused
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, which shows the table
     start = _peak()
     for kind, index in list(batch):
         with tempfile.TemporaryDirectory(prefix="sonata2d-fuzz-", dir=_FAST) as work:

@@ -26,6 +26,9 @@ class Stop:
 
     reason: str = "the controller stopped"
 
+    def __post_init__(self) -> None:
+        _require_text(self.reason, "Stop")
+
 
 @dataclass(frozen=True, slots=True)
 class Regenerate:
@@ -36,6 +39,15 @@ class Regenerate:
     """
 
     reason: str = "the controller asked for another scene"
+
+    def __post_init__(self) -> None:
+        _require_text(self.reason, "Regenerate")
+
+
+def _require_text(reason: object, name: str) -> None:
+    """Require text: files and tables hold the reason."""
+    if not isinstance(reason, str):
+        raise TypeError(f"the reason of {name} must be text, got {reason!r:.60}; write {name}(str(reason))")
 
 
 Answer = Twist | Stop | Regenerate

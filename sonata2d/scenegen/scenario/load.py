@@ -51,6 +51,8 @@ def _find(name: str, folder: Path) -> Path:
     try:
         if path.is_file():
             return path
+        if path.is_dir():
+            raise ConfigError(f"{name} is a folder; name a scenario file in it")
         neighbours = [str(other) for other in sorted(path.parent.glob("*")) if other.suffix in _SUFFIXES]
     except (OSError, ValueError) as error:  # no name of a file, e.g. one that is too long
         raise ConfigError(
