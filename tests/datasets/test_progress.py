@@ -228,5 +228,5 @@ def test_an_error_beyond_the_last_requested_episode_is_ignored(tmp_path: Path, w
     )
     assert [file["episode"] for file in manifest["files"]] == [0, 2]
     assert not (tmp_path / "out/failed").exists()
-    with pytest.raises(ControllerError, match=r"episode 3: .*cannot go on"):
+    with pytest.raises(ControllerError, match=r"episode 3 of seed 0: .*cannot go on"):
         generate(tmp_path / "more", controller=f"{__name__}:Broken", keep=["regenerate"], episodes=3, workers=workers)
