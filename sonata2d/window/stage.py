@@ -29,7 +29,6 @@ _THEME = Path(__file__).with_name("theme.json")
 # Text sizes of widgets in a window of REFERENCE, px. The "defaults" of a theme are colours only, so elements are named.
 _TEXT_SIZES = dict.fromkeys(("button", "label", "text_entry_line", "text_box"), 20) | {
     "#title": 26,
-    "horizontal_slider.@arrow_button": 18,
     "vertical_scroll_bar.button": 18,
 }
 _LENGTHS = (  # of the theme, px at scale 1
