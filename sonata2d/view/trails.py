@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 import pygame
 
-from ..core.portable_math import Array
+from ..core.portable_math import Array, BoolArray
 from ..core.snapshot import Snapshot
 from .brush import Brush
 from .camera import Camera
@@ -78,13 +78,14 @@ def draw_trails(brush: Brush, trails: Trails | None, *, robot: bool = True) -> N
     if trails is None:
         return
     fraction = trails.fraction.tolist()
-    for k, path in enumerate(np.swapaxes(trails.humans, 0, 1)):
+    indices = [round(f * (_TONES - 1)) for f in fraction]
+    for k, (path, walked) in enumerate(zip(np.swapaxes(trails.humans, 0, 1), _walked(trails.humans).T, strict=True)):
         tones = human_tones(k)
-        _draw_path(brush, path, [tones[round(f * (_TONES - 1))] for f in fraction], _HUMAN_WIDTH)
+        _draw_path(brush, path, walked, [tones[index] for index in indices], _HUMAN_WIDTH)
     if not robot:
         return
     colours = [time_colour(f) for f in fraction]
-    _draw_path(brush, trails.robot, colours, _ROBOT_WIDTH)
+    _draw_path(brush, trails.robot, _walked(trails.robot), colours, _ROBOT_WIDTH)
     for k in [] if trails.is_tail else _marks(trails.time):
         place = (float(trails.robot[k, 0]), float(trails.robot[k, 1]))
         brush.disc(shaded(colours[k], 0.3), place, 0.065)
@@ -113,16 +114,23 @@ _ROBOT_TONES = [time_colour(k / (_TONES - 1)) for k in range(_TONES)]
 _HUMAN_TONES = [[mixed(FLOOR, colour, 0.15 + 0.6 * k / (_TONES - 1)) for k in range(_TONES)] for colour in PATHS]
 
 
-def _draw_path(brush: Brush, path: Array, colours: Sequence[Colour], width: float) -> None:
-    """Draw each step in the colour of its end, with gaps where the agent was absent or re-entered elsewhere.
+def _walked(paths: Array) -> BoolArray:
+    """(T - 1, ...): whether each step of (T, ..., 2) positions, m, was walked, rather than absent or re-entered."""
+    lengths = np.abs(np.diff(paths, axis=0)).sum(axis=-1)
+    walked: BoolArray = (lengths > 0.0) & (lengths < _MAX_STEP)
+    return walked
+
+
+def _draw_path(brush: Brush, path: Array, walked: BoolArray, colours: Sequence[Colour], width: float) -> None:
+    """Draw each step that was walked, in the colour of its end.
 
     Args:
         path: (T, 2), m.
+        walked: (T - 1,).
         colours: of the T positions.
         width: m.
     """
-    lengths = np.abs(np.diff(path, axis=0)).sum(axis=1)
-    steps = np.flatnonzero((lengths > 0.0) & (lengths < _MAX_STEP))
+    steps = np.flatnonzero(walked)
     if len(steps):
         brush.steps([colours[k + 1] for k in steps.tolist()], path[steps], path[steps + 1], width)
 
