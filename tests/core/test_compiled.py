@@ -39,6 +39,7 @@ PACKAGE = Path(sonata2d.__file__).parent
 ONE_LINE = re.compile(
     r"sonata2d: compiling for this processor, once per installed copy; this may take half a minute \.\.\.\n"
 )
+WAITING = "sonata2d: another process compiles the same; waiting for it ...\n"
 
 # A plug-in: a package whose kernel uses subroutines and constants of other files.
 PLUGIN = {
@@ -640,7 +641,8 @@ def test_processes_that_start_together_compile_once(plugin: Path, tmp_path: Path
     (tmp_path / "go").touch()
     results = [process.communicate() for process in processes]
     assert sorted(output for output, _ in results) == ["84.0 0\n", "84.0 1\n", "84.0 1\n"]
-    assert ONE_LINE.fullmatch("".join(errors for _, errors in results))
+    said = "".join(errors for _, errors in results)
+    assert ONE_LINE.fullmatch(said.replace(WAITING, "", 1))  # on a slow machine
     # A later process says nothing.
     assert run(script, "again", cache=tmp_path / "cache").communicate() == ("84.0 1\n", "")
 
