@@ -79,13 +79,15 @@ def test_traceback_shows_where_an_error_was_raised(sonata2d: Run, here: Path, li
     assert "mine.py, line 4" in one_line(sonata2d(command, code=1).output)
     output = sonata2d(line.format(f"{command} --resume"), code=1).output
     assert 'mine.py", line 4, in act' in output
-    assert output.splitlines()[-1].startswith("Error: ControllerError: episode 0: ZeroDivisionError")
+    assert output.splitlines()[-1].startswith("Error: ControllerError: episode 0 of seed 0: ZeroDivisionError")
 
 
 def test_an_error_of_a_users_file_is_not_called_a_bug(sonata2d: Run, here: Path) -> None:
     (here / "mine.py").write_text(FAILING)
     output = one_line(sonata2d("scenarios check overtaking --controller ./mine.py --episodes 1", code=1).output)
-    assert output.startswith("Error: ZeroDivisionError: division by zero; at tick 0 of the episode (mine.py, line 4)")
+    assert output.startswith(
+        "Error: ZeroDivisionError: division by zero; at tick 0 of episode 0, seed 0 (mine.py, line 4)"
+    )
 
 
 def test_a_bug_is_reported_in_one_line_with_its_own_exit_code(sonata2d: Run, monkeypatch: pytest.MonkeyPatch) -> None:
