@@ -128,7 +128,9 @@ class ControlsScreen:
         area.set_scrollable_area_dimensions((width, lines * pitch))
         self._rows: dict[Target, UIButton] = {}
         for k, target in enumerate(TARGETS):
-            place = pygame.Rect(k // lines * width // columns, k % lines * pitch, 0, pitch - round(4 * self._stage.scale))
+            place = pygame.Rect(
+                k // lines * width // columns, k % lines * pitch, 0, pitch - round(4 * self._stage.scale)
+            )
             place.width = round(0.36 * width / columns)
             UILabel(place, fitted(ui, target.text, place.width - 12), ui, container=area, object_id="#control")
             place = pygame.Rect(place.right, place.top, round(0.6 * width / columns), place.height)
