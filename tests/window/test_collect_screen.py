@@ -463,6 +463,12 @@ def test_a_new_person_starts_with_an_empty_name(driver: Callable[..., Driver]) -
     assert person.screen is ask
     assert ask._entry is not None
     assert ask._entry.get_text() == ""
+    for letter in "李Ω😀":
+        pygame.event.post(pygame.event.Event(pygame.TEXTINPUT, text=letter))
+    person.wait()
+    assert ask._entry.get_text() == "李Ω😀"
+    pictures = [pygame.image.tobytes(ask._entry.font.render_premul(c, pygame.Color("black")), "RGBA") for c in "李王"]
+    assert pictures[0] != pictures[1], "widgets draw the characters, not boxes"
     Driver(person.folder).session.close()  # the folder is free for the next session of the same person
 
 
