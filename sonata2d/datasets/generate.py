@@ -10,7 +10,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -329,13 +329,15 @@ def _logged(out: Path, missing: int, workers: int | Workers) -> Iterator[None]:
         outcome = f"{type(error).__name__}: {error}"
         raise
     finally:
-        append_to_log(
-            out,
-            begun=begun,
-            seconds=round(time.perf_counter() - start, 1),
-            host=platform.node(),
-            workers=workers.count if isinstance(workers, Workers) else workers,
-            asked=missing,
-            command=sys.argv,
-            outcome=outcome,
-        )
+        # the reason of a failure is more important than that the log cannot be written
+        with nullcontext() if outcome == "complete" else suppress(RecordError):
+            append_to_log(
+                out,
+                begun=begun,
+                seconds=round(time.perf_counter() - start, 1),
+                host=platform.node(),
+                workers=workers.count if isinstance(workers, Workers) else workers,
+                asked=missing,
+                command=sys.argv,
+                outcome=outcome,
+            )
