@@ -48,6 +48,9 @@ frames.
   last frame.
 - `contacts` and `events` are always present and usually empty. `label` is omitted if the command itself is the label.
 - Readers refuse a newer version and ignore unknown keys. `format` is `{FORMAT}`.
+- A file is validated once, when it is read: the schema, and what a schema cannot say (ids and references, activities,
+  columns, answers to the question, a row for each person). `read_episode` refuses an invalid file with one line;
+  `sonata2d check` lists everything that is wrong. `sonata2d/core/limits.py` holds the limits on sizes and counts.
 - Activities: {", ".join(f"{number} {name}" for number, name in enumerate(ACTIVITIES))}; -1 not present.
 - `sonata2d check` also requires people and robot to be inside the room, and outlines to overlap by {
     1000 * MAXIMUM_OVERLAP:.0f} mm at most; `sonata2d/datasets/plausibility.py` defines its other tolerances.

@@ -190,6 +190,8 @@ def _rating_of(row: Mapping[str, Any]) -> Rating:
         if not isinstance(row[key], kind):
             raise TypeError(f"{key} is {row[key]!r}")
     spec = LabelSpec.from_settings(row["spec"])
+    if not all(isinstance(text, str) for text in (spec.name, spec.question, *spec.classes, *spec.ends)):
+        raise TypeError("its question, classes and ends must be text")
     values = {field.name: row[field.name] for field in fields(Rating)}
     return Rating(**{**values, "label": spec.validate(row["label"]), "spec": spec})
 

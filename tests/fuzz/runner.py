@@ -161,7 +161,7 @@ def run_cases(cases: list[tuple[str, int]], seed: int, samples: Path, failures: 
         while queue and len(running) < workers:
             ours, theirs = context.Pipe()
             batch = [queue.pop() for _ in range(min(500, len(queue)))]
-            process = context.Process(target=_work, args=(theirs, batch, seed, samples, failures), daemon=True)
+            process = context.Process(target=_work, args=(theirs, batch, seed, samples, failures))
             process.start()
             theirs.close()
             running[ours] = (process, batch, time.monotonic())

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from sonata2d.errors import ControllerError
+from sonata2d.learning.weights import read_weights
 
 from .runner import ALL, run_case
 from .samples import make_samples
-from .targets import KINDS
+from .targets import KINDS, Refusal, imported, run, use_arguments
 
 pytest.importorskip("pyarrow", reason="pyarrow comes with the parquet extra")
 
-CASES = 12  # of each kind
+CASES = 8  # of each kind
 
 
 @pytest.fixture(scope="module")
@@ -42,3 +47,56 @@ def test_undamaged_input_is_accepted(kind: str, samples: Path, tmp_path: Path, m
         monkeypatch.chdir(work)
         with warnings.catch_warnings(action="ignore"):
             use(sorted(work.glob(KINDS[kind].damaged[0]))[0])
+
+
+@pytest.mark.parametrize("name", ["sonata", "socnav3", "trajnet"])
+@pytest.mark.parametrize("depth", [300, 2000, 100_000])
+def test_deeply_nested_files_are_refused(name: str, depth: int, tmp_path: Path) -> None:
+    path = tmp_path / ("deep.ndjson" if name == "trajnet" else "deep.json")
+    for content in (b"[" * depth + b"]" * depth, b'{"sequence":' * depth + b"1" + b"}" * depth):
+        path.write_bytes(content)
+        with pytest.raises(Refusal, match=path.name):
+            imported(name, path)
+
+
+def test_sparse_tracks_are_refused_before_memory_is_allocated(tmp_path: Path) -> None:
+    rows = [f"{2 * k + late},{k},0,{k % 9}" for k in range(3000) for late in (0, 1)]
+    (tmp_path / "000000.csv").write_text("\n".join(rows))
+    with pytest.raises(Refusal, match="6000 positions spread over 6000 frames of 3000 people"):
+        imported("csv", tmp_path / "000000.csv")
+    lines = [{"track": {"f": f, "p": 2**36, "x": 0, "y": 0}} for f in (0, 1, 10**10)]
+    (tmp_path / "a.ndjson").write_text("\n".join(map(json.dumps, lines)))
+    with pytest.raises(Refusal, match="frames of 1 people"):
+        imported("trajnet", tmp_path / "a.ndjson")
+
+
+def test_a_manifest_of_countless_episodes_is_checked(samples: Path, tmp_path: Path) -> None:
+    shutil.copytree(samples / "dataset" / "set", tmp_path / "set")
+    path = tmp_path / "set" / "manifest.json"
+    path.write_text(json.dumps(json.loads(path.read_bytes()) | {"episodes": 10**18}))
+    with pytest.raises(Refusal, match="must list the episodes 0 to 999999999999999999"):
+        run("check D", path)
+
+
+def test_weights_that_unpack_to_gigabytes_are_refused(tmp_path: Path) -> None:
+    header = np.array(json.dumps({"graph": "modern", "kind": "rgcn", "note": {}}))
+    np.savez_compressed(tmp_path / "w.npz", about=header, **{"layer0.weight": np.zeros(20_000_000, np.float32)})
+    with pytest.raises(ControllerError, match=r"unpacks from \d+ to 80\d+ bytes; the limit is 67108864"):
+        read_weights(tmp_path / "w.npz")
+
+
+@pytest.mark.parametrize("word", ["a\0b", "x" * 5000, "\0"])
+def test_impossible_paths_are_refused(word: str) -> None:
+    for line in (["describe", word], ["generate", word], ["render", word, "-o", "x.svg"], ["mirror", "a", "-o", word]):
+        with pytest.raises(Refusal, match="cannot be a path"):
+            use_arguments(line)
+
+
+def test_a_scenario_in_another_encoding_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    for encoding in ("utf-16", "latin-1"):
+        path.write_bytes("name: Zoë\n".encode(encoding))
+        with pytest.raises(Refusal, match="is not UTF-8 text"):
+            run("scenarios show F", path)
+    path.write_bytes("name: Zoë\n".encode("utf-8-sig"))
+    run("scenarios show F", path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -168,3 +169,10 @@ def test_aliases_and_merge_keys_within_the_limits_are_read(write_scenario):
     text = "name: &n kept\ndescription: *n\nrules: {<<: {time_limit: 7, substeps: 4}, substeps: 5}\n"
     loaded = load_scenario(write_scenario(text))
     assert (loaded.description, loaded.rules.time_limit, loaded.rules.substeps) == ("kept", 7.0, 5)
+
+
+@pytest.mark.parametrize("name", ["half.json", "half.yaml"])
+def test_text_that_is_no_unicode_is_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text('{"room": {"kinds": "\\ud800"}}')
+    with pytest.raises(ConfigError, match=f"{name}: .*surrogates not allowed"):
+        load_scenario(tmp_path / name)

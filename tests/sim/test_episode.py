@@ -208,3 +208,39 @@ def test_a_branch_with_the_same_controller_equals_the_episode(busy: Scene) -> No
 def test_a_branch_at_a_tick_that_was_not_run_is_rejected() -> None:
     with pytest.raises(ValueError, match="the ticks run so far"):
         s2.Episode(short_scene(), Answers()).branch(999, s2.StraightToGoal())
+
+
+class _Odd(s2.Controller):
+    """A controller with an attribute or a method that files cannot hold."""
+
+    def __init__(self, **odd: object) -> None:
+        vars(self).update(odd)
+
+    def settings(self) -> dict[str, object]:
+        return {}
+
+    def act(self, snapshot: s2.Snapshot) -> s2.Twist:
+        return s2.Twist()
+
+
+def _raises() -> dict[str, object]:
+    raise OSError("no such device")
+
+
+@pytest.mark.parametrize(
+    ("odd", "message"),
+    [
+        ({"settings": _raises}, r"settings\(\) of .*_Odd raised OSError: no such device"),
+        ({"settings": lambda: [1]}, "must return a dict"),
+        ({"version": 7}, "version of .*_Odd must be text, got 7"),
+        ({"labels": {"near": None}}, "must be a dict of names and their meanings"),
+    ],
+)
+def test_what_files_cannot_hold_of_a_controller_is_refused_at_the_start(odd: dict[str, object], message: str) -> None:
+    with pytest.raises(ControllerError, match=message):
+        s2.Episode(s2.generate(s2.ScenarioConfig(humans=0), seed=1), _Odd(**odd))
+
+
+def test_the_reason_of_a_stop_must_be_text() -> None:
+    with pytest.raises(TypeError, match="the reason of Stop must be text, got 12345"):
+        s2.Stop(12345)  # type: ignore[arg-type]

@@ -32,6 +32,8 @@ def parse_settings(path: Path) -> dict[str, Any]:
             content = json.loads(text, object_pairs_hook=_object)
         else:
             content = yaml.load(text, _yaml_loader())
+        if "\\u" in text:  # an escape may give half a character, which no file can hold
+            json.dumps(content, ensure_ascii=False, skipkeys=True, default=str).encode()
     except yaml.MarkedYAMLError as error:
         line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise ConfigError(f"{path.name}{line}: {error.problem}") from None
