@@ -178,7 +178,8 @@ class ScenarioConfig(Settings):
     def _check_unguarded_speed(self) -> Self:
         limits, rules = self.robot.limits, self.rules
         sideways = limits.sideways if self.robot.kinematics == "holonomic" else 0.0
-        speed = math.hypot(max(limits.ahead, limits.back), sideways)
+        forward = max(limits.ahead, limits.back)
+        speed = math.sqrt(forward * forward + sideways * sideways)
         step = speed * rules.dt / rules.substeps
         if not rules.guard and (speed > _UNGUARDED_SPEED or step > _UNGUARDED_STEP):
             context = {"speed": f"{speed:.3g}", "step": f"{step:.2g}", "path": ("rules", "guard")}
