@@ -31,7 +31,7 @@ from sonata2d.core.snapshot import Snapshot
 from sonata2d.view.interpolation import between
 from sonata2d.view.painter import Painter
 from sonata2d.window.collect_screen import CollectScreen
-from sonata2d.window.hud import Hud, draw_hud
+from sonata2d.window.hud import FrameQuestion, Hud, draw_hud
 from sonata2d.window.input import InputDevices
 from sonata2d.window.profiles import Profiles
 from sonata2d.window.stage import Stage
@@ -40,7 +40,8 @@ TICKS = 10  # per second
 FPS = 60
 STEPS = 3  # pictures drawn per tick; the window draws more of the same kind
 HUD = Hud(
-    run=3, runs=20, kept=2, contributor="a contributor", light="recording", label="fair (2 of 3)",
+    run=3, runs=20, kept=2, contributor="a contributor", light="recording",
+    question=FrameQuestion("How does the robot drive?", ("poorly", "fairly well", "well"), position=0.5),
     keys=(("W A S D", "drive"), ("Q E", "sideways"), ("Space", "brake"), ("Esc", "pause"), ("F1", "help")),
 )  # fmt: skip
 
@@ -84,7 +85,7 @@ def picture_cost(snapshots: list[Snapshot], size: tuple[int, int], view: View) -
             start = time.process_time()
             snapshot = between(before, after, step / STEPS)
             camera = painter.draw(surface, snapshot, view=view)
-            draw_hud(surface, HUD, snapshot, camera, title="a kitchen", question="How does the robot drive?")
+            draw_hud(surface, HUD, snapshot, camera)
             times.append(time.process_time() - start)
     return 1e3 * statistics.mean(times), 1e3 * statistics.quantiles(times, n=20)[-1]
 
