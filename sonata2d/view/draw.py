@@ -166,19 +166,22 @@ def draw_on_backdrop(
     draw_moving(brush, snapshot, layers, partial(draw_trails, trails=trails))
 
 
-def draw_moving(brush: Brush, snapshot: Snapshot, layers: Layers, draw_paths: Callable[..., None]) -> None:
+def draw_moving(
+    brush: Brush, snapshot: Snapshot, layers: Layers, draw_paths: Callable[..., None], *, cut_zones: bool = True
+) -> None:
     """Draw everything that moves, and the goal.
 
     Args:
         draw_paths: draws the past paths, which are above the goal and below everything else; it takes the brush, and
             whether to draw the robot's path as `robot`.
+        cut_zones: whether zones end at the outline of the room.
     """
     humans, unmeasured = list(snapshot.humans), snapshot.scene.unmeasured
     if layers.goal and "goal" not in unmeasured:
         brush.stamp(snapshot.goal.position, goal_part(snapshot.goal))
     draw_paths(brush, robot="robot" not in unmeasured)
     if layers.zones:
-        draw_zones(brush, humans, snapshot.scene.outline)
+        draw_zones(brush, humans, snapshot.scene.outline if cut_zones else None)
     draw_interactions(brush, snapshot, humans, spaces=layers.zones, links=layers.links)
     if layers.gaze and "heads" not in unmeasured:
         draw_gazes(brush, humans, thin_walls(snapshot.scene))

@@ -24,6 +24,17 @@ _RAYS = tuple((math.cos(0.38 * k / 3), math.sin(0.38 * k / 3)) for k in range(-3
 _FAN_RANGE = 0.75  # m beyond the pedestrian's outline
 _CIRCLE = tuple((math.cos(k * math.pi / 32), math.sin(k * math.pi / 32)) for k in range(65))  # closed
 _DASHES = 48  # of the line around a personal zone
+
+
+def _arcs(fraction: float) -> list[list[Point]]:
+    """Points on the unit circle along the given fraction of each dash and the gap after it."""
+    angles = (np.arange(_DASHES)[:, None] + np.linspace(0.0, fraction, 3)) * (2 * math.pi / _DASHES)
+    return [[(x, y) for x, y in arc] for arc in np.stack((np.cos(angles), np.sin(angles)), axis=2).tolist()]
+
+
+_DASH_POINTS, _ARC_POINTS = _arcs(0.5), _arcs(1.0)
+_ARC_MIDDLES = np.array([arc[1] for arc in _ARC_POINTS])
+_CLIP = _CIRCLE[:-1:2]  # corners of the polygon to which a zone is cut
 _INTIMATE_LINE, _PERSONAL_LINE = mixed(FLOOR, INK, 0.3), mixed(FLOOR, INK, 0.22)
 _MARGIN = 0.05  # m, between the end of a link and the outline of its entity
 
@@ -96,20 +107,18 @@ def draw_fan(brush: Brush, activity: str, r: float, ray_lengths: Sequence[float]
 # Zones and velocities
 
 
-def draw_zones(brush: Brush, humans: Sequence[HumanState], outline: Array) -> None:
+def draw_zones(brush: Brush, humans: Sequence[HumanState], outline: Array | None) -> None:
     """Draw Hall's intimate zone and personal zone (dashed) around each pedestrian, as far as they are in the room.
 
     Args:
-        outline: (K, 2), corners of the room, m; without any, zones are drawn whole.
+        outline: (K, 2), corners of the room, m; None or without any, zones are drawn whole, which is faster.
     """
-    if not humans:
-        return
-    places = np.array([human.pose.position for human in humans])
-    radii = np.array([human.radius for human in humans]) + PERSONAL_DISTANCE
-    edges = Barriers(outline, np.roll(outline, -1, axis=0), np.zeros(len(outline)))
-    gaps = edges.gaps(places).min(axis=0) if len(edges) else np.full(len(humans), np.inf)
-    for human, is_cut in zip(humans, (gaps < radii).tolist(), strict=True):
-        if is_cut:  # the shape is unique, so that a cache would not help
+    gaps = np.full(len(humans), np.inf)
+    if outline is not None and len(outline) and humans:
+        edges = Barriers(outline, np.roll(outline, -1, axis=0), np.zeros(len(outline)))
+        gaps = edges.gaps(np.array([human.pose.position for human in humans])).min(axis=0)
+    for human, gap in zip(humans, gaps.tolist(), strict=True):
+        if outline is not None and gap < human.radius + PERSONAL_DISTANCE:  # a unique shape, which no cache helps
             _draw_zones_inside(brush, human, outline)
         else:
             part = ("zones", human.radius), partial(draw_zones_of, r=human.radius), brush.camera.up
@@ -128,42 +137,59 @@ def draw_zones_of(brush: Brush, r: float) -> None:
 
 def _draw_zones_inside(brush: Brush, human: HumanState, outline: Array) -> None:
     """Draw the same as `draw_zones_of`, only inside the room."""
-    centre = np.array(human.pose.position)
-    circle = np.array(_CIRCLE[:-1])
+    place, corners = brush.at(human.pose.position), outline.tolist()
+    x, y = human.pose.position
+    room = [(a - x, b - y) for a, b in corners]
+    rings = [human.radius + distance for distance in (PERSONAL_DISTANCE, INTIMATE_DISTANCE)]
     with brush.canvas.group("zones"):
-        for distance, alpha in ((PERSONAL_DISTANCE, 13), (INTIMATE_DISTANCE, 17)):  # 30 where both overlap
-            inside = _clipped(outline, centre + (human.radius + distance) * circle)
+        for radius, alpha in zip(rings, (13, 17), strict=True):  # 30 where both overlap
+            inside = _clipped(room, [(radius * c, radius * s) for c, s in _CLIP])
             if len(inside) > 2:
-                brush.wash(BLUE, alpha, [(x, y) for x, y in inside.tolist()])
-        for distance, colour, fraction in (
-            (INTIMATE_DISTANCE, _INTIMATE_LINE, 1.0),
-            (PERSONAL_DISTANCE, _PERSONAL_LINE, 0.5),
-        ):
-            angles = (np.arange(_DASHES)[:, None] + np.linspace(0.0, fraction, 4)) * (2 * math.pi / _DASHES)
-            arcs = centre + (human.radius + distance) * np.stack((np.cos(angles), np.sin(angles)), axis=2)
-            for arc in arcs[inside_polygon(arcs.mean(axis=1), outline)].tolist():
-                brush.stroke(colour, [(x, y) for x, y in arc], 0.012)
+                place.wash(BLUE, alpha, inside)
+        is_inside = inside_polygon(np.concatenate([radius * _ARC_MIDDLES for radius in rings]), np.array(room)).tolist()
+        for k in range(_DASHES):
+            if is_inside[k]:
+                place.stroke(_PERSONAL_LINE, [(rings[0] * c, rings[0] * s) for c, s in _DASH_POINTS[k]], 0.012)
+        for run in _runs(is_inside[_DASHES:]):
+            place.stroke(_INTIMATE_LINE, [(rings[1] * c, rings[1] * s) for k in run for c, s in _ARC_POINTS[k]], 0.012)
 
 
-def _clipped(polygon: Array, convex: Array) -> Array:
-    """The part of a polygon inside a convex one, whose corners are counter-clockwise; both (K, 2).
+def _runs(chosen: Sequence[bool]) -> list[list[int]]:
+    """Indices of the chosen elements of a ring, as runs of neighbours."""
+    count = len(chosen)
+    start = chosen.index(False) if False in chosen else 0  # no run goes on beyond the start
+    runs: list[list[int]] = [[]]
+    for k in range(start, start + count):
+        if chosen[k % count]:
+            runs[-1].append(k % count)
+        elif runs[-1]:
+            runs.append([])
+    return [run for run in runs if run]
+
+
+def _clipped(polygon: Sequence[Point], convex: Sequence[Point]) -> list[Point]:
+    """The part of a polygon inside a convex one, whose corners are counter-clockwise.
 
     Parts that are not connected are joined by lines along the convex polygon, which a filling does not show.
 
     Source: I. E. Sutherland & G. W. Hodgman, Commun. ACM 17 (1974) 32.
     """
-    points = polygon
-    for start, end in zip(convex, np.roll(convex, -1, axis=0), strict=True):
-        if not len(points):
-            break
-        along, offset = end - start, points - start
-        left = along[0] * offset[:, 1] - along[1] * offset[:, 0]  # positive inside
-        before, left_before = np.roll(points, 1, axis=0), np.roll(left, 1)
-        crosses = (left >= 0.0) != (left_before >= 0.0)
-        span = np.where(crosses, left_before - left, 1.0)
-        crossing = before + (points - before) * (left_before / span)[:, None]
-        both = np.stack((crossing, points), axis=1).reshape(-1, 2)  # each corner after the crossing that leads to it
-        points = both[np.stack((crosses, left >= 0.0), axis=1).reshape(-1)]
+    points = list(polygon)
+    for (ax, ay), (bx, by) in pairwise([*convex, convex[0]]):
+        dx, dy = bx - ax, by - ay
+        left = [dx * (y - ay) - dy * (x - ax) for x, y in points]  # positive inside
+        if min(left, default=0.0) >= 0.0:
+            continue
+        kept: list[Point] = []
+        for k, (x, y) in enumerate(points):
+            before, now = left[k - 1], left[k]
+            if (before >= 0.0) != (now >= 0.0):
+                fraction = before / (before - now)
+                (px, py) = points[k - 1]
+                kept.append((px + (x - px) * fraction, py + (y - py) * fraction))
+            if now >= 0.0:
+                kept.append((x, y))
+        points = kept
     return points
 
 

@@ -81,7 +81,8 @@ class Painter:
             surface.fill(OUTSIDE)
             draw_room(brush, self._plan, grid=layers.grid)
             draw_furniture(brush, self._scene)
-        draw_moving(brush, snapshot, layers, partial(draw_fast_trails, surface=surface, trails=trails))
+        draw_paths = partial(draw_fast_trails, surface=surface, trails=trails)
+        draw_moving(brush, snapshot, layers, draw_paths, cut_zones=False)
         draw_annotations(brush, snapshot, layers)
         return camera
 
