@@ -111,11 +111,10 @@ def weights(path: Path) -> None:
 
 def collected(path: Path) -> None:
     from sonata2d.collect.journal import read_journal
-    from sonata2d.window.profiles import Profiles, remembered
+    from sonata2d.window.profiles import Profiles
 
     if path.name == "devices.json":
         Profiles(path.parent)
-        remembered(path.parent)
     else:
         read_journal(path)
 
