@@ -157,32 +157,36 @@ def run_cases(cases: list[tuple[str, int]], seed: int, samples: Path, failures: 
     """Run cases, (kind, index), in worker processes; the input of failed cases is copied to the folder `failures`."""
     queue, running = list(reversed(cases)), {}
     context = multiprocessing.get_context("fork")
-    while queue or running:
-        while queue and len(running) < workers:
-            ours, theirs = context.Pipe()
-            batch = [queue.pop() for _ in range(min(500, len(queue)))]
-            process = context.Process(target=_work, args=(theirs, batch, seed, samples, failures))
-            process.start()
-            theirs.close()
-            running[ours] = (process, batch, time.monotonic())
-        for connection in wait(list(running), timeout=1.0):
-            assert isinstance(connection, Connection)
-            process, batch, _ = running[connection]
-            try:
-                result = connection.recv()
-            except EOFError:
-                process.join()
-                del running[connection]
-                if batch and process.exitcode:  # the case killed the worker
-                    yield Result(*batch.pop(0), "failed", f"the process ended with {process.exitcode}", 0.0, 0.0)
-                queue.extend(reversed(batch))
-                continue
-            batch.pop(0)
-            running[connection] = (process, batch, time.monotonic())
-            yield result
-        for process, _, since in running.values():
-            if time.monotonic() - since > _HARD_SECONDS:
-                process.kill()
+    try:
+        while queue or running:
+            while queue and len(running) < workers:
+                ours, theirs = context.Pipe()
+                batch = [queue.pop() for _ in range(min(500, len(queue)))]
+                process = context.Process(target=_work, args=(theirs, batch, seed, samples, failures))
+                process.start()
+                theirs.close()
+                running[ours] = (process, batch, time.monotonic())
+            for connection in wait(list(running), timeout=1.0):
+                assert isinstance(connection, Connection)
+                process, batch, _ = running[connection]
+                try:
+                    result = connection.recv()
+                except EOFError:
+                    process.join()
+                    del running[connection]
+                    if batch and process.exitcode:  # the case killed the worker
+                        yield Result(*batch.pop(0), "failed", f"the process ended with {process.exitcode}", 0.0, 0.0)
+                    queue.extend(reversed(batch))
+                    continue
+                batch.pop(0)
+                running[connection] = (process, batch, time.monotonic())
+                yield result
+            for process, _, since in running.values():
+                if time.monotonic() - since > _HARD_SECONDS:
+                    process.kill()
+    finally:  # after Ctrl-C; workers that nobody listens to would wait for ever
+        for process, _, _ in running.values():
+            process.kill()
 
 
 def _work(connection: Connection, batch: list[tuple[str, int]], seed: int, samples: Path, failures: Path) -> None:
