@@ -43,7 +43,7 @@ class Layers:
     velocities: bool = False
     ids: bool = False
     caption: bool = True  # the strip below, with the scale bar
-    legend: bool = False  # rows below the picture that explain its symbols; the window and camera images have none
+    legend: bool = False  # rows below the picture that explain its symbols; camera images have none
 
 
 def camera_for(

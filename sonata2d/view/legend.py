@@ -27,7 +27,30 @@ _BELOW = 8  # px, free space below the last row
 _SYMBOL, _SPACE, _GAP = 18, 6, 20  # px: width of a symbol, and the space after it and after an entry
 _RADIUS = 0.2  # m, of pedestrians and robot in a symbol
 _MAXIMUM_FRACTION = 0.25  # of a picture's height
-_NAMES = {"using": "using an object", "looking": "looking at an object"}  # of activities
+TEXTS = {  # English meaning of each symbol
+    "standing": "standing",
+    "walking": "walking",
+    "walking_together": "walking together",
+    "talking": "talking",
+    "using": "using an object",
+    "looking": "looking at an object",
+    "ignores": "ignores the robot",
+    "gaze": "field of view",
+    "robot": "robot",
+    "goal": "goal",
+    "paths": "paths",
+    "interaction": "interaction",
+    "zones": "intimate space {intimate} m, personal {personal} m",
+    "shared": "shared space",
+}
+
+
+def english(name: str, **values: object) -> str:
+    """The English meaning of a symbol with its values filled in."""
+    return TEXTS[name].format(**values)
+
+
+Wording = Callable[..., str]  # of a key of TEXTS, with values by keyword
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,20 +70,36 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Legend:
-    """The legend of a picture or a film; the one without entries takes no space."""
+    """The legend of a picture or a film; the one without entries takes no space.
+
+    Attributes:
+        entries: symbols and their meaning.
+        scale: factor of all lengths in pixels.
+    """
 
     entries: tuple[Entry, ...] = ()
+    scale: float = 1.0
 
     @classmethod
-    def of(cls, snapshots: Iterable[Snapshot], layers: Layers, *, paths: bool = False) -> Legend:
+    def of(
+        cls,
+        snapshots: Iterable[Snapshot],
+        layers: Layers,
+        *,
+        paths: bool = False,
+        scale: float = 1.0,
+        wording: Wording = english,
+    ) -> Legend:
         """The legend of what is visible in any of the pictures; empty if the layers have no legend.
 
         Args:
             snapshots: of one scene, one or more.
             layers: of the pictures.
             paths: whether past paths are drawn.
+            scale: factor of all lengths in pixels.
+            wording: the meaning of a symbol by its key in `TEXTS`.
         """
-        return cls(tuple(_entries([*snapshots], layers, paths))) if layers.legend else cls()
+        return cls(tuple(_entries([*snapshots], layers, paths, wording)), scale) if layers.legend else cls()
 
     def fitting(self, size: tuple[int, int] | None) -> Legend:
         """The legend for a picture of a given size, px; empty if it would take more than a quarter of the height."""
@@ -70,71 +109,75 @@ class Legend:
     def height(self, width: int) -> int:
         """Height of the legend of a picture of this width, px."""
         rows = self._rows(width)
-        return len(rows) * _ROW + _BELOW if rows else 0
+        return self._px(len(rows) * _ROW + _BELOW) if rows else 0
 
     def draw(self, canvas: Canvas, top: int, width: int) -> None:
         """Draw the legend from the pixel row `top` on, in a picture of this width, px."""
         if not self.entries:
             return
         with canvas.group("legend"):
+            symbol, indent = self._px(_SYMBOL), self._px(_SYMBOL + _SPACE)
             for k, row in enumerate(self._rows(width)):
-                x, y = float(_EDGE), top + (k + 0.5) * _ROW
+                x, y = float(self._px(_EDGE)), top + (k + 0.5) * self._px(_ROW)
                 for entry in row:
-                    _draw_symbol(canvas, entry, (x + _SYMBOL / 2, y))
-                    canvas.text(INK, entry.text, (x + _SYMBOL + _SPACE, y), _TEXT, "midleft")
-                    x += _width_of(entry) + _GAP
+                    _draw_symbol(canvas, entry, (x + symbol / 2, y), symbol)
+                    canvas.text(INK, entry.text, (x + indent, y), self._px(_TEXT), "midleft")
+                    x += self._width_of(entry) + self._px(_GAP)
 
     def _rows(self, width: int) -> list[list[Entry]]:
         """The entries in rows that are not wider than the picture; a single entry may be."""
         rows: list[list[Entry]] = []
         end = 0
         for entry in self.entries:
-            end += _GAP + _width_of(entry)
-            if not rows or end > width - 2 * _EDGE:
+            end += self._px(_GAP) + self._width_of(entry)
+            if not rows or end > width - 2 * self._px(_EDGE):
                 rows.append([])
-                end = _width_of(entry)
+                end = self._width_of(entry)
             rows[-1].append(entry)
         return rows
 
+    def _width_of(self, entry: Entry) -> int:
+        return self._px(_SYMBOL + _SPACE) + width_of(entry.text, self._px(_TEXT))
 
-def _width_of(entry: Entry) -> int:
-    return _SYMBOL + _SPACE + width_of(entry.text, _TEXT)
+    def _px(self, length: float) -> int:
+        return round(self.scale * length)
 
 
-def _draw_symbol(canvas: Canvas, entry: Entry, centre: Point) -> None:
-    scale = _SYMBOL / entry.size
-    camera = Camera(scale, -centre[0] / scale, centre[1] / scale, (_SYMBOL, _SYMBOL))
+def _draw_symbol(canvas: Canvas, entry: Entry, centre: Point, side: int) -> None:
+    """Draw a symbol of a width in pixels."""
+    scale = side / entry.size
+    camera = Camera(scale, -centre[0] / scale, centre[1] / scale, (side, side))
     entry.draw(Brush(canvas, camera))
 
 
-def _entries(snapshots: list[Snapshot], layers: Layers, paths: bool) -> Iterable[Entry]:
+def _entries(snapshots: list[Snapshot], layers: Layers, paths: bool, wording: Wording) -> Iterable[Entry]:
     """The entries for what the pictures of these snapshots show, in the order of the rows."""
     scene, unmeasured = snapshots[0].scene, snapshots[0].scene.unmeasured
     present = {human.activity for snapshot in snapshots for human in snapshot.humans}
     for activity in ACTIVITY:
         if activity in present:
-            yield Entry(_NAMES.get(activity, activity), partial(_draw_pedestrian, activity, unmeasured))
+            yield Entry(wording(activity.replace(" ", "_")), partial(_draw_pedestrian, activity, unmeasured))
     if present and any(human.reacts_to_robot == 0.0 for human in scene.humans) and "robot" not in unmeasured:
-        yield Entry("ignores the robot", partial(_draw_pedestrian, "standing", unmeasured, ignores_robot=True))
+        yield Entry(wording("ignores"), partial(_draw_pedestrian, "standing", unmeasured, ignores_robot=True))
     if present and layers.gaze and "heads" not in unmeasured:
-        yield Entry("field of view", _draw_view, 1.0)
+        yield Entry(wording("gaze"), _draw_view, 1.0)
     if "robot" not in unmeasured:
-        yield Entry("robot", partial(_turned, partial(draw_chassis, r=_RADIUS)))
+        yield Entry(wording("robot"), partial(_turned, partial(draw_chassis, r=_RADIUS)))
     if layers.goal and "goal" not in unmeasured:
-        yield Entry("goal", partial(draw_target, radius=_RADIUS))
+        yield Entry(wording("goal"), partial(draw_target, radius=_RADIUS))
     if paths:
-        yield Entry("paths", partial(draw_path_samples, robot="robot" not in unmeasured), 0.4)
+        yield Entry(wording("paths"), partial(draw_path_samples, robot="robot" not in unmeasured), 0.4)
     has_interactions = any(snapshot.interactions for snapshot in snapshots)
     if layers.links and has_interactions:
-        yield Entry("interaction", partial(draw_link_between, start=(-0.3, 0.0), end=(0.3, 0.0)), 0.6)
+        yield Entry(wording("interaction"), partial(draw_link_between, start=(-0.3, 0.0), end=(0.3, 0.0)), 0.6)
     if layers.zones and present:
         yield Entry(
-            f"intimate space {INTIMATE_DISTANCE:g} m, personal {PERSONAL_DISTANCE:g} m",
+            wording("zones", intimate=f"{INTIMATE_DISTANCE:g}", personal=f"{PERSONAL_DISTANCE:g}"),
             partial(draw_zones_of, r=0.15),
             2 * (0.15 + PERSONAL_DISTANCE),
         )
     if layers.zones and has_interactions:
-        yield Entry("shared space", partial(draw_shared_space, half_length=0.5, half_width=0.35), 1.0)
+        yield Entry(wording("shared"), partial(draw_shared_space, half_length=0.5, half_width=0.35), 1.0)
 
 
 def _turned(draw: Callable[[Brush], None], brush: Brush) -> None:

@@ -24,11 +24,16 @@ class SceneCamera:
 
     Args:
         view: initial view.
+
+    Attributes:
+        view: the view on show.
+        zones: whether personal space is drawn.
     """
 
     def __init__(self, view: View) -> None:
         self.view: View = view
-        self._zoom, self._zones, self._hud = 1.0, False, True
+        self.zones = False
+        self._zoom, self._hud = 1.0, True
         self._painter: Painter | None = None
         self._scene: Scene | None = None
 
@@ -37,7 +42,7 @@ class SceneCamera:
         if action is Action.HUD:
             self._hud = not self._hud
         elif action is Action.ZONES:
-            self._zones = not self._zones
+            self.zones = not self.zones
         elif action is Action.VIEW:
             self.view = "top" if self.view == "follow" else "follow"
         elif action in (Action.ZOOM_IN, Action.ZOOM_OUT):
@@ -57,7 +62,7 @@ class SceneCamera:
             area = free_area(surface, hud, scale=scale)
             if self.view == "follow":  # only a question may hide the robot, because it is at the lower edge
                 area = pygame.Rect(0, 0, area.width, area.bottom)
-        picture, layers = surface.subsurface(area), Layers(caption=False, zones=self._zones)
+        picture, layers = surface.subsurface(area), Layers(caption=False, zones=self.zones)
         camera = self._painter.draw(picture, snapshot, view=self.view, layers=layers, zoom=self._zoom)
         if self._hud:
             draw_hud(surface, hud, snapshot, camera, scale=scale, origin=area.topleft)

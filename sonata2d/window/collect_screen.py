@@ -17,7 +17,7 @@ from .answer import LabelSlider
 from .camera import SceneCamera, draw_mouse_joystick
 from .cards import LIGHTS, keys_of, recovered_notice, state_notice
 from .controls_screen import ControlsScreen
-from .hud import Hud, draw_tint
+from .hud import Hud, draw_legend, draw_tint
 from .input import HOTPLUG_EVENTS, InputDevices
 from .overlay import Overlay, Page
 from .stage import Screen, Stage
@@ -169,6 +169,8 @@ class CollectScreen:
         if self.devices.joystick is not None:
             draw_mouse_joystick(surface, self.devices.joystick)
         self._overlay.draw(surface, notice)
+        if self._overlay.page == "help":
+            draw_legend(surface, snapshot, zones=self._camera.zones, scale=self._stage.scale)
 
     def leave(self) -> None:
         self.devices.release()

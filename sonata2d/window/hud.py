@@ -16,7 +16,9 @@ from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances
 from ..core.snapshot import Snapshot
 from ..view.camera import Camera
 from ..view.canvas import PixelCanvas, put
+from ..view.draw import Layers
 from ..view.fonts import shortened, width_of, wrapped
+from ..view.legend import Legend
 from ..view.palette import BLUE, FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
 from .texts import text
 
@@ -38,6 +40,7 @@ _GAUGES, _KEY = 400, 19  # px at scale 1: width of clearance and speed, font siz
 _QUESTION, _QUESTION_TEXT, _NOTICE = 760, 28, 26  # px at scale 1: width of the question, font sizes
 _DIM = (150, 152, 158)  # of 255, the brightness that remains below a card
 _CARD_TITLE, _CARD_LINE, _CARD_PADDING = 34, 23, 26
+_LEGEND = 1.2  # scale of the legend, for the text size of the readings
 
 
 @dataclass(frozen=True)
@@ -512,6 +515,30 @@ def draw_veil(surface: pygame.Surface, title: str, lines: Sequence[str] = (), *,
             colour = INK if size == _CARD_TITLE else mixed(INK, PAPER, 0.15)
             pen.write(row, (box.centerx, y + pitch / 2), size=size, colour=colour, anchor="center")
         y += pitch
+
+
+def draw_legend(
+    surface: pygame.Surface, snapshot: Snapshot, *, zones: bool, paths: bool = False, scale: float = 1.0
+) -> None:
+    """Explain the symbols of the picture on a plate at its lower edge.
+
+    Args:
+        surface: the picture.
+        snapshot: the state on show.
+        zones: whether personal space is drawn.
+        paths: whether past paths are drawn.
+        scale: of the texts; limited by the size of the surface.
+    """
+    pen = Pen.on(surface, scale)
+    box = surface.get_rect().inflate(-2 * pen.gap, 0)
+    layers, wording = Layers(zones=zones, legend=True), lambda name, **values: text(f"legend.{name}", **values)
+    legend = Legend.of([snapshot], layers, paths=paths, scale=pen.scale * _LEGEND, wording=wording)
+    padding = pen.px(_PADDING)
+    box.height = min(legend.height(box.width) + padding, surface.get_height())
+    box.bottom = surface.get_height() - pen.gap
+    pen.plate(box, alpha=255)  # it covers the keys
+    inner = surface.subsurface(box.clip(surface.get_rect()))
+    legend.draw(PixelCanvas(inner), padding, box.width)
 
 
 def draw_tint(surface: pygame.Surface, colour: Colour, alpha: int) -> None:

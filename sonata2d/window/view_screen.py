@@ -12,7 +12,7 @@ from ..core.devices import View
 from ..errors import RenderError
 from ..view.fonts import wrapped
 from ..view.palette import OUTSIDE
-from .hud import Hud, draw_hud, draw_veil, free_area
+from .hud import Hud, draw_hud, draw_legend, draw_veil, free_area
 from .playback import Exporter, Player, Playlist, frame_label, frame_summary, playing_time, run_summary
 from .stage import Screen, Stage
 from .texts import text
@@ -111,6 +111,9 @@ class ViewScreen:
             draw_hud(whole, hud, self.exporter.moment, camera, scale=scale, origin=area.topleft)
         if self._page:
             draw_veil(whole, text(f"player.{self._page}"), self._page_lines(whole.get_width()), scale=scale)
+        if self._page == _HELP_PAGE:
+            shown = self.exporter
+            draw_legend(whole, shown.moment, zones=shown.zones, paths=shown.trails, scale=scale)
         draw_panel(surface, self._bar, edge="top")
         self._timeline.draw(surface)
         self._draw_texts(surface)

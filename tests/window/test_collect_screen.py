@@ -16,6 +16,7 @@ from sonata2d.collect.session import Session
 from sonata2d.datasets.verification import verify
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.config import ScenarioConfig
+from sonata2d.view.canvas import PixelCanvas
 from sonata2d.view.fonts import wrapped
 from sonata2d.window.collect_screen import CollectScreen
 from sonata2d.window.input import InputDevices
@@ -192,6 +193,23 @@ def test_pause_help_and_menu_stop_the_world(driver: Callable[..., Driver]) -> No
         person.wait(0.5)
         assert (person.session.state, person.session.ticks) == ("paused", ticks), pygame.key.name(key)
         person.press(pygame.K_ESCAPE if key == pygame.K_g else key)
+
+
+def test_help_explains_the_symbols(driver: Callable[..., Driver], monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[str] = []
+    write = PixelCanvas.text
+
+    def noted(canvas: PixelCanvas, colour: Any, words: str, *arguments: Any, **options: Any) -> Any:
+        shown.append(words)
+        return write(canvas, colour, words, *arguments, **options)
+
+    monkeypatch.setattr(PixelCanvas, "text", noted)
+    person = driver()
+    person.wait(0.2)
+    assert "field of view" not in shown
+    person.press(pygame.K_F1)
+    person.wait(0.2)
+    assert {"field of view", "robot", "goal"} <= set(shown)
 
 
 def test_closing_the_window_during_a_run_loses_nothing(driver: Callable[..., Driver]) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from sonata2d.errors import ConfigError
+from sonata2d.view.legend import TEXTS
 from sonata2d.window import texts
 from sonata2d.window.texts import choose_language, fields_of, languages, text
 
@@ -82,6 +83,10 @@ def test_a_language_has_all_texts_with_the_same_values(language: str) -> None:
     table = texts._table(language)
     assert set(table) == set(ENGLISH)
     assert {key for key in table if fields_of(table[key]) != fields_of(ENGLISH[key])} == set()
+
+
+def test_the_legend_in_english_is_that_of_pictures() -> None:
+    assert {f"legend.{name}": words for name, words in TEXTS.items()}.items() <= ENGLISH.items()
 
 
 def test_a_table_of_ones_own_falls_back_to_english(tmp_path: Path) -> None:
