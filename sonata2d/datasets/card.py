@@ -14,12 +14,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import orjson
-
 from ..errors import RecordError
 from ..record.counts import ANY_KIND
 from ..record.files import read_bytes, write_atomically
 from ..record.layout import JsonDict
+from ..record.models import Settings
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from .card_figure import EpisodeStatistics, collect_statistics, draw_statistics, require_matplotlib
@@ -509,10 +508,12 @@ def _with_settings(folder: Path, manifest: JsonDict) -> JsonDict:
     path = folder / SCENARIO
     if not manifest.get("collected") or not path.exists():
         return manifest
+    from pydantic import TypeAdapter, ValidationError
+
     try:
-        return manifest | {"settings": orjson.loads(read_bytes(path))}
-    except orjson.JSONDecodeError as error:
-        raise RecordError(f"{path} is not valid JSON: {error}") from error
+        return manifest | {"settings": TypeAdapter(Settings | None).validate_json(read_bytes(path))}
+    except ValidationError as error:
+        raise RecordError(f"{path} does not hold the settings of a scenario: {error.errors()[0]['msg']}") from None
 
 
 def _records(folder: Path, names: list[str], advance: Advance) -> Iterator[EpisodeRecord]:

@@ -25,7 +25,7 @@ from ..errors import NewerFormatError, RecordError
 from ..record.canonical import parse_header, to_json_value
 from ..record.files import SUFFIXES, compress, file_stem, file_suffix, read_bytes, write_atomically
 from ..record.layout import JsonDict, software_versions
-from ..record.models import Controller, Count, Part, Positive, Software
+from ..record.models import Controller, Count, Part, Positive, Settings, Software
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.recorder import EpisodeRecorder
@@ -114,7 +114,7 @@ class Source(Part):
     name: str = Field(description="prefix of the names of its files")
     mirrored: bool = Field(default=False, description="whether its episodes are mirror images")
     scenario: str | None = Field(description="name of the scenario; null: collected runs")
-    settings: dict[str, Any] | None
+    settings: Settings | None
     seed: int | None
     episodes: Count
     keep: list[Status] | None = Field(default=None, description="as in a manifest")
@@ -144,7 +144,7 @@ class Manifest(Part):
         default=False, description="whether people drove; each file then holds its own settings, seed and controller"
     )
     name: str | None = Field(description="name of the scenario; null: collected runs")
-    settings: dict[str, Any] | None = Field(description="resolved settings of the scenario")
+    settings: Settings | None = Field(description="resolved settings of the scenario")
     seed: int | None
     episodes: Count = Field(description="number of episodes requested; with `keep`, number of kept episodes requested")
     keep: list[Status] | None = Field(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, Strict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
 
 from ..core.entities import Behaviour, EndsOn, Formation, Kinematics, Reaction
 from ..core.geometry import MAX_MAGNITUDE
@@ -23,6 +23,17 @@ Id = Annotated[int, Field(ge=-MAX_ID, le=MAX_ID)]
 Steps = Annotated[int, Field(ge=1, le=MAX_SUBSTEPS)]
 LIST = Strict(False)  # marks a tuple that is also accepted as a list, as parsed JSON has no tuples
 Pair = Annotated[tuple[Number, Number], LIST]
+
+
+def _with_people(settings: dict[str, Any]) -> dict[str, Any]:
+    """Require that the listed people, whom data cards count, are mappings; the rest may be anything."""
+    people = settings.get("people", [])
+    if not isinstance(people, list) or not all(isinstance(person, dict) for person in people):
+        raise ValueError("people must be a list of mappings")
+    return settings
+
+
+Settings = Annotated[dict[str, Any], AfterValidator(_with_people)]  # resolved settings of a scenario
 
 
 class Part(BaseModel):
@@ -336,7 +347,7 @@ class Episode(Part):
     episode: int = Field(description="number of the episode in the data set")
     physics: int = Field(description="version of the physics; other versions give other frames")
     precision: Positive = Field(description="numbers in frames are multiples of this")
-    settings: dict[str, Any] | None = Field(
+    settings: Settings | None = Field(
         description="all settings of the scenario, with defaults; null: the scene was not generated"
     )
     rules: Rules
