@@ -28,6 +28,8 @@ logger = logging.getLogger(__name__)
 
 _PACKAGE = "sonata2d"  # name of the logger of the whole package
 CHUNK_SIZE = 4  # items sent to a worker at a time
+_POLL = 0.5  # s, between two looks at the processes of a pool that is being stopped
+_TERM_GRACE = 2.0  # s, between SIGTERM and the end of a worker process
 THREAD_GRACE = 1.0  # s, that a process waits at its end for threads that a controller has left running
 
 Advance = Callable[[int], None]  # progress callback; its argument is the number of items finished since the last call
@@ -114,7 +116,9 @@ class Workers:
             # Pending chunks end at once, because of the stop request. They are not cancelled: if a process has been
             # killed meanwhile, the pool fails on cancelled futures (Python 3.11).
             stop.set()
-            wait(list(unfinished))
+            # A future that was submitted while the pool broke is never finished, but then no process is left.
+            while unfinished and active_children():
+                wait(list(unfinished), timeout=_POLL)
 
     @cached_property
     def _pool(self) -> ProcessPoolExecutor:
@@ -217,7 +221,7 @@ def _starting_processes() -> Iterator[None]:
 def _signals_deferred() -> Iterator[None]:
     """Hold Ctrl-C and SIGTERM back until the block ends: in it processes may be started.
 
-    Half-started processes end with a traceback, so the handlers wait; and processes inherit that Ctrl-C is blocked.
+    Half-started processes end with a traceback, so the handlers wait; and processes inherit that both are blocked.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -227,7 +231,7 @@ def _signals_deferred() -> Iterator[None]:
         number: signal.signal(number, lambda number, _: caught.append(number)) or signal.SIG_DFL
         for number in (signal.SIGINT, signal.SIGTERM)
     }
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if hasattr(signal, "pthread_sigmask") else None
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, handlers.keys()) if hasattr(signal, "pthread_sigmask") else None
     try:
         yield
     finally:
@@ -309,6 +313,8 @@ def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -
         os._exit(1)
 
     threading.Thread(target=exit_with_parent, daemon=True).start()
+    if hasattr(signal, "sigwait"):
+        threading.Thread(target=_exit_after_sigterm, daemon=True).start()
     Finalize(None, _exit_soon, exitpriority=0)  # runs after the last item; otherwise the exit waits for all threads
     _stop_request = stop
     interruption.is_requested = stop.is_set
@@ -322,6 +328,18 @@ def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
             break
         results.append(function(item))
     return results
+
+
+def _exit_after_sigterm() -> None:
+    """End this worker process some time after SIGTERM.
+
+    Clusters send SIGTERM to all processes of a batch. A worker that ended at once would break the pool while the parent
+    still starts processes, and the pool of Python 3.11 can then wait for ever; so the parent, which gets the signal too,
+    has the time to end the batch. If the parent goes on, or the pool ends its processes after a crash, the worker ends.
+    """
+    signal.sigwait({signal.SIGTERM})
+    time.sleep(_TERM_GRACE)
+    os._exit(128 + signal.SIGTERM)
 
 
 def _exit_soon() -> None:
