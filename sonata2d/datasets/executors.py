@@ -334,8 +334,8 @@ def _exit_after_sigterm() -> None:
     """End this worker process some time after SIGTERM.
 
     Clusters send SIGTERM to all processes of a batch. A worker that ended at once would break the pool while the parent
-    still starts processes, and the pool of Python 3.11 can then wait for ever; so the parent, which gets the signal too,
-    has the time to end the batch. If the parent goes on, or the pool ends its processes after a crash, the worker ends.
+    still starts processes, and the pool of Python 3.11 can then wait for ever. So the parent, which gets the signal
+    too, has the time to end the batch. The pool ends its processes by SIGTERM as well, after a crash of one of them.
     """
     signal.sigwait({signal.SIGTERM})
     time.sleep(_TERM_GRACE)
