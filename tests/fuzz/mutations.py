@@ -118,7 +118,7 @@ def _change(rng: Random, tree: Any, path: tuple[Any, ...], places: list[tuple[An
         case 1 | 2 | 3:
             parent[key] = deepcopy(rng.choice(ODD))
         case 4 if isinstance(parent, list):
-            parent[key:key] = [deepcopy(value)] * rng.choice((1, 1, 100))
+            parent[key:key] = [deepcopy(value)] * rng.choice((1, 1, 100, 100_000))
         case 5 if isinstance(value, int | float):
             parent[key] = rng.choice((-value, value * 1e6, value + 1, str(value), [value], float(value)))
         case 5 if isinstance(value, list):
