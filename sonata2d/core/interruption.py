@@ -1,4 +1,4 @@
-"""How long computations are stopped, and the process kept from being ended by the code of others."""
+"""Stopping long computations, and keeping the code of others from ending the process."""
 
 from __future__ import annotations
 
