@@ -91,11 +91,11 @@ def test_a_call_that_ends_does_not_stop_another_one() -> None:
     with Workers(2) as workers:
         first = parallel_map(partial(tagged, 1), range(60), workers=workers)
         second = parallel_map(partial(tagged, 2), range(60), workers=workers)
-        values = [next(first)[1]]
-        with closing(second):
-            next(second)
-        values += [value for _, value in first]
-    assert values == list(range(60))
+        with closing(first):
+            next(first)
+            values = [next(second)[1]]  # after all of `first`, which was submitted before
+        values += [value for _, value in second]
+    assert values == [2 * item for item in range(60)]
 
 
 def test_a_call_whose_processes_are_ended_says_that_results_are_missing() -> None:
