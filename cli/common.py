@@ -6,13 +6,16 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
 import click
 
+from sonata2d.core.interruption import THREAD_GRACE
+from sonata2d.core.wording import shown
 from sonata2d.registry import Registry
 
 from .command import has_flag
@@ -28,7 +31,7 @@ class _PathType(click.Path):
             pass
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
-            self.fail(f"{os.fsdecode(value)[:80]!r} cannot be a path: {reason}", param, ctx)
+            self.fail(f"{shown(os.fsdecode(value), 80)} cannot be a path: {reason}", param, ctx)
         return super().convert(value, param, ctx)
 
 
@@ -81,10 +84,10 @@ def registry_option(registry: Registry) -> dict[str, Any]:
     return {"callback": check, "shell_complete": complete, "metavar": f"[{'|'.join(registry.built_in)}|PLUG-IN]"}
 
 
-def note(text: str) -> None:
-    """Print a summary or a hint, which `--quiet` leaves out."""
+def note(text: str, *, err: bool = False) -> None:
+    """Print a summary, or a hint on standard error (`err`); `--quiet` leaves both out."""
     if not has_flag("quiet"):
-        click.echo(text)
+        click.echo(text, err=err)
 
 
 def show_json(value: Any) -> None:
@@ -128,7 +131,7 @@ def exit_interrupted(error: KeyboardInterrupt, hint: str = "") -> NoReturn:
     """Say that the command was interrupted, and exit with the code that shells expect: 128 plus the signal."""
     is_terminated = isinstance(error, Terminated)
     click.echo(f"\n{'terminated' if is_terminated else 'interrupted'}{hint}", err=True)
-    sys.exit(128 + (signal.SIGTERM if is_terminated else signal.SIGINT))
+    raise click.exceptions.Exit(128 + (signal.SIGTERM if is_terminated else signal.SIGINT)) from None
 
 
 def exit_despite_threads(code: Any) -> None:
@@ -137,19 +140,30 @@ def exit_despite_threads(code: Any) -> None:
     Args:
         code: of `SystemExit`.
     """
-    threads = [one for one in threading.enumerate() if one is not threading.main_thread() and not one.daemon]
-    if not threads:
+    if not _running_threads():
         return
 
     def exit_process() -> None:
-        for thread in threads:
-            thread.join(1.0)
-        names = ", ".join(thread.name for thread in threads if thread.is_alive())
-        click.echo(f"Warning: threads are still running and are ended: {names}; make them daemon threads", err=True)
-        sys.stdout.flush()
+        deadline = time.monotonic() + THREAD_GRACE
+        while threads := _running_threads():
+            if time.monotonic() > deadline:
+                break
+            time.sleep(0.01)
+        else:
+            return  # the program ends as usual
+        names = ", ".join(thread.name for thread in threads)
+        with suppress(OSError, ValueError):  # the streams may be closed or full
+            click.echo(f"Warning: threads are still running and are ended: {names}; make them daemon threads", err=True)
+        with suppress(OSError, ValueError):
+            sys.stdout.flush()
         os._exit(code if isinstance(code, int) else int(code is not None))
 
     threading.Thread(target=exit_process, daemon=True).start()
+
+
+def _running_threads() -> list[threading.Thread]:
+    """Threads that keep the program alive."""
+    return [one for one in threading.enumerate() if one is not threading.main_thread() and not one.daemon]
 
 
 @contextmanager

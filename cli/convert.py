@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -128,6 +127,6 @@ def _show_result(result: TransferResult, format: str, line: str, *, as_json: boo
             for reason in summarised(found):
                 click.echo(f"{name}: {reason}", err=True)
         for remark in result.notes:
-            click.echo(f"note: {remark}", err=True)
+            note(f"note: {remark}", err=True)
     if result.refused or not result.files:
-        sys.exit(1)
+        raise click.exceptions.Exit(1)

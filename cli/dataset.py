@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
-import sys
 from pathlib import Path
 
 import click
 
 from .command import Command
-from .common import PATH, examples, json_option, note, progress, show_json, workers_option
+from .common import PATH, examples, json_option, note, progress, show_json, show_table, workers_option
 
 MAX_PROBLEMS = 20  # problems printed by `check` without --json
 DEFAULT_PARTS = "train=0.8,dev=0.1,test=0.1"
@@ -51,7 +50,7 @@ def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers
         warnings = f", {len(problems) - count} warnings" if len(problems) > count else ""
         note(f"{path}: {len(files)} files checked{done}, {count or 'no'} problems{warnings}")
     if any(not problem.is_warning for problem in problems):
-        sys.exit(1)
+        raise click.exceptions.Exit(1)
 
 
 @click.command(
@@ -143,8 +142,7 @@ def split(folder: Path, parts: dict[str, float], seed: int, whole_families: bool
     if as_json:
         show_json({"folder": str(folder), "split": names})
     else:
-        for part, own in names.items():
-            note(f"{part}: {len(own)} episodes")
+        show_table((f"{part}:", f"{len(own)} episodes") for part, own in names.items())
 
 
 @click.command(cls=Command, epilog=examples("merge demo demo-mirrored -o both", "merge a b c -o all --json"))
@@ -216,4 +214,4 @@ def card(
     else:
         note(", ".join(written.values()))
     if is_plain:
-        click.echo("the card has no figures: they need matplotlib; pip install 'sonata2d[plots]'", err=True)
+        note("the card has no figures: they need matplotlib; pip install 'sonata2d[plots]'", err=True)

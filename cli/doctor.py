@@ -18,6 +18,7 @@ from pathlib import Path
 
 import click
 
+from sonata2d.core.wording import one_line
 from sonata2d.errors import PluginWarning, Sonata2dError
 from sonata2d.registry import Registry
 
@@ -51,7 +52,7 @@ def command(as_json: bool) -> None:
         for name, ok, found in rows:
             click.echo(f"{marks[ok]:<5} {name:<{width}} {found}")
     if any(ok is False for _, ok, _ in rows):
-        sys.exit(1)
+        raise click.exceptions.Exit(1)
 
 
 def findings() -> dict[str, Finding]:
@@ -81,7 +82,7 @@ def _package(name: str, *, is_required: bool = True) -> Finding:
     try:
         importlib.import_module(MODULES.get(name, name.replace("-", "_")))
     except Exception as error:  # a missing library of the system, a version of NumPy that is too new, ...
-        return False, f"{found} cannot be imported ({_one_line(error)}); pip install -U {name}"
+        return False, f"{found} cannot be imported ({_reason(error)}); pip install -U {name}"
     return True, found
 
 
@@ -134,11 +135,11 @@ def _run(check: Callable[[], Finding]) -> Finding:
     try:
         return check()
     except Exception as error:
-        return False, _one_line(error)
+        return False, _reason(error)
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())
+def _reason(error: Exception) -> str:
+    return one_line(f"{type(error).__name__}: {error}")
 
 
 def _kernels() -> Finding:

@@ -12,6 +12,10 @@ from typing import Any, NoReturn
 
 import click
 
+from sonata2d.core.interruption import exits_raised
+from sonata2d.core.wording import one_line
+from sonata2d.errors import FOREIGN_ERRORS, Sonata2dError
+
 from .command import SETTINGS, Group, has_flag
 from .common import EXIT_BUG, examples, exit_despite_threads, exit_interrupted, raising_terminated
 
@@ -53,8 +57,8 @@ class Commands(Group):
         """Run the program. Tests call `main`, and stay alive."""
         try:
             return super().__call__(*args, **kwargs)
-        except SystemExit as error:
-            exit_despite_threads(error.code)
+        except BaseException as error:  # SystemExit, or an error of a closed or full stream
+            exit_despite_threads(error.code if isinstance(error, SystemExit) else 1)
             raise
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -75,7 +79,7 @@ class Commands(Group):
     def invoke(self, ctx: click.Context) -> Any:
         warnings.formatwarning = _warning_line
         try:
-            with raising_terminated():
+            with raising_terminated(), exits_raised():
                 return super().invoke(ctx)
         except KeyboardInterrupt as error:
             exit_interrupted(error)
@@ -84,16 +88,14 @@ class Commands(Group):
             raise SystemExit(141) from None
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
-        except Exception as error:
+        except FOREIGN_ERRORS as error:  # SystemExit too: commands use click's Exit, and the code of others ends none
             if has_flag("traceback"):
                 click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
             _exit_with(error)
 
 
-def _exit_with(error: Exception) -> NoReturn:
+def _exit_with(error: BaseException) -> NoReturn:
     """Report an error in one line, and exit with 1, or with another code if it is a bug."""
-    from sonata2d.errors import Sonata2dError
-
     if isinstance(error, (Sonata2dError, OSError)):  # an OSError names the file
         raise click.ClickException(_error_line(error)) from error
     if isinstance(error, MemoryError):
@@ -110,28 +112,32 @@ def _exit_with(error: Exception) -> NoReturn:
     raise SystemExit(EXIT_BUG) from error
 
 
-def _origin(error: Exception) -> tuple[traceback.FrameSummary, bool]:
-    """The innermost place of an error outside libraries, and whether it is in sonata2d and not in a user's file."""
+def _origin(error: BaseException) -> tuple[traceback.FrameSummary, bool]:
+    """The innermost place of an error outside libraries, and whether it is in sonata2d and not in a user's file.
+
+    Nothing in sonata2d raises SystemExit within a command, except in the place of `os._exit`: its caller is the place.
+    """
     import sysconfig
 
     import sonata2d
 
     own = [Path(__file__).parent, Path(str(sonata2d.__file__)).parent]
     libraries = [Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")]
-    frames = traceback.extract_tb(error.__traceback__)
+    frames, is_exit = traceback.extract_tb(error.__traceback__), isinstance(error, SystemExit)
     for frame in reversed(frames):
         parents = Path(frame.filename).resolve().parents
         if any(folder.resolve() in parents for folder in own):
-            return frame, True
-        if not any(folder.resolve() in parents for folder in libraries):
-            return frame, frame.filename.startswith("<")
-    return frames[-1], True
+            if not is_exit:
+                return frame, True
+        elif not any(folder.resolve() in parents for folder in libraries):
+            return frame, frame.filename.startswith("<") and not is_exit
+    return frames[-1], not is_exit
 
 
-def _error_line(error: Exception) -> str:
+def _error_line(error: BaseException) -> str:
     """`SceneError: no free spot ...`, followed by the notes that were added to the error, in one line."""
     parts = [f"{type(error).__name__}: {error}", *getattr(error, "__notes__", [])]
-    return "; ".join(" ".join(part.split()) for part in parts)
+    return "; ".join(map(one_line, parts))
 
 
 def _warning_line(

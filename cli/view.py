@@ -100,4 +100,4 @@ def _run_live(
     if as_json:
         show_json({"outcomes": screen.outcomes, "failed": screen.failed})
     if screen.failed:
-        raise SystemExit(1)
+        raise click.exceptions.Exit(1)

@@ -14,6 +14,7 @@ from filelock import FileLock, Timeout
 
 from ..core.geometry import PRECISION
 from ..core.whole_file import sync_folder
+from ..core.wording import shown
 from ..datasets.card import write_manifest_and_card
 from ..datasets.manifest import (
     CROISSANT,
@@ -200,7 +201,7 @@ def checked_name(contributor: str) -> str:
             f"the contributor's name {problem}; give a name or a pseudonym of 1 to {MAXIMUM_NAME_LENGTH} characters"
         )
     if not name.isprintable() or any("\ud800" <= c <= "\udfff" for c in name):
-        raise ConfigError(f"the contributor's name {name!r:.60} has unprintable characters; remove them")
+        raise ConfigError(f"the contributor's name {shown(name)} has unprintable characters; remove them")
     return name
 
 

@@ -39,10 +39,8 @@ def read_npz(data: bytes, max_bytes: int, names: Collection[str] | None = None) 
             if total > limit:
                 raise ValueError(f"it unpacks from {len(data)} to {total} bytes; the limit is {limit}")
             return {name: _array(archive.read(entries[name]), name) for name in (entries if names is None else names)}
-    except (KeyError, ValueError):
+    except (KeyError, MemoryError, ValueError):
         raise
-    except MemoryError as error:
-        raise ValueError("its header is nested too deeply") from error
     except Exception as error:  # e.g. BadZipFile, zlib.error, struct.error, TokenError
         raise ValueError(f"it is truncated or damaged: {error}") from error
 
@@ -53,7 +51,10 @@ def _array(data: bytes, name: str) -> Any:
     version = npy.read_magic(file)
     if version not in _READ_HEADER:
         raise ValueError(f"{name} has version {version} of the array format; known are 1.0 and 2.0")
-    shape, fortran, dtype = _READ_HEADER[version](file)
+    try:
+        shape, fortran, dtype = _READ_HEADER[version](file)
+    except MemoryError as error:  # of Python's parser
+        raise ValueError(f"the header of {name} is nested too deeply") from error
     content = data[file.tell() :]
     count = math.prod(shape)  # Python integers do not overflow
     if dtype.hasobject or dtype.kind not in "biufU" or min(shape, default=0) < 0:

@@ -66,7 +66,7 @@ def say_if_slow() -> None:
     is_wanted = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0") and sys.platform != "emscripten"
     if is_wanted and not IS_COMPILED and parent_process() is None:
         with suppress(ValueError):  # standard error is closed
-            logging.getLogger(__name__).warning("sonata2d: %s", BACKEND)
+            logging.getLogger(__name__).warning("the simulation is %s", BACKEND)
 
 
 def subroutine(function: F) -> F:

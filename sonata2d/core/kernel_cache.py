@@ -264,7 +264,7 @@ def _locked(name: str) -> Iterator[None]:
             lock.acquire(timeout=_SILENT_WAIT)
         except filelock.Timeout:
             if not _is_start_announced(folder / WAIT_STAMP):  # once for all processes that start together
-                _say("another process compiles the same; waiting for it ...")
+                _say("another process compiles sonata2d; waiting for it ...")
             lock.acquire(timeout=_LOCK_TIMEOUT)
     try:
         yield
@@ -297,13 +297,13 @@ def _announce(is_kept: bool) -> None:
         is_said = _is_start_announced(folder / STAMP)
     how = "once per installed copy" if is_kept and folder else "in every process"
     if not is_said:
-        _say(f"compiling for this processor, {how}; this may take half a minute ...")
+        _say(f"sonata2d is compiled for this processor, {how}; this may take half a minute ...")
 
 
 def _say(message: str) -> None:
     """Log a warning, which Python writes to standard error unless logging is configured otherwise."""
     with suppress(ValueError):  # standard error is closed
-        logger.warning("sonata2d: %s", message)
+        logger.warning("%s", message)
 
 
 def _is_start_announced(stamp: Path) -> bool:

@@ -15,6 +15,7 @@ MAX_UNPACKED_WITHOUT_RATIO = 1 << 23
 MAX_UNPACKED_RATIO = 64
 MAX_ARCHIVE_WITHOUT_RATIO = 1 << 26  # of `.npz` files, whose arrays take less memory than JSON of the same size
 
+MAX_DEPTH = 200  # of the values in episodes that may have any structure, such as labels
 MAX_COUNT = 10_000  # of one kind of entity in a scenario
 MAX_SCENARIO_DEPTH = 32
 MAX_SCENARIO_VALUES = 1_000_000  # with all that aliases repeat

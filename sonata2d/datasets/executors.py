@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
@@ -19,7 +19,7 @@ from itertools import islice
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.synchronize import Event
 from multiprocessing.util import Finalize
-from typing import Any, NoReturn, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from ..core import interruption
 from ..errors import PluginWarning, WorkerError
@@ -30,7 +30,6 @@ _PACKAGE = "sonata2d"  # name of the logger of the whole package
 CHUNK_SIZE = 4  # items sent to a worker at a time
 _POLL = 0.5  # s, between two looks at the processes of a pool that is being stopped
 _TERM_GRACE = 2.0  # s, between SIGTERM and the end of a worker process
-THREAD_GRACE = 1.0  # s, that a process waits at its end for threads that a controller has left running
 
 Advance = Callable[[int], None]  # progress callback; its argument is the number of items finished since the last call
 
@@ -49,6 +48,7 @@ class Workers:
 
     def __init__(self, count: int) -> None:
         self.count = count
+        self._open_calls = 0  # they share the stop request
 
     def __enter__(self) -> Self:
         return self
@@ -61,21 +61,22 @@ class Workers:
     def ordered(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         """See `parallel_map`."""
         if self.count <= 1 or len(items) <= 1:
-            yield from _results_here(function, items)
+            yield from map(function, items)
             return
         chunks = [items[start : start + CHUNK_SIZE] for start in range(0, len(items), CHUNK_SIZE)]
         with self._submitting() as submit:
-            for future in submit(partial(_map_chunk, function), chunks):
-                yield from future.result()
+            for future, chunk in zip(submit(partial(_map_chunk, function), chunks), chunks, strict=True):
+                results = future.result()
+                if len(results) < len(chunk):
+                    raise WorkerError("the worker processes were ended before their work was done; begin again")
+                yield from results
 
     def unordered(
         self, set_up: Callable[[], Callable[[T], R]], items: Iterator[T], is_last: Callable[[R], bool]
     ) -> Generator[R, None, None]:
         """See `unordered_map`."""
         if self.count <= 1:
-            with exits_raised():
-                function = set_up()
-            yield from _results_here(function, items)
+            yield from map(set_up(), items)
             return
         run = partial(_run_chunk, pickle.dumps((set_up, is_last)))
         pending: set[Future[list[R]]] = set()
@@ -108,14 +109,18 @@ class Workers:
                 future.add_done_callback(unfinished.discard)  # a finished future holds its results
             return submitted
 
-        stop.clear()
+        if self._open_calls == 0:
+            stop.clear()
+        self._open_calls += 1
         try:
             with _crashes_explained():
                 yield submit
         finally:
-            # Pending chunks end at once, because of the stop request. They are not cancelled: if a process has been
-            # killed meanwhile, the pool fails on cancelled futures (Python 3.11).
-            stop.set()
+            # Pending chunks end at once, because of the stop request, unless another call needs the processes. They
+            # are not cancelled: if a process has been killed meanwhile, the pool fails on cancelled futures (3.11).
+            self._open_calls -= 1
+            if self._open_calls == 0:
+                stop.set()
             # A future that was submitted while the pool broke is never finished, but then no process is left.
             while unfinished and active_children():
                 wait(list(unfinished), timeout=_POLL)
@@ -158,14 +163,6 @@ def unordered_map(
     """
     with _shared(workers) as pool, closing(pool.unordered(set_up, items, is_last)) as results:
         yield from results
-
-
-def _results_here(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
-    """Results of a function that runs in this process."""
-    for item in items:
-        with exits_raised():  # not while the caller has the result
-            result = function(item)
-        yield result
 
 
 @contextmanager
@@ -266,30 +263,6 @@ def end_if_forked(process: int) -> None:
         os._exit(1)
 
 
-@contextmanager
-def exits_raised() -> Iterator[None]:
-    """Turn `os._exit` into `SystemExit` while the code of others runs in this process.
-
-    It would end the whole command, with any exit code, although work is missing. Processes that are forked in the
-    meantime exit as usual. Does nothing in other threads than the main one, because the function is the same for all.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    process, real_exit = os.getpid(), os._exit
-
-    def raise_exit(status: int) -> NoReturn:
-        if os.getpid() != process:
-            real_exit(status)
-        raise SystemExit(status)
-
-    os._exit = raise_exit
-    try:
-        yield
-    finally:
-        os._exit = real_exit
-
-
 def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -> None:
     """Prepare a worker process: it ignores Ctrl-C, exits with its parent or after its work, and logs like it.
 
@@ -317,7 +290,7 @@ def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -
         threading.Thread(target=_exit_after_sigterm, daemon=True).start()
     Finalize(None, _exit_soon, exitpriority=0)  # runs after the last item; otherwise the exit waits for all threads
     _stop_request = stop
-    interruption.is_requested = stop.is_set
+    interruption.stop_when(stop.is_set)
 
 
 def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
@@ -346,7 +319,7 @@ def _exit_soon() -> None:
     """End a worker process that is done, even if a controller has left threads running."""
 
     def exit_process() -> None:
-        time.sleep(THREAD_GRACE)
+        time.sleep(interruption.THREAD_GRACE)
         os._exit(0)
 
     threading.Thread(target=exit_process, daemon=True).start()

@@ -28,7 +28,7 @@ from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, controller_info_of, renderer_for
 from .card import write_manifest_and_card
 from .counts import commands_warning
-from .executors import Advance, Workers, end_if_forked, exits_raised, unordered_map
+from .executors import Advance, Workers, end_if_forked, unordered_map
 from .manifest import (
     FAILED,
     MANIFEST,
@@ -55,6 +55,7 @@ from .progress import (
 
 logger = logging.getLogger(__name__)
 
+_PACKAGE_FOLDER = Path(__file__).resolve().parents[1]
 KEEPABLE: tuple[Status, ...] = tuple(status for status in get_args(Status) if status != "error")  # an error aborts
 
 
@@ -128,8 +129,7 @@ def generate_dataset(
     out = Path(out)
     kept_outcomes = _in_fixed_order(keep)
     process = os.getpid()
-    with exits_raised():
-        loaded = load_controller(controller)
+    loaded = load_controller(controller)
     end_if_forked(process)
     info, hashes = controller_info_of(loaded, controller), source_hashes(controller, loaded)
     spec = DatasetSpec(scenario.name, scenario.settings(), seed, episodes, info, suffix, kept_outcomes, hashes)
@@ -289,15 +289,14 @@ def _store_partial(job: Job, recorder: EpisodeRecorder, episode: int) -> Path | 
 
 
 def _message(error: BaseException) -> str:
-    """The error on one line; for an error outside sonata2d also its class and its place in the source."""
+    """The error on one line; for an error of the code of others also its class and its innermost place there."""
     notes = getattr(error, "__notes__", [])
     if isinstance(error, Sonata2dError):
         return "; ".join([str(error), *notes])
     text = "; ".join([f"{type(error).__name__}: {error}", *notes])
     places = traceback.extract_tb(error.__traceback__)
-    if isinstance(error, SystemExit) and len(places) > 1 and places[-1].name == "raise_exit":
-        places.pop()  # see `exits_raised`: the caller of os._exit is the place
-    last = places[-1]
+    foreign = [place for place in places if _PACKAGE_FOLDER not in Path(place.filename).resolve().parents]
+    last = (foreign or places)[-1]
     return f"{text} ({Path(last.filename).name}, line {last.lineno})"
 
 

@@ -25,7 +25,7 @@ from ..errors import NewerFormatError, RecordError
 from ..record.canonical import parse_header, to_json_value
 from ..record.files import SUFFIXES, compress, file_stem, file_suffix, read_bytes, write_atomically
 from ..record.layout import JsonDict, software_versions
-from ..record.models import Controller, Count, Part, Positive, Settings, Software
+from ..record.models import Controller, Count, ListOf, Part, Positive, Settings, Software
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.recorder import EpisodeRecorder
@@ -117,11 +117,11 @@ class Source(Part):
     settings: Settings | None
     seed: int | None
     episodes: Count
-    keep: list[Status] | None = Field(default=None, description="as in a manifest")
+    keep: ListOf[Status] | None = Field(default=None, description="as in a manifest")
     left_out: dict[str, Count] | None = Field(default=None, description="as in a manifest")
     controller: Controller | None
     controller_sha256: dict[str, str] | None = Field(default=None, description="as in a manifest")
-    files: list[FileName]
+    files: ListOf[FileName]
 
 
 class Counts(Part):
@@ -147,7 +147,7 @@ class Manifest(Part):
     settings: Settings | None = Field(description="resolved settings of the scenario")
     seed: int | None
     episodes: Count = Field(description="number of episodes requested; with `keep`, number of kept episodes requested")
-    keep: list[Status] | None = Field(
+    keep: ListOf[Status] | None = Field(
         default=None, description="outcomes of kept episodes, which are the first ones by number; absent: all"
     )
     controller: Controller | None
@@ -159,11 +159,11 @@ class Manifest(Part):
     left_out: dict[str, Count] | None = Field(
         default=None, description="number of episodes not kept before the last listed one, by outcome; only with `keep`"
     )
-    split: dict[str, list[FileName]] | None = Field(
+    split: dict[str, ListOf[FileName]] | None = Field(
         description="file names by part: train, dev, test; null: the data set is not split"
     )
-    sources: list[Source] | None = Field(default=None, description="the data sets that were merged")
-    files: list[ManifestFile]
+    sources: ListOf[Source] | None = Field(default=None, description="the data sets that were merged")
+    files: ListOf[ManifestFile]
     software: Software
 
 

@@ -24,12 +24,13 @@ import orjson
 
 from ..core.humans import ACTIVITIES
 from ..core.whole_file import TEMPORARY_PREFIX
+from ..core.wording import one_line
 from ..errors import RecordError
 from ..record.files import file_stem, write_atomically
 from ..record.layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
 from .base import Format, Options
-from .parse import one_line, parsing
+from .parse import parsing
 
 NAME = "parquet"
 TABLES = ("episodes", "frames", "agents", "interactions")
@@ -243,7 +244,7 @@ def import_(path: Path, options: Options) -> Iterator[JsonDict]:
             for episode in tables["episodes"].to_pylist():
                 yield _document(episode, *(_rows_of(tables[name], episode["episode_id"]) for name in TABLES[1:]))
     except (OSError, pa.ArrowException) as error:
-        raise RecordError(f"{path} does not hold complete tables: {one_line(error):.200}") from error
+        raise RecordError(f"{path} does not hold complete tables: {one_line(error, 200)}") from error
 
 
 def _sorted_table(pa: Any, pq: Any, path: Path, name: str) -> Any:

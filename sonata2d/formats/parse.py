@@ -12,6 +12,7 @@ import orjson
 
 from ..core.geometry import MAX_MAGNITUDE
 from ..core.portable_math import Array
+from ..core.wording import one_line
 from ..errors import InvalidFileError, RecordError
 from ..record.canonical import serialise
 from ..record.files import read_bytes
@@ -42,12 +43,7 @@ def parsing(path: Path, format: str) -> Iterator[None]:
     except MemoryError as error:
         raise RecordError(f"{path} is not a {format} file: its declared size does not fit into memory") from error
     except (TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
-        raise RecordError(f"{path} is not a valid {format} file: {one_line(error):.200}") from error
-
-
-def one_line(error: Exception) -> str:
-    """The message of an exception with all white space reduced to single blanks."""
-    return " ".join(str(error).split())
+        raise RecordError(f"{path} is not a valid {format} file: {one_line(error, 200)}") from error
 
 
 def load_json(path: Path, format: str) -> Any:
@@ -120,5 +116,5 @@ def encode_episode(document: JsonDict, path: Path) -> bytes:
         record_from_document(parsed, path)
     except InvalidFileError as error:
         place, message = error.findings[0]
-        raise RecordError(f"{path} describes an impossible episode: {place}: {message:.200}") from None
+        raise RecordError(f"{path} describes an impossible episode: {place}: {one_line(message, 200)}") from None
     return data

@@ -17,6 +17,7 @@ from ..core.archives import read_npz
 from ..core.limits import MAX_WEIGHTS_BYTES
 from ..core.portable_math import Array
 from ..core.whole_file import whole_file
+from ..core.wording import one_line
 from ..errors import ControllerError, RecordError
 from ..record.files import read_bytes
 from .fixed_point import LARGEST_WEIGHT
@@ -103,7 +104,7 @@ def read_weights(path: Path) -> Weights:
     except (ArithmeticError, KeyError, RecursionError, TypeError, ValueError) as error:
         reason = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
         raise ControllerError(
-            f"{path} does not hold weights of a graph policy: {reason:.200}; write such files with"
+            f"{path} does not hold weights of a graph policy: {one_line(reason, 200)}; write such files with"
             " sonata2d.learning.write_weights"
         ) from error
     exact = {name: array.astype(np.float64) for name, array in arrays.items()}

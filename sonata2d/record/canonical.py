@@ -10,6 +10,7 @@ import numpy as np
 import orjson
 
 from ..core.geometry import quantised
+from ..core.limits import MAX_DEPTH
 from ..core.portable_math import Array
 from ..errors import RecordError
 
@@ -71,13 +72,11 @@ def to_json_value(value: Any, location: str, *, exact: bool = False) -> Any:
     Raises:
         RecordError: JSON cannot represent the value; names location and type.
     """
-    try:
-        return _json_value(value, location, exact)
-    except RecursionError:
-        raise RecordError(f"{location} is nested too deeply, or contains itself") from None
+    return _json_value(value, location, exact, 0)
 
 
-def _json_value(value: Any, location: str, exact: bool) -> Any:
+def _json_value(value: Any, location: str, exact: bool, depth: int) -> Any:
+    """Convert a value that lies in `depth` lists or mappings."""
     if value is None or value is True or value is False:
         return value
     if isinstance(value, float):
@@ -88,12 +87,14 @@ def _json_value(value: Any, location: str, exact: bool) -> Any:
         if not -(1 << 63) <= value < 1 << 64:
             raise RecordError(f"{location} contains {value}; files contain integers of 64 bits only")
         return value
+    if depth > MAX_DEPTH:
+        raise RecordError(f"{location} is nested more than {MAX_DEPTH} deep, or contains itself")
     if isinstance(value, _SEQUENCE):
-        return [_json_value(item, location, exact) for item in value]
+        return [_json_value(item, location, exact, depth + 1) for item in value]
     if isinstance(value, _MAPPING):
-        return {_key(key, location): _json_value(item, location, exact) for key, item in value.items()}
+        return {_key(key, location): _json_value(item, location, exact, depth + 1) for key, item in value.items()}
     if isinstance(value, _NUMPY):
-        return _json_value(value.tolist(), location, exact)
+        return _json_value(value.tolist(), location, exact, depth)
     raise RecordError(
         f"{location} contains a {type(value).__name__}, which JSON cannot represent; use numbers, text, lists and dicts"
     )

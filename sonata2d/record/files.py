@@ -15,6 +15,7 @@ from pathlib import Path
 import zstandard
 
 from ..core.limits import MAX_FILE_BYTES, MAX_UNPACKED_RATIO, MAX_UNPACKED_WITHOUT_RATIO
+from ..core.reading import read_at_most
 from ..core.whole_file import whole_file
 from ..errors import RecordError
 
@@ -121,8 +122,6 @@ def read_bytes(path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
     """
     try:
         return _read_decompressed(path, max_bytes)
-    except IsADirectoryError:
-        raise RecordError(f"{path} is a folder; name a file in it") from None
     except (OSError, EOFError, ValueError, zlib.error, zstandard.ZstdError) as error:  # ValueError: NUL in the path
         raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
@@ -133,12 +132,7 @@ def _read_decompressed(path: Path, max_bytes: int) -> bytes:
     Raises:
         RecordError: it exceeds a limit.
     """
-    if path.is_char_device() or path.is_block_device():
-        raise RecordError(f"{path} is a device, not a file")  # /dev/zero has no end
-    with path.open("rb") as file:
-        data = file.read(max_bytes + 1)
-    if len(data) > max_bytes:
-        raise RecordError(f"{path} has more than {max_bytes} bytes, the limit for such files; divide it")
+    data = read_at_most(path, max_bytes)
     unpack = next((unpack for magic, unpack in _UNPACK.items() if data.startswith(magic)), None)
     if unpack is None:
         return data

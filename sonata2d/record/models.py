@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
 
@@ -23,6 +23,10 @@ Id = Annotated[int, Field(ge=-MAX_ID, le=MAX_ID)]
 Steps = Annotated[int, Field(ge=1, le=MAX_SUBSTEPS)]
 LIST = Strict(False)  # marks a tuple that is also accepted as a list, as parsed JSON has no tuples
 Pair = Annotated[tuple[Number, Number], LIST]
+
+T = TypeVar("T")
+# Checking ends at the first faulty entry of a list: 1 MB may hold a million faults, which would take gigabytes.
+ListOf = Annotated[list[T], Field(fail_fast=True)]
 
 
 def _with_people(settings: dict[str, Any]) -> dict[str, Any]:
@@ -57,7 +61,7 @@ class Rules(Part):
     substeps: Steps = Field(description="number of physics steps in a tick")
     iterations: Steps = Field(description="of the contact solver")
     time_limit: Positive = Field(description="s")
-    ends_on: list[EndsOn] = Field(description="conditions that end the episode, in addition to the time limit")
+    ends_on: ListOf[EndsOn] = Field(description="conditions that end the episode, in addition to the time limit")
     guard: bool = Field(description="whether the safety guard limits the robot's velocity by the gap to obstacles")
     contact_distance: NotNegative = Field(description="m; outlines with a smaller gap are in contact")
     side: Literal[-1, 1] = Field(
@@ -68,7 +72,7 @@ class Rules(Part):
 class Room(Part):
     """The room."""
 
-    polygon: list[Pair] = Field(
+    polygon: ListOf[Pair] = Field(
         min_length=3, description="m, world frame, counter-clockwise; pedestrians and robot stay inside"
     )
 
@@ -111,13 +115,13 @@ class Human(Placed):
         default=0.83, description="m, between outlines, at which the pedestrian wants to pass the robot"
     )
     group: Id | None = Field(description="id of its group")
-    goals: list[Pair] = Field(default=[], description="m, world frame: goals of a walking pedestrian, in order")
+    goals: ListOf[Pair] = Field(default=[], description="m, world frame: goals of a walking pedestrian, in order")
     velocity: Pair = Field(default=(0.0, 0.0), description="m/s, world frame, at the start")
     enters: Count = Field(
         default=0, description="tick at which it enters; unless it is recorded, it waits for free space"
     )
     leaves: Count | None = Field(default=None, description="tick from which it is absent; null: it stays")
-    track: list[Pair] = Field(
+    track: ListOf[Pair] = Field(
         default=[], description="m, world frame: position of a recorded pedestrian at each tick from `enters` on"
     )
     exits: bool = Field(default=False, description="whether a walking pedestrian leaves the scene at its last goal")
@@ -145,7 +149,7 @@ class Group(Part):
 
     id: Id
     kind: Literal["talking", "walking"]
-    members: list[Id] = Field(description="ids of humans; the first one leads")
+    members: ListOf[Id] = Field(description="ids of humans; the first one leads")
     formation: Formation | None = Field(default=None, description="arrangement of the members at the start")
 
 
@@ -218,7 +222,7 @@ class Mirror(Part):
     id: str
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of its uncompressed document")
     labels: bool = Field(description="whether labels were mirrored too; else they are those of the original")
-    thetas: list[Annotated[tuple[int, Number], LIST]] = Field(
+    thetas: ListOf[Annotated[tuple[int, Number], LIST]] = Field(
         description="index in `objects`, and theta in the original, where mirroring twice does not restore all digits"
     )
 
@@ -229,8 +233,8 @@ class Imported(Part):
     format: str
     file: str
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of that file")
-    lacks: list[str] = Field(description="keys of this document that the file lacks; their values were not measured")
-    derived: list[str] = Field(description="keys that were computed from the content of the file")
+    lacks: ListOf[str] = Field(description="keys of this document that the file lacks; their values were not measured")
+    derived: ListOf[str] = Field(description="keys that were computed from the content of the file")
 
 
 class Column(Part):
@@ -244,9 +248,9 @@ class Column(Part):
 class Columns(Part):
     """Columns of the rows in frames."""
 
-    robot: list[Column]
-    humans: list[Column]
-    command: list[Column] = Field(description="of `command` and `executed`")
+    robot: ListOf[Column]
+    humans: ListOf[Column]
+    command: ListOf[Column] = Field(description="of `command` and `executed`")
 
 
 class Outcome(Part):
@@ -283,20 +287,20 @@ class State(Part):
     tick: Count = Field(description="counted from 0")
     time: NotNegative = Field(description="s, tick times dt")
     robot: RobotRow = Field(description="x, y, theta, vx, vy, omega")
-    humans: list[HumanRow | None] = Field(
+    humans: ListOf[HumanRow | None] = Field(
         description="a row for each of the top-level `humans`: x, y, theta, vx, vy, omega, head; null: not present"
     )
-    activity: list[Annotated[int, Field(ge=-1)]] = Field(
+    activity: ListOf[Annotated[int, Field(ge=-1)]] = Field(
         description="of each human, an index into the top-level `activities`; -1: not present"
     )
-    interactions: list[Interaction] = Field(description="current ones: [src, relation, dst]")
-    contacts: list[Contact] = Field(description="of the robot, during the previous tick")
+    interactions: ListOf[Interaction] = Field(description="current ones: [src, relation, dst]")
+    contacts: ListOf[Contact] = Field(description="of the robot, during the previous tick")
 
 
 class LastLook(State):
     """State of the world at the end of the episode."""
 
-    events: list[Event] | None = Field(
+    events: ListOf[Event] | None = Field(
         default=None, description="of input devices, since the last frame; absent if there are none"
     )
     command: TwistRow | None = Field(
@@ -311,7 +315,7 @@ class LabelSpec(Part):
     when: Literal["frame", "run"] = Field(description="at each frame while driving, or once for the whole run")
     name: str = Field(description="key of the label in frames")
     question: str
-    classes: list[str] = Field(description="names of the classes 1, 2, …")
+    classes: ListOf[str] = Field(description="names of the classes 1, 2, …")
     ends: Annotated[tuple[str, str], LIST] = Field(description="meaning of 0 and of 1 on the slider")
 
 
@@ -321,7 +325,7 @@ class Frame(State):
     command: TwistRow = Field(description="the controller's command: vx, vy, omega")
     executed: TwistRow = Field(description="what the drive executed in the tick that begins here: vx, vy, omega")
     guarded: bool = Field(description="whether the safety guard intervened during the tick that begins here")
-    events: list[Event] = Field(description="of input devices, since the previous frame")
+    events: ListOf[Event] = Field(description="of input devices, since the previous frame")
     label: Any = Field(default=None, description="any JSON value; without this key the command itself is the label")
 
 
@@ -352,17 +356,17 @@ class Episode(Part):
     )
     rules: Rules
     room: Room
-    walls: list[Annotated[tuple[Number, Number, Number, Number], LIST]] = Field(
+    walls: ListOf[Annotated[tuple[Number, Number, Number, Number], LIST]] = Field(
         description="x1, y1, x2, y2, m, world frame"
     )
-    objects: list[Object]
-    humans: list[Human] = Field(description="in the order of the rows in frames")
-    groups: list[Group]
-    interactions: list[Interaction] = Field(description="at the start: [src, relation, dst]")
+    objects: ListOf[Object]
+    humans: ListOf[Human] = Field(description="in the order of the rows in frames")
+    groups: ListOf[Group]
+    interactions: ListOf[Interaction] = Field(description="at the start: [src, relation, dst]")
     robot: Robot
     goal: Goal
     social: Social | None = Field(default=None, description="social behaviour during the episode; null or absent: none")
-    dropped: list[str] = Field(description="requested items that could not be placed")
+    dropped: ListOf[str] = Field(description="requested items that could not be placed")
     controller: Controller
     labels: dict[str, str] | None = Field(description="meaning of the labels' keys; null: the command is the label")
     label_spec: LabelSpec | None = Field(
@@ -375,8 +379,8 @@ class Episode(Part):
     mirrored_from: Mirror | None = Field(default=None, description="only in mirror images")
     imported: Imported | None = Field(default=None, description="only in episodes imported from another format")
     columns: Columns
-    activities: list[str] = Field(description="names of the numbers in `activity`")
+    activities: ListOf[str] = Field(description="names of the numbers in `activity`")
     outcome: Outcome
-    frames: list[Frame] = Field(description="one for each executed tick")
+    frames: ListOf[Frame] = Field(description="one for each executed tick")
     final: LastLook = Field(description="state after the last frame, to which no command belongs")
     software: Software

@@ -17,13 +17,14 @@ from ..core.entities import RELATIONS, ROBOT_ID
 from ..core.humans import ACTIVITIES
 from ..core.labels import LabelSpec
 from ..core.scene import Scene
+from ..core.wording import shown
 from ..errors import InvalidFileError, RecordError
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict, scene_to_json
 
 Finding = tuple[str, str]  # place, such as `frames.3.robot`, and what is wrong
 
 _COLUMNS = {"robot": ROBOT_NAMES, "humans": HUMAN_NAMES, "command": COMMAND_NAMES}
-_MAX_FINDINGS = 100  # of the schema; each costs memory
+_MAX_FINDINGS = 100  # of the schema: of each list the first faulty entry
 
 
 def require_valid(document: Any, path: Path) -> None:
@@ -39,7 +40,8 @@ def require_valid(document: Any, path: Path) -> None:
     found = list(findings_of(document))
     if found:
         place, message = found[0]
-        more = f" ({len(found) - 1} more problems; `sonata2d check` lists them)" if len(found) > 1 else ""
+        rest = len(found) - 1
+        more = f" (and at least {rest} more; `sonata2d check` lists the first of each list)" if rest else ""
         raise InvalidFileError(f"{path} is not a valid episode: {place}: {message}{more}", found)
 
 
@@ -74,7 +76,7 @@ def _schema_findings(document: Any) -> Iterator[Finding]:
             if finding["type"] == "missing":
                 yield place, "is missing"
             else:
-                yield place, f"{finding['msg']}, got {finding['input']!r:.60}"
+                yield place, f"{finding['msg']}, got {shown(finding['input'])}"
 
 
 def _content_findings(document: JsonDict) -> Iterator[Finding]:

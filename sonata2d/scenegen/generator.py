@@ -12,6 +12,7 @@ from ..core.entities import Furniture, Human
 from ..core.geometry import Barriers, Pose, inside_polygon
 from ..core.rng import RandomStream
 from ..core.scene import Rules, Scene, standing_throughout
+from ..core.wording import shown
 from ..errors import SceneError
 from .floor_plans import FloorPlan, draw_floor_plan
 from .placed import (
@@ -79,7 +80,7 @@ def require_config(config: object) -> None:
     """Raise TypeError for the name of a scenario, or a dictionary, in place of its settings."""
     if not isinstance(config, ScenarioConfig):
         how = "ScenarioConfig(**settings)" if isinstance(config, dict) else "load_scenario(name or file)"
-        raise TypeError(f"the scenario must be a ScenarioConfig, got {config!r:.60}; use sonata2d.{how}")
+        raise TypeError(f"the scenario must be a ScenarioConfig, got {shown(config)}; use sonata2d.{how}")
 
 
 def _check_furniture(fixed: tuple[Furniture, ...], plan: FloorPlan) -> None:

@@ -15,6 +15,7 @@ from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, Snapshot, Status
 from ..core.vectors import wrap_angle
+from ..core.wording import shown
 from ..errors import FOREIGN_ERRORS, ControllerError, Sonata2dError
 from .world import World
 
@@ -391,11 +392,11 @@ def controller_info_of(controller: Controller, path: str | None = None) -> Contr
         raise ControllerError(f"settings() of {name} raised {type(error).__name__}: {error}") from error
     version, labels = controller.version, controller.labels
     if not isinstance(settings, Mapping):
-        raise ControllerError(f"settings() of {name} must return a dict, got {settings!r:.60}")
+        raise ControllerError(f"settings() of {name} must return a dict, got {shown(settings)}")
     if version is not None and not isinstance(version, str):
         raise ControllerError(
-            f"version of {name} must be text, got {version!r:.60}; write version = {str(version)!r:.60}"
+            f"version of {name} must be text, got {shown(version)}; write version = {shown(str(version))}"
         )
     if not isinstance(labels, Mapping) or not all(isinstance(meaning, str) for meaning in labels.values()):
-        raise ControllerError(f"labels of {name} must be a dict of names and their meanings, got {labels!r:.60}")
+        raise ControllerError(f"labels of {name} must be a dict of names and their meanings, got {shown(labels)}")
     return ControllerInfo(name, version, dict(settings), dict(labels) or None)

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ..core.reading import read_at_most
 from ..errors import ConfigError
 from ..registry import did_you_mean
 
@@ -66,9 +67,7 @@ def _checked(path: Path, english: dict[str, str]) -> dict[str, str]:
         known = ", ".join(languages())
         raise ConfigError(f"no language {str(path)!r}; choose {known}, or name a file that ends in .toml")
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise ConfigError(f"{path} is larger than {_MAX_BYTES // 1000} kB; a table of texts is shorter")
-        read = _flat(tomllib.loads(path.read_text(encoding="utf-8")))
+        read = _flat(tomllib.loads(read_at_most(path, _MAX_BYTES).decode("utf-8")))
     except OSError as error:
         raise ConfigError(f"{path} cannot be read: {error.strerror or error}") from None
     except (ValueError, RecursionError) as error:

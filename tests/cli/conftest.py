@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -61,3 +62,10 @@ def started(line: str) -> Iterator[subprocess.Popen[str]]:
             yield process
         finally:
             process.kill()  # its workers end with it
+
+
+def wait_until(is_reached: Callable[[], bool], process: subprocess.Popen[str]) -> None:
+    """Wait for a state that a running command reaches."""
+    while not is_reached():
+        assert process.poll() is None, "the command has ended"
+        time.sleep(0.01)

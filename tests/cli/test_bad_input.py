@@ -5,19 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import resource
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
-from sonata2d.datasets.verification import verify
 from sonata2d.errors import ControllerWarning
 
-from .conftest import Run, one_line, started
+from .conftest import Run, one_line
 
 CONTROLLER = """
 import sonata2d as s2
@@ -231,114 +227,6 @@ def test_empty_room_and_a_single_tick_are_valid(sonata2d: Run, here: Path) -> No
         sonata2d(f"render out/000000.json -o x.{kind}")
 
 
-@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
-@pytest.mark.parametrize(("number", "word"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")])
-def test_a_stopped_batch_says_how_to_resume(here: Path, number: signal.Signals, word: str) -> None:
-    line = "generate out --scenario quick.yaml --episodes 2000 --workers 1"
-    with started(line) as process:
-        while not (here / "out/000001.json").exists():
-            assert process.poll() is None
-        process.send_signal(number)
-        _, output = process.communicate(timeout=60)
-    assert process.returncode == 128 + number
-    assert one_line(output).startswith(f"{word}; complete episodes are in out")
-    assert "--resume" in output
-    assert b'"outcome":"interrupted"' in (here / "out/run.jsonl").read_bytes()
-
-
-@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
-@pytest.mark.parametrize("delay", [0.0, 0.1, 0.3, 0.6, 1.0])
-def test_ctrl_c_while_the_workers_start_gives_no_traceback(here: Path, delay: float) -> None:
-    line = "generate out --scenario quick.yaml --episodes 20000 --workers 2"
-    with started(line) as process:
-        while not (here / "out").exists():  # made just before the workers start
-            assert process.poll() is None
-            time.sleep(0.01)
-        time.sleep(delay)
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes of the command
-        _, output = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert output.strip().splitlines()[-1].startswith("interrupted")
-    assert "Traceback" not in output
-
-
-FATAL = """
-import os, signal, sys
-import sonata2d as s2
-{at_import}
-class Fatal(s2.Controller):
-    def act(self, snapshot):
-        if snapshot.tick == 3 and snapshot.scene.episode == 2:
-            {in_act}
-        return s2.Twist()
-"""
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_controller_that_exits_is_an_error_of_its_episode(sonata2d: Run, here: Path, workers: int) -> None:
-    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="sys.exit(0)"))
-    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
-    output = one_line(sonata2d(line, code=1).output)
-    assert "episode 2 of seed 0: SystemExit: 0; at tick 3 of episode 2, seed 0 (fatal.py, line 8)" in output
-    assert "--resume" in output
-    assert (here / "out/failed/000002.json").exists()
-
-
-def test_a_controller_that_ends_the_process_is_an_error_of_its_episode(sonata2d: Run, here: Path) -> None:
-    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os._exit(0)"))
-    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 1"
-    output = one_line(sonata2d(line, code=1).output)
-    assert "episode 2 of seed 0: SystemExit: 0; at tick 3 of episode 2, seed 0 (fatal.py, line 8)" in output
-    assert os._exit.__name__ == "_exit"  # as before
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_process_that_a_controller_forks_does_not_run_the_batch_again(here: Path, workers: int) -> None:
-    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os.fork() or setattr(self, '_x', 1)"))
-    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
-    done = subprocess.run(
-        [sys.executable, "-m", "sonata2d_cli", *line.split()], cwd=here, capture_output=True, text=True, timeout=100
-    )
-    assert done.returncode == 0
-    assert "by the controller, and is ended because it went on with the batch" in one_line(done.stderr)
-    assert done.stdout.count("6 episodes of quick") == 1
-    assert verify(here / "out", replay=True) == []
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_threads_of_a_controller_do_not_keep_a_command_alive(here: Path, workers: int) -> None:
-    thread = "__import__('threading').Thread(target=__import__('time').sleep, args=(300,), name='sensor').start()"
-    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=thread))
-    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
-    done = subprocess.run(
-        [sys.executable, "-m", "sonata2d_cli", *line.split()], cwd=here, capture_output=True, text=True, timeout=100
-    )
-    assert done.returncode == 0
-    assert "6 episodes of quick" in done.stdout
-    assert ("are ended: sensor" in done.stderr) == (workers == 1)  # else it runs in a worker, which ends silently
-    assert verify(here / "out") == []
-
-
-def test_a_controller_file_that_exits_when_it_is_imported_is_an_error(sonata2d: Run, here: Path) -> None:
-    (here / "fatal.py").write_text(FATAL.format(at_import="sys.exit(0)", in_act="pass"))
-    output = one_line(sonata2d("generate out --controller ./fatal.py:Fatal --episodes 1", code=1).output)
-    assert "fatal.py cannot be imported: SystemExit: 0" in output
-
-
-@pytest.mark.skipif(os.name != "posix", reason="SIGKILL exists on POSIX systems only")
-def test_a_killed_worker_is_reported_with_the_way_to_go_on(sonata2d: Run, here: Path) -> None:
-    kill = "os.path.exists('enough memory') or os.kill(os.getpid(), signal.SIGKILL)"
-    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=kill))
-    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 2"
-    output = one_line(sonata2d(line, code=1).output)
-    assert "WorkerError: a worker process crashed or was killed" in output
-    assert "of 6 episodes are complete in out, continue with the same command and --resume" in output
-    (here / "enough memory").touch()
-    sonata2d(f"{line} --resume")
-    sonata2d("check out --replay")
-
-
 def test_existing_data_set_is_continued_only_with_resume_and_equal_settings(sonata2d: Run) -> None:
     line = "generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture"
     sonata2d(line)
@@ -356,6 +244,8 @@ def test_folder_that_cannot_be_written_is_reported(sonata2d: Run) -> None:
 @pytest.mark.skipif(os.name != "posix", reason="needs a limit of the file size")
 def test_full_disk_leaves_no_partial_file(here: Path) -> None:
     """A limit of the file size acts as a full disk: the second, longer episode does not fit."""
+    import resource  # POSIX only
+
     (here / "long.yaml").write_text("extends: quick.yaml\nrules: {time_limit: 8, ends_on: [time]}\n")
     line = "generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture"
     subprocess.run([sys.executable, "-m", "sonata2d_cli", *line.split()], check=True, capture_output=True)
@@ -377,6 +267,8 @@ def test_full_disk_leaves_no_partial_file(here: Path) -> None:
 @pytest.mark.parametrize("name", ["x.png", "x.svg", "x.html", "x.gif", "x.mp4", "strip.png", "graph.png"])
 @pytest.mark.parametrize("exists", [False, True])
 def test_a_full_disk_leaves_the_old_picture_or_none(sonata2d: Run, here: Path, name: str, exists: bool) -> None:
+    import resource  # POSIX only
+
     sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
     if exists:
         (here / name).write_bytes(b"old")

@@ -256,3 +256,12 @@ def test_a_card_without_matplotlib_is_plain_and_says_what_to_install(
     assert "card.png" not in (here / "out/README.md").read_text()
     assert "matplotlib" in sonata2d("card out --figures", code=1).output
     assert "matplotlib" not in sonata2d("card out --no-figures").output
+    assert sonata2d("card out --quiet").output == ""
+
+
+def test_quiet_prints_the_result_of_a_split(sonata2d: Run, here: Path) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --no-picture")
+    output = sonata2d("split out --parts train=0.5,test=0.5 --quiet").output
+    assert [line.split() for line in output.splitlines()] == [
+        [f"{part}:", "1", "episodes"] for part in ("train", "test")
+    ]

@@ -37,9 +37,9 @@ if compiled.IS_COMPILED:
 
 PACKAGE = Path(sonata2d.__file__).parent
 ONE_LINE = re.compile(
-    r"sonata2d: compiling for this processor, once per installed copy; this may take half a minute \.\.\.\n"
+    r"sonata2d is compiled for this processor, once per installed copy; this may take half a minute \.\.\.\n"
 )
-WAITING = "sonata2d: another process compiles the same; waiting for it ...\n"
+WAITING = "another process compiles sonata2d; waiting for it ...\n"
 
 # A plug-in: a package whose kernel uses subroutines and constants of other files.
 PLUGIN = {
@@ -173,7 +173,7 @@ def test_a_missing_numba_is_said_once_where_it_could_be_there(
     compiled.say_if_slow.cache_clear()
     compiled.say_if_slow()
     compiled.say_if_slow()
-    assert caplog.messages == (["sonata2d: interpreted"] if says else [])
+    assert caplog.messages == (["the simulation is interpreted"] if says else [])
 
 
 @pytest.mark.parametrize(
@@ -503,7 +503,7 @@ def test_kernels_work_without_a_folder(
     assert call(load()) == 84.0
     assert call(load()) == 84.0
     (message,) = caplog.messages
-    assert re.fullmatch(".* compiling for this processor, in every process; .*", message)
+    assert re.fullmatch("sonata2d is compiled for this processor, in every process; .*", message)
 
 
 @compiled_only
@@ -556,7 +556,7 @@ def test_old_files_are_deleted(plugin: Path, folder: Path) -> None:
 def test_nothing_is_compiled_after_a_request_to_stop(
     plugin: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(interruption, "is_requested", lambda: True)
+    monkeypatch.setattr(interruption, "_is_stop_requested", lambda: True)
     with pytest.raises(KeyboardInterrupt):
         call(load())
     assert not kernels(folder)

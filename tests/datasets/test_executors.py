@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from sonata2d.datasets.executors import CHUNK_SIZE, Workers, parallel_map, unordered_map
+from sonata2d.errors import WorkerError
 
 
 def tagged(factor: int, item: int) -> tuple[int, int]:
@@ -84,3 +85,22 @@ def test_too_few_file_handles_for_a_worker_are_one_error_and_no_process_waits(tm
     assert found.returncode == 1
     assert "a worker process cannot be started" in found.stderr
     assert "Traceback" not in found.stderr
+
+
+def test_a_call_that_ends_does_not_stop_another_one() -> None:
+    with Workers(2) as workers:
+        first = parallel_map(partial(tagged, 1), range(60), workers=workers)
+        second = parallel_map(partial(tagged, 2), range(60), workers=workers)
+        with closing(first):
+            next(first)
+            values = [next(second)[1]]  # after all of `first`, which was submitted before
+        values += [value for _, value in second]
+    assert values == [2 * item for item in range(60)]
+
+
+def test_a_call_whose_processes_are_ended_says_that_results_are_missing() -> None:
+    with Workers(2) as workers:
+        results = workers.ordered(partial(tagged, 1), range(400))
+        next(results)
+    with pytest.raises(WorkerError, match="were ended before their work was done"):
+        list(results)

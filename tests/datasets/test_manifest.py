@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from sonata2d.datasets.generate import finish_dataset
 from sonata2d.datasets.manifest import (
     DatasetSpec,
+    Manifest,
     ManifestEntry,
     existing_episodes,
     read_manifest,
@@ -159,3 +161,10 @@ def test_an_unusable_manifest_is_refused(tmp_path: Path, content: bytes | None, 
         (tmp_path / "manifest.json").write_bytes(content)
     with pytest.raises(RecordError, match=message):
         read_manifest(tmp_path)
+
+
+def test_of_a_list_with_many_faults_the_first_is_found(tmp_path: Path) -> None:
+    manifest = {"files": [{}] * 1000, "sources": [{}] * 1000}
+    with pytest.raises(ValidationError) as caught:
+        Manifest.model_validate(manifest)
+    assert {error["loc"][1] for error in caught.value.errors() if len(error["loc"]) > 1} == {0}

@@ -29,6 +29,7 @@ ODD_TOKENS = [
     "&a [*a]", "*a", "!!python/object:os.system x", "<<: *a", "\0", "\x07", "\ufeff", "\u2028", "😀", "x" * 5000, "[" * 400,
     "{a: " * 400, "../../x", "/dev/zero", "1_000", "0x10", ";", ",", "\t", "#", "---", "...",
 ]  # fmt: skip
+MAX_REPEATED = 2_000_000  # characters: a small file whose content is checked for each element
 TOKEN = re.compile(r"[\w.+-]+")
 
 
@@ -118,7 +119,8 @@ def _change(rng: Random, tree: Any, path: tuple[Any, ...], places: list[tuple[An
         case 1 | 2 | 3:
             parent[key] = deepcopy(rng.choice(ODD))
         case 4 if isinstance(parent, list):
-            parent[key:key] = [deepcopy(value)] * rng.choice((1, 1, 100))
+            count = min(rng.choice((1, 1, 100, 100_000)), MAX_REPEATED // len(json.dumps(value)))
+            parent[key:key] = [deepcopy(value)] * count
         case 5 if isinstance(value, int | float):
             parent[key] = rng.choice((-value, value * 1e6, value + 1, str(value), [value], float(value)))
         case 5 if isinstance(value, list):

@@ -13,11 +13,12 @@ import pytest
 from sonata2d.errors import ControllerError
 from sonata2d.learning.weights import read_weights
 
+pytest.importorskip("resource", reason="needs the limits of POSIX systems")
+pytest.importorskip("pyarrow", reason="pyarrow comes with the parquet extra")
+
 from .runner import ALL, run_case
 from .samples import make_samples
 from .targets import KINDS, Refusal, imported, run, use_arguments
-
-pytest.importorskip("pyarrow", reason="pyarrow comes with the parquet extra")
 
 CASES = 8  # of each kind
 

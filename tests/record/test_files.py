@@ -83,7 +83,7 @@ def test_a_small_file_that_unpacks_to_a_large_one_is_refused(tmp_path: Path, com
 
 
 def test_folders_devices_and_impossible_names_are_refused(tmp_path: Path) -> None:
-    for path, message in ((tmp_path, "is a folder"), (Path("a\0b"), "null byte"), (Path(os.devnull), "is a device")):
+    for path, message in ((tmp_path, "is a folder"), (Path("a\0b"), "null"), (Path(os.devnull), "is a device")):
         with pytest.raises(RecordError, match=message):
             read_bytes(path)
 

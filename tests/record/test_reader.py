@@ -138,7 +138,7 @@ def test_an_older_format_version_is_migrated(episode: Path, monkeypatch: pytest.
         (b"[1, 2]", "its format is a JSON list"),
         (b'{"frame": 1}', "its format is None"),
         (b'{"format": "sonata2d-episode"}', "has no valid format version"),
-        (b'{"format": "sonata2d-episode", "version": 1}', "id: is missing .28 more problems"),
+        (b'{"format": "sonata2d-episode", "version": 1}', "id: is missing .and at least 28 more;"),
         (b"\x1f\x8b123", "cannot be read"),
         (b"\x28\xb5\x2f\xfd123", "cannot be read"),
     ],
@@ -246,9 +246,9 @@ def test_what_code_behind_the_reader_relies_on_is_checked(
     assert "\n" not in str(caught.value)
 
 
-def test_all_findings_are_listed_and_survive_a_worker_process(episode: Path) -> None:
+def test_the_findings_of_all_parts_are_listed_and_survive_a_worker_process(episode: Path) -> None:
     rewrite(episode, lambda document: document.update(seed="7", walls=None))
-    with pytest.raises(InvalidFileError, match="1 more problem") as caught:
+    with pytest.raises(InvalidFileError, match="and at least 1 more") as caught:
         read_episode(episode)
     assert [place for place, _ in caught.value.findings] == ["seed", "walls"]
     again = pickle.loads(pickle.dumps(caught.value))
@@ -283,3 +283,13 @@ def test_a_flipped_bit_is_refused_or_harmless(tmp_path: Path, suffix: str) -> No
         except RecordError:
             continue
         assert len(record) == 6 or suffix == ".json"
+
+
+def test_of_a_list_with_many_faults_the_first_is_found(tmp_path: Path) -> None:
+    with JsonRecorder(tmp_path / "a.json") as recorder:
+        run(recorder)
+    rewrite(tmp_path / "a.json", lambda document: document.update(frames=[{}] * 1000, objects=[{}] * 1000))
+    with pytest.raises(InvalidFileError) as caught:
+        read_episode(tmp_path / "a.json")
+    lists = {tuple(place.split(".")[:2]) for place, _ in caught.value.findings}
+    assert lists == {("frames", "0"), ("objects", "0")}

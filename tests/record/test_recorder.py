@@ -360,3 +360,21 @@ def test_angles_are_canonical(angle: float) -> None:
     row = rounded_rows(np.array([[angle, angle]]), [1])[0]
     assert row[1] == canonical_angle(angle)
     assert -3.1416 < row[1] <= 3.1416
+
+
+def nested(depth: int) -> list[Any]:
+    value: list[Any] = []
+    for _ in range(depth - 1):
+        value = [value]
+    return value
+
+
+def test_a_label_that_is_nested_too_deeply_is_refused_at_its_tick() -> None:
+    assert to_json_value(nested(200), "label") == nested(200)
+    for depth in (202, 800):
+        with pytest.raises(RecordError, match="label at tick 3 is nested more than 200 deep"):
+            to_json_value(nested(depth), "label at tick 3")
+    endless: list[Any] = []
+    endless.append(endless)
+    with pytest.raises(RecordError, match="or contains itself"):
+        to_json_value({"a": endless}, "label")

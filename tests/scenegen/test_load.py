@@ -161,7 +161,7 @@ def test_a_file_beyond_the_limits_is_one_clear_error(write_scenario, name, text,
 
 def test_a_file_that_is_too_large_is_not_parsed(write_scenario, monkeypatch):
     monkeypatch.setattr(parse, "MAX_SCENARIO_BYTES", 100)
-    with pytest.raises(ConfigError, match="has at most 100 bytes, this file has 202"):
+    with pytest.raises(ConfigError, match="it has more than 100 bytes"):
         load_scenario(write_scenario("#" * 200 + "\n\n"))
 
 
@@ -176,3 +176,19 @@ def test_text_that_is_no_unicode_is_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text('{"room": {"kinds": "\\ud800"}}')
     with pytest.raises(ConfigError, match=f"{name}: .*surrogates not allowed"):
         load_scenario(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "text", ["furniture: [{}]", "people: [{}]", "room: {{walls: [{}]}}", "groups: {{places: [{}]}}"]
+)
+def test_of_a_list_with_many_faults_the_first_is_reported(write_scenario, text):
+    faults = ", ".join(["{zz: 1}"] * 100)
+    with pytest.raises(ConfigError) as caught:
+        load_scenario(write_scenario(text.format(faults)))
+    assert ".0" in str(caught.value)
+    assert "more)" not in str(caught.value)
+
+
+def test_lists_have_a_maximum_length():
+    with pytest.raises(ValueError, match="at most 10000"):
+        ScenarioConfig(room={"walls": [(0.0, 0.0, 1.0, 1.0)] * 10_001})

@@ -13,6 +13,7 @@ from ...core.devices import ImageRequest
 from ...core.geometry import Twist
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
+from ...core.wording import shown
 from ...errors import ControllerError
 
 
@@ -47,7 +48,7 @@ class Regenerate:
 def _require_text(reason: object, name: str) -> None:
     """Require text: files and tables hold the reason."""
     if not isinstance(reason, str):
-        raise TypeError(f"the reason of {name} must be text, got {reason!r:.60}; write {name}(str(reason))")
+        raise TypeError(f"the reason of {name} must be text, got {shown(reason)}; write {name}(str(reason))")
 
 
 Answer = Twist | Stop | Regenerate

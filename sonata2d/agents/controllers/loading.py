@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from ...core.wording import one_line
 from ...errors import FOREIGN_ERRORS, ControllerError
 from ...registry import CONTROLLERS
 from .base import RECORDED_PATHS, Controller, current_path
@@ -166,7 +167,7 @@ def _import_module(place: str) -> ModuleType:
         if not place.endswith(".py"):
             return importlib.import_module(place)
         if not os.path.isfile(place):
-            raise ControllerError(f"controller file {place:.300} does not exist")
+            raise ControllerError(f"controller file {one_line(place, 300)} does not exist")
         return _import_file(Path(place))
     except ControllerError:
         raise

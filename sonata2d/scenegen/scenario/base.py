@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -28,6 +28,11 @@ if TYPE_CHECKING:  # settings are also read where nothing is generated, and rand
 Jitter = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]  # m, m, rad
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 Coordinate = Annotated[float, Field(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]  # m
+
+T = TypeVar("T")
+# Checking ends at the first faulty entry: 1 MB may hold a hundred thousand faults, which would take gigabytes.
+TupleOf = Annotated[tuple[T, ...], Field(fail_fast=True)]
+Entities = Annotated[tuple[T, ...], Field(fail_fast=True, max_length=MAX_COUNT)]
 
 
 def parse_weights(value: Any) -> Any:

@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 from ...core.geometry import MAX_MAGNITUDE
 from ...errors import ConfigError
 from ...registry import did_you_mean
-from .base import Fraction, IntRange, Range, Settings
+from .base import Entities, Fraction, IntRange, Range, Settings
 from .people import PersonSpec, check_people
 from .sections import (
     SIZES,
@@ -96,8 +96,8 @@ class ScenarioConfig(Settings):
     at_laptop: IntRange = IntRange(0, 0)
     at_plant: IntRange = IntRange(0, 0)
     at_object: IntRange = IntRange(0, 0)
-    furniture: tuple[FurnitureConfig, ...] = ()
-    people: tuple[PersonSpec, ...] = ()
+    furniture: Entities[FurnitureConfig] = ()
+    people: Entities[PersonSpec] = ()
     sizes: dict[str, Size] = Field(default_factory=lambda: dict(SIZES))
     furniture_yaw: Range = Range(0, 0)
     talking_distance: Range = Range(1.5, 3.0)

@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ...core.wording import one_line, shown
 from ...errors import ConfigError
 from ...registry import did_you_mean
 from .base import Settings
@@ -55,9 +56,7 @@ def _find(name: str, folder: Path) -> Path:
             raise ConfigError(f"{name} is a folder; name a scenario file in it")
         neighbours = [str(other) for other in sorted(path.parent.glob("*")) if other.suffix in _SUFFIXES]
     except (OSError, ValueError) as error:  # no name of a file, e.g. one that is too long
-        raise ConfigError(
-            f"no scenario file or preset {_shortened(name)}: {getattr(error, 'strerror', error)}"
-        ) from None
+        raise ConfigError(f"no scenario file or preset {shown(name)}: {getattr(error, 'strerror', error)}") from None
     hint = did_you_mean(name, [*_preset_names(), *neighbours]) or f"; presets are {', '.join(_preset_names())}"
     raise ConfigError(f"no scenario file or preset {name!r}{hint}")
 
@@ -122,10 +121,10 @@ def _error_message(path: Path, settings: dict[str, Any], error: ValidationError)
     if first["type"] == "literal_error":  # one of some words; the wrong one may be a key of a mapping
         value = first["input"]
         hint = did_you_mean(str(value), re.findall(r"'([^']*)'", first["ctx"]["expected"]))
-    key_path = f"{'.'.join(str(key) for key in keys):.200}: " if keys else ""
-    got = f" (got {_shortened(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
+    key_path = f"{one_line('.'.join(map(str, keys)), 200)}: " if keys else ""
+    got = f" (got {shown(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
     more = f" (and {len(others)} more)" if others else ""
-    return f"{path.name}{line_of(path, keys)}: {key_path}{first['msg']:.300}{got}{hint}{more}"
+    return f"{path.name}{line_of(path, keys)}: {key_path}{one_line(first['msg'], 300)}{got}{hint}{more}"
 
 
 def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
@@ -144,8 +143,3 @@ def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str]
         elif key == keys[-1] and isinstance(settings, dict):  # a missing setting
             known.append(key)
     return known, settings
-
-
-def _shortened(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

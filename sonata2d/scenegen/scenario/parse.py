@@ -13,7 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from ...core.limits import MAX_SCENARIO_BYTES, MAX_SCENARIO_DEPTH, MAX_SCENARIO_VALUES
+from ...core.reading import read_at_most
+from ...core.wording import one_line
 from ...errors import ConfigError
+
+_MAX_BYTES_WITH_LINES = 200_000
 
 
 def parse_settings(path: Path) -> dict[str, Any]:
@@ -44,7 +48,7 @@ def parse_settings(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path.name} is not UTF-8 text ({error.reason}); save it in this encoding") from None
     except (ValueError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path.name}: {' '.join(str(error).split()):.300}") from None
+        raise ConfigError(f"{path.name}: {one_line(error, 300)}") from None
     except RecursionError:
         raise ConfigError(f"{path.name}: values are nested too deeply") from None
     if not isinstance(content, dict):
@@ -58,8 +62,8 @@ def line_of(path: Path, keys: list[int | str]) -> str:
     """Return `, line 3` for the last of the keys that the file contains; empty where the line cannot be determined."""
     import yaml
 
-    if path.suffix == ".toml":
-        return ""
+    if path.suffix == ".toml" or not path.is_file() or path.stat().st_size > _MAX_BYTES_WITH_LINES:
+        return ""  # a pipe cannot be read again, and positions in a large file take a minute
     try:
         node = yaml.compose(_read_text(path), Loader=_yaml_loader())  # reads JSON as well
     except yaml.YAMLError:  # JSON indented with tabs
@@ -78,12 +82,8 @@ def line_of(path: Path, keys: list[int | str]) -> str:
 
 def _read_text(path: Path) -> str:
     """The text of a file, without a byte order mark."""
-    size = path.stat().st_size
-    if size > MAX_SCENARIO_BYTES:
-        raise ConfigError(f"{path.name}: a scenario has at most {MAX_SCENARIO_BYTES} bytes, this file has {size}")
-    if path.is_char_device() or path.is_block_device():
-        raise ConfigError(f"{path.name} is a device, not a file")  # /dev/zero has no end
-    return path.read_text(encoding="utf-8-sig")
+    text = read_at_most(path, MAX_SCENARIO_BYTES).decode("utf-8-sig")
+    return text.replace("\r\n", "\n").replace("\r", "\n")  # as Python's text files
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -10,10 +10,10 @@ from pydantic_core import PydanticCustomError
 
 from ...core.entities import Behaviour, Reaction
 from ...core.geometry import Barriers, Point
-from .base import Fraction, Jitter, Range, Settings
+from .base import Fraction, Jitter, Range, Settings, TupleOf
 
 TrackPoint = tuple[float, float, float]  # t, x, y: s, m
-Track = Annotated[tuple[TrackPoint, ...], Field(min_length=2)]
+Track = Annotated[TupleOf[TrackPoint], Field(min_length=2)]
 
 
 class PersonSpec(Settings):
@@ -49,7 +49,7 @@ class PersonSpec(Settings):
     theta: float | None = None
     velocity: Point | None = None
     behaviour: Behaviour | None = None
-    goals: tuple[Point, ...] = ()
+    goals: TupleOf[Point] = ()
     exits: bool = False
     enters: NonNegativeFloat = 0.0
     leaves: PositiveFloat | None = None

@@ -10,8 +10,9 @@ from pydantic import AfterValidator, Field, NonNegativeFloat, field_validator, m
 from pydantic_core import PydanticCustomError
 
 from ...core.geometry import Barriers, Point, segments_cross
+from ...core.limits import MAX_COUNT
 from ...registry import ROOM_KINDS
-from .base import Coordinate, IntRange, Range, Settings, parse_weights, require_registered
+from .base import Coordinate, Entities, IntRange, Range, Settings, TupleOf, parse_weights, require_registered
 
 MIN_DOOR_WIDTH = 0.7  # m: diameter of the default robot, with its path margin on both sides
 RoomKindName = Annotated[str, AfterValidator(partial(require_registered, ROOM_KINDS))]
@@ -55,8 +56,8 @@ class RoomConfig(Settings):
     door_offset: Range = Range(-1.0, 1.0)
     hall: Range = Range(12.0, 18.0)
     turns: IntRange = IntRange(0, 3)
-    polygon: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3)] | None = None
-    walls: tuple[WallEnds, ...] = ()
+    polygon: Annotated[TupleOf[tuple[Coordinate, Coordinate]], Field(min_length=3, max_length=MAX_COUNT)] | None = None
+    walls: Entities[WallEnds] = ()
 
     @field_validator("kinds", mode="before")
     @classmethod

@@ -21,7 +21,18 @@ from ...core.geometry import Disc, Point, Rectangle, Shape, quantised
 from ...core.labels import Kind, LabelSpec, When
 from ...core.scene import Rules, Social
 from ...registry import PEDESTRIAN_MODELS
-from .base import Fraction, IntRange, Jitter, Normal, Range, Settings, parse_weights, require_registered
+from .base import (
+    Entities,
+    Fraction,
+    IntRange,
+    Jitter,
+    Normal,
+    Range,
+    Settings,
+    TupleOf,
+    parse_weights,
+    require_registered,
+)
 from .rooms import RoomConfig
 
 __all__ = [  # every section, as docs/scenario.md lists them
@@ -172,7 +183,7 @@ class GroupConfig(Settings):
     talking_size: IntRange = IntRange(2, 6)
     formations: dict[Formation, NonNegativeFloat] = Field(default=dict.fromkeys(TALKING_FORMATIONS, 1.0))
     talking_spacing: Range = Range(0.9, 1.2)
-    places: tuple[Point, ...] = ()
+    places: Entities[Point] = ()
 
     @field_validator("walking_formations", "formations", mode="before")
     @classmethod
@@ -369,7 +380,7 @@ class RulesConfig(Settings):
     substeps: PositiveInt = Rules().substeps
     iterations: PositiveInt = Rules().iterations
     time_limit: PositiveFloat = Rules().time_limit
-    ends_on: tuple[EndsOn, ...] = Rules().ends_on
+    ends_on: TupleOf[EndsOn] = Rules().ends_on
     guard: bool = Rules().guard
     contact_distance: NonNegativeFloat = Rules().contact_distance
     side: Literal[-1, 1] = Rules().side

@@ -1,0 +1,29 @@
+"""Reading of files whose size is not trusted."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+
+
+def read_at_most(path: Path, max_bytes: int) -> bytes:
+    """Read a file, a pipe included.
+
+    Args:
+        path: of the file.
+        max_bytes: maximum size; more is never read.
+
+    Raises:
+        OSError: the file cannot be read, is larger, or is a device or a folder; `strerror` says which, also on Windows,
+            where opening a folder is a lack of permission.
+        ValueError: the path contains NUL.
+    """
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "it is a folder; name a file in it")
+    if path.is_char_device() or path.is_block_device():
+        raise OSError(errno.EINVAL, "it is a device, not a file")  # /dev/zero has no end
+    with path.open("rb") as file:
+        data = file.read(max_bytes + 1)
+    if len(data) > max_bytes:
+        raise OSError(errno.EFBIG, f"it has more than {max_bytes} bytes, the limit for such files; divide it")
+    return data

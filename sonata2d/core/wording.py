@@ -1,0 +1,32 @@
+"""Texts and values of any size within messages: short, and on one line."""
+
+from __future__ import annotations
+
+import reprlib
+
+
+def one_line(text: object, max_length: int | None = None) -> str:
+    """The text without line breaks and repeated spaces.
+
+    Args:
+        text: any object with a text, such as an exception.
+        max_length: maximum number of characters; a longer text ends in `...`. None: no limit.
+    """
+    whole = str(text)
+    if max_length is None:
+        return " ".join(whole.split())
+    beginning = whole[: 10 * max_length]  # splitting a text of many megabytes takes seconds
+    line = " ".join(beginning.split())
+    is_whole = len(line) <= max_length and len(beginning) == len(whole)
+    return line if is_whole else f"{line[: max_length - 3]}..."
+
+
+def shown(value: object, max_length: int = 60) -> str:
+    """The value as Python writes it, on one line of at most `max_length` characters.
+
+    Of long lists, texts and numbers only the beginning is converted: the whole may take seconds, and gigabytes.
+    """
+    short = reprlib.Repr()
+    short.maxlist = short.maxtuple = short.maxdict = short.maxset = short.maxfrozenset = short.maxarray = 12
+    short.maxstring = short.maxlong = short.maxother = max_length
+    return one_line(short.repr(value), max_length)

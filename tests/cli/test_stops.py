@@ -1,0 +1,176 @@
+"""Signals, forks, exits and threads end a command in an orderly way, and never make it look complete."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sonata2d.datasets.verification import verify
+
+from .conftest import Run, one_line, started, wait_until
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+@pytest.mark.parametrize(("number", "word"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")])
+def test_a_stopped_batch_says_how_to_resume(here: Path, number: signal.Signals, word: str) -> None:
+    line = "generate out --scenario quick.yaml --episodes 2000 --workers 1"
+    with started(line) as process:
+        wait_until((here / "out/000001.json").exists, process)
+        process.send_signal(number)
+        _, output = process.communicate(timeout=60)
+    assert process.returncode == 128 + number
+    assert one_line(output).startswith(f"{word}; complete episodes are in out")
+    assert "--resume" in output
+    assert b'"outcome":"interrupted"' in (here / "out/run.jsonl").read_bytes()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
+@pytest.mark.parametrize("started_processes", [0, 1, 2, 3])
+def test_ctrl_c_while_the_workers_start_gives_no_traceback(here: Path, started_processes: int) -> None:
+    line = "generate out --scenario quick.yaml --episodes 20000 --workers 2"
+    with started(line) as process:
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")  # two workers, and a tracker of resources
+        wait_until((here / "out").exists, process)  # made just before the workers start
+        wait_until(lambda: len(children.read_text().split()) >= started_processes, process)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes of the command
+        _, output = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert output.strip().splitlines()[-1].startswith("interrupted")
+    assert "Traceback" not in output
+
+
+def run_alone(line: str) -> subprocess.CompletedProcess[str]:
+    """Run the words of a command line in a process of its own."""
+    words = [sys.executable, "-m", "sonata2d_cli", *line.split()]
+    return subprocess.run(words, capture_output=True, text=True, timeout=100)
+
+
+FATAL = """
+import os, signal, sys
+import sonata2d as s2
+{at_import}
+class Fatal(s2.Controller):
+    def act(self, snapshot):
+        if snapshot.tick == 3 and snapshot.scene.episode == 2:
+            {in_act}
+        return s2.Twist()
+"""
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_controller_that_exits_is_an_error_of_its_episode(sonata2d: Run, here: Path, workers: int) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="sys.exit(0)"))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
+    output = one_line(sonata2d(line, code=1).output)
+    assert "episode 2 of seed 0: SystemExit: 0; at tick 3 of episode 2, seed 0 (fatal.py, line 8)" in output
+    assert "--resume" in output
+    assert (here / "out/failed/000002.json").exists()
+
+
+def test_a_controller_that_ends_the_process_is_an_error_of_its_episode(sonata2d: Run, here: Path) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os._exit(0)"))
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 1"
+    output = one_line(sonata2d(line, code=1).output)
+    assert "episode 2 of seed 0: SystemExit: 0; at tick 3 of episode 2, seed 0 (fatal.py, line 8)" in output
+    assert os._exit.__name__ == "_exit"  # as before
+
+
+@pytest.mark.parametrize("act", ["sys.exit(0)", "os._exit(0)"])
+def test_a_controller_cannot_end_a_command_with_its_exit_code(sonata2d: Run, here: Path, act: str) -> None:
+    (here / "fatal.py").write_text(
+        FATAL.format(at_import="", in_act=act).replace("snapshot.scene.episode == 2", "True")
+    )
+    line = "scenarios check quick.yaml --situation narrow-doorway --controller ./fatal.py:Fatal"
+    output = one_line(sonata2d(line, code=1).output)
+    assert output.startswith("Error: SystemExit: 0; ")
+    assert output.endswith("(fatal.py, line 8)")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="os._exit ends the process of the tests otherwise")
+def test_os_exit_in_another_thread_ends_the_process(here: Path) -> None:
+    thread = "t = __import__('threading').Thread(target=os._exit, args=(7,)); t.start(); t.join()"
+    (here / "fatal.py").write_text(FATAL.format(at_import=thread, in_act="pass"))
+    assert run_alone("generate out --controller ./fatal.py:Fatal").returncode == 7
+
+
+def test_the_exit_of_a_controller_is_left_to_programs_that_use_the_library(here: Path) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os._exit(7)"))
+    code = (
+        "import sonata2d as s2; from sonata2d.datasets.generate import generate_dataset; "
+        "generate_dataset('out', s2.ScenarioConfig(standing=1), './fatal.py:Fatal', episodes=3)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], timeout=100).returncode == 7
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_process_that_a_controller_forks_does_not_run_the_batch_again(here: Path, workers: int) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os.fork() or setattr(self, '_x', 1)"))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
+    done = run_alone(line)
+    assert done.returncode == 0
+    assert "by the controller, and is ended because it went on with the batch" in one_line(done.stderr)
+    assert done.stdout.count("6 episodes of quick") == 1
+    assert verify(here / "out", replay=True) == []
+
+
+def starting(count: int, seconds: float) -> str:
+    """An expression that starts threads, which sleep."""
+    threading, time = "__import__('threading')", "__import__('time')"
+    names = ", ".join(f"'sensor{k}'" for k in range(count))
+    return f"[{threading}.Thread(target={time}.sleep, args=({seconds},), name=name).start() for name in ({names},)]"
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_threads_of_a_controller_do_not_keep_a_command_alive(here: Path, workers: int) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=starting(12, 300)))
+    done = run_alone(
+        f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
+    )
+    assert done.returncode == 0
+    assert "6 episodes of quick" in done.stdout
+    are_named = "are ended: sensor0, sensor1, " in done.stderr
+    assert are_named == (workers == 1)  # else they run in a worker, which ends silently
+    assert verify(here / "out") == []
+
+
+def test_threads_that_end_by_themselves_give_no_warning(here: Path) -> None:
+    at_exit = "import atexit; atexit.register(print, 'atexit ran')"
+    (here / "fatal.py").write_text(FATAL.format(at_import=at_exit, in_act=starting(1, 0.3)))
+    done = run_alone("generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 3 --workers 1")
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert done.stdout.endswith("atexit ran\n")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_threads_do_not_keep_a_command_alive_whose_output_cannot_be_written(here: Path) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import=starting(1, 300), in_act="pass"))
+    words = ["scenarios", "check", "quick.yaml", "--situation", "narrow-doorway", "--controller", "./fatal.py:Fatal"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run([sys.executable, "-m", "sonata2d_cli", *words], stdout=full, stderr=full, timeout=100)
+    assert done.returncode != 0
+
+
+def test_a_controller_file_that_exits_when_it_is_imported_is_an_error(sonata2d: Run, here: Path) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="sys.exit(0)", in_act="pass"))
+    output = one_line(sonata2d("generate out --controller ./fatal.py:Fatal --episodes 1", code=1).output)
+    assert "fatal.py cannot be imported: SystemExit: 0" in output
+
+
+@pytest.mark.skipif(os.name != "posix", reason="SIGKILL exists on POSIX systems only")
+def test_a_killed_worker_is_reported_with_the_way_to_go_on(sonata2d: Run, here: Path) -> None:
+    kill = "os.path.exists('enough memory') or os.kill(os.getpid(), signal.SIGKILL)"
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=kill))
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 2"
+    output = one_line(sonata2d(line, code=1).output)
+    assert "WorkerError: a worker process crashed or was killed" in output
+    assert "of 6 episodes are complete in out, continue with the same command and --resume" in output
+    (here / "enough memory").touch()
+    sonata2d(f"{line} --resume")
+    sonata2d("check out --replay")
