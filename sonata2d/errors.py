@@ -65,6 +65,10 @@ class PluginWarning(UserWarning):
     """A plug-in of another package is skipped: it does not load, or its name is taken."""
 
 
+class DatasetWarning(UserWarning):
+    """What an author stated about a data set, or edited in its folder, is not used or not kept."""
+
+
 class MetricError(Sonata2dError):
     """A metric is unknown, or runs cannot be compared."""
 
