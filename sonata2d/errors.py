@@ -1,5 +1,9 @@
 """Exceptions caused by use. A bad argument raises a plain ValueError or TypeError."""
 
+from __future__ import annotations
+
+from pathlib import Path
+
 
 class Sonata2dError(Exception):
     """Base class of all errors of sonata2d."""
@@ -47,6 +51,26 @@ class InvalidFileError(RecordError):
 
     def __str__(self) -> str:
         return str(self.args[0])
+
+
+class UnsuitableEpisode(RecordError):
+    """An episode is valid, but a format cannot hold it, or readers of the format would misinterpret it.
+
+    Args:
+        path: file of the episode.
+        problem: what the readers would misinterpret; may name ids, ticks and values of the episode.
+        remedy: what the caller can do; the same for all episodes of the kind.
+
+    Attributes:
+        cause: the same for all episodes that a format refuses for this reason; reports are grouped by it.
+    """
+
+    def __init__(self, path: Path, problem: str, remedy: str) -> None:
+        super().__init__(path, problem, remedy)  # all arguments, for pickle
+        self.cause = remedy
+
+    def __str__(self) -> str:
+        return f"{self.args[0]}: {self.args[1]}; {self.args[2]}"
 
 
 class NewerFormatError(RecordError):

@@ -231,9 +231,6 @@ def croissant_metadata(
         publication: with a licence.
         responsible_ai: properties of the Croissant RAI vocabulary.
     """
-    suffixes = sorted({file_suffix(Path(file["name"])) for file in manifest["files"]}) or [".json"]
-    media_types = [_MEDIA_TYPES[suffix] for suffix in suffixes]
-    manifest_file = {"@id": "manifest.json"}
     licence = publication.licence or "other"
     return {
         "@context": _CONTEXT,
@@ -250,42 +247,52 @@ def croissant_metadata(
         "isLiveDataset": False,
         **{f"rai:{name}": value for name, value in responsible_ai.items()},
         "keywords": ["social navigation", "robotics", "pedestrians", "simulation", "sonata2d"],
-        "distribution": [
+        "distribution": _distribution(manifest, manifest_sha256),
+        "recordSet": [_record_set()],
+    }
+
+
+def _distribution(manifest: JsonDict, manifest_sha256: str) -> list[JsonDict]:
+    """The files: the manifest, and the set of episode files."""
+    suffixes = sorted({file_suffix(Path(file["name"])) for file in manifest["files"]}) or [".json"]
+    media_types = [_MEDIA_TYPES[suffix] for suffix in suffixes]
+    return [
+        {
+            "@type": "cr:FileObject",
+            "@id": MANIFEST,
+            "name": MANIFEST,
+            "contentUrl": MANIFEST,
+            "encodingFormat": "application/json",
+            "sha256": manifest_sha256,
+        },
+        {
+            "@type": "cr:FileSet",
+            "@id": "episodes",
+            "name": "episodes",
+            "description": "One JSON document per episode; each document names its columns and units.",
+            "encodingFormat": media_types[0] if len(media_types) == 1 else media_types,
+            "includes": [f"*{suffix}" for suffix in suffixes],
+            "excludes": [MANIFEST, SCENARIO, METRICS, CROISSANT],
+        },
+    ]
+
+
+def _record_set() -> JsonDict:
+    """One record for each episode, with the keys of its row in the manifest."""
+    return {
+        "@type": "cr:RecordSet",
+        "@id": "episode",
+        "name": "episode",
+        "field": [
             {
-                "@type": "cr:FileObject",
-                "@id": "manifest.json",
-                "name": "manifest.json",
-                "contentUrl": "manifest.json",
-                "encodingFormat": "application/json",
-                "sha256": manifest_sha256,
-            },
-            {
-                "@type": "cr:FileSet",
-                "@id": "episodes",
-                "name": "episodes",
-                "description": "One JSON document per episode; each document names its columns and units.",
-                "encodingFormat": media_types[0] if len(media_types) == 1 else media_types,
-                "includes": [f"*{suffix}" for suffix in suffixes],
-                "excludes": [MANIFEST, SCENARIO, METRICS, CROISSANT],
-            },
-        ],
-        "recordSet": [
-            {
-                "@type": "cr:RecordSet",
-                "@id": "episode",
-                "name": "episode",
-                "field": [
-                    {
-                        "@type": "cr:Field",
-                        "@id": f"episode/{name}",
-                        "name": name,
-                        "description": description_of_field,
-                        "dataType": kind,
-                        "source": {"fileObject": manifest_file, "extract": {"jsonPath": f"$.files[*].{name}"}},
-                    }
-                    for name, kind, description_of_field in _FIELDS
-                ],
+                "@type": "cr:Field",
+                "@id": f"episode/{name}",
+                "name": name,
+                "description": description,
+                "dataType": kind,
+                "source": {"fileObject": {"@id": MANIFEST}, "extract": {"jsonPath": f"$.files[*].{name}"}},
             }
+            for name, kind, description in _FIELDS
         ],
     }
 

@@ -130,12 +130,11 @@ def generate_dataset(
     with exits_raised():
         loaded = load_controller(controller)
     end_if_forked(process)
-    info, hashes = controller_info_of(loaded, controller), source_hashes(controller, loaded)
-    spec = DatasetSpec(scenario.name, scenario.settings(), seed, episodes, info, suffix, kept_outcomes, hashes)
     stored = read_manifest(out) if resume and (out / MANIFEST).exists() else None
     split = None if stored is None else stored["split"]
-    if stored is not None and "controller_sha256" not in stored and episode_numbers(out, spec):
-        spec = replace(spec, controller_sha256={})  # the code that made these episodes is unknown
+    info, hashes = controller_info_of(loaded, controller), source_hashes(controller, loaded)
+    spec = DatasetSpec(scenario.name, scenario.settings(), seed, episodes, info, suffix, kept_outcomes, hashes)
+    spec = _without_unknown_code(spec, out, stored)
     listed = start_dataset(out, spec, resume=resume, overwrite=overwrite)
     progress = Progress(spec, _known_results(out, spec, listed) if resume else ())
     advance(len(progress.kept))
@@ -157,6 +156,12 @@ def generate_dataset(
     if warning is not None:
         warnings.warn(warning, ControllerWarning, stacklevel=2)
     return manifest
+
+
+def _without_unknown_code(spec: DatasetSpec, out: Path, stored: JsonDict | None) -> DatasetSpec:
+    """The specification; without hashes if it continues episodes whose code is unknown, as those of version 0.1."""
+    is_unknown = stored is not None and "controller_sha256" not in stored and episode_numbers(out, spec)
+    return replace(spec, controller_sha256={}) if is_unknown else spec
 
 
 class _RaisedInWorker(Exception):

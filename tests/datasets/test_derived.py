@@ -119,6 +119,16 @@ def test_merging_keeps_bytes_settings_and_seeds(original: Path, both: Path, tmp_
     assert verify(tmp_path / "image") == []
 
 
+def test_merged_files_are_named_by_the_folder_that_a_relative_path_means(
+    original: Path, image: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (original / "sub").mkdir(exist_ok=True)
+    monkeypatch.chdir(original / "sub")
+    merged = merge_datasets(["..", image], tmp_path / "both")
+    assert [source["name"] for source in merged["sources"]] == ["one", "image"]
+    (original / "sub").rmdir()
+
+
 def test_check_finds_a_merged_file_that_differs_from_its_source(both: Path, tmp_path: Path) -> None:
     shutil.copytree(both, tmp_path / "both")
     path = tmp_path / "both/manifest.json"
