@@ -14,6 +14,9 @@ from .common import PATH, examples, json_option, note, progress, registry_option
 
 if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult
+    from sonata2d.formats.base import Options
+
+FLAGS = {"original": "--quirks", "frame_time": "--frame-time", "types": "--as"}  # else -- and the name of the option
 
 
 def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
@@ -66,6 +69,7 @@ def export_command(
 
     with progress(len(episodes_in(source)), "episodes") as advance:
         options = Options(original=quirks == "original", context=context, types=types)
+        _require_supported(format, options)
         result = export_to(source, format, output, options, advance=advance)
     _show_result(result, format, f"{output}: {len(result.files)} {format} files", as_json=as_json)
 
@@ -109,8 +113,18 @@ def import_command(
 
     with progress(count_sources(source, format), "files") as advance:
         options = Options(frame_time=frame_time, renumber=renumber, walls=walls)
+        _require_supported(format, options)
         result = import_from(source, format, output, options, advance=advance)
     _show_result(result, format, f"{output}: {len(result.files)} episodes from {format}", as_json=as_json)
+
+
+def _require_supported(format: str, options: Options) -> None:
+    """Refuse the flag of an option that a format does not use."""
+    from sonata2d.formats.api import unsupported_options
+
+    if names := unsupported_options(format, options):
+        flag = FLAGS.get(names[0], f"--{names[0]}")
+        raise click.ClickException(f"the format {format} does not use {flag}; leave it out")
 
 
 def _show_result(result: TransferResult, format: str, line: str, *, as_json: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 
 import click
@@ -168,18 +167,21 @@ def merge(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
 
 @click.command(
     cls=Command,
-    epilog=examples("card demo", "card demo --no-figures --licence mit", "card demo --date 2026-05-01 --creator Lab"),
+    epilog=examples(
+        "card demo", "card demo --no-figures --licence mit", "card demo --date 2026-05-01 --creator Lab --organisation"
+    ),
 )
 @click.argument("folder", type=PATH, metavar="DIR")
 @click.option(
     "--figures/--no-figures",
     default=None,
-    help="Draw statistics of the episodes.  [default: if matplotlib is installed]",
+    help="Draw statistics of the episodes, or remove them.  [default: draw, if matplotlib is installed]",
 )
 @click.option("--licence", metavar="NAME", help="Licence of the data.  [default: cc-by-4.0; other for recorded people]")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of publication.")
 @click.option("--data-version", "version", metavar="X.Y.Z", help="Version of the data set.  [default: 1.0.0]")
-@click.option("--creator", metavar="NAME", help="Author of the data set.")
+@click.option("--creator", metavar="NAME", help="Person or organisation that made the data set.")
+@click.option("--organisation/--person", default=None, help="What the creator is.  [default: person]")
 @click.option("--url", metavar="URL", help="Page of the data set.")
 @json_option
 def card(
@@ -189,29 +191,30 @@ def card(
     date: str | None,
     version: str | None,
     creator: str | None,
+    organisation: bool | None,
     url: str | None,
     as_json: bool,
 ) -> None:
     """Write the data card of a data set.
 
     The card is README.md, with figures and the metadata that Hugging Face reads, and croissant.json, with Croissant
-    metadata. What is stated once, such as a licence or a date, stays until another value is given.
+    metadata. What is stated once, such as a licence or a date, stays until another value is given. A card that was
+    edited is replaced.
     """
     from sonata2d.datasets.card import write_card
     from sonata2d.datasets.manifest import CROISSANT, FIGURES, read_manifest
 
-    is_plain = figures is None and importlib.util.find_spec("matplotlib") is None
-    figures = not is_plain if figures is None else figures
     with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
         path = write_card(
-            folder, figures=figures, licence=licence, date=date, version=version, creator=creator, url=url,
-            advance=advance,
+            folder, figures=figures, licence=licence, date=date, version=version, creator=creator,
+            organisation=organisation, url=url, advance=advance,
         )  # fmt: skip
     written = {"card": str(path), "metadata": str(folder / CROISSANT)}
-    written |= {"figures": str(folder / FIGURES)} if figures else {}
+    has_figures = (folder / FIGURES).is_file()
+    written |= {"figures": str(folder / FIGURES)} if has_figures else {}
     if as_json:
         show_json(written)
     else:
         note(", ".join(written.values()))
-    if is_plain:
+    if figures is None and not has_figures:
         note("the card has no figures: they need matplotlib; pip install 'sonata2d[plots]'", err=True)

@@ -47,8 +47,8 @@ def command(path: Path, as_json: bool) -> None:
 
 def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
     """What the manifest of a data set contains."""
-    from sonata2d.datasets.counts import contact_summary
     from sonata2d.datasets.manifest import MANIFEST, read_manifest
+    from sonata2d.datasets.summaries import contact_summary
 
     if is_rated and not (folder / MANIFEST).exists():  # single files can be rated without a manifest
         return [("folder", str(folder))]
@@ -86,7 +86,7 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
 
 def _limit_rows(rows: list[dict[str, Any]]) -> Rows:
     """Commands beyond the limits of the robot's drive in the files of a manifest; nothing if there are none."""
-    from sonata2d.datasets.counts import excessive_commands
+    from sonata2d.datasets.summaries import excessive_commands
 
     found = excessive_commands(rows)
     return [("commands beyond limits", found)] if found else []
@@ -117,7 +117,7 @@ def _answer_rows(folder: Path, files: list[dict[str, Any]]) -> Rows:
 
 def _episode_rows(path: Path) -> Rows:
     """What an episode file contains."""
-    from sonata2d.datasets.counts import contact_summary
+    from sonata2d.datasets.summaries import contact_summary
     from sonata2d.record.reader import read_episode
 
     record = read_episode(path)
@@ -211,7 +211,7 @@ def _coefficient(value: float | None) -> str:
 
 def _lines(name: str, value: Any) -> list[tuple[str, str]]:
     """A row as it is printed: contacts take one line for each kind."""
-    from sonata2d.datasets.counts import ContactSummary
+    from sonata2d.datasets.summaries import ContactSummary
 
     return value.rows() if isinstance(value, ContactSummary) else [(name, _text(value))]
 

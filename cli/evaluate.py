@@ -107,7 +107,7 @@ def command(
     from sonata2d.datasets.executors import Workers
     from sonata2d.metrics.catalogue import headline_metrics, select_metrics
     from sonata2d.metrics.measurement import Evaluation, episode_files, measure_files
-    from sonata2d.metrics.plots import chart, check_picture_path
+    from sonata2d.metrics.plots import check_picture_path
 
     _check_arguments(paths, controllers, scenarios, out)
     metrics = select_metrics(names) if names else headline_metrics()
@@ -133,12 +133,7 @@ def command(
         if page is not None:  # before temporary episodes are deleted, since the page shows pictures of them
             with progress(len(evaluations), "film strips") as advance:
                 save_page(page, evaluations, list(files.values()), metrics if names else None, advance)
-    if out is not None:
-        from sonata2d.datasets.manifest import write_json
-
-        write_json(out / COMPARISON, _comparison(evaluations))
-    if picture is not None:
-        chart(picture, evaluations, metrics, title=_title(evaluations))
+    _write_results(evaluations, metrics, out, picture)
     if as_json:
         show_json(_comparison(evaluations))
     else:
@@ -146,6 +141,20 @@ def command(
         for name, path in {"stored": out and out / COMPARISON, "picture": picture, "page": page}.items():
             if path is not None:
                 note(f"{name}  {path}")
+
+
+def _write_results(
+    evaluations: Sequence[Evaluation], metrics: Sequence[Metric], out: Path | None, picture: Path | None
+) -> None:
+    """Write the comparison into the folder of the episodes, and its chart."""
+    if out is not None:
+        from sonata2d.datasets.manifest import write_json
+
+        write_json(out / COMPARISON, _comparison(evaluations))
+    if picture is not None:
+        from sonata2d.metrics.plots import chart
+
+        chart(picture, evaluations, metrics, title=_title(evaluations))
 
 
 def _check_arguments(

@@ -54,7 +54,7 @@ from .controllers import CONTROLLER_NAMES
     help="Keep only episodes with this outcome, and generate until --episodes are kept; may be repeated.",
 )
 @click.option("--resume", is_flag=True, help="Continue an interrupted data set.")
-@click.option("--overwrite", is_flag=True, help="Replace the data set in OUT; files of others stay.")
+@click.option("--overwrite", is_flag=True, help="Replace the data set in OUT; other files stay.")
 @compress_option
 @click.option("--picture/--no-picture", default=True, help="Draw the first episode.")
 @json_option
@@ -84,7 +84,7 @@ def command(
     if resume and overwrite:
         raise click.UsageError("--resume continues a data set and --overwrite replaces it; give one of them")
     config = load_scenario(scenario)
-    with progress(episodes, "episodes") as advance, _hint_at_resume(out):
+    with progress(episodes, "episodes") as advance, _hint_at_resume(out, overwrite):
         manifest = generate_dataset(
             out,
             config,
@@ -108,12 +108,14 @@ def command(
 
 
 @contextmanager
-def _hint_at_resume(out: Path) -> Iterator[None]:
+def _hint_at_resume(out: Path, overwrite: bool) -> Iterator[None]:
     """On Ctrl-C and SIGTERM, explain how to continue."""
     try:
         yield
     except KeyboardInterrupt as error:
-        exit_interrupted(error, f"; complete episodes are in {out}, continue with the same command and --resume")
+        from sonata2d.datasets.generate import how_to_continue
+
+        exit_interrupted(error, f"; complete episodes are in {out}, {how_to_continue(overwrite=overwrite)}")
 
 
 def _draw(episode: Path, picture: Path) -> None:
@@ -126,8 +128,8 @@ def _draw(episode: Path, picture: Path) -> None:
 
 def _show_summary(out: Path, first: Path, manifest: dict[str, Any], picture: bool) -> None:
     """Print what was generated, and a command to run next."""
-    from sonata2d.datasets.counts import contact_summary
     from sonata2d.datasets.manifest import PREVIEW
+    from sonata2d.datasets.summaries import contact_summary
 
     files = manifest["files"]
     outcomes = ", ".join(f"{count} {name}" for name, count in manifest["counts"]["outcome"].items())

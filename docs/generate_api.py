@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import UnionType
 from typing import Any
 
 import sonata2d as s2
@@ -18,9 +19,9 @@ INTRO = """\
 <!-- written by docs/generate_api.py from the docstrings -->
 # API reference
 
-The public names of `sonata2d`, by purpose, and those of its packages for data sets, metrics, formats and learning.
-Names that are not on this page may change without notice. Units are SI, angles radians; N people, T frames.
-[First steps](first-steps.md) and [How to](how-to.md) show them in use.
+The public names of `sonata2d`, by purpose, and those of its packages. Names that are not on this page may change
+without notice. Units are SI, angles radians; N people, T frames. [First steps](first-steps.md) and
+[How to](how-to.md) show them in use.
 
 """
 
@@ -37,15 +38,22 @@ PURPOSES = {
 }
 OTHER = "Other"
 PACKAGES = {
+    "sonata2d.agents": "Agents",
+    "sonata2d.scenegen": "Scene generation",
+    "sonata2d.record": "Episode files",
+    "sonata2d.view": "Pictures, films and pages",
     "sonata2d.datasets": "Data sets",
     "sonata2d.metrics": "Metrics",
     "sonata2d.formats": "Formats",
     "sonata2d.learning": "Learned policies",
     "sonata2d.learning.graph": "Graphs",
+    "sonata2d.testing": "Checks of controllers",
+    "sonata2d.window": "The window",
 }
 SECTION = re.compile(r"^(Args|Attributes|Returns|Yields|Raises|Source):(.*)$")
 ITEM = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*): (.*)$", re.DOTALL)
 MAX_SIGNATURE, MAX_DEFAULT = 100, 40  # characters
+MAX_ENTRIES = 12  # of a constant
 
 
 def signature_of(name: str, found: Any) -> str:
@@ -159,7 +167,11 @@ def _value(name: str, found: Any) -> str:
     if isinstance(found, int | float | str):
         return f"`{found!r}`"
     if isinstance(found, dict | tuple):
-        return f"A {type(found).__name__} of {len(found)} entries."
+        shown = [f"`{getattr(key, 'name', key)}`" for key in list(found)[:MAX_ENTRIES]]
+        rest = f", and {len(found) - len(shown)} more" if len(found) > len(shown) else ""
+        return f"A {type(found).__name__} of {', '.join(shown)}{rest}."
+    if isinstance(found, UnionType):
+        return " or ".join(f"`{kind.__name__}`" for kind in found.__args__)
     return "NumPy array of floats." if name == "Array" else f"`{type(found).__name__}`"
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sonata2d.core.humans import ACTIVITIES
-from sonata2d.datasets import manifest as manifest_models
+from sonata2d.datasets import manifest_models
 from sonata2d.datasets.plausibility import MAXIMUM_OVERLAP
 from sonata2d.record import models
 from sonata2d.scenegen.scenario import sections
@@ -22,7 +22,7 @@ DOCS = Path(__file__).parent
 BASE = "https://json-schema.org/draft/2020-12/schema"
 
 INTRO = f"""\
-<!-- written by docs/generate_format.py from sonata2d/record/models.py and sonata2d/datasets/manifest.py -->
+<!-- written by docs/generate_format.py from sonata2d/record/models.py and sonata2d/datasets/manifest_models.py -->
 # The episode file, version {FORMAT_VERSION}
 
 One JSON document per episode, `.json`, `.json.gz` or `.json.zst`; [JSON Schema](schema/episode-v1.schema.json). Every

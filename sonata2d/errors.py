@@ -1,5 +1,9 @@
 """Exceptions caused by use. A bad argument raises a plain ValueError or TypeError."""
 
+from __future__ import annotations
+
+from pathlib import Path
+
 
 class Sonata2dError(Exception):
     """Base class of all errors of sonata2d."""
@@ -17,7 +21,7 @@ class ControllerError(Sonata2dError):
     """A controller cannot be loaded, or its answer is not a valid command."""
 
 
-# What the code of others (controllers, pedestrian models, plug-ins) may raise. SystemExit is among them: a controller,
+# What the code of a controller or plug-in may raise. SystemExit is among them: a controller,
 # or a library that it calls, must not end a batch, let alone with the exit code 0.
 FOREIGN_ERRORS = (Exception, SystemExit)
 
@@ -49,6 +53,26 @@ class InvalidFileError(RecordError):
         return str(self.args[0])
 
 
+class UnsuitableEpisode(RecordError):
+    """An episode is valid, but a format cannot hold it, or readers of the format would misinterpret it.
+
+    Args:
+        path: file of the episode.
+        problem: what the readers would misinterpret; may name ids, ticks and values of the episode.
+        remedy: what the caller can do; the same for all episodes of the kind.
+
+    Attributes:
+        cause: the same for all episodes that a format refuses for this reason; reports are grouped by it.
+    """
+
+    def __init__(self, path: Path, problem: str, remedy: str) -> None:
+        super().__init__(path, problem, remedy)  # all arguments, for pickle
+        self.cause = remedy
+
+    def __str__(self) -> str:
+        return f"{self.args[0]}: {self.args[1]}; {self.args[2]}"
+
+
 class NewerFormatError(RecordError):
     """A file was written by a newer version of sonata2d."""
 
@@ -63,6 +87,10 @@ class WindowError(Sonata2dError):
 
 class PluginWarning(UserWarning):
     """A plug-in of another package is skipped: it does not load, or its name is taken."""
+
+
+class DatasetWarning(UserWarning):
+    """What an author stated about a data set, or edited in its folder, is not used or not kept."""
 
 
 class MetricError(Sonata2dError):

@@ -5,6 +5,7 @@ All are frozen values, at the precision of files.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -169,6 +170,17 @@ class Robot:
     radius: float = 0.30
     kinematics: Kinematics = "holonomic"
     limits: Limits = field(default_factory=Limits)
+
+    @property
+    def sideways_limit(self) -> float:
+        """Limit of the sideways speed, m/s; 0 for a unicycle."""
+        return self.limits.sideways if self.kinematics == "holonomic" else 0.0
+
+    @property
+    def top_speed(self) -> float:
+        """Highest speed within the limits, m/s."""
+        forward, sideways = max(self.limits.ahead, self.limits.back), self.sideways_limit
+        return math.sqrt(forward * forward + sideways * sideways)
 
 
 @dataclass(frozen=True, slots=True)

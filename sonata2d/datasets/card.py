@@ -6,15 +6,17 @@ Generation writes a card from the manifest alone. `write_card` (`sonata2d card`)
 from __future__ import annotations
 
 import hashlib
-import html
+import importlib.util
 import json
 import re
 import shlex
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from ..errors import RecordError
+from ..errors import DatasetWarning, RecordError
 from ..record.counts import ANY_KIND
 from ..record.files import read_bytes, write_atomically
 from ..record.layout import JsonDict
@@ -22,18 +24,19 @@ from ..record.models import Settings
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from .card_figure import EpisodeStatistics, collect_statistics, draw_statistics, require_matplotlib
-from .counts import ContactSummary, contact_summary
-from .croissant import Publication, croissant_metadata, stored_publication
+from .croissant import Publication, croissant_metadata, licence_lines, stored_publication
 from .executors import Advance
 from .manifest import CARD, CROISSANT, FIGURES, MANIFEST, SCENARIO, json_bytes, read_manifest, write_json
+from .markdown import cell, code, code_block, inline
+from .summaries import ContactSummary, contact_summary
 
-_MARKUP = re.compile(r"[\\`*_\[\]|~$!#]")  # begins or ends Markdown markup; HTML is escaped separately
+_SEAL = re.compile(r"<!-- written by sonata2d, SHA-256 of the text above: ([0-9a-f]{64}) -->\n")
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 _CARD = """\
 ---
 pretty_name: {quoted_title}
-license: {licence}
+{licence}
 task_categories:
 - robotics
 tags:
@@ -134,7 +137,7 @@ def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | 
     """Write the data card, Croissant metadata if the folder has any, and last the manifest: they always agree.
 
     What the author stated about the data set (licence, date, …) stays. The figures of the card stay if its counts do,
-    else they are removed, as they show other episodes.
+    else they are removed, as they show other episodes. A card that the author edited is not replaced.
 
     Args:
         folder: folder of the data set.
@@ -143,42 +146,52 @@ def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | 
 
     Raises:
         RecordError: a file cannot be written, or the file of the settings is damaged.
+
+    Warns:
+        DatasetWarning: the card was edited, or `croissant.json` states a value that is not kept.
     """
     data, described = json_bytes(manifest), _with_settings(folder, manifest)
     publication = stored_publication(folder)
-    publication = replace(publication, licence=licence or chosen_licence(folder) or _default_licence(described))
-    text = card_text(described, publication.licence)
-    if (figures := _stored_figures(folder)) and not count_differences(folder, manifest):
-        text = card_text(described, publication.licence, figures)
-    elif figures:
-        (folder / FIGURES).unlink(missing_ok=True)
-    write_atomically(folder / CARD, text.encode())
+    licence = licence or _chosen_licence(folder, publication) or _default_licence(described)
+    publication = replace(publication, licence=licence)
+    is_edited = has_edited_card(folder)
+    if not is_edited:
+        _write_text(folder, card_text(described, licence, _kept_figures(folder, manifest)))
     if (folder / CROISSANT).is_file():
         write_json(folder / CROISSANT, _metadata(described, data, publication))
     write_atomically(folder / MANIFEST, data)
+    if is_edited:
+        message = f"{folder / CARD} was edited, so it stays as it is; write it again with `sonata2d card`"
+        warnings.warn(message, DatasetWarning, stacklevel=2)
 
 
 def write_card(
     folder: str | Path,
     *,
-    figures: bool = True,
+    figures: bool | None = True,
     licence: str | None = None,
     date: str | None = None,
     version: str | None = None,
     creator: str | None = None,
+    organisation: bool | None = None,
     url: str | None = None,
     advance: Advance = lambda step: None,
 ) -> Path:
     """Write the card of a data set with figures of its episodes, and Croissant metadata beside it.
 
+    A card that was edited is replaced as well.
+
     Args:
         folder: folder of the data set.
-        figures: whether to read all episodes and draw their statistics; needs matplotlib.
-        licence: identifier as on Hugging Face; by default the one that was chosen before, else `cc-by-4.0`, or `other`
-            for recorded pedestrians.
+        figures: whether to read all episodes and draw their statistics, which needs matplotlib. False: a card without
+            figures; those of the former card are removed. None: draw them if matplotlib is installed, else keep those
+            of the former card if they show the same episodes.
+        licence: identifier as on Hugging Face, or an https address; by default the one that was chosen before, else
+            `cc-by-4.0`, or `other` for recorded pedestrians.
         date: date of publication, YYYY-MM-DD; by default, as for the following, what was stated before, else nothing.
         version: MAJOR.MINOR.PATCH; at first 1.0.0.
-        creator: person or organisation.
+        creator: name of the person or organisation that made the data set.
+        organisation: whether the creator is an organisation; by default, a stated creator is a person.
         url: page of the data set.
         advance: progress callback; its argument is the number of episodes read.
 
@@ -192,26 +205,54 @@ def write_card(
     """
     folder = Path(folder)
     manifest = _with_settings(folder, read_manifest(folder))
-    given = {"date": date, "version": version, "creator": creator, "url": url}
-    publication = replace(
-        stored_publication(folder),
-        licence=licence or chosen_licence(folder) or _default_licence(manifest),
-        **{name: value for name, value in given.items() if value is not None},
-    )
-    title, section = title_of(manifest), ""
-    if figures:
+    if creator is not None:
+        organisation = bool(organisation)  # what was stated of another creator does not hold for this one
+    stored = stored_publication(folder)
+    given: dict[str, Any] = {
+        "licence": licence or _chosen_licence(folder, stored) or _default_licence(manifest),
+        "date": date,
+        "version": version,
+        "creator": creator,
+        "organisation": organisation,
+        "url": url,
+    }
+    publication = replace(stored, **{name: value for name, value in given.items() if value is not None})
+    if figures or (figures is None and importlib.util.find_spec("matplotlib") is not None):
         require_matplotlib()
         statistics = collect_statistics(_records(folder, [file["name"] for file in manifest["files"]], advance))
-        draw_statistics(folder / FIGURES, statistics, title)
+        draw_statistics(folder / FIGURES, statistics, title_of(manifest))
         section = _figures_section(statistics)
+    elif figures is None:
+        section = _kept_figures(folder, manifest)
+    else:
+        section = ""
+        (folder / FIGURES).unlink(missing_ok=True)
     write_json(folder / CROISSANT, _metadata(manifest, (folder / MANIFEST).read_bytes(), publication))
-    write_atomically(folder / CARD, card_text(manifest, publication.licence, section).encode())
+    _write_text(folder, card_text(manifest, publication.licence, section))
     return folder / CARD
 
 
-def chosen_licence(folder: Path) -> str | None:
+def _write_text(folder: Path, text: str) -> None:
+    """Write the card; its last line is a hash of the others, by which `has_edited_card` recognises it."""
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    write_atomically(
+        folder / CARD, f"{text}\n<!-- written by sonata2d, SHA-256 of the text above: {digest} -->\n".encode()
+    )
+
+
+def has_edited_card(folder: Path) -> bool:
+    """Whether the card is not as sonata2d wrote it: it is edited, or was written by hand or by version 0.1."""
+    path = folder / CARD
+    if not path.is_file():
+        return False
+    text, _, last = path.read_text("utf-8", errors="replace").rpartition("\n<!--")
+    found = _SEAL.fullmatch(f"<!--{last}")
+    return found is None or hashlib.sha256(text.encode()).hexdigest() != found[1]
+
+
+def _chosen_licence(folder: Path, publication: Publication) -> str | None:
     """The licence that an author chose for a data set; None if it has the default one, or has no manifest yet."""
-    stored = stored_publication(folder).licence
+    stored = publication.licence
     if stored is None or not (folder / MANIFEST).is_file():
         return None
     return stored if stored != _default_licence(_with_settings(folder, read_manifest(folder))) else None
@@ -219,7 +260,8 @@ def chosen_licence(folder: Path) -> str | None:
 
 def licence_of(folder: Path) -> str:
     """The licence of a data set."""
-    return chosen_licence(folder) or _default_licence(_with_settings(folder, read_manifest(folder)))
+    chosen = _chosen_licence(folder, stored_publication(folder))
+    return chosen or _default_licence(_with_settings(folder, read_manifest(folder)))
 
 
 def _metadata(manifest: JsonDict, manifest_data: bytes, publication: Publication) -> JsonDict:
@@ -298,6 +340,18 @@ def count_differences(folder: Path, manifest: JsonDict) -> list[str]:
     return differences
 
 
+def _kept_figures(folder: Path, manifest: JsonDict) -> str:
+    """The section about the figures of the present card if its counts are those of a manifest, else an empty string.
+
+    Figures of other episodes are removed.
+    """
+    figures = _stored_figures(folder)
+    if figures and (count_differences(folder, manifest) or not (folder / FIGURES).is_file()):
+        (folder / FIGURES).unlink(missing_ok=True)
+        return ""
+    return figures
+
+
 def _stored_figures(folder: Path) -> str:
     """The section about the figures of the present card; empty without one."""
     path = folder / CARD
@@ -311,7 +365,7 @@ def card_text(manifest: JsonDict, licence: str | None = None, figures: str = "")
 
     Args:
         manifest: manifest of the data set.
-        licence: identifier as on Hugging Face; by default `cc-by-4.0`, or `other` for recorded pedestrians.
+        licence: as of `write_card`; by default `cc-by-4.0`, or `other` for recorded pedestrians.
         figures: section about the figures, or an empty string.
     """
     counts, files, title = manifest["counts"], manifest["files"], title_of(manifest)
@@ -321,10 +375,10 @@ def card_text(manifest: JsonDict, licence: str | None = None, figures: str = "")
     origin = template.format(
         count=len(files),
         requested=manifest["episodes"],
-        name=_code(manifest["name"] or ""),
-        sonata2d=_inline(manifest["software"]["sonata2d"]),
-        controller=_code((manifest["controller"] or {}).get("path", "")),
-        command=_code_block(_generating_command(manifest)),
+        name=code(manifest["name"] or ""),
+        sonata2d=inline(manifest["software"]["sonata2d"]),
+        controller=code((manifest["controller"] or {}).get("path", "")),
+        command=code_block(_generating_command(manifest)),
         code=_code_sentence(manifest),
         physics=manifest["physics"],
         others=_pedestrian_kinds(manifest),
@@ -336,10 +390,10 @@ def card_text(manifest: JsonDict, licence: str | None = None, figures: str = "")
     originals = [source for source in sources or [manifest] if not source.get("mirrored")] or sources or [manifest]
     has_recorded = _recorded_count(manifest)[0] > 0
     return _CARD.format(
-        heading=_inline(title),
+        heading=inline(title),
         quoted_title=json.dumps(title, ensure_ascii=False),
         size=next((name for limit, name in _SIZES if len(files) < limit), "n>1M"),
-        licence=licence or _default_licence(manifest),
+        licence=licence_lines(licence or _default_licence(manifest)),
         synthetic_tag="" if has_recorded else "- synthetic\n",
         origin=origin,
         mirrored=_MIRRORED if manifest.get("mirrored") and not sources else "",
@@ -419,7 +473,7 @@ def _kept_section(source: JsonDict) -> str:
         return ""
     counts = ", ".join(f"{count} {outcome}" for outcome, count in (source.get("left_out") or {}).items()) or "none"
     files = (
-        f" (files {_code(source['name'] + '__…')})" if "scenario" in source else ""
+        f" (files {code(source['name'] + '__…')})" if "scenario" in source else ""
     )  # only sources have the key `scenario`
     return _KEPT.format(keep=", ".join(source["keep"]) + files, left_out=counts)
 
@@ -427,58 +481,26 @@ def _kept_section(source: JsonDict) -> str:
 def _source_table(sources: list[JsonDict]) -> str:
     rows = ["| files | scenario | seed | episodes | |", "| --- | --- | ---: | ---: | --- |"]
     for source in sources:
-        scenario = "driven by people" if source["scenario"] is None else _inline(source["scenario"])
+        scenario = "driven by people" if source["scenario"] is None else inline(source["scenario"])
         seed, mirrored = "" if source["seed"] is None else source["seed"], "mirrored" if source.get("mirrored") else ""
         rows.append(
-            f"| {_cell(_code(source['name'] + '__…'))} | {scenario} | {seed} | {len(source['files'])} | {mirrored} |"
+            f"| {cell(code(source['name'] + '__…'))} | {scenario} | {seed} | {len(source['files'])} | {mirrored} |"
         )
     return "\n".join(rows)
 
 
 def _count_rows(counts: dict[str, int]) -> str:
-    return "\n".join(f"| {_inline(key)} | {count} |" for key, count in counts.items())
-
-
-def _inline(text: str) -> str:
-    """Text as Markdown that shows it as it is: names come from files of others, and must not become markup."""
-    return _MARKUP.sub(r"\\\g<0>", html.escape(_one_line(text), quote=False))
-
-
-def _code(text: str) -> str:
-    """Text as a Markdown code span, whose delimiters are longer than the backticks in it."""
-    text = _one_line(text)
-    fence = "`" * (_longest_run(text) + 1)
-    return f"{fence} {text} {fence}" if "`" in text or not text.strip() else f"{fence}{text}{fence}"
-
-
-def _cell(markdown: str) -> str:
-    """Markdown in a cell of a table; there a bar must be escaped even in a code span."""
-    return markdown.replace("|", "\\|")
-
-
-def _code_block(text: str) -> str:
-    fence = "`" * max(_longest_run(text) + 1, 3)
-    return f"{fence}\n{text}\n{fence}"
-
-
-def _longest_run(text: str) -> int:
-    """Length of the longest run of backticks."""
-    return max(map(len, re.findall("`+", text)), default=0)
-
-
-def _one_line(text: str) -> str:
-    """Text without line breaks and control characters, which may be invisible or change what is shown."""
-    return "".join(letter if letter.isprintable() else " " for letter in text)
+    return "\n".join(f"| {inline(key)} | {count} |" for key, count in counts.items())
 
 
 def _contact_section(summary: ContactSummary) -> str:
     """Table of the robot's contacts by kind; a sentence if there are none, or they are not counted."""
     uncounted = f"Number of episodes whose contacts were not counted: {summary.uncounted_episodes}."
-    if not summary.contacts:
+    if not summary.by_kind:
         return uncounted if summary.uncounted_episodes else "The robot touched nothing in any frame."
     rows = ["| robot in contact with | episodes | frames | robot at fault | other at fault |"]
     rows.append("| --- | ---: | ---: | ---: | ---: |")
-    for kind, contacts in summary.contacts.items():
+    for kind, contacts in summary.by_kind.items():
         frames = (contacts.frames, contacts.robot_at_fault, contacts.other_at_fault)
         shares = " | ".join(summary.share(count) for count in frames)
         rows.append(f"| {'anything' if kind == ANY_KIND else kind} | {contacts.episodes} | {shares} |")

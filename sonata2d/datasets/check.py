@@ -25,12 +25,10 @@ from .manifest import (
     MANIFEST,
     METRICS,
     SCENARIO,
-    Manifest,
-    ManifestFile,
-    Source,
     manifest_entry,
     read_manifest,
 )
+from .manifest_models import Manifest, ManifestFile, Source
 from .plausibility import Finding, implausible_values
 
 if TYPE_CHECKING:

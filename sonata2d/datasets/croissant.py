@@ -8,23 +8,28 @@ from __future__ import annotations
 
 import hashlib
 import re
+import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import date as Date
 from pathlib import Path
+from typing import Any
 
 import orjson
 
-from ..errors import ConfigError, RecordError
+from ..errors import ConfigError, DatasetWarning, RecordError
 from ..record.files import file_suffix, read_bytes
 from ..record.layout import JsonDict
-from .manifest import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO, is_file_name
+from .manifest import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO
+from .manifest_models import is_file_name
 from .plausibility import Finding
 
 LICENCES = {"cc-by-4.0": "https://creativecommons.org/licenses/by/4.0/"}
 DEFAULT_VERSION = "1.0.0"
+_PERSON, _ORGANISATION = "sc:Person", "sc:Organization"
 CONFORMS_TO = ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"]
 _LICENCE = re.compile(r"[a-z0-9][a-z0-9.+-]*")  # a licence identifier of Hugging Face
+_ADDRESS = re.compile(r"https?://[^\s\"'<>\\^`{|}]+")  # also without characters that end a value in the card
 _VERSION = re.compile(r"(0|[1-9][0-9]*)\.(0|[1-9][0-9]*)\.(0|[1-9][0-9]*)")
 _CONTEXT = {  # as the specification gives it
     "@language": "en",
@@ -84,10 +89,11 @@ class Publication:
     Nothing is taken from the clock, so the same statements give the same bytes.
 
     Attributes:
-        licence: identifier as on Hugging Face; None: the default of the data set.
+        licence: identifier as on Hugging Face, or an https address; None: the default of the data set.
         date: date of publication, YYYY-MM-DD.
         version: MAJOR.MINOR.PATCH.
-        creator: person or organisation.
+        creator: name of a person or an organisation.
+        organisation: whether the creator is an organisation.
         url: page of the data set.
 
     Raises:
@@ -98,17 +104,28 @@ class Publication:
     date: str | None = None
     version: str = DEFAULT_VERSION
     creator: str | None = None
+    organisation: bool = False
     url: str | None = None
 
     def __post_init__(self) -> None:
-        if self.licence is not None and not _LICENCE.fullmatch(self.licence):
-            raise ConfigError(f"{self.licence!r} is not a licence identifier; use one like cc-by-4.0, or other")
+        for field in fields(self):  # values of a file that was edited may be of any type
+            value = getattr(self, field.name)
+            if field.name != "organisation" and value is not None and not isinstance(value, str):
+                raise ConfigError(f"{field.name} must be a text, got {value!r}")
+        if self.licence is not None and not (_LICENCE.fullmatch(self.licence) or _is_web_page(self.licence)):
+            raise ConfigError(
+                f"{self.licence!r} is not a licence identifier; use one like cc-by-4.0, an https address, or other"
+            )
         if not _VERSION.fullmatch(self.version):
             raise ConfigError(f"{self.version!r} is not a version; use MAJOR.MINOR.PATCH, such as 1.0.0")
         if self.date is not None and not _is_date(self.date):
             raise ConfigError(f"{self.date!r} is not a date; use YYYY-MM-DD")
-        if self.url is not None and not self.url.startswith(("https://", "http://")):
+        if self.url is not None and not _is_web_page(self.url):
             raise ConfigError(f"{self.url!r} is not a web address; use one that begins with https://")
+
+
+def _is_web_page(text: str) -> bool:
+    return _ADDRESS.fullmatch(text) is not None
 
 
 def _is_date(text: str) -> bool:
@@ -119,29 +136,56 @@ def _is_date(text: str) -> bool:
 
 
 def stored_publication(folder: Path) -> Publication:
-    """What `croissant.json` and the card of a data set state; the defaults where they are missing or damaged."""
-    try:
-        metadata = orjson.loads(read_bytes(folder / CROISSANT))
-        licence = next((name for name, url in LICENCES.items() if url == metadata["license"]), metadata["license"])
-        creator = metadata.get("creator", {}).get("name")
-        return Publication(
-            licence,
-            metadata.get("datePublished"),
-            metadata.get("version", DEFAULT_VERSION),
-            creator,
-            metadata.get("url"),
-        )
-    except (RecordError, ConfigError, ValueError, TypeError, KeyError, AttributeError):
+    """What `croissant.json` and the card of a data set state; the defaults where they are missing or not valid."""
+    path = folder / CROISSANT
+    if not path.is_file():
         return Publication(card_licence(folder))
+    try:
+        metadata = orjson.loads(read_bytes(path))
+        stated = _statements(metadata)
+    except (RecordError, ValueError, TypeError, AttributeError) as error:
+        message = f"{path} is not valid Croissant metadata ({error}), so its statements are not kept"
+        warnings.warn(message, DatasetWarning, stacklevel=2)
+        return Publication(card_licence(folder))
+    valid: dict[str, Any] = {"licence": card_licence(folder)}
+    for name, value in stated.items():  # each by itself: a value that sonata2d cannot keep does not affect the others
+        try:
+            Publication(**{name: value})
+            valid[name] = value
+        except (ConfigError, TypeError) as error:
+            warnings.warn(f"{path}: {error}; this statement is not kept", DatasetWarning, stacklevel=2)
+    return Publication(**valid)
+
+
+def _statements(metadata: JsonDict) -> JsonDict:
+    """The fields of `Publication` that metadata state, not yet validated."""
+    creator, licence = metadata.get("creator"), metadata.get("license")
+    stated = {
+        "licence": next((name for name, url in LICENCES.items() if url == licence), licence),
+        "date": metadata.get("datePublished"),
+        "version": metadata.get("version"),
+        "creator": creator.get("name") if isinstance(creator, dict) else creator,
+        "organisation": isinstance(creator, dict) and creator.get("@type") == _ORGANISATION,
+        "url": metadata.get("url"),
+    }
+    return {name: value for name, value in stated.items() if value is not None}
+
+
+def licence_lines(licence: str) -> str:
+    """A licence as lines of the front matter: Hugging Face knows identifiers, and others by their address."""
+    return f"license: other\nlicense_link: {licence}" if _is_web_page(licence) else f"license: {licence}"
 
 
 def card_licence(folder: Path) -> str | None:
-    """The licence in the front matter of a card; None without one."""
+    """The licence in the front matter of a card: its identifier or address; None without one."""
     path = folder / CARD
     text = path.read_text("utf-8", errors="replace") if path.is_file() else ""
     front_matter = text.split("---\n", 2)[1] if text.startswith("---\n") and text.count("---\n") > 1 else ""
-    found = re.search(r"^license: (\S+)$", front_matter, re.MULTILINE)
-    return found[1] if found and _LICENCE.fullmatch(found[1]) else None
+    for key, form in (("license_link", _ADDRESS), ("license", _LICENCE)):
+        found = re.search(rf"^{key}: (\S+)$", front_matter, re.MULTILINE)
+        if found and form.fullmatch(found[1]):
+            return found[1]
+    return None
 
 
 def croissant_findings(folder: Path) -> Iterator[Finding]:
@@ -187,9 +231,6 @@ def croissant_metadata(
         publication: with a licence.
         responsible_ai: properties of the Croissant RAI vocabulary.
     """
-    suffixes = sorted({file_suffix(Path(file["name"])) for file in manifest["files"]}) or [".json"]
-    media_types = [_MEDIA_TYPES[suffix] for suffix in suffixes]
-    manifest_file = {"@id": "manifest.json"}
     licence = publication.licence or "other"
     return {
         "@context": _CONTEXT,
@@ -200,50 +241,66 @@ def croissant_metadata(
         "license": LICENCES.get(licence, licence),
         "version": publication.version,
         **({"datePublished": publication.date} if publication.date else {}),
-        **({"creator": {"@type": "sc:Person", "name": publication.creator}} if publication.creator else {}),
+        **_creator(publication),
         **({"url": publication.url} if publication.url else {}),
         "citeAs": _citation(title, manifest["software"]["sonata2d"], publication),
         "isLiveDataset": False,
         **{f"rai:{name}": value for name, value in responsible_ai.items()},
         "keywords": ["social navigation", "robotics", "pedestrians", "simulation", "sonata2d"],
-        "distribution": [
+        "distribution": _distribution(manifest, manifest_sha256),
+        "recordSet": [_record_set()],
+    }
+
+
+def _distribution(manifest: JsonDict, manifest_sha256: str) -> list[JsonDict]:
+    """The files: the manifest, and the set of episode files."""
+    suffixes = sorted({file_suffix(Path(file["name"])) for file in manifest["files"]}) or [".json"]
+    media_types = [_MEDIA_TYPES[suffix] for suffix in suffixes]
+    return [
+        {
+            "@type": "cr:FileObject",
+            "@id": MANIFEST,
+            "name": MANIFEST,
+            "contentUrl": MANIFEST,
+            "encodingFormat": "application/json",
+            "sha256": manifest_sha256,
+        },
+        {
+            "@type": "cr:FileSet",
+            "@id": "episodes",
+            "name": "episodes",
+            "description": "One JSON document per episode; each document names its columns and units.",
+            "encodingFormat": media_types[0] if len(media_types) == 1 else media_types,
+            "includes": [f"*{suffix}" for suffix in suffixes],
+            "excludes": [MANIFEST, SCENARIO, METRICS, CROISSANT],
+        },
+    ]
+
+
+def _record_set() -> JsonDict:
+    """One record for each episode, with the keys of its row in the manifest."""
+    return {
+        "@type": "cr:RecordSet",
+        "@id": "episode",
+        "name": "episode",
+        "field": [
             {
-                "@type": "cr:FileObject",
-                "@id": "manifest.json",
-                "name": "manifest.json",
-                "contentUrl": "manifest.json",
-                "encodingFormat": "application/json",
-                "sha256": manifest_sha256,
-            },
-            {
-                "@type": "cr:FileSet",
-                "@id": "episodes",
-                "name": "episodes",
-                "description": "One JSON document per episode; each document names its columns and units.",
-                "encodingFormat": media_types[0] if len(media_types) == 1 else media_types,
-                "includes": [f"*{suffix}" for suffix in suffixes],
-                "excludes": [MANIFEST, SCENARIO, METRICS, CROISSANT],
-            },
-        ],
-        "recordSet": [
-            {
-                "@type": "cr:RecordSet",
-                "@id": "episode",
-                "name": "episode",
-                "field": [
-                    {
-                        "@type": "cr:Field",
-                        "@id": f"episode/{name}",
-                        "name": name,
-                        "description": description_of_field,
-                        "dataType": kind,
-                        "source": {"fileObject": manifest_file, "extract": {"jsonPath": f"$.files[*].{name}"}},
-                    }
-                    for name, kind, description_of_field in _FIELDS
-                ],
+                "@type": "cr:Field",
+                "@id": f"episode/{name}",
+                "name": name,
+                "description": description,
+                "dataType": kind,
+                "source": {"fileObject": {"@id": MANIFEST}, "extract": {"jsonPath": f"$.files[*].{name}"}},
             }
+            for name, kind, description in _FIELDS
         ],
     }
+
+
+def _creator(publication: Publication) -> JsonDict:
+    if not publication.creator:
+        return {}
+    return {"creator": {"@type": _ORGANISATION if publication.organisation else _PERSON, "name": publication.creator}}
 
 
 def _citation(title: str, sonata2d: str, publication: Publication) -> str:

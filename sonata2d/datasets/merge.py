@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -93,7 +94,7 @@ def _prefixes(paths: Sequence[Path]) -> list[str]:
     """A distinct file-name prefix for each source folder."""
     prefixes: list[str] = []
     for path in paths:
-        stem, number = safe_text(path.absolute().name), 1
+        stem, number = safe_text(Path(os.path.abspath(path)).name), 1  # `..` gets the name of its folder
         while (prefix := f"{stem}-{number}" if number > 1 else stem) in prefixes:
             number += 1
         prefixes.append(prefix)

@@ -81,7 +81,7 @@ def _check_time(record: EpisodeRecord) -> Iterator[Finding]:
 def _check_speeds(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
     """Speeds must stay within the limits of the robot and the pedestrians."""
     scene = record.scene()
-    limits, maximum_speed = scene.robot.limits, _top_speed(scene) + ROBOT_SPEED_TOLERANCE
+    limits, maximum_speed = scene.robot.limits, scene.robot.top_speed + ROBOT_SPEED_TOLERANCE
     executed = np.hypot(record.executed[:, 0], record.executed[:, 1])
     yield from _worst_tick(executed - maximum_speed, "executed", "the robot's drive", "m/s faster than its limits")
     turning = np.abs(record.executed[:, 2]) - limits.turn - ROUNDING
@@ -93,15 +93,9 @@ def _check_speeds(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]
 
 def _maximum_speeds(scene: Scene) -> Array:
     """(N,), m/s, of the pedestrians."""
-    push = PUSH_SPEED if scene.rules.guard else PUSH_SPEED + _top_speed(scene)  # without the guard it may run into them
+    # without the guard the robot may run into them
+    push = PUSH_SPEED if scene.rules.guard else PUSH_SPEED + scene.robot.top_speed
     return np.array([HURRY_FACTOR * human.desired_speed + push for human in scene.humans])
-
-
-def _top_speed(scene: Scene) -> float:
-    """Maximum speed of the robot's drive, m/s."""
-    robot, limits = scene.robot, scene.robot.limits
-    sideways = limits.sideways if robot.kinematics == "holonomic" else 0.0
-    return math.hypot(max(limits.ahead, limits.back), sideways)
 
 
 def _maximum_overlap(scene: Scene) -> float:
@@ -110,7 +104,7 @@ def _maximum_overlap(scene: Scene) -> float:
     Without the guard, the physics stops the robot, and those that it pushes, up to one substep too late.
     """
     rules = scene.rules
-    return MAXIMUM_OVERLAP if rules.guard else MAXIMUM_OVERLAP + _top_speed(scene) * rules.dt / rules.substeps
+    return MAXIMUM_OVERLAP if rules.guard else MAXIMUM_OVERLAP + scene.robot.top_speed * rules.dt / rules.substeps
 
 
 def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:

@@ -7,6 +7,7 @@ from .api import (
     format_named as format_named,
     import_from as import_from,
     summarised as summarised,
+    unsupported_options as unsupported_options,
 )
 from .base import Format as Format, Options as Options, UnsuitableEpisode as UnsuitableEpisode
 from .from_tracks import save_scenario as save_scenario, scenario_from_tracks as scenario_from_tracks

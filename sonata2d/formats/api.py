@@ -4,40 +4,39 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Self
 
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
-from ..errors import RecordError
+from ..errors import RecordError, UnsuitableEpisode
 from ..record.files import SUFFIXES, compress, file_stem, safe_text, write_atomically
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..registry import FORMATS
-from . import csv_tracks, socnav3, sonata, trajnet
-from .base import Format, Import, Options, UnsuitableEpisode
+from . import sonata
+from .base import Format, Import, Options
 from .parse import encode_episode
 
 Advance = Callable[[int], None]
 _DEFAULT_OPTIONS = Options()
-WITHOUT_WALLS = (csv_tracks.NAME, trajnet.NAME, socnav3.NAME)  # formats whose files may lack the walls
 
 
-class Omission(str):
-    """Why a file was not transferred: one line that names it.
+@dataclass(frozen=True, slots=True)
+class Omission:
+    """Why a file was not transferred; `str` gives the reason.
 
     Attributes:
         file: the source.
+        reason: one line that names the file.
         cause: equal for all files that were not transferred for this reason.
     """
 
     file: Path
+    reason: str
     cause: str
 
-    def __new__(cls, file: Path, reason: str, cause: str) -> Self:
-        omission = super().__new__(cls, reason)
-        omission.file, omission.cause = file, cause
-        return omission
+    def __str__(self) -> str:
+        return self.reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +69,8 @@ def summarised(omissions: Iterable[Omission]) -> list[str]:
     for omission in omissions:
         groups.setdefault(omission.cause, []).append(omission)
     return [
-        first + (f" (and {len(others)} more for this reason)" if others else "") for first, *others in groups.values()
+        str(first) + (f" (and {len(others)} more for this reason)" if others else "")
+        for first, *others in groups.values()
     ]
 
 
@@ -87,6 +87,22 @@ def format_named(name: str) -> Format:
 def _problem(found: object) -> str | None:
     """Why an object cannot be used as a format."""
     return None if isinstance(found, Format) else "is not a Format; define it as sonata2d.formats.Format(...)"
+
+
+def unsupported_options(format: str, options: Options) -> list[str]:
+    """Names of the options that are set, but that a format does not use.
+
+    Raises:
+        RecordError: no format has this name.
+    """
+    supported = format_named(format).options
+    changed = (own.name for own in fields(Options) if getattr(options, own.name) != getattr(_DEFAULT_OPTIONS, own.name))
+    return [name for name in changed if name not in supported]
+
+
+def _require_supported(format: str, options: Options) -> None:
+    if names := unsupported_options(format, options):
+        raise RecordError(f"the format {format} does not use the option {names[0]}; leave it out")
 
 
 def episodes_in(source: Path) -> list[Path]:
@@ -124,13 +140,11 @@ def export_to(
         The files that were written, and why others were not.
 
     Raises:
-        RecordError: no format has this name, it does not export, or the source holds no episodes.
+        RecordError: no format has this name, it does not export or use a given option, or the source holds no
+            episodes.
     """
     chosen, files = format_named(format), episodes_in(source)
-    if options.original and format != sonata.NAME:
-        raise RecordError(f"{format} has no quirks of an original program to reproduce; only {sonata.NAME} has them")
-    if (options.context is not None or options.types) and format != socnav3.NAME:
-        raise RecordError(f"{format} files have no context and no list of object types; only {socnav3.NAME} files do")
+    _require_supported(format, options)
     result, notes = TransferResult([]), Counter[str]()
     if chosen.export_all is not None:
         result.files.extend(chosen.export_all(_read(files, result, advance), out))
@@ -193,14 +207,12 @@ def import_from(
         The episode files that were written, and why others were refused.
 
     Raises:
-        RecordError: no format has this name, it does not import, or the source holds no files of it.
+        RecordError: no format has this name, it does not import or use a given option, or the source holds no
+            files of it.
     """
     chosen, result = format_named(format), TransferResult([])
     read = _import_function(chosen, format)
-    if options.renumber and format != socnav3.NAME:
-        raise RecordError(f"ids are replaced in {socnav3.NAME} files only; leave out --renumber")
-    if options.walls is not None and format not in WITHOUT_WALLS:
-        raise RecordError(f"{format} files hold their walls; a file of walls is for {', '.join(WITHOUT_WALLS)}")
+    _require_supported(format, options)
     is_single = source.is_file() and out.name.endswith(SUFFIXES) and not out.is_dir()
     for file in _sources(source, chosen):
         try:

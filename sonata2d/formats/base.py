@@ -11,36 +11,19 @@ import numpy as np
 
 from ..core.entities import RELATIONS
 from ..core.portable_math import Array, IntArray
-from ..errors import RecordError
+from ..errors import UnsuitableEpisode as UnsuitableEpisode
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
 
 _STAMP_GRID = 2.0**30  # stamps are multiples of 1/_STAMP_GRID s: differences of stamps below 2**23 s are exact
 
 
-class UnsuitableEpisode(RecordError):
-    """An episode is valid, but a format cannot hold it, or readers of the format would misinterpret it.
-
-    Args:
-        path: file of the episode.
-        problem: what the readers would misinterpret; may name ids, ticks and values of the episode.
-        remedy: what the caller can do; the same for all episodes of the kind.
-
-    Attributes:
-        cause: the same for all episodes that a format refuses for this reason; reports are grouped by it.
-    """
-
-    def __init__(self, path: Path, problem: str, remedy: str) -> None:
-        super().__init__(f"{path}: {problem}; {remedy}")
-        self.cause = remedy
-
-
 @dataclass(frozen=True, slots=True)
 class Options:
-    """Options of an export or an import.
+    """Options of an export or an import; each format uses some of them, see `Format.options`.
 
     Attributes:
-        original: reproduce the quirks of the program that the format comes from; only `sonata` has any.
+        original: reproduce the quirks of the program that the format comes from.
         frame_time: duration of one frame number, s, for track files without times.
         context: text for the readers of an exported run; None: that of the episode; empty: none.
         types: type of an object that a format does not list: the type that is written in its place.
@@ -76,6 +59,7 @@ class Format:
             cannot hold.
         export_all: writes all episodes into a folder and returns the files that it wrote.
         note: what the caller must know about the exported file of an episode; None if nothing.
+        options: names of the fields of `Options` that the format uses; others are refused.
 
     Example:
         >>> Format("goal position: x, y in m", ".goal.txt", export=lambda record, options: b"3.0 0.0").suffix
@@ -88,6 +72,7 @@ class Format:
     export: Export | None = None
     export_all: ExportAll | None = None
     note: Callable[[EpisodeRecord, Options], str | None] | None = None
+    options: frozenset[str] = frozenset()
 
 
 def require_all_present(record: EpisodeRecord, format: str) -> None:

@@ -15,11 +15,11 @@ import numpy as np
 
 from ..core.geometry import MAX_MAGNITUDE
 from ..core.portable_math import Array, IntArray
-from ..errors import RecordError
+from ..errors import RecordError, UnsuitableEpisode
 from ..record.files import read_bytes
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import Format, Options, UnsuitableEpisode, require_even_times
+from .base import Format, Options, require_even_times
 from .parse import load_json, numbers, parsing
 from .tracks import Tracks, positions_of_present, tracks_document
 
@@ -192,4 +192,6 @@ def desired_speed_beside(path: Path) -> float | None:
     return float(numbers([settings], ("desired_speed",), settings_file.name)[0, 0])
 
 
-FORMAT = Format("pedestrian tracks: frame, ped, x, y, t", ".csv", import_, export=export)
+FORMAT = Format(
+    "pedestrian tracks: frame, ped, x, y, t", ".csv", import_, export=export, options=frozenset({"frame_time", "walls"})
+)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..core.entities import Human
 from ..core.geometry import Barriers, Point, Pose, quantised
+from ..core.limits import MAX_PERSON_SPEED
 from ..core.portable_math import Array
 from ..errors import ConfigError, RecordError
 from ..record.files import write_atomically
@@ -29,7 +30,6 @@ from .tracks import Tracks
 BODY_RADIUS = Human(1, Pose(0.0, 0.0)).radius  # m
 ALLOWED_OVERLAP = 0.03  # m, of outlines at the start; the physics separates them soon
 _ITERATIONS = 200
-MAXIMUM_SPEED = 8.0  # m/s; a faster step is an error in the file
 WALKING_SPEED = 0.3  # m/s; slower steps are not used to estimate the desired speed
 STANDING_RADIUS = 0.5  # m; a pedestrian who never leaves this circle around the first position stands
 MINIMUM_WALKING_TIME = 2.0  # s; a shorter walk does not show the desired speed
@@ -203,11 +203,11 @@ def _check_continuity(track: Track, median_step: float) -> None:
             " after it another id"
         )
     speed = speeds(track)
-    if len(speed) and speed.max() > MAXIMUM_SPEED:
+    if len(speed) and speed.max() > MAX_PERSON_SPEED:
         k = int(np.argmax(speed))
         raise ValueError(
             f"person {track.id} jumps at {speed[k]:.1f} m/s at {track.time[k]:g} s, faster than people run"
-            f" ({MAXIMUM_SPEED:g} m/s); correct the track, or check that its unit is metres"
+            f" ({MAX_PERSON_SPEED:g} m/s); correct the track, or check that its unit is metres"
         )
 
 

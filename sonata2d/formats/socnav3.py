@@ -12,16 +12,16 @@ import orjson
 
 from ..core.entities import Furniture
 from ..core.geometry import Disc, Shape, inside_polygon
+from ..core.limits import MAX_GRID_CELLS, MAX_PERSON_SPEED
 from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
-from ..errors import RecordError
+from ..errors import RecordError, UnsuitableEpisode
 from ..record.canonical import require_finite, rounded, rounded_rows
 from ..record.layout import HUMAN_ANGLES, HUMAN_NAMES, ROBOT_ANGLES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
 from .base import (
     Format,
     Options,
-    UnsuitableEpisode,
     exact_stamps,
     require_duration,
     require_even_times,
@@ -55,7 +55,6 @@ _EXTRA_STEP_KEYS = ("activity", "interactions", "contacts", "command", "executed
 CELL = 0.05  # m
 UNKNOWN, FREE, OCCUPIED = -1, 0, 1
 _RIM = 5  # unknown cells around the room
-_MAXIMUM_CELLS = 4000  # per side
 
 
 def export(record: EpisodeRecord, options: Options) -> bytes:
@@ -145,7 +144,7 @@ def occupancy_grid(scene: Scene) -> JsonDict:
         cells from the bottom up.
     """
     low, high = scene.outline.min(axis=0), scene.outline.max(axis=0)
-    cell = CELL * math.ceil(max(float((high - low).max()) / (CELL * (_MAXIMUM_CELLS - 2 * _RIM)), 1.0))
+    cell = CELL * math.ceil(max(float((high - low).max()) / (CELL * (MAX_GRID_CELLS - 2 * _RIM)), 1.0))
     origin = np.floor(low / cell) * cell - _RIM * cell
     width, height = (math.ceil((high[k] - origin[k]) / cell - 1e-9) + _RIM for k in (0, 1))
     x, y = (origin[k] + (np.arange(count) + 0.5) * cell for k, count in ((0, width), (1, height)))
@@ -277,7 +276,6 @@ _MISSING = ("humans.radius", "humans.group", "humans.head", "frames.interactions
 _DERIVED = ("humans.id", "objects.id", "frames.humans.velocity", "frames.activity", "room.polygon")
 _TOLERANCE = 0.05  # m, apparent motion of the goal and of objects
 _SHAPES = ("circle", "rectangle")
-MAXIMUM_SPEED = 8.0  # m/s; faster than people run
 
 
 def import_(path: Path, options: Options) -> Iterator[JsonDict]:
@@ -414,7 +412,7 @@ def _check_continuity(time: Array, poses: Array) -> None:
     """Check that no pedestrian jumps: entries with one id that change their order cannot be told apart."""
     step = np.diff(poses[..., POSITION], axis=0) / np.diff(time)[:, None, None]
     speed = np.nan_to_num(np.hypot(step[..., 0], step[..., 1]))
-    for t in np.flatnonzero((speed > MAXIMUM_SPEED).any(axis=1))[:1].tolist():
+    for t in np.flatnonzero((speed > MAX_PERSON_SPEED).any(axis=1))[:1].tolist():
         raise ValueError(
             f"people with the same id change their order at step {t + 1} (one would move at {speed[t].max():.1f} m/s);"
             " give each person an id of their own"
@@ -492,5 +490,10 @@ def _read_goal(goal: JsonDict) -> JsonDict:
 
 
 FORMAT = Format(
-    "trajectory files of the SocNav3 data set, with an occupancy grid", ".json", import_, export=export, note=note
+    "trajectory files of the SocNav3 data set, with an occupancy grid",
+    ".json",
+    import_,
+    export=export,
+    note=note,
+    options=frozenset({"context", "types", "renumber", "walls"}),
 )

@@ -421,5 +421,9 @@ def _command_fractions(frames: list[JsonDict]) -> Array:
 
 
 FORMAT = Format(
-    "robot-frame frame lists of the SONATA toolkit (2020), also read by SNGNN2D-v2", ".json", import_, export=export
+    "robot-frame frame lists of the SONATA toolkit (2020), also read by SNGNN2D-v2",
+    ".json",
+    import_,
+    export=export,
+    options=frozenset({"original"}),
 )

@@ -13,10 +13,11 @@ import numpy as np
 import orjson
 
 from ..core.portable_math import BoolArray, IntArray
+from ..errors import UnsuitableEpisode
 from ..record.files import read_bytes
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import Format, Options, UnsuitableEpisode, require_even_times
+from .base import Format, Options, require_even_times
 from .csv_tracks import read_walls
 from .imported import X
 from .parse import numbers, parsing
@@ -137,4 +138,10 @@ def _frame_time(scenes: list[JsonDict], frame: IntArray) -> float:
     return 1 / rate / float(steps[np.argmax(counts)])
 
 
-FORMAT = Format("pedestrian tracks of TrajNet++, 2.5 frames a second", ".ndjson", import_, export=export)
+FORMAT = Format(
+    "pedestrian tracks of TrajNet++, 2.5 frames a second",
+    ".ndjson",
+    import_,
+    export=export,
+    options=frozenset({"frame_time", "walls"}),
+)

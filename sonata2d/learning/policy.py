@@ -77,9 +77,8 @@ class GraphPolicy(Controller):
     def reset(self, scene: Scene) -> None:
         self._step = math.ceil((INTERVAL - ROUNDING) / scene.rules.dt)  # ticks between instants, as in recordings
         self._history: deque[Observation] = deque(maxlen=(INSTANTS - 1) * self._step + 2)
-        robot, limits = scene.robot, scene.robot.limits
-        sideways = limits.sideways if robot.kinematics == "holonomic" else 0.0
-        self._scale = np.array([limits.ahead, sideways, limits.turn])
+        limits = scene.robot.limits
+        self._scale = np.array([limits.ahead, scene.robot.sideways_limit, limits.turn])
         self._scene_nodes = SceneNodes(scene)
 
     def act(self, snapshot: Snapshot) -> Twist:

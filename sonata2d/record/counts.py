@@ -60,8 +60,7 @@ def commands_beyond_limits(robot: Robot, command: Array) -> dict[str, dict[str, 
         By component (vx, vy, omega): number of frames, and the command that exceeds its limit most, with that limit;
         without signs, so that a mirror image has the same. Components that stay within their limits are left out.
     """
-    limits = robot.limits
-    sideways = limits.sideways if robot.kinematics == "holonomic" else 0.0
+    limits, sideways = robot.limits, robot.sideways_limit
     lower = np.array([-limits.back, -sideways, -limits.turn])
     upper = np.array([limits.ahead, sideways, limits.turn])
     excess = np.maximum(command - upper, lower - command)

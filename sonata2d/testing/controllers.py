@@ -9,7 +9,7 @@ from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import is_built_in
 from ..core.scene import Scene
 from ..core.snapshot import Outcome
-from ..datasets.counts import commands_warning
+from ..datasets.summaries import commands_warning
 from ..errors import ControllerWarning
 from ..record.layout import JsonDict
 from ..record.recorder import EpisodeRecorder

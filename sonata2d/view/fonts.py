@@ -19,6 +19,7 @@ from pathlib import Path
 
 import pygame
 
+from ..errors import RenderError
 from .palette import Colour
 
 FAMILY = "Noto Sans"
@@ -42,9 +43,16 @@ class _Face:
 
     @property
     def path(self) -> Path:
-        """The file, in one of the two folders of fonts."""
+        """The file, in one of the two folders of fonts.
+
+        Raises:
+            RenderError: neither folder has it.
+        """
         own = Path(__file__).with_name("typefaces") / self.file
-        return own if own.exists() else _library() / self.file
+        path = own if own.exists() else _library() / self.file
+        if not path.exists():
+            raise RenderError(f"the font {self.file} is not in {path.parent}; install pygame-gui>=0.6.13,<0.7 again")
+        return path
 
 
 _SANS = _Face("NotoSans-Regular.ttf", "Latn")

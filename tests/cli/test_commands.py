@@ -54,9 +54,9 @@ def test_contacts_and_commands_beyond_the_limits_stand_beside_the_outcomes(sonat
     assert "  with a wall" in output
     described = sonata2d("describe out").output
     assert f"in {touching} of 2 episodes" in described
-    assert "vx up to 9 m/s (limit 1 m/s) in 100 % of the frames" in described
+    assert "vx up to 9 m/s (limit 1 m/s) in 100.0 % of the frames" in described
     facts = json.loads(sonata2d("describe out/000000.json --json").output)
-    assert facts["contacts"]["contacts"]["wall"]["frames"] == manifest["files"][0]["contacts"]["wall"]["frames"]
+    assert facts["contacts"]["by_kind"]["wall"]["frames"] == manifest["files"][0]["contacts"]["wall"]["frames"]
     table = sonata2d("evaluate out --no-rerun --workers 1").output
     assert all(f"{kind}_collisions" in table for kind in ("human", "object", "wall"))
 

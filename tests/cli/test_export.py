@@ -92,10 +92,10 @@ def test_notes_and_options_of_a_format_are_told(sonata2d: Run, dataset: Path, he
     assert result.stderr == ""
     assert json.loads((here / "two/000000.json").read_text())["context_description"] == "Waiting."
     for line, message in (
-        ("export out --to csv -o x --context none", "csv files have no context"),
+        ("export out --to csv -o x --context none", "the format csv does not use --context"),
         ("export out --to socnav3 -o x --as object=", "is not of the form KNOWN or TYPE=KNOWN"),
-        ("import two/000000.json --from npz -o x --renumber", "leave out --renumber"),
-        ("import two --from sonata -o x --walls quick.yaml", "sonata files hold their walls"),
+        ("import two/000000.json --from npz -o x --renumber", "the format npz does not use --renumber"),
+        ("import two --from sonata -o x --walls quick.yaml", "the format sonata does not use --walls"),
     ):
         assert message in sonata2d(line, code=2 if "=" in line else 1).output
 
@@ -115,8 +115,7 @@ def test_quirks_are_refused_for_other_formats(sonata2d: Run, dataset: Path, here
     names = {path.name for path in (here / "exported").iterdir()}
     assert names == {"default__2020-07-17__15:33:20.json", "default__2020-07-17__16:33:20.json"}
     assert (
-        "npz has no quirks of an original program"
-        in sonata2d("export out --to npz --quirks original -o x", code=1).output
+        "the format npz does not use --quirks" in sonata2d("export out --to npz --quirks original -o x", code=1).output
     )
 
 

@@ -70,6 +70,8 @@ def test_a_controller_that_exits_is_an_error_of_its_episode(sonata2d: Run, here:
     assert "episode 2 of seed 0: SystemExit: 0; at tick 3 of episode 2, seed 0 (fatal.py, line 8)" in output
     assert "--resume" in output
     assert (here / "out/failed/000002.json").exists()
+    again = one_line(sonata2d(f"{line} --overwrite", code=1).output)
+    assert "continue with the same command and --resume in place of --overwrite, or" in again
 
 
 def test_a_controller_that_ends_the_process_is_an_error_of_its_episode(sonata2d: Run, here: Path) -> None:

@@ -23,7 +23,7 @@ from sonata2d.datasets.merge import merge_datasets
 from sonata2d.datasets.mirror import mirror_dataset
 from sonata2d.datasets.split import FRACTIONS, assign_parts, scene_key, split_dataset
 from sonata2d.datasets.verification import verify
-from sonata2d.errors import RecordError
+from sonata2d.errors import DatasetWarning, RecordError
 from sonata2d.record.reader import read_episode
 
 from .conftest import QUICK
@@ -117,6 +117,16 @@ def test_merging_keeps_bytes_settings_and_seeds(original: Path, both: Path, tmp_
     mirrored = mirror_dataset(tmp_path / "all", tmp_path / "image")
     assert [source.get("mirrored", False) for source in mirrored["sources"]] == [True, False, True]
     assert verify(tmp_path / "image") == []
+
+
+def test_merged_files_are_named_by_the_folder_that_a_relative_path_means(
+    original: Path, image: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (original / "sub").mkdir(exist_ok=True)
+    monkeypatch.chdir(original / "sub")
+    merged = merge_datasets(["..", image], tmp_path / "both")
+    assert [source["name"] for source in merged["sources"]] == ["one", "image"]
+    (original / "sub").rmdir()
 
 
 def test_check_finds_a_merged_file_that_differs_from_its_source(both: Path, tmp_path: Path) -> None:
@@ -235,6 +245,66 @@ def test_figures_of_a_card_stay_as_long_as_they_show_the_episodes(tmp_path: Path
     assert (folder / "README.md").read_bytes() == card
     small_dataset(folder, episodes=5, resume=True)
     assert b"## Figures" not in (folder / "README.md").read_bytes()
+    assert not (folder / "card.png").exists()
+
+
+def test_an_edited_card_stays_until_it_is_written_again(tmp_path: Path) -> None:
+    folder = small_dataset(tmp_path / "set")
+    card = folder / "README.md"
+    written = card.read_text()
+    split_dataset(folder, HALVES)
+    assert card.read_text() == written
+    edited = written.replace("## Units", "## Notes of the author\nThe lab moved.\n\n## Units")
+    card.write_text(edited)
+    for change in (
+        lambda: split_dataset(folder),
+        lambda: small_dataset(folder, episodes=5, resume=True),
+        lambda: generate_dataset(folder, s2.ScenarioConfig(**QUICK), episodes=1, overwrite=True),
+    ):
+        with pytest.warns(
+            DatasetWarning, match=r"README\.md was edited, so it stays as it is; write it again with `son"
+        ):
+            change()
+        assert card.read_text() == edited
+    write_card(folder, figures=False)
+    assert "The lab moved" not in card.read_text()
+    split_dataset(small_dataset(tmp_path / "other"), HALVES)  # silent again
+
+
+def test_only_statements_that_are_not_valid_are_lost(tmp_path: Path) -> None:
+    folder = small_dataset(tmp_path / "set")
+    licence = "https://opensource.org/license/mit"
+    write_card(folder, figures=False, date="2026-05-01", creator="A Lab", organisation=True, url="https://a.example")
+    path = folder / "croissant.json"
+    metadata = json.loads(path.read_text()) | {"license": licence}
+    path.write_text(json.dumps(metadata))
+    split_dataset(folder, HALVES)
+    written = json.loads(path.read_text())
+    kept = ("license", "datePublished", "creator", "url")
+    assert {key: written[key] for key in kept} == {key: metadata[key] for key in kept}
+    assert written["creator"]["@type"] == "sc:Organization"
+    assert f"license: other\nlicense_link: {licence}\n" in (folder / "README.md").read_text()
+    assert verify(folder) == []
+    path.write_text(json.dumps(written | {"datePublished": "soon", "url": 7}))
+    with pytest.warns(DatasetWarning) as warned:
+        split_dataset(folder)
+    assert [str(one.message).removeprefix(f"{path}: ") for one in warned] == [
+        "'soon' is not a date; use YYYY-MM-DD; this statement is not kept",
+        "url must be a text, got 7; this statement is not kept",
+    ]
+    assert json.loads(path.read_text()).get("license") == licence
+    assert "datePublished" not in json.loads(path.read_text())
+
+
+def test_figures_stay_without_matplotlib_and_go_on_request(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("matplotlib", reason="the figures of the card need sonata2d[plots]")
+    folder = small_dataset(tmp_path / "set")
+    write_card(folder)
+    with monkeypatch.context() as without:
+        without.setattr("importlib.util.find_spec", lambda name: None)
+        assert "## Figures" in write_card(folder, figures=None, licence="mit").read_text()
+    assert (folder / "card.png").exists()
+    assert "## Figures" not in write_card(folder, figures=False).read_text()
     assert not (folder / "card.png").exists()
 
 

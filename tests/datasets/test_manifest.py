@@ -17,10 +17,11 @@ from sonata2d.datasets.manifest import (
     ManifestEntry,
     existing_episodes,
     read_manifest,
-    start_dataset,
     store_episode,
+    write_json,
 )
 from sonata2d.datasets.progress import append_to_log
+from sonata2d.datasets.start import start_dataset
 from sonata2d.errors import RecordError
 from sonata2d.record.files import read_bytes
 from sonata2d.record.recorder import EpisodeRecorder
@@ -168,3 +169,13 @@ def test_of_a_list_with_many_faults_the_first_is_found(tmp_path: Path) -> None:
     with pytest.raises(ValidationError) as caught:
         Manifest.model_validate(manifest)
     assert {error["loc"][1] for error in caught.value.errors() if len(error["loc"]) > 1} == {0}
+
+
+def test_overwriting_removes_no_file_that_only_the_manifest_names(tmp_path: Path) -> None:
+    dataset_in(tmp_path, spec())
+    (tmp_path / "thesis.tex").write_text("mine")
+    manifest = read_manifest(tmp_path)
+    row = manifest["files"][0] | {"name": "thesis.tex"}
+    write_json(tmp_path / "manifest.json", manifest | {"files": [*manifest["files"], row]})
+    start_dataset(tmp_path, spec(), overwrite=True)
+    assert {path.name for path in tmp_path.iterdir()} == {"thesis.tex", "manifest.json", "scenario.json"}

@@ -164,9 +164,9 @@ def test_files_do_not_overwrite_each_other_or_their_source(folder: Path, tmp_pat
         shutil.copy(folder / "000000.json", tmp_path / f"one{suffix}")
     result = export_to(tmp_path, "npz", tmp_path / "out")
     assert [path.name for path in result.files] == ["one.npz"]
-    assert "already holds another episode" in result.refused[0]
+    assert "already holds another episode" in str(result.refused[0])
     result = export_to(tmp_path / "one.json", "socnav3", tmp_path)
-    assert "is the source" in result.refused[0]
+    assert "is the source" in str(result.refused[0])
     assert check_episode(tmp_path / "one.json") == []
     assert read_episode(tmp_path / "one.json").id == "000000"
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import pickle
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +14,15 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.datasets.check import check_episode
-from sonata2d.errors import RecordError
+from sonata2d.errors import RecordError, UnsuitableEpisode
 from sonata2d.formats import trajnet
 from sonata2d.formats.api import TransferResult, export_to, import_from
-from sonata2d.formats.base import Options
+from sonata2d.formats.base import Format, Options
 from sonata2d.formats.imported import POSITION, VELOCITY, VX, X
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord
 from sonata2d.record.recorder import JsonRecorder
+from sonata2d.registry import FORMATS
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
 # frame, ped, x, y: pedestrian 3 is always present, pedestrian 8 enters and leaves
@@ -48,7 +51,7 @@ def refusal(path: Path, format: str = "csv", **options: float) -> str:
     result = import_from(path, format, path.parent / "made", Options(**options))
     assert result.files == []
     assert not (path.parent / "made").exists()
-    (line,) = result.refused
+    (line,) = map(str, result.refused)
     assert "\n" not in line
     return line
 
@@ -67,7 +70,7 @@ def test_csv_keeps_the_positions_of_all_pedestrians(records: list[EpisodeRecord]
     for record in records:
         result = export_to(record.path, "csv", tmp_path / "one.csv")
         if not record.scene().humans:
-            assert "no pedestrian is in the episode" in result.skipped[0]
+            assert "no pedestrian is in the episode" in str(result.skipped[0])
             continue
         back = imported(tmp_path / "one.csv")
         assert (back.states.humans[..., POSITION] == record.states.humans[..., POSITION]).all()
@@ -150,7 +153,9 @@ def test_trajnet_scenes_are_complete_for_their_readers(long_run: Path, tmp_path:
 def test_trajnet_refuses_short_episodes_and_other_tick_lengths(folder: Path, tmp_path: Path) -> None:
     result = export_to(folder, "trajnet", tmp_path / "out")
     assert (result.files, result.refused, len(result.skipped)) == ([], [], 20)
-    assert "no pedestrian is present for 8 s" in result.skipped[0]
+    assert asdict(result)["skipped"][0]["file"] == result.skipped[0].file
+    assert pickle.loads(pickle.dumps(result)) == copy.deepcopy(result) == result
+    assert "no pedestrian is present for 8 s" in str(result.skipped[0])
     record = read_episode(folder / "000000.json")
     slow = record.document | {"rules": record.document["rules"] | {"dt": 0.15}}
     states = replace(record.states, time=record.states.tick * 0.15)
@@ -199,3 +204,20 @@ def test_recipe_for_pedpy_uses_columns_of_exported_files(long_run: Path, tmp_pat
     names: dict[str, object] = {"pandas": pandas}
     exec("import pandas\nfrom pedpy" + recipe.replace("there/000000", str(tmp_path / "long")), names)
     assert len(names["trajectories"].data) == len(names["table"])  # type: ignore[attr-defined, arg-type]
+
+
+def test_errors_of_unsuitable_episodes_can_be_passed_between_processes() -> None:
+    error = UnsuitableEpisode(Path("a.json"), "too short", "record more")
+    again = pickle.loads(pickle.dumps(error))
+    assert (str(again), again.cause) == (str(error), "record more") == ("a.json: too short; record more", error.cause)
+
+
+def test_a_format_says_which_options_it_uses(long_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    texts = []
+    plug_in = Format("text", ".txt", export=lambda record, options: texts.append(options.context) or b"")
+    monkeypatch.setattr(FORMATS, "load", lambda name, problem: plug_in)
+    with pytest.raises(RecordError, match="the format text does not use the option context; leave it out"):
+        export_to(long_run, "text", tmp_path, Options(context="A yard."))
+    plug_in = replace(plug_in, options=frozenset({"context"}))
+    export_to(long_run, "text", tmp_path, Options(context="A yard."))
+    assert texts == ["A yard."]

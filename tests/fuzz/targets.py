@@ -127,12 +127,14 @@ def imported(name: str, path: Path) -> None:
     from sonata2d.record.reader import read_episode
 
     source = path.parent if name == "parquet" else path.parent / "000000.csv" if name == "csv" else path
-    result = import_from(source, name, path.parent / "made", Options(frame_time=0.1))
+    result = import_from(
+        source, name, path.parent / "made", Options(frame_time=0.1 if name in ("csv", "trajnet") else None)
+    )
     for file in result.files:
         read_episode(file)
         check_episode(file)
     if result.refused:
-        raise Refusal(result.refused[0])
+        raise Refusal(str(result.refused[0]))
 
 
 def imports(name: str, *lines: str) -> tuple[Use, ...]:

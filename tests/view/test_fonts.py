@@ -1,9 +1,13 @@
 """Text of all scripts is drawn, in its reading direction, and breaks into lines that fit."""
 
+from pathlib import Path
+
 import numpy as np
 import pygame
 import pytest
 
+from sonata2d.errors import RenderError
+from sonata2d.view import fonts
 from sonata2d.view.fonts import font, printable, rendered, shortened, width_of, wrapped
 
 INK = (0, 0, 0)
@@ -92,3 +96,9 @@ def test_wrapping_marks_what_does_not_fit_into_the_lines():
     assert len(lines) == 2
     assert lines[-1].endswith("…")
     assert wrapped("Anna", 200, 20, max_lines=2) == ["Anna"]
+
+
+def test_a_font_that_is_missing_is_named_with_the_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fonts, "_library", lambda: tmp_path)
+    with pytest.raises(RenderError, match=r"the font Missing\.ttf is not in .*; install pygame-gui>=0\.6\.13,<0\.7"):
+        _ = fonts._Face("Missing.ttf", "Latn").path

@@ -128,8 +128,7 @@ class HumanLike(Controller):
 
 def clip_to_limits(twist: Twist, robot: Robot) -> Twist:
     """Clip a twist to the robot's velocity limits; the sideways limit of a unicycle is 0."""
-    limits = robot.limits
-    sideways = limits.sideways if robot.kinematics == "holonomic" else 0.0
+    limits, sideways = robot.limits, robot.sideways_limit
     return Twist(
         min(max(twist.vx, -limits.back), limits.ahead),
         min(max(twist.vy, -sideways), sideways),

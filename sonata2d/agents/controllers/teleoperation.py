@@ -175,8 +175,7 @@ class Teleoperation(Controller):
         if command["brake"] > 0.5:  # the brake overrides everything else
             return Twist()
         ahead = command["ahead"] * (limits.ahead if command["ahead"] > 0.0 else limits.back)
-        sideways = limits.sideways if snapshot.robot.body.kinematics == "holonomic" else 0.0
-        return Twist(ahead, command["left"] * sideways, command["turn"] * limits.turn)
+        return Twist(ahead, command["left"] * snapshot.robot.body.sideways_limit, command["turn"] * limits.turn)
 
     def label(self, snapshot: Snapshot, twist: Twist) -> Any:
         return {self._label_spec.name: self._label} if self._label_spec.per_frame else None

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import Any, Self
 
 from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from ...core.geometry import MAX_MAGNITUDE
+from ...core.entities import Limits, Robot
+from ...core.geometry import MAX_MAGNITUDE, Pose
 from ...errors import ConfigError
 from ...registry import did_you_mean
 from .base import Entities, Fraction, IntRange, Range, Settings
@@ -187,17 +187,15 @@ class ScenarioConfig(Settings):
 
     @model_validator(mode="after")
     def _check_unguarded_speed(self) -> Self:
-        limits, rules = self.robot.limits, self.rules
-        sideways = limits.sideways if self.robot.kinematics == "holonomic" else 0.0
-        forward = max(limits.ahead, limits.back)
-        speed = math.sqrt(forward * forward + sideways * sideways)
+        rules, limits = self.rules, Limits(**self.robot.limits.model_dump())
+        speed = Robot(Pose(0.0, 0.0, 0.0), kinematics=self.robot.kinematics, limits=limits).top_speed
         step = speed * rules.dt / rules.substeps
         if not rules.guard and (speed > _UNGUARDED_SPEED or step > _UNGUARDED_STEP):
             context = {"speed": f"{speed:.3g}", "step": f"{step:.2g}", "path": ("rules", "guard")}
             message = (
                 f"without the guard the robot may drive at {_UNGUARDED_SPEED:g} m/s, and move {_UNGUARDED_STEP} m in a "
-                "physics step, dt / substeps; its limits are {speed} m/s and {step} m: lower robot.limits, or raise "
-                "rules.substeps"
+                "physics step, dt / substeps; with robot.limits it reaches {speed} m/s and {step} m per physics "
+                "step: lower robot.limits, or raise rules.substeps"
             )
             raise PydanticCustomError("guard", message, context)
         return self

@@ -15,11 +15,11 @@ from sonata2d.core.geometry import Pose
 from sonata2d.core.snapshot import Contact
 from sonata2d.datasets.card import card_text
 from sonata2d.datasets.check import check_dataset
-from sonata2d.datasets.counts import contact_summary, excessive_commands
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.manifest import read_manifest, write_json
 from sonata2d.datasets.merge import merge_datasets
 from sonata2d.datasets.mirror import mirror_dataset
+from sonata2d.datasets.summaries import contact_summary, excessive_commands
 from sonata2d.errors import ControllerWarning
 from sonata2d.metrics.trajectory import Trajectory
 from sonata2d.record.counts import commands_beyond_limits, count_contacts
@@ -91,7 +91,7 @@ def test_mirrored_merged_and_resumed_data_sets_carry_the_counts(careless: Path, 
 
 def test_the_card_shows_contacts_beside_the_outcomes(careless: Path) -> None:
     text, summary = (careless / "README.md").read_text("utf-8"), contact_summary(rows(careless))
-    walls, frames = summary.contacts["wall"], sum(row["ticks"] for row in rows(careless))
+    walls, frames = summary.by_kind["wall"], sum(row["ticks"] for row in rows(careless))
     assert walls.frames > 0
     share, fault = (f"{100 * count / frames:.1f} %" for count in (walls.frames, walls.robot_at_fault))
     assert f"| wall | {walls.episodes} | {share} | {fault} | 0.0 % |" in text
@@ -134,7 +134,7 @@ def test_commands_far_beyond_the_limits_give_one_warning_for_the_batch(tmp_path:
     with pytest.warns(ControllerWarning) as warned:
         generate_dataset(tmp_path / "out", SIDEWAYS, f"{__name__}:Racer", episodes=9, workers=workers)
     (warning,) = warned
-    assert "vx up to 50 m/s (limit 1 m/s) in 100 % of the frames" in str(warning.message)
+    assert "vx up to 50 m/s (limit 1 m/s) in 100.0 % of the frames" in str(warning.message)
     assert "a unicycle does not move sideways" in str(warning.message)
     assert [one.component for one in excessive_commands(rows(tmp_path / "out"))] == ["vx", "vy"]
 

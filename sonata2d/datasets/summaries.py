@@ -35,25 +35,25 @@ class ContactSummary:
     Attributes:
         episodes, frames: number of episodes whose contacts are counted, and of their frames.
         uncounted_episodes: number of the others: imported ones, and those that version 0.1 listed.
-        contacts: by kind (any, human, object, wall); kinds without a contact are left out.
+        by_kind: contacts with any outline, a human, an object or a wall; kinds without a contact are left out.
     """
 
     episodes: int
     frames: int
     uncounted_episodes: int
-    contacts: dict[str, Contacts]
+    by_kind: dict[str, Contacts]
 
     def rows(self) -> list[tuple[str, str]]:
         """The summary as names and texts: all contacts, then each kind."""
         return [
             ("contacts", self._total_text()),
-            *(self._kind_row(kind) for kind in CONTACT_KINDS if kind in self.contacts),
+            *(self._kind_row(kind) for kind in CONTACT_KINDS if kind in self.by_kind),
         ]
 
     def _total_text(self) -> str:
-        parts = ["none"] if self.episodes and not self.contacts else []
-        if self.contacts:
-            total = self.contacts[ANY_KIND]
+        parts = ["none"] if self.episodes and not self.by_kind else []
+        if self.by_kind:
+            total = self.by_kind[ANY_KIND]
             parts = [f"in {total.episodes} of {_episodes(self.episodes)}, {self.share(total.frames)} of the frames"]
         if self.uncounted_episodes:
             parts.append(f"not counted in {_episodes(self.uncounted_episodes)}")
@@ -61,11 +61,10 @@ class ContactSummary:
 
     def share(self, frames: int) -> str:
         """A number of frames as a percentage of all counted frames; a contact never shows as 0 %."""
-        percentage = 100.0 * frames / max(self.frames, 1)
-        return f"{percentage:.1f} %" if percentage >= 0.05 or not frames else "<0.1 %"
+        return _percentage(frames / max(self.frames, 1))
 
     def _kind_row(self, kind: str) -> tuple[str, str]:
-        contacts = self.contacts[kind]
+        contacts = self.by_kind[kind]
         text = f"in {_episodes(contacts.episodes)}, {self.share(contacts.frames)} of the frames"
         faults = {"robot": contacts.robot_at_fault, "other": contacts.other_at_fault}
         at_fault = [f"{side} at fault in {self.share(frames)}" for side, frames in faults.items() if frames]
@@ -79,7 +78,7 @@ class ExcessiveCommands:
     Attributes:
         component: vx, vy or omega.
         frames: number of frames with such a command.
-        share: these frames as a fraction of all counted frames.
+        share: these frames as a fraction of all counted frames, to four digits.
         command, limit: the command that exceeds its limit most, and that limit; m/s or rad/s.
     """
 
@@ -93,10 +92,13 @@ class ExcessiveCommands:
         limit = f"limit {self.limit:g} {_UNITS[self.component]}"
         if self.limit == 0.0:
             limit = "a unicycle does not move sideways"
-        percentage = f"{100.0 * self.share:.0f} %" if self.share >= 0.005 else "<1 %"
-        return (
-            f"{self.component} up to {self.command:g} {_UNITS[self.component]} ({limit}) in {percentage} of the frames"
-        )
+        excess = f"{self.component} up to {self.command:g} {_UNITS[self.component]} ({limit})"
+        return f"{excess} in {_percentage(self.share)} of the frames"
+
+
+def _percentage(fraction: float) -> str:
+    """A fraction as a percentage; what exists never shows as 0 %."""
+    return f"{100.0 * fraction:.1f} %" if fraction >= 0.0005 or fraction == 0.0 else "<0.1 %"
 
 
 def _episodes(count: int) -> str:
@@ -151,5 +153,6 @@ def excessive_commands(rows: Iterable[Mapping[str, Any]]) -> list[ExcessiveComma
         if of_component:
             count = sum(own["frames"] for own in of_component)
             worst = max(of_component, key=lambda own: abs(own["command"] - own["limit"]))
-            found.append(ExcessiveCommands(component, count, count / frames, worst["command"], worst["limit"]))
+            share = max(round(count / frames, 4), 0.0001)  # as precise as it is shown; what exists is never 0
+            found.append(ExcessiveCommands(component, count, share, worst["command"], worst["limit"]))
     return found

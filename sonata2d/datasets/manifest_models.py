@@ -1,0 +1,130 @@
+"""The schema of the manifest of a data set."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from ..core.snapshot import Status
+from ..record.models import Controller, Count, ListOf, Part, Positive, Settings, Software
+
+
+def is_file_name(name: str) -> bool:
+    """Whether a name is that of a file in a folder, and does not lead out of it."""
+    return name not in ("", ".", "..") and not any(letter in name for letter in "/\\\0")
+
+
+def _in_folder(name: str) -> str:
+    """Require the name of a file in the folder of the data set: a manifest must not lead out of it."""
+    if not is_file_name(name):
+        raise ValueError(f"{name!r} is not a file name")
+    return name
+
+
+FileName = Annotated[str, AfterValidator(_in_folder)]
+
+
+_CODE_DESCRIPTION = (
+    "SHA-256 of the source file that defines the controller, by its name; of driver+labeller both. Modules that the "
+    "file imports are not included. Absent: the controller is part of sonata2d, or its source is unknown"
+)
+
+
+class ContactCount(Part):
+    """Frames of an episode in which the robot is in contact with one kind of outline, or with any."""
+
+    frames: Count = Field(description="number of frames in contact")
+    robot_at_fault: Count = Field(description="number of these frames in which the robot's own velocity closes the gap")
+    other_at_fault: Count = Field(
+        description="number of these frames in which the other's velocity closes the gap; both can, or neither"
+    )
+
+
+class CommandExcess(Part):
+    """Commands of an episode in which one component exceeds its limit; the drive executes less."""
+
+    frames: Count = Field(description="number of frames with such a command")
+    command: float = Field(description="m/s or rad/s, size of the command that exceeds the limit most")
+    limit: float = Field(description="m/s or rad/s, the limit that it exceeds")
+
+
+class ManifestFile(Part):
+    """One file of a data set."""
+
+    name: FileName
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
+    bytes: Count
+    episode: Count
+    family: str
+    outcome: Status
+    ticks: Count = Field(description="number of frames")
+    contacts: dict[Literal["any", "human", "object", "wall"], ContactCount] | None = Field(
+        default=None,
+        description="by kind of contact, kinds without a contact left out; absent: not counted (version 0.1, imported)",
+    )
+    commands_beyond_limits: dict[Literal["vx", "vy", "omega"], CommandExcess] | None = Field(
+        default=None,
+        description="by component of the command, components within their limits left out; absent: not counted",
+    )
+    contributor: str | None = Field(default=None, description="name of the driver; collected runs only")
+    seed: int | None = Field(default=None, description="seed of the scene; collected runs only")
+
+
+class Source(Part):
+    """A data set that was merged into this one."""
+
+    name: str = Field(description="prefix of the names of its files")
+    mirrored: bool = Field(default=False, description="whether its episodes are mirror images")
+    scenario: str | None = Field(description="name of the scenario; null: collected runs")
+    settings: Settings | None
+    seed: int | None
+    episodes: Count
+    keep: ListOf[Status] | None = Field(default=None, description="as in a manifest")
+    left_out: dict[str, Count] | None = Field(default=None, description="as in a manifest")
+    controller: Controller | None
+    controller_sha256: dict[str, str] | None = Field(default=None, description="as in a manifest")
+    files: ListOf[FileName]
+
+
+class Counts(Part):
+    """Number of episodes by property."""
+
+    outcome: dict[str, Count]
+    family: dict[str, Count]
+    contributor: dict[str, Count] | None = Field(default=None, description="collected runs only")
+
+
+class Manifest(Part):
+    """Contents of a data set: `manifest.json`."""
+
+    format: Literal["sonata2d-dataset"]
+    version: Literal[1]
+    mirrored: bool = Field(
+        default=False, description="whether the episodes are mirror images of those that settings and seed produce"
+    )
+    collected: bool = Field(
+        default=False, description="whether people drove; each file then holds its own settings, seed and controller"
+    )
+    name: str | None = Field(description="name of the scenario; null: collected runs")
+    settings: Settings | None = Field(description="resolved settings of the scenario")
+    seed: int | None
+    episodes: Count = Field(description="number of episodes requested; with `keep`, number of kept episodes requested")
+    keep: ListOf[Status] | None = Field(
+        default=None, description="outcomes of kept episodes, which are the first ones by number; absent: all"
+    )
+    controller: Controller | None
+    controller_sha256: dict[str, str] | None = Field(default=None, description=_CODE_DESCRIPTION)
+    precision: Positive
+    physics: int
+    complete: bool = Field(description="false during generation and after an interruption")
+    counts: Counts
+    left_out: dict[str, Count] | None = Field(
+        default=None, description="number of episodes not kept before the last listed one, by outcome; only with `keep`"
+    )
+    split: dict[str, ListOf[FileName]] | None = Field(
+        description="file names by part: train, dev, test; null: the data set is not split"
+    )
+    sources: ListOf[Source] | None = Field(default=None, description="the data sets that were merged")
+    files: ListOf[ManifestFile]
+    software: Software

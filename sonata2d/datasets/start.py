@@ -1,0 +1,164 @@
+"""Begins, continues and replaces generated data sets."""
+
+from __future__ import annotations
+
+import re
+import reprlib
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ..core.whole_file import TEMPORARY_PREFIX
+from ..errors import RecordError
+from ..record.files import SUFFIXES, file_suffix
+from ..record.layout import JsonDict
+from ..version import PHYSICS_VERSION
+from .card import has_edited_card
+from .manifest import (
+    CARD,
+    CROISSANT,
+    FAILED,
+    FIGURES,
+    LOG,
+    MANIFEST,
+    METRICS,
+    PREVIEW,
+    SCENARIO,
+    DatasetSpec,
+    identity_of,
+    manifest_of,
+    read_manifest,
+    remove_partial_files,
+    write_json,
+)
+
+_EPISODE_NAME = re.compile(r"[0-9]{6,}\.json(\.gz|\.zst)?")
+_MAXIMUM_DIFFERENCES = 5  # named in a message
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = 100
+
+
+def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, overwrite: bool = False) -> dict[str, str]:
+    """Begin a data set in a new or empty folder or in place of another one, or continue an interrupted one.
+
+    A data set without episodes, as of a run that failed at once, is always replaced.
+
+    Args:
+        folder: of the data set.
+        spec: specification of the data set.
+        resume: continue the data set that the folder holds.
+        overwrite: replace the data set that the folder holds: its episodes and the other files that sonata2d writes.
+            Other files stay.
+
+    Returns:
+        SHA-256 by file name of the files listed in the manifest of a continued data set.
+
+    Raises:
+        RecordError: the folder holds other files, or a data set that can be neither continued nor replaced.
+    """
+    listed: dict[str, str] = {}
+    if folder.exists() and not folder.is_dir():
+        raise RecordError(f"{folder} is a file; choose another name for the folder")
+    if (folder / MANIFEST).exists():
+        stored = read_manifest(folder)
+        _require_replaceable(folder, stored)
+        if resume and not (differences := _differences(stored, spec)):
+            _require_same_suffix(folder, spec)
+            listed = {entry["name"]: entry["sha256"] for entry in stored["files"]}
+        elif overwrite or not (stored["files"] or _episode_files(folder)):
+            _remove_dataset(folder)
+        elif resume:
+            remedy = "replace it with generate --overwrite, or choose another folder"
+            raise RecordError(f"{folder} holds another data set: {differences}; {remedy}")
+        else:
+            raise RecordError(
+                f"{folder} already holds a data set; continue it with --resume, replace it with --overwrite, or choose "
+                "another folder"
+            )
+    elif folder.exists() and any(not path.name.startswith(TEMPORARY_PREFIX) for path in folder.iterdir()):
+        raise RecordError(f"{folder} is not empty and has no {MANIFEST}; choose another folder")
+    remove_partial_files(folder)
+    # The manifest is written first, because a later resumption recognises the data set by it.
+    write_json(folder / MANIFEST, manifest_of(spec, (), complete=False))
+    if spec.settings is not None:
+        write_json(folder / SCENARIO, spec.settings)
+    return listed
+
+
+def remove_failed_episodes(folder: Path) -> None:
+    """Remove the episodes in the subfolder `failed`, and the subfolder if nothing else is in it."""
+    failed = folder / FAILED
+    if failed.is_dir():
+        remove_partial_files(failed)
+        for path in _episode_files(failed):
+            path.unlink(missing_ok=True)
+        with suppress(OSError):
+            failed.rmdir()
+
+
+def _episode_files(folder: Path) -> list[Path]:
+    """The files of a folder that are named as generated episodes are."""
+    return [path for path in folder.iterdir() if _EPISODE_NAME.fullmatch(path.name) and path.is_file()]
+
+
+def _remove_dataset(folder: Path) -> None:
+    """Remove the files that sonata2d writes, the manifest last: if that is interrupted, it can be repeated.
+
+    They are recognised by their names: a manifest that was edited may list any file.
+    """
+    own = (FIGURES, CROISSANT, METRICS, PREVIEW, LOG, SCENARIO) + (() if has_edited_card(folder) else (CARD,))
+    try:
+        for path in (*(folder / name for name in own), *_episode_files(folder)):
+            path.unlink(missing_ok=True)
+        remove_failed_episodes(folder)
+        (folder / MANIFEST).unlink()
+    except OSError as error:
+        raise RecordError(f"{folder} cannot be overwritten: {error.strerror or error}") from error
+
+
+def _require_replaceable(folder: Path, stored: JsonDict) -> None:
+    """Raise RecordError for data sets that `generate` did not make: it neither continues nor replaces them."""
+    if stored["collected"]:
+        raise RecordError(f"{folder} holds runs driven by people; choose another folder")
+    if stored.get("sources"):
+        raise RecordError(f"{folder} holds merged data sets; choose another folder")
+    if stored.get("mirrored"):
+        raise RecordError(f"{folder} holds mirror images; resume the original data set and mirror it again")
+
+
+def _differences(stored: JsonDict, spec: DatasetSpec) -> str:
+    """In which keys a data set differs from a specification, which may have more episodes; empty if in none."""
+    requested = {"keep": None, **identity_of(spec), "physics": PHYSICS_VERSION}
+    if stored["episodes"] < spec.episodes:
+        del requested["episodes"]
+    if (stored["controller"] or {}).get("path") != spec.controller_info.path:  # its settings are then others as well
+        requested["controller"] = {**(stored["controller"] or {}), "path": spec.controller_info.path}
+    found = [
+        f"{key} {_short.repr(old)} stored, {_short.repr(new)} requested"
+        for key, old, new in _changes({key: stored.get(key) for key in requested}, requested)
+    ]
+    # version 0.1 stored no hashes; the episodes of such a data set are taken as they are
+    code = stored.get("controller_sha256") or {}
+    for name, sha256 in spec.controller_sha256.items():
+        if code.get(name, sha256) != sha256:
+            found.append(f"the code of {name}, SHA-256 {code[name][:12]}… stored, {sha256[:12]}… now")
+    rest = len(found) - _MAXIMUM_DIFFERENCES
+    return "; ".join(found[:_MAXIMUM_DIFFERENCES] + ([f"and {rest} more differences"] if rest > 0 else []))
+
+
+def _changes(stored: Any, requested: Any, place: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """The keys in which two documents differ, such as `settings.robot.radius`, with both values."""
+    if isinstance(stored, dict) and isinstance(requested, dict):
+        for key in {**stored, **requested}:
+            yield from _changes(stored.get(key), requested.get(key), f"{place}.{key}" if place else key)
+    elif stored != requested:
+        yield place, stored, requested
+
+
+def _require_same_suffix(folder: Path, spec: DatasetSpec) -> None:
+    """Raise RecordError if the folder holds episode files with another suffix."""
+    for path in folder.iterdir():
+        is_episode = path.name.split(".")[0].isdigit() and path.name.endswith(SUFFIXES)
+        if is_episode and file_suffix(path) != spec.suffix:
+            raise RecordError(f"{folder} holds files like {path.name}; resume with the same --compress")
