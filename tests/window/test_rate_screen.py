@@ -122,7 +122,8 @@ def test_the_mouse_answers_and_saves(folder: Path) -> None:
     rater = Rater(folder, CLASSES)
     rater.watch()
     assert rater.rating.answer is not None
-    rater.click(*rater.rating.answer._choices.places[1].center)
+    assert rater.rating.answer.choices is not None
+    rater.click(*rater.rating.answer.choices.places[1].center)
     assert rater.rating.answer.label == 2
     rater.click(*rater.rating._save_button.rect.center)
     assert [rating.label for rating in rater.ratings] == [2]
@@ -133,8 +134,8 @@ def test_the_slider_is_dragged(folder: Path) -> None:
     rater.watch()
     answer = rater.rating.answer
     assert answer is not None
-    assert answer._scale is not None
-    track = answer._scale.track
+    assert answer.scale is not None
+    track = answer.scale.track
     rater.mouse(pygame.MOUSEBUTTONDOWN, (track.left + track.width // 4, track.centery))
     assert answer.label == pytest.approx(0.25, abs=0.002)
     rater.mouse(pygame.MOUSEMOTION, (5000, 0))

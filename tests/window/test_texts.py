@@ -16,7 +16,7 @@ from sonata2d.window.texts import choose_language, fields_of, languages, text
 
 FOLDER = Path(texts.__file__).parent
 MODULES = sorted(path for path in FOLDER.glob("*.py") if path.name not in ("texts.py", "profiles.py"))
-ENGLISH = texts._table("en")
+ENGLISH = texts.table("en")
 WORDS = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}|^[A-Z][a-z]{2,}")
 NO_WORDS = {
     "Enter", "Backspace", "Space", "Esc", "Ctrl+Q",  # keys, shown as they are printed on them
@@ -80,7 +80,7 @@ def test_every_text_that_a_screen_names_exists_and_every_text_is_used() -> None:
 
 @pytest.mark.parametrize("language", languages())
 def test_a_language_has_all_texts_with_the_same_values(language: str) -> None:
-    table = texts._table(language)
+    table = texts.table(language)
     assert set(table) == set(ENGLISH)
     assert {key for key in table if fields_of(table[key]) != fields_of(ENGLISH[key])} == set()
 
