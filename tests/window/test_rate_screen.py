@@ -18,6 +18,7 @@ from sonata2d.window.rate_screen import RateScreen
 from sonata2d.window.texts import text
 
 from ..record.samples import run
+from .conftest import Line
 from .volunteer import Person
 
 CLASSES = LabelSpec("classes", question="How polite?", classes=("poor", "fair", "good"))
@@ -213,18 +214,11 @@ def test_a_full_disk_is_reported_and_the_answer_stays(folder: Path, monkeypatch:
     assert [rating.label for rating in rater.ratings] == [2]
 
 
-def test_neither_file_nor_driver_is_shown(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sonata2d.window import rate_screen
-
-    written: list[str] = []
-    write = rate_screen.write
-    monkeypatch.setattr(
-        rate_screen, "write", lambda surface, text, *a, **k: (written.append(text), write(surface, text, *a, **k))[1]
-    )
+def test_neither_file_nor_driver_is_shown(folder: Path, drawn: list[Line]) -> None:
     rater = Rater(folder, CLASSES)
     rater.watch()
     rater.frames(2)
-    words = " ".join(written)
+    words = " ".join(line.words for line in drawn)
     assert "How polite?" in words
     assert "0 %" in words
     assert not re.search(r"\d of \d", words), "the number of showings reveals that some are repeats"
