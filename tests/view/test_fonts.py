@@ -59,9 +59,10 @@ def test_the_drawn_width_is_the_measured_width():
 
 
 def test_glyphs_above_the_latin_letters_are_not_cut_off():
+    pygame.font.init()
     for text, file, script in (
-        ("ที่นี่", "typefaces/NotoSansThai-Regular.ttf", "Thai"),
-        ("ﷺ", "data/NotoSansArabic-Regular.ttf", "Arab"),
+        ("ฎู่ปิ๊ญฺู", "typefaces/NotoSansThai-Regular.ttf", "Thai"),
+        ("بِّۗۖ", "data/NotoSansArabic-Regular.ttf", "Arab"),
         ("Ẫ", "data/NotoSans-Regular.ttf", "Latn"),
     ):
         package = fonts if file.startswith("typefaces") else pygame_gui
