@@ -262,7 +262,7 @@ def test_an_error_of_full_screen_is_shown(driver: Callable[..., Driver], monkeyp
     monkeypatch.setattr(pygame.display, "toggle_fullscreen", refuse)
     person.press(pygame.K_F11)
     assert person.screen is person.collect
-    assert "not supported" in person.collect._notice
+    assert "not supported" in person.collect.notice
 
 
 def test_the_screen_says_that_all_runs_are_kept(driver: Callable[..., Driver]) -> None:

@@ -126,7 +126,7 @@ def test_the_mouse_answers_and_saves(folder: Path) -> None:
     assert rater.rating.answer.choices is not None
     rater.click(*rater.rating.answer.choices.places[1].center)
     assert rater.rating.answer.label == 2
-    rater.click(*rater.rating._save_button.rect.center)
+    rater.push("Save & next")
     assert [rating.label for rating in rater.ratings] == [2]
 
 
