@@ -31,9 +31,10 @@ from sonata2d.core.snapshot import Snapshot
 from sonata2d.view.interpolation import between
 from sonata2d.view.painter import Painter
 from sonata2d.window.collect_screen import CollectScreen
-from sonata2d.window.hud import FrameQuestion, Hud, draw_hud
+from sonata2d.window.hud import Hud, draw_hud
 from sonata2d.window.input import InputDevices
 from sonata2d.window.profiles import Profiles
+from sonata2d.window.question_panel import FrameQuestion
 from sonata2d.window.stage import Stage
 
 TICKS = 10  # per second

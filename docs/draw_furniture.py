@@ -16,6 +16,7 @@ from sonata2d.view.brush import Brush
 from sonata2d.view.camera import Camera
 from sonata2d.view.canvas import PixelCanvas
 from sonata2d.view.draw import Layers, picture
+from sonata2d.view.furniture import half_size
 from sonata2d.view.palette import BLUE, FAINT, INK, Colour
 from sonata2d.view.stills import save_surface, snapshot_of
 
@@ -34,7 +35,7 @@ def main(folder: Path) -> None:
     furniture = [Furniture(k, kind, Pose(SPACE * k, 0.0), shape_of_size(SIZES[kind])) for k, kind in enumerate(SIZES)]
     left, right = -SPACE / 2, SPACE * (len(furniture) - 0.5)
     people = [
-        Human(10 + item.id, Pose(item.pose.x, -half_width(item) - STAND, 1.5708), 0.16)
+        Human(10 + item.id, Pose(item.pose.x, -half_size(item)[1] - STAND, 1.5708), 0.16)
         for item in furniture
         if item.type in ATTENDED
     ]
@@ -60,16 +61,9 @@ def main(folder: Path) -> None:
     save_surface(drawn, folder / "furniture.png")
 
 
-def half_width(item: Furniture) -> float:
-    """Half the extent of a piece along its y axis, m."""
-    size = SIZES[item.type]
-    return size[1] / 2 if isinstance(size, tuple) else size
-
-
 def draw_axis(brush: Brush, item: Furniture, direction: tuple[float, float], name: str) -> None:
     """Draw an arrow from the centre of a piece to beyond its outline."""
-    size = SIZES[item.type]
-    half = half_width(item) if name == "y" else size[0] / 2 if isinstance(size, tuple) else size
+    half = half_size(item)["xy".index(name)]
     length = min(half + AXIS, SPACE / 2 - 0.18)
     colour: Colour = BLUE if name == "x" else FAINT
     arrow = brush.at(item.pose.position, direction)

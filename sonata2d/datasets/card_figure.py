@@ -152,7 +152,7 @@ def draw_statistics(path: Path, statistics: EpisodeStatistics, title: str) -> No
     figure = Figure(figsize=(9.6, 6.0), dpi=150, layout="constrained")
     panels = figure.subplots(2, 3)
     figure.suptitle(title, fontsize=11, parse_math=False)
-    bounds = _map_bounds(statistics)
+    bounds = map_bounds(statistics)
     _draw_map(panels[0, 0], statistics.robot, bounds, "Positions of the robot (frames)", _ORANGES)
     _draw_map(panels[0, 1], statistics.pedestrians, bounds, "Positions of the pedestrians (frames)", _BLUES)
     _draw_outcomes(panels[0, 2], statistics.outcomes)
@@ -173,7 +173,7 @@ def draw_statistics(path: Path, statistics: EpisodeStatistics, title: str) -> No
         raise RenderError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
-def _map_bounds(statistics: EpisodeStatistics) -> tuple[float, float, float, float]:
+def map_bounds(statistics: EpisodeStatistics) -> tuple[float, float, float, float]:
     """Smallest and largest x, smallest and largest y of a map that holds all rooms and positions, m."""
     cells = np.array([*statistics.robot, *statistics.pedestrians], dtype=float).reshape(-1, 2)
     corners = [cells * CELL_SIZE, (cells + 1.0) * CELL_SIZE]

@@ -57,7 +57,8 @@ class _Face:
 
 _SANS = _Face("NotoSans-Regular.ttf", "Latn")
 _JAPANESE = _Face("NotoSansJP-Regular.otf", "Hani")
-# The first face that has a character draws it. A script of its own (Devanagari) is needed to shape it.
+# Each character is drawn with the first face that contains it. Devanagari is listed first because HarfBuzz must know
+# its script.
 _FACES = (
     _Face("NotoSans-Regular.ttf", "Deva", (0x900, 0x97F)),
     _SANS,

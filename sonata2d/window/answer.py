@@ -11,7 +11,7 @@ from pygame_gui.elements import UITextEntryLine
 from ..core.devices import DeviceEvent
 from ..core.labels import LABEL_DEVICE, LabelSpec
 from .actions import Action
-from .hud import FrameQuestion
+from .question_panel import FrameQuestion
 from .texts import text
 from .widgets import Choices, Scale
 
@@ -112,17 +112,21 @@ class Answer:
         box: place of the widgets, px.
         scale: of texts and widgets.
         label: answer given before the widgets were rebuilt.
+
+    Attributes:
+        choices: buttons of a discrete question.
+        scale: slider of a continuous one.
     """
 
     def __init__(
         self, spec: LabelSpec, ui: pygame_gui.UIManager, box: pygame.Rect, scale: float, label: Any = None
     ) -> None:
         self.spec = spec
-        self._choices: Choices | None = None
-        self._scale: Scale | None = None
+        self.choices: Choices | None = None
+        self.scale: Scale | None = None
         self._entry: UITextEntryLine | None = None
         if spec.kind == "slider":
-            self._scale = Scale(box, spec.ends, scale=scale, value=label)
+            self.scale = Scale(box, spec.ends, scale=scale, value=label)
         elif spec.kind == "text":
             place = pygame.Rect(box.left, 0, box.width, round(_ROW * scale))
             place.centery = box.centery
@@ -132,7 +136,7 @@ class Answer:
             ui.set_focus_set(self._entry)
         else:
             chosen = None if label is None else labels_of(spec).index(label)
-            self._choices = Choices(box, self._texts(spec), scale, chosen)
+            self.choices = Choices(box, self._texts(spec), scale, chosen)
 
     @staticmethod
     def height_of(spec: LabelSpec, width: int, scale: float) -> int:
@@ -149,13 +153,13 @@ class Answer:
     @property
     def label(self) -> Any:
         """The answer; None before it is given."""
-        if self._scale is not None:
-            return None if self._scale.value is None else self.spec.label_at(self._scale.value)
+        if self.scale is not None:
+            return None if self.scale.value is None else self.spec.label_at(self.scale.value)
         if self._entry is not None:
             return self._entry.get_text().strip() or None
-        if self._choices is None or self._choices.chosen is None:
+        if self.choices is None or self.choices.chosen is None:
             return None
-        return labels_of(self.spec)[self._choices.chosen]
+        return labels_of(self.spec)[self.choices.chosen]
 
     @property
     def is_typing(self) -> bool:
@@ -164,15 +168,15 @@ class Answer:
 
     def handle(self, event: pygame.Event) -> bool:
         """Process an event; returns True if the answer has used it."""
-        if self._scale is not None:
-            return self._scale.handle(event)
-        if self._choices is None:
+        if self.scale is not None:
+            return self.scale.handle(event)
+        if self.choices is None:
             return False
         if event.type != pygame.KEYDOWN:
-            return self._choices.handle(event)
-        chosen = self._choice_of_key(event.key, self._choices.chosen)
+            return self.choices.handle(event)
+        chosen = self._choice_of_key(event.key, self.choices.chosen)
         if chosen is not None:
-            self._choices.chosen = chosen
+            self.choices.chosen = chosen
         return chosen is not None
 
     def type_key(self, event: pygame.Event) -> None:
@@ -188,7 +192,7 @@ class Answer:
 
     def draw(self, surface: pygame.Surface) -> None:
         """Draw what is not a widget of pygame_gui."""
-        for part in (self._scale, self._choices):
+        for part in (self.scale, self.choices):
             if part is not None:
                 part.draw(surface)
 

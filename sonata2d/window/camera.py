@@ -1,4 +1,4 @@
-"""Drawing of a scene that is driven: camera, zoom, personal space, readings, and the mouse joystick."""
+"""Drawing of a scene that is driven: camera, zoom, personal space, readings, tints, and the mouse joystick."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..view.draw import Layers
 from ..view.painter import Painter
-from ..view.palette import INK, OUTSIDE, PAPER
+from ..view.palette import INK, OUTSIDE, PAPER, Colour
 from .actions import Action
 from .hud import Hud, draw_hud, free_area
 from .input import MouseJoystick
@@ -81,3 +81,11 @@ def draw_mouse_joystick(surface: pygame.Surface, joystick: MouseJoystick) -> Non
     surface.blit(disc, (x - side // 2, y - side // 2))
     pygame.draw.aacircle(surface, INK, (x, y), radius, 2)
     pygame.draw.aacircle(surface, INK, knob, radius * 0.22)
+
+
+def draw_tint(surface: pygame.Surface, colour: Colour, alpha: int) -> None:
+    """Blend a colour over the whole picture; alpha is 0 (no effect) to 255 (only the colour)."""
+    kept = 255 - alpha
+    surface.fill((kept, kept, kept), special_flags=pygame.BLEND_RGB_MULT)
+    r, g, b = (value * alpha // 255 for value in colour)
+    surface.fill((r, g, b), special_flags=pygame.BLEND_RGB_ADD)

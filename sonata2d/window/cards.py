@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import pygame
 import pygame_gui
@@ -13,8 +13,9 @@ from ..view.fonts import wrapped
 from ..view.palette import BLUE, FAINT, INK, PAPER, VERMILLION, Colour
 from .actions import Action
 from .answer import question_of
+from .hud import Light
 from .texts import text
-from .widgets import EDGE, LARGE, SMALL, TEXT, natural_width, text_size, write
+from .widgets import EDGE, LARGE, SMALL, TEXT, draw_notice, line_height, natural_width, text_size, write
 
 if TYPE_CHECKING:
     from ..collect.rating import RatingSession
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 Buttons = Sequence[tuple[str, Action]]
 Text = tuple[str, list[str]]  # title and lines
 _WIDTH, _ROW, _GAP = 640, 42, 14  # px at scale 1
-_PITCH = 1.3  # distance of lines, in heights of the text
+_MAX_ROWS = 6  # into which a line below the title is wrapped; an ellipsis replaces the rest
 _SHRINK = 0.92  # factor by which a card becomes smaller until it fits into the window
 _KEY_SHARE, _MEANING_SHARE = 0.23, 0.26  # of the width, for keys and their meanings in two columns of pairs
 _SHORT_RUN = 2.0  # s; a shorter run may have been ended by mistake
@@ -49,7 +50,8 @@ class Card:
         above: a small line above the title.
         warning: a line that stands out, below the others.
         free_height: height left free between lines and buttons, px, for a width in px and a scale.
-        top: of the card, px; None for the middle of the window.
+        top: of the card, px; None for the middle.
+        bottom: edge of the space for the card, px; None for that of the window.
         stacked: whether the buttons are below one another; they are as well if they do not fit side by side.
 
     Attributes:
@@ -70,12 +72,13 @@ class Card:
         warning: str = "",
         free_height: Callable[[int, float], int] | None = None,
         top: int | None = None,
+        bottom: int | None = None,
         stacked: bool = False,
     ) -> None:
         self._texts = (above, title, [line for line in lines if isinstance(line, str)], warning)
         self._pairs = [line for line in lines if isinstance(line, tuple)]
         self.scale = scale
-        window_width, window_height = ui.window_resolution
+        window_width, end = ui.window_resolution[0], bottom or ui.window_resolution[1]
         start = top or 0
         while True:  # smaller until the height fits; the width is limited anyway
             self.box = pygame.Rect(0, 0, min(self._px(_WIDTH * (1.6 if self._pairs else 1.0)), window_width - 20), 0)
@@ -86,19 +89,19 @@ class Card:
             widths = [natural_width(ui, words) + 2 * gap for words, _ in buttons]
             is_stacked = stacked or sum(widths) + gap * (len(buttons) - 1) > inner
             rows = len(buttons) if is_stacked else min(len(buttons), 1)
-            head = gap + sum(round(line.size * _PITCH) for line in self._lines)
+            head = gap + sum(line_height(line.size) for line in self._lines)
             head += (len(self._pairs) + 1) // 2 * self._pair_pitch + self._px(6)
             self.box.height = head + (free + gap if free else 0) + rows * (row + gap) + gap // 2
-            if self.box.height <= window_height - start - 10 or self.scale < 0.4:
+            if self.box.height <= end - start - 10 or self.scale < 0.4:
                 break
             start = 10 if self.scale < 0.8 * scale else start  # rather over the readings than unreadable
             self.scale *= _SHRINK
-        self.box.center = window_width // 2, window_height // 2
+        self.box.center = window_width // 2, end // 2
         if top is not None:
             self.box.top = start
         self.free = pygame.Rect(self.box.left + gap, self.box.top + head, inner, free)
-        bottom = pygame.Rect(self.free.left, self.box.bottom - gap // 2 - rows * (row + gap), inner, row)
-        self._buttons = self._create_buttons(ui, buttons, bottom, widths, is_stacked)
+        place = pygame.Rect(self.free.left, self.box.bottom - gap // 2 - rows * (row + gap), inner, row)
+        self._buttons = self._create_buttons(ui, buttons, place, widths, is_stacked)
 
     def pressed(self, event: pygame.Event) -> Action | None:
         """Action of the button that an event reports as pressed; None for other events."""
@@ -111,12 +114,14 @@ class Card:
         pygame.draw.rect(surface, EDGE, self.box, width=max(self._px(1), 1), border_radius=radius)
         y: float = self.box.top + self._px(_GAP)
         for words, size, colour in self._lines:
-            pitch = round(size * _PITCH)
+            pitch = line_height(size)
             write(surface, words, (self.box.centerx, y + pitch / 2), size=size, colour=colour, anchor="center")
             y += pitch
         self._draw_pairs(surface, y)
         if notice:
-            self._draw_notice(surface, notice)
+            width, gap, size = self.box.width, self._px(6), text_size(TEXT, self.scale)
+            place = self.box.centerx, self.box.bottom + gap
+            draw_notice(surface, notice, place, size=size, max_width=width, otherwise_above=self.box.top - gap)
 
     def kill(self) -> None:
         """Remove the widgets."""
@@ -128,7 +133,7 @@ class Card:
 
     @property
     def _pair_pitch(self) -> int:
-        return round(text_size(TEXT, self.scale) * _PITCH)
+        return line_height(text_size(TEXT, self.scale))
 
     def _laid_out(self, width: int) -> list[_Line]:
         """The texts as lines that fit into a width."""
@@ -138,22 +143,10 @@ class Card:
         laid_out = []
         for words, points, colour in parts:
             size = text_size(points, self.scale)
-            rows = wrapped(words, width, size) or ([""] if words in lines else [])  # empty lines separate paragraphs
-            laid_out += [_Line(row, size, colour) for row in rows]
+            is_line = words in lines  # an empty one separates paragraphs
+            rows = wrapped(words, width, size, max_lines=_MAX_ROWS if is_line else None)
+            laid_out += [_Line(row, size, colour) for row in rows or ([""] if is_line else [])]
         return laid_out
-
-    def _draw_notice(self, surface: pygame.Surface, notice: str) -> None:
-        """A dark box below the card, or above it if there is more space."""
-        size, width = text_size(TEXT, self.scale), self.box.width - 2 * self._px(_GAP)
-        lines, pitch = wrapped(notice, width, size), round(size * _PITCH)
-        box = pygame.Rect(self.box.left, self.box.bottom + self._px(6), self.box.width, 0)
-        box.height = pitch * len(lines) + self._px(_GAP)
-        if box.bottom > surface.get_height():
-            box.bottom = max(self.box.top - self._px(6), box.height)
-        pygame.draw.rect(surface, INK, box, border_radius=self._px(8))
-        for k, line in enumerate(lines):
-            y = box.top + self._px(_GAP) / 2 + (k + 0.5) * pitch
-            write(surface, line, (box.centerx, y), size=size, colour=PAPER, anchor="center")
 
     def _draw_pairs(self, surface: pygame.Surface, top: float) -> None:
         """Keys and their meanings, one half on the left and one on the right."""
@@ -181,7 +174,6 @@ class Card:
 
 # Texts of the driving screen, by the state of the session
 
-Light = Literal["waiting", "recording", "paused", "frozen"]
 LIGHTS: dict[str, Light] = {"waiting": "waiting", "driving": "recording", "paused": "paused", "ended": "frozen"}
 
 _DRIVE = ("keys.driving_keys", "keys.drive")

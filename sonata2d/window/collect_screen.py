@@ -13,13 +13,14 @@ from ..scenegen.scenario.config import ScenarioConfig
 from ..view.interpolation import between
 from ..view.palette import GREEN, VERMILLION
 from .actions import Action
-from .answer import LabelSlider
-from .camera import SceneCamera, draw_mouse_joystick
-from .cards import LIGHTS, keys_of, recovered_notice, state_notice
+from .answer import Answer, LabelSlider
+from .camera import SceneCamera, draw_mouse_joystick, draw_tint
+from .cards import LIGHTS, Card, keys_of, recovered_notice, state_notice
 from .controls_screen import ControlsScreen
-from .hud import Hud, draw_legend, draw_tint
+from .hud import Hud, draw_legend
 from .input import HOTPLUG_EVENTS, InputDevices
 from .overlay import Overlay, Page
+from .scene_panel import ScenePanel
 from .stage import Screen, Stage
 from .texts import text
 
@@ -161,7 +162,7 @@ class CollectScreen:
     def draw(self, surface: pygame.Surface) -> None:
         session = self.session
         snapshot = between(session.before, session.after, self._clock.fraction)
-        notice = self._current_notice()
+        notice = self.notice
         hud = self._hud("" if self._overlay.covers else notice)
         self._camera.draw(surface, snapshot, hud, scale=self._stage.scale)
         if session.state in ("waiting", "ended"):
@@ -177,6 +178,28 @@ class CollectScreen:
         self.session.pause()
         if not isinstance(self._following, ControlsScreen):  # only that screen comes back
             self.session.close()
+
+    @property
+    def card(self) -> Card | None:
+        """The card on show."""
+        return self._overlay.card
+
+    @property
+    def answer(self) -> Answer | None:
+        """Widgets of the question at the end of a run, while they are shown."""
+        return self._overlay.answer
+
+    @property
+    def panel(self) -> ScenePanel | None:
+        """The panel of the scene settings, while it is open."""
+        return self._overlay.panel
+
+    @property
+    def notice(self) -> str:
+        """The latest notice while it is shown, a problem of the journal, or what to do in the present state."""
+        if self._notice_left > 0.0:
+            return self._notice
+        return self.session.journal_error or ("" if self._overlay.covers else state_notice(self.session))
 
     # Actions
 
@@ -333,12 +356,6 @@ class CollectScreen:
 
     def _notify(self, notice: str) -> None:
         self._notice, self._notice_left = notice, _NOTICE_SECONDS
-
-    def _current_notice(self) -> str:
-        """The latest notice while it is shown, a problem of the journal, or what to do in the present state."""
-        if self._notice_left > 0.0:
-            return self._notice
-        return self.session.journal_error or ("" if self._overlay.covers else state_notice(self.session))
 
     def _hud(self, notice: str) -> Hud:
         session = self.session

@@ -1,9 +1,8 @@
-"""Texts, plates and signs over the scene: the readings while driving (HUD) with the question, cards and tints."""
+"""Texts, plates and signs over the scene: the readings while driving (HUD), and the legend."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
@@ -17,15 +16,17 @@ from ..core.snapshot import Snapshot
 from ..view.camera import Camera
 from ..view.canvas import PixelCanvas, put
 from ..view.draw import Layers
-from ..view.fonts import shortened, width_of, wrapped
+from ..view.fonts import shortened, width_of
 from ..view.legend import Legend
-from ..view.palette import BLUE, FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
+from ..view.palette import FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
+from .question_panel import FrameQuestion, question_panel
 from .texts import text
+from .widgets import draw_notice, write
 
 Light = Literal["waiting", "recording", "paused", "frozen", "replay", "watching"]
 
 _REFERENCE_SIZE = (640, 480)  # px, the smallest surface for texts at scale 1
-_TEXT, _PADDING, _PLATE_ALPHA = 21, 8, 222
+_TEXT, _PADDING, _GAP, _PLATE_ALPHA = 21, 8, 8, 222
 _RED: Colour = (200, 30, 30)
 _AMBER: Colour = (176, 108, 0)
 _LIGHTS: dict[str, tuple[str, Colour]] = {  # sign and colour
@@ -36,11 +37,16 @@ _LIGHTS: dict[str, tuple[str, Colour]] = {  # sign and colour
     "replay": ("play", shaded(GOAL, 0.2)),
     "watching": ("eye", INK),
 }
-_GAUGES, _KEY = 400, 19  # px at scale 1: width of clearance and speed, font size of keys
-_QUESTION, _QUESTION_TEXT, _NOTICE = 760, 28, 26  # px at scale 1: width of the question, font sizes
-_DIM = (150, 152, 158)  # of 255, the brightness that remains below a card
-_CARD_TITLE, _CARD_LINE, _CARD_PADDING = 34, 23, 26
+_GAUGES, _KEY, _NOTICE = 400, 19, 26  # px at scale 1: width of clearance and speed, text heights of keys and notices
+_MIN_KEY = 19  # px, text height of keys at any scale; 13 px without the space between lines
+_MAX_NOTICE_WIDTH = 1000  # px at scale 1
 _LEGEND = 1.2  # scale of the legend, for the text size of the readings
+
+
+def _limited_scale(size: tuple[int, int], scale: float) -> float:
+    """A scale of texts that a surface of a size in pixels has space for."""
+    limit = min(side / minimum for side, minimum in zip(size, _REFERENCE_SIZE, strict=True))
+    return max(min(scale, limit), 0.25)
 
 
 @dataclass(frozen=True)
@@ -53,8 +59,7 @@ class Pen:
     @classmethod
     def on(cls, surface: pygame.Surface, scale: float) -> Pen:
         """A pen of the requested scale, limited by the size of the surface."""
-        limit = min(side / minimum for side, minimum in zip(surface.get_size(), _REFERENCE_SIZE, strict=True))
-        return cls(surface, max(min(scale, limit), 0.25))
+        return cls(surface, _limited_scale(surface.get_size(), scale))
 
     def px(self, length: float) -> int:
         """Convert a length at scale 1 to pixels of the surface, at least 1."""
@@ -68,7 +73,7 @@ class Pen:
     @property
     def gap(self) -> int:
         """Distance between plates, px."""
-        return self.px(8)
+        return self.px(_GAP)
 
     def width(self, line: str, size: float = _TEXT) -> int:
         """Width of a line, px."""
@@ -82,7 +87,7 @@ class Pen:
         self, line: str, place: Point, *, colour: Colour = INK, size: float = _TEXT, anchor: str = "midleft"
     ) -> pygame.Rect:
         """Write a line; `anchor` names the point of its box at `place`, as in `pygame.Rect`. Returns the box."""
-        return PixelCanvas(self.surface).text(colour, line, place, self.px(size), anchor)
+        return write(self.surface, line, place, size=self.px(size), colour=colour, anchor=anchor)
 
     def plate(self, box: pygame.Rect, *, colour: Colour = PAPER, alpha: int = _PLATE_ALPHA) -> None:
         """Draw a translucent plate with round corners."""
@@ -145,25 +150,6 @@ def _plate_image(size: tuple[int, int], corner: int, colour: Colour, alpha: int)
 
 
 @dataclass(frozen=True, slots=True)
-class FrameQuestion:
-    """A question that is answered while driving.
-
-    Attributes:
-        text: the question.
-        choices: names of the answers, from position 0 to 1; empty for a continuous scale.
-        ends: meanings of 0 and 1 on a continuous scale.
-        keys: the controls that answer it.
-        position: of the current answer, 0 to 1; None before the first answer.
-    """
-
-    text: str
-    choices: tuple[str, ...] = ()
-    ends: tuple[str, str] = ("", "")
-    keys: str = ""
-    position: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class Hud:
     """The readings that do not follow from the snapshot.
 
@@ -194,9 +180,11 @@ def free_area(surface: pygame.Surface, hud: Hud, *, scale: float) -> pygame.Rect
     pen = Pen.on(surface, scale)
     width, height = surface.get_size()
     top = pen.gap + (2 if _has_two_rows(pen) else 1) * (pen.row + pen.gap)
-    bottom = height - pen.gap - ((pen.row + pen.gap) if hud.keys or hud.label else 0)
+    bottom = height - pen.gap
+    if hud.keys or hud.label:
+        bottom -= (pen.row if hud.label else _key_bar_height(pen)) + pen.gap
     if hud.question is not None:
-        bottom -= _QuestionPanel(pen, hud.question).box.height + pen.gap
+        bottom -= question_panel(surface.get_size(), hud.question, pen.scale).height + pen.gap
     return pygame.Rect(0, top, width, max(bottom - top, 1))
 
 
@@ -220,9 +208,11 @@ def draw_hud(
     top = _draw_top(pen, hud, snapshot)
     bottom = _draw_keys(pen, hud.keys, hud.label)
     if hud.question is not None:
-        bottom = _QuestionPanel(pen, hud.question).draw(bottom)
+        bottom = question_panel(surface.get_size(), hud.question, pen.scale).draw(surface, bottom).top - pen.gap
     if hud.notice:
-        top = _draw_notice(pen, hud.notice, top)
+        width = min(surface.get_width() - 2 * pen.gap, pen.px(_MAX_NOTICE_WIDTH))
+        place = surface.get_width() / 2, top
+        top = draw_notice(surface, hud.notice, place, size=pen.px(_NOTICE), max_width=width).bottom + pen.gap
     free = pygame.Rect(pen.gap, top, surface.get_width() - 2 * pen.gap, max(bottom - top, 1))
     _draw_goal_distance(pen, snapshot, camera, origin, free)
 
@@ -278,25 +268,35 @@ def _draw_keys(pen: Pen, keys: tuple[tuple[str, str], ...], label: str) -> int:
         return pen.panel(label, (width - gap, height - gap), "bottomright", max_width=width - 2 * gap).top - gap
     if not keys:
         return height - gap
-    padding, shown, used = pen.px(6), [], 2 * pen.px(6)
+    padding, size = pen.px(6), _key_size(pen)
+    shown, used = [], 2 * padding
     for key, function in keys:
-        widths = pen.width(key, _KEY) + 2 * padding, pen.width(function, _KEY) + 3 * padding
+        widths = width_of(key, size) + 2 * padding, width_of(function, size) + 3 * padding
         if used + sum(widths) > width - 2 * gap:
             break
         used += sum(widths)
         shown.append((key, function, widths))
-    bar = pygame.Rect(gap, height - gap - pen.row, used, pen.row)
-    bar.centerx = width // 2
+    bar = pygame.Rect(0, 0, used, _key_bar_height(pen))
+    bar.midbottom = width // 2, height - gap
     pen.plate(bar)
     x = bar.left + 2 * padding
     for key, function, (cap_width, text_width) in shown:
-        cap = pygame.Rect(x, 0, cap_width, pen.px(22))
+        cap = pygame.Rect(x, 0, cap_width, max(pen.px(22), size))
         cap.centery = bar.centery
         pen.plate(cap, colour=mixed(METAL, PAPER, 0.35), alpha=255)
-        pen.write(key, cap.center, size=_KEY, anchor="center")
-        pen.write(function, (cap.right + padding, bar.centery), size=_KEY, colour=mixed(INK, FAINT, 0.4))
+        write(pen.surface, key, cap.center, size=size, anchor="center")
+        write(pen.surface, function, (cap.right + padding, bar.centery), size=size, colour=mixed(INK, FAINT, 0.4))
         x += cap_width + text_width
     return bar.top - gap
+
+
+def _key_size(pen: Pen) -> int:
+    """Text height of the keys, px; not smaller than readable, and fewer keys are shown in a small window."""
+    return max(pen.px(_KEY), _MIN_KEY)
+
+
+def _key_bar_height(pen: Pen) -> int:
+    return max(pen.row, _key_size(pen) + pen.px(6))
 
 
 def _draw_gauges(pen: Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
@@ -342,112 +342,6 @@ def zone_of(clearance: float) -> tuple[str, str, Colour]:
     return "clear", "ring", shaded(GOAL, 0.3)
 
 
-class _QuestionPanel:
-    """The question asked while driving, with its answers and the current one, at the lower edge.
-
-    Args:
-        pen: of the surface.
-        question: the question.
-
-    Attributes:
-        box: size of the panel, px.
-    """
-
-    def __init__(self, pen: Pen, question: FrameQuestion) -> None:
-        self._pen, self._question = pen, question
-        padding, width = pen.px(14), min(pen.px(_QUESTION), pen.surface.get_width() - 2 * pen.gap)
-        self._inner = width - 2 * padding
-        self._head = wrapped(question.text, self._inner, pen.px(_QUESTION_TEXT))
-        self._head_pitch, self._pitch = pen.px(_QUESTION_TEXT * 1.3), pen.px(_TEXT * 1.3)
-        self._top = padding + len(self._head) * self._head_pitch + pen.px(4)
-        self._chips: list[tuple[pygame.Rect, list[str]]] = []
-        self._ends = [wrapped(end, 0.26 * self._inner, pen.px(_TEXT)) for end in question.ends]
-        scale_height = max(len(end) for end in self._ends) * self._pitch
-        height = self._place_chips(padding) if question.choices else scale_height
-        height += pen.px(_KEY * 1.6) if question.keys else 0
-        self.box = pygame.Rect(0, 0, width, self._top + max(height, self._pitch) + padding)
-
-    def _place_chips(self, padding: int) -> int:
-        """Put the answers into rows; returns their height, px."""
-        pen, gap = self._pen, self._pen.px(6)
-        rows: list[list[tuple[int, list[str]]]] = [[]]
-        used = 0
-        for choice in self._question.choices:
-            lines = wrapped(choice, self._inner - 2 * gap, pen.px(_TEXT)) or [""]
-            width = max(pen.width(line) for line in lines) + 4 * gap
-            if rows[-1] and used + width > self._inner:
-                rows.append([])
-                used = 0
-            rows[-1].append((min(width, self._inner), lines))
-            used += width + gap
-        y = self._top
-        for row in rows:
-            height = max(len(lines) for _, lines in row) * self._pitch + gap
-            x = padding + (self._inner - sum(width for width, _ in row) - gap * (len(row) - 1)) // 2
-            for width, lines in row:
-                self._chips.append((pygame.Rect(x, y, width, height), lines))
-                x += width + gap
-            y += height + gap
-        return y - gap - self._top
-
-    def draw(self, bottom: int) -> int:
-        """Draw the panel above a y coordinate; returns where the free part of the picture ends, px."""
-        pen, box = self._pen, self.box
-        box.bottom, box.centerx = bottom, pen.surface.get_width() // 2
-        pen.plate(box, alpha=240)
-        y = box.top + pen.px(14)
-        for k, line in enumerate(self._head):
-            place = box.centerx, y + (k + 0.5) * self._head_pitch
-            pen.write(line, place, size=_QUESTION_TEXT, anchor="center")
-        if self._chips:
-            self._draw_chips()
-        else:
-            self._draw_scale()
-        if self._question.keys:
-            place = box.centerx, box.bottom - pen.px(8)
-            pen.write(self._question.keys, place, size=_KEY, colour=FAINT, anchor="midbottom")
-        return box.top - pen.gap
-
-    def _draw_chips(self) -> None:
-        pen, position = self._pen, self._question.position
-        current = None if position is None else round(position * (len(self._chips) - 1))
-        for k, (place, lines) in enumerate(self._chips):
-            chip = place.move(self.box.topleft)
-            pen.plate(chip, colour=BLUE if k == current else mixed(METAL, PAPER, 0.5), alpha=255)
-            for row, line in enumerate(lines):
-                y = chip.centery + (row - (len(lines) - 1) / 2) * self._pitch
-                pen.write(line, (chip.centerx, y), colour=PAPER if k == current else INK, anchor="center")
-
-    def _draw_scale(self) -> None:
-        pen, position, box = self._pen, self._question.position, self.box
-        middle = box.top + self._top + max(len(end) for end in self._ends) * self._pitch / 2
-        inner = pygame.Rect(box.left + pen.px(14), 0, self._inner, 1)
-        for lines, anchor, x in zip(self._ends, ("midleft", "midright"), (inner.left, inner.right), strict=True):
-            for k, line in enumerate(lines):
-                pen.write(line, (x, middle + (k - (len(lines) - 1) / 2) * self._pitch), anchor=anchor)
-        track = pygame.Rect(0, 0, round(0.4 * self._inner), pen.px(8))
-        track.center = box.centerx, round(middle)
-        pygame.draw.rect(pen.surface, mixed(METAL, PAPER, 0.3), track, border_radius=pen.px(4))
-        if position is not None:
-            knob = track.left + position * track.width, track.centery
-            pen.sign("dot", knob, pen.px(10), BLUE)
-
-
-def _draw_notice(pen: Pen, notice: str, top: int) -> int:
-    """Draw the notice on a dark plate, so that it stands out."""
-    width, padding = pen.surface.get_width(), pen.px(16)
-    lines = wrapped(notice, min(width - 2 * pen.gap, pen.px(1000)) - 2 * padding, pen.px(_NOTICE), max_lines=3)
-    pitch = pen.px(_NOTICE * 1.3)
-    widest = max((pen.width(line, _NOTICE) for line in lines), default=0)
-    box = pygame.Rect(0, top, widest + 2 * padding, pitch * len(lines) + pen.px(8))
-    box.centerx = width // 2
-    pen.plate(box, colour=INK, alpha=235)
-    for k, line in enumerate(lines):
-        place = box.centerx, box.top + pen.px(4) + (k + 0.5) * pitch
-        pen.write(line, place, colour=PAPER, size=_NOTICE, anchor="center")
-    return box.bottom + pen.gap
-
-
 def _draw_goal_distance(
     pen: Pen, snapshot: Snapshot, camera: Camera, origin: tuple[int, int], free: pygame.Rect
 ) -> None:
@@ -479,42 +373,11 @@ def _draw_goal_distance(
     pen.write(word, box.center, colour=shaded(GOAL, 0.45), anchor="center")
 
 
-# Cards and tints
-
-
-def draw_veil(surface: pygame.Surface, title: str, lines: Sequence[str] = (), *, scale: float = 1.0) -> None:
-    """Dim the picture and show a card at its centre.
-
-    Args:
-        title: of the card.
-        lines: text below the title; long lines are wrapped, and all text is scaled down if there are too many lines.
-        scale: of the texts; limited by the size of the surface.
-    """
-    surface.fill(_DIM, special_flags=pygame.BLEND_RGB_MULT)
-    pen = Pen.on(surface, scale)
-    width, height = surface.get_size()
-    while True:  # smaller until the wrapped texts fit
-        padding = pen.px(_CARD_PADDING)
-        max_width = min(0.94 * width, pen.px(1000)) - 2 * padding
-        sized = [(row, _CARD_TITLE) for row in wrapped(title, max_width, pen.px(_CARD_TITLE))]
-        rows = [row for line in lines for row in wrapped(line, max_width, pen.px(_CARD_LINE)) or [""]]
-        sized += [(row, _CARD_LINE) for row in rows]
-        card_height = 2 * padding + sum(pen.px(size * 1.3) for _, size in sized)
-        if card_height <= 0.94 * height or pen.scale < 0.3:
-            break
-        pen = Pen(surface, 0.92 * pen.scale)
-    widths = [*(pen.width(row, size) for row, size in sized), pen.px(220)]
-    box = pygame.Rect(0, 0, max(widths) + 2 * padding, min(card_height, round(0.94 * height)))
-    box.center = width // 2, height // 2
-    box.clamp_ip(surface.get_rect())
-    pen.plate(box, alpha=245)
-    y = box.top + padding
-    for row, size in sized:
-        pitch = pen.px(size * 1.3)
-        if y + pitch <= box.bottom:
-            colour = INK if size == _CARD_TITLE else mixed(INK, PAPER, 0.15)
-            pen.write(row, (box.centerx, y + pitch / 2), size=size, colour=colour, anchor="center")
-        y += pitch
+def legend_box(
+    size: tuple[int, int], snapshot: Snapshot, *, zones: bool, paths: bool = False, scale: float = 1.0
+) -> pygame.Rect:
+    """Place of the legend on a picture of a given size, px; other arguments as those of `draw_legend`."""
+    return _legend_of(size, snapshot, zones, paths, _limited_scale(size, scale))[1]
 
 
 def draw_legend(
@@ -530,20 +393,19 @@ def draw_legend(
         scale: of the texts; limited by the size of the surface.
     """
     pen = Pen.on(surface, scale)
-    box = surface.get_rect().inflate(-2 * pen.gap, 0)
-    layers, wording = Layers(zones=zones, legend=True), lambda name, **values: text(f"legend.{name}", **values)
-    legend = Legend.of([snapshot], layers, paths=paths, scale=pen.scale * _LEGEND, wording=wording)
-    padding = pen.px(_PADDING)
-    box.height = min(legend.height(box.width) + padding, surface.get_height())
-    box.bottom = surface.get_height() - pen.gap
+    legend, box = _legend_of(surface.get_size(), snapshot, zones, paths, pen.scale)
     pen.plate(box, alpha=255)  # it covers the keys
-    inner = surface.subsurface(box.clip(surface.get_rect()))
-    legend.draw(PixelCanvas(inner), padding, box.width)
+    legend.draw(PixelCanvas(surface.subsurface(box)), pen.px(_PADDING), box.width)
 
 
-def draw_tint(surface: pygame.Surface, colour: Colour, alpha: int) -> None:
-    """Blend a colour over the whole picture; alpha is 0 (no effect) to 255 (only the colour)."""
-    kept = 255 - alpha
-    surface.fill((kept, kept, kept), special_flags=pygame.BLEND_RGB_MULT)
-    r, g, b = (value * alpha // 255 for value in colour)
-    surface.fill((r, g, b), special_flags=pygame.BLEND_RGB_ADD)
+def _legend_of(
+    size: tuple[int, int], snapshot: Snapshot, zones: bool, paths: bool, scale: float
+) -> tuple[Legend, pygame.Rect]:
+    """The legend and the box of its plate, px."""
+    area, gap = pygame.Rect((0, 0), size), round(_GAP * scale)
+    layers, wording = Layers(zones=zones, legend=True), lambda name, **values: text(f"legend.{name}", **values)
+    legend = Legend.of([snapshot], layers, paths=paths, scale=scale * _LEGEND, wording=wording)
+    box = area.inflate(-2 * gap, 0)
+    box.height = legend.height(box.width) + round(_PADDING * scale)
+    box.bottom = area.bottom - gap
+    return legend, box.clip(area)

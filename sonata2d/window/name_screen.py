@@ -26,18 +26,21 @@ class NameScreen:
     Args:
         follow: makes the next screen from the name; its errors are shown, and the question is asked again.
         role: `driver` or `rater`.
+
+    Attributes:
+        entry: field of the name, while the screen is shown.
     """
 
     def __init__(self, follow: Callable[[str], Screen], *, role: Role = "driver") -> None:
         self._follow, self._role = follow, role
         self._name = self._problem = ""  # the field is empty at first: the next person is another one
-        self._entry: UITextEntryLine | None = None
+        self.entry: UITextEntryLine | None = None
         self._following: Screen | None = self
 
     def enter(self, stage: Stage) -> None:
         self._stage = stage
-        if self._entry is not None:
-            self._name = self._entry.get_text()
+        if self.entry is not None:
+            self._name = self.entry.get_text()
         buttons = [(text("name.start"), Action.CONFIRM), (text("name.quit"), Action.QUIT)]
         self._card = Card(
             stage.ui,
@@ -48,23 +51,23 @@ class NameScreen:
             warning=self._problem,
             free_height=lambda _, scale: round(_ENTRY * scale),
         )
-        self._entry = UITextEntryLine(self._card.free, stage.ui, initial_text=self._name)
-        stage.ui.set_focus_set(self._entry)
+        self.entry = UITextEntryLine(self._card.free, stage.ui, initial_text=self._name)
+        stage.ui.set_focus_set(self.entry)
 
     def handle(self, event: pygame.Event) -> None:
         pressed = self._card.pressed(event)
         escaped = event.type == pygame.KEYDOWN and event.key == pygame.K_ESCAPE
-        assert self._entry is not None
+        assert self.entry is not None
         if event.type == pygame.QUIT or pressed is Action.QUIT or escaped:
             self._following = None
         elif pressed is Action.CONFIRM or event.type == pygame_gui.UI_TEXT_ENTRY_FINISHED:
-            self._name = self._entry.get_text()
+            self._name = self.entry.get_text()
             try:
                 self._following = self._follow(self._name)
             except Sonata2dError as error:
                 self._problem = str(error)
                 self._card.kill()
-                self._entry.kill()
+                self.entry.kill()
                 self.enter(self._stage)
 
     def advance(self, seconds: float) -> Screen | None:

@@ -12,6 +12,7 @@ from ..scenegen.scenario.config import ScenarioConfig
 from .actions import Action, help_rows
 from .answer import Answer, LabelSlider
 from .cards import Card, ended_card, menu_buttons
+from .hud import legend_box
 from .input import HOTPLUG_EVENTS
 from .scene_panel import ScenePanel
 from .stage import Stage
@@ -35,6 +36,8 @@ class Overlay:
     Attributes:
         page: page that the person opened, shown instead of the card of the state.
         answer: widgets of the question at the end of the run, while they are shown.
+        card: the card on show.
+        panel: of the scene settings, while it is open.
     """
 
     def __init__(
@@ -47,8 +50,8 @@ class Overlay:
         self._label: Any = None
         self.page: Page | None = None
         self.answer: Answer | None = None
-        self._card: Card | None = None
-        self._panel: ScenePanel | None = None
+        self.card: Card | None = None
+        self.panel: ScenePanel | None = None
 
     @property
     def label(self) -> Any:
@@ -74,28 +77,30 @@ class Overlay:
     def rebuild(self, stage: Stage) -> None:
         """Replace the widgets by those of the current page or state."""
         self._label = self.label
-        for widget in (self._card, self._panel, self.answer):
+        for widget in (self.card, self.panel, self.answer):
             if widget is not None:
                 widget.kill()
-        self._card = self._panel = self.answer = None
+        self.card = self.panel = self.answer = None
         session, ui, scale = self._session, stage.ui, stage.scale
         if self.page == "scene":
-            self._panel = ScenePanel(ui, scale, session.config)
+            self.panel = ScenePanel(ui, scale, session.config)
         elif self.page == "help":
             rows = help_rows(scene_changes=self._scene_changes)
-            self._card = Card(ui, scale, text("help.title"), rows, [(text("help.close"), Action.HELP)])
+            # The zones can be switched on while the help is open; the legend has its most rows then.
+            end = legend_box(stage.size, session.after, zones=True, scale=scale).top
+            self.card = Card(ui, scale, text("help.title"), rows, [(text("help.close"), Action.HELP)], bottom=end)
         elif self.page == "menu":
             lines = [text("menu.kept", count=session.kept)]
-            self._card = Card(ui, scale, text("menu.title"), lines, menu_buttons(self._hidden), stacked=True)
+            self.card = Card(ui, scale, text("menu.title"), lines, menu_buttons(self._hidden), stacked=True)
         elif session.state == "ended":
             spec = session.label_spec
 
             def free_height(width: int, scale: float) -> int:
                 return Answer.height_of(spec, width, scale) if spec.per_run else 0
 
-            self._card = ended_card(ui, scale, session, free_height, round(_TOP * scale))
+            self.card = ended_card(ui, scale, session, free_height, round(_TOP * scale))
             if spec.per_run:
-                self.answer = Answer(spec, ui, self._card.free, self._card.scale, self._label)
+                self.answer = Answer(spec, ui, self.card.free, self.card.scale, self._label)
         elif self.is_done:
             buttons = [
                 (text("run.close"), Action.QUIT),
@@ -104,12 +109,12 @@ class Overlay:
             ]
             buttons = [button for button in buttons if button[1] not in self._hidden]
             lines = [text("run.done_count", count=session.kept)]
-            self._card = Card(ui, scale, text("run.done"), lines, buttons)
+            self.card = Card(ui, scale, text("run.done"), lines, buttons)
 
     @property
     def covers(self) -> bool:
         """Whether a card or the panel is shown; it shows notices then."""
-        return self._card is not None or self._panel is not None
+        return self.card is not None or self.panel is not None
 
     def handle(self, event: pygame.Event) -> Action | ScenarioConfig | bool | None:
         """Process an event.
@@ -120,16 +125,16 @@ class Overlay:
         Raises:
             ConfigError: the counts of the scene panel contradict each other.
         """
-        if self._panel is not None:
-            return self._panel.handle(event) or event.type not in _PASSED_ON
+        if self.panel is not None:
+            return self.panel.handle(event) or event.type not in _PASSED_ON
         if self.answer is not None and event.type == pygame_gui.UI_TEXT_ENTRY_FINISHED:
             return Action.CONFIRM
         if self.answer is not None and (self.answer.handle(event) or self._types(event, self.answer)):
             return True
-        if self._card is None:
+        if self.card is None:
             return None
-        on_card = event.type == pygame.MOUSEBUTTONDOWN and self._card.box.collidepoint(event.pos)
-        return self._card.pressed(event) or on_card or None
+        on_card = event.type == pygame.MOUSEBUTTONDOWN and self.card.box.collidepoint(event.pos)
+        return self.card.pressed(event) or on_card or None
 
     def apply(self, stage: Stage, action: Action) -> None:
         """Change the answer by a label action (wheel, trigger or button)."""
@@ -143,16 +148,16 @@ class Overlay:
 
     def draw(self, surface: pygame.Surface, notice: str = "") -> None:
         """Draw everything but the widgets; a notice is shown beside the card."""
-        if self._card is not None:
-            self._card.draw(surface, notice)
+        if self.card is not None:
+            self.card.draw(surface, notice)
         if self.answer is not None:
             self.answer.draw(surface)
 
     def show_problem(self, problem: str) -> bool:
         """Show an error in the scene panel; returns False if the panel is not open."""
-        if self._panel is None:
+        if self.panel is None:
             return False
-        self._panel.show_problem(problem)
+        self.panel.show_problem(problem)
         return True
 
     def _types(self, event: pygame.Event, answer: Answer) -> bool:

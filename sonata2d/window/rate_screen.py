@@ -21,7 +21,20 @@ from .cards import Card, percent_done, rating_break, rating_end, rating_start
 from .playback import Exporter, Player, playing_time
 from .stage import Screen, Stage
 from .texts import text
-from .widgets import LARGE, MINUS, PLUS, SMALL, TEXT, Timeline, button_row, draw_panel, text_size, write
+from .widgets import (
+    LARGE,
+    MINUS,
+    PLUS,
+    SMALL,
+    TEXT,
+    Timeline,
+    button_row,
+    draw_panel,
+    line_height,
+    text_size,
+    write,
+    write_lines,
+)  # fmt: skip
 
 _SPEEDS = (0.25, 0.5, 1.0, 2.0)
 _DELAY = 1.0  # time to read the text before a run starts, s
@@ -216,7 +229,7 @@ class RateScreen:
         bar_height = round(_LOWER * s) + answer
         self._bar = pygame.Rect(0, height - bar_height, width, bar_height)
         self._lines = self._text_lines(width - 2 * edge, height - bar_height - round(_PICTURE * height))
-        top = round(16 * s) + sum(_pitch(size) for _, size in self._lines)
+        top = round(16 * s) + sum(line_height(size) for _, size in self._lines)
         self._head = pygame.Rect(0, 0, width, top)
         self._picture = pygame.Rect(0, top, width, self._bar.top - top)
         bar = self._bar
@@ -252,8 +265,8 @@ class RateScreen:
         context = (self._record.context if self._record else None) or self._context
         small, large = text_size(TEXT, s), text_size(LARGE, s)
         question = [(line, large) for line in wrapped(question_of(self.session.spec), max_width, large)]
-        used = sum(_pitch(size) for _, size in question)
-        count = min(max((max_height - used) // _pitch(small), 0), _MAX_LINES)
+        used = sum(line_height(size) for _, size in question)
+        count = min(max((max_height - used) // line_height(small), 0), _MAX_LINES)
         lines = wrapped(context, max_width, small, max_lines=count) if count else []
         return [(line, small) for line in lines] + question
 
@@ -263,8 +276,8 @@ class RateScreen:
         s, y = self._stage.scale, self._head.top + round(8 * self._stage.scale)
         draw_panel(surface, self._head, edge="bottom")
         for words, size in self._lines:
-            write(surface, words, (round(20 * s), y + _pitch(size) / 2), size=size)
-            y += _pitch(size)
+            write(surface, words, (round(20 * s), y + line_height(size) / 2), size=size)
+            y += line_height(size)
 
     def _draw_bar(self, surface: pygame.Surface) -> None:
         """Draw the time, the answer or why there is none yet, and the progress of the session."""
@@ -282,15 +295,7 @@ class RateScreen:
         words, colour = text("rating.progress", percent=self._percent, rater=self.session.rater), FAINT
         if self._notice:
             words, colour = self._notice, VERMILLION
-        lines = wrapped(words, box.width - 20, size, max_lines=2)
-        for k, line in enumerate(lines):
-            place = box.centerx, box.centery + (k - (len(lines) - 1) / 2) * _pitch(size)
-            write(surface, line, place, size=size, colour=colour, anchor="center")
+        write_lines(surface, wrapped(words, box.width - 20, size, max_lines=2), box.center, size=size, colour=colour)
         thickness = max(round(4 * s), 1)
         progress = pygame.Rect(0, self._bar.bottom - thickness, self._bar.width * self._percent // 100, thickness)
         surface.fill(BLUE, progress)
-
-
-def _pitch(size: int) -> int:
-    """Distance of lines of a text height, px."""
-    return round(size * 1.25)

@@ -54,6 +54,9 @@ class ScenePanel:
         ui: manager of the window's widgets.
         scale: of texts and widgets.
         config: the current scenario.
+
+    Attributes:
+        rows: by the scenario's key of the count.
     """
 
     def __init__(self, ui: pygame_gui.UIManager, scale: float, config: ScenarioConfig) -> None:
@@ -72,7 +75,7 @@ class ScenePanel:
         self._label(title, 0, 0, _WIDTH - 2 * _GAP, "#title")
         for key, left in zip(("scene.at_least", "scene.at_most"), _COLUMNS, strict=True):
             self._label(text(key), left, 1, _FIELD + 2 * _ROW, "#line")
-        self._rows = {key: self._row(k, key) for k, key in enumerate(counts, 2)}
+        self.rows = {key: self._row(k, key) for k, key in enumerate(counts, 2)}
         self._problem = self._label("", 0, rows - 2, _WIDTH - 2 * _GAP, "#problem")
         half = (_WIDTH - 3 * _GAP) / 2
         self._apply, self._cancel = (
@@ -105,10 +108,15 @@ class ScenePanel:
             row.change(end, (row.low, row.high)[end] + by)
             row.show()
         elif event.ui_element is self._apply:
-            for row in self._rows.values():
+            for row in self.rows.values():
                 row.show()
-            return self._config.changed(**{key: (row.low, row.high) for key, row in self._rows.items()})
+            return self._config.changed(**{key: (row.low, row.high) for key, row in self.rows.items()})
         return Action.SCENE if event.ui_element is self._cancel else None
+
+    @property
+    def problem(self) -> str:
+        """Why the counts cannot be used, as it is shown; empty without a problem."""
+        return str(self._problem.text)
 
     def kill(self) -> None:
         """Remove the widgets."""

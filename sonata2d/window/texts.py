@@ -24,7 +24,7 @@ def text(key: str, /, **values: object) -> str:
     >>> text("readings.run_of", number=2, count=20)
     'run 2 of 20'
     """
-    template = _chosen.get(key) or _table(_ENGLISH)[key]
+    template = _chosen.get(key) or table(_ENGLISH)[key]
     return template.format(**values) if values else template
 
 
@@ -42,13 +42,14 @@ def choose_language(name: str) -> None:
     Raises:
         ConfigError: the table cannot be read, or has an unknown key or value.
     """
-    table = _table(name) if name in languages() else _checked(Path(name), _table(_ENGLISH))
+    texts = table(name) if name in languages() else _checked(Path(name), table(_ENGLISH))
     _chosen.clear()
-    _chosen.update(table)
+    _chosen.update(texts)
 
 
 @cache
-def _table(language: str) -> dict[str, str]:
+def table(language: str) -> dict[str, str]:
+    """All texts of a language that comes with sonata2d, by `section.key`."""
     return _flat(tomllib.loads((_FOLDER / f"{language}.toml").read_text(encoding="utf-8")))
 
 

@@ -10,9 +10,10 @@ from pygame_gui.elements import UIButton
 
 from ..core.devices import View
 from ..errors import RenderError
-from ..view.fonts import wrapped
 from ..view.palette import OUTSIDE
-from .hud import Hud, draw_hud, draw_legend, draw_veil, free_area
+from .actions import Action
+from .cards import Card
+from .hud import Hud, draw_hud, draw_legend, free_area, legend_box
 from .playback import Exporter, Player, Playlist, frame_label, frame_summary, playing_time, run_summary
 from .stage import Screen, Stage
 from .texts import text
@@ -23,7 +24,24 @@ _NARROW, _NOT_IN_NARROW = 900, ("zones", "trails", "png", "svg")  # px; these bu
 _REST = 1.5  # time at the end of a run before the next one begins, s
 _NOTICE = 5.0  # time for which a notice is shown, s
 _HELP_PAGE, _ABOUT_PAGE = "help_title", "about_title"
-_HELP = ("play", "step", "speed", "home", "files", "layers", "zoom", "save", "about", "close")
+_HELP = (  # a key, or the key of its text; the key of its meaning
+    ("player.space_key", "player.help_play"),
+    ("player.arrow_keys", "player.help_frame"),
+    ("player.shift_arrow_keys", "player.help_second"),
+    ("player.home_key", "player.help_home"),
+    ("+ -", "player.help_speed"),
+    ("N, B", "player.help_files"),
+    ("V", "action.view"),
+    ("Z", "action.zones"),
+    ("T", "player.help_trails"),
+    ("H", "action.hud"),
+    ("player.wheel", "help.zoom"),
+    ("P, S", "player.help_save"),
+    ("I", "player.about_title"),
+    ("F1", "help.this"),
+    ("F12", "help.screenshot"),
+    ("Esc", "keys.close"),
+)
 
 
 class ViewScreen:
@@ -39,6 +57,7 @@ class ViewScreen:
         player: of the open run.
         exporter: draws and saves the moment on show.
         saved: paths of the pictures that the person saved.
+        card: of the help or about page, while it is open.
 
     Raises:
         RecordError: none of the files can be read.
@@ -52,6 +71,8 @@ class ViewScreen:
         self._show_hud, self._page, self._closing = True, "", False
         self._rest: float | None = None  # time until the next file begins, s
         self._notice, self._notice_left = "", 0.0
+        self.card: Card | None = None
+        self._card_end = 0  # lower edge of the space for the card, px
         if self.files.skipped:
             self._notify(text("notice.skipped", problem=self.files.skipped))
 
@@ -59,6 +80,11 @@ class ViewScreen:
     def notice(self) -> str:
         """The latest notice while it is shown, otherwise an empty text."""
         return self._notice if self._notice_left > 0.0 else ""
+
+    @property
+    def picture(self) -> pygame.Rect:
+        """The part of the window above the lower bar, px."""
+        return pygame.Rect(0, 0, self._bar.width, self._bar.top)
 
     def enter(self, stage: Stage) -> None:
         self._stage = stage
@@ -73,9 +99,13 @@ class ViewScreen:
         ]
         self._play_button: UIButton = button_row(stage.ui, row, specs, gap=round(5 * s))[2]
         self._build_timeline()
+        self.card = None  # its widgets belonged to the window before
+        self._build_card()
 
     def handle(self, event: pygame.Event) -> None:
-        if self._timeline.handle(event):
+        if self.card is not None and self.card.pressed(event):
+            self._show_page("")
+        elif self._timeline.handle(event):
             self._rest = None
         elif event.type == pygame.QUIT:
             self._closing = True
@@ -95,13 +125,15 @@ class ViewScreen:
             if self._rest <= 0.0:
                 self._rest = None
                 self._open_file(1)
+        if self.card is not None and self._card_end != self._end_of_card():  # activities or the run have changed
+            self._build_card()
         words = text("player.pause" if self.player.playing else "player.play")
         if self._play_button.text != words:
             self._play_button.set_text(words)
         return None if self._closing else self
 
     def draw(self, surface: pygame.Surface) -> None:
-        whole = surface.subsurface((0, 0, self._bar.width, self._bar.top))
+        whole = surface.subsurface(self.picture)
         hud, scale, area = self._hud(), self._stage.scale, whole.get_rect()
         if self._show_hud and self.exporter.view == "top":  # the room is drawn where the readings leave space
             whole.fill(OUTSIDE)
@@ -109,8 +141,8 @@ class ViewScreen:
         camera = self.exporter.draw(whole.subsurface(area))
         if self._show_hud:
             draw_hud(whole, hud, self.exporter.moment, camera, scale=scale, origin=area.topleft)
-        if self._page:
-            draw_veil(whole, text(f"player.{self._page}"), self._page_lines(whole.get_width()), scale=scale)
+        if self.card is not None:
+            self.card.draw(surface)
         if self._page == _HELP_PAGE:
             shown = self.exporter
             draw_legend(whole, shown.moment, zones=shown.zones, paths=shown.trails, scale=scale)
@@ -136,8 +168,8 @@ class ViewScreen:
             ("trails", lambda: self._toggle_layer("trails"), (pygame.K_t,)),
             ("png", lambda: self._save(".png"), (pygame.K_p,)),
             ("svg", lambda: self._save(".svg"), (pygame.K_s,)),
-            ("about", lambda: self._toggle_page(_ABOUT_PAGE), (pygame.K_i,)),
-            ("help", lambda: self._toggle_page(_HELP_PAGE), (pygame.K_F1,)),
+            ("about", lambda: self._show_page(_ABOUT_PAGE), (pygame.K_i,)),
+            ("help", lambda: self._show_page(_HELP_PAGE), (pygame.K_F1,)),
             ("", self.player.restart, (pygame.K_HOME,)),
             ("", self._toggle_hud, (pygame.K_h,)),
             ("", self._escape, (pygame.K_ESCAPE,)),
@@ -169,12 +201,32 @@ class ViewScreen:
     def _toggle_hud(self) -> None:
         self._show_hud = not self._show_hud
 
-    def _toggle_page(self, page: str) -> None:
+    def _show_page(self, page: str) -> None:
+        """Open a page, or close it if it is open already."""
         self._page = "" if self._page == page else page
+        self._build_card()
 
     def _escape(self) -> None:
         """Close the page, or the window if no page is open."""
-        self._page, self._closing = "", not self._page
+        self._closing = not self._page
+        self._show_page("")
+
+    def _build_card(self) -> None:
+        """Replace the card by that of the open page."""
+        if self.card is not None:
+            self.card.kill()
+        self.card, self._card_end = None, self._end_of_card()
+        if self._page:
+            buttons = [(text("help.close"), Action.HELP)]
+            title, stage = text(f"player.{self._page}"), self._stage
+            self.card = Card(stage.ui, stage.scale, title, self._page_lines(), buttons, bottom=self._card_end)
+
+    def _end_of_card(self) -> int:
+        """Upper edge of what is below the card: of the legend with all layers, or of the lower bar, px."""
+        if self._page != _HELP_PAGE:
+            return self._bar.top
+        shown, scale = self.exporter.moment, self._stage.scale
+        return legend_box(self.picture.size, shown, zones=True, paths=True, scale=scale).top
 
     def _open_file(self, direction: int) -> None:
         """Open the next or previous file that can be read."""
@@ -185,6 +237,7 @@ class ViewScreen:
             self.player = Player(self.files.record, speed=self.player.speed)
             self.exporter = Exporter(self.player, like=self.exporter)
             self._build_timeline()
+            self._build_card()
 
     def _notify(self, notice: str) -> None:
         self._notice, self._notice_left = notice, _NOTICE
@@ -207,14 +260,12 @@ class ViewScreen:
         number, count = self.files.index + 1, len(self.files)
         return Hud(number, count, contributor=record.contributor or "", light="replay", label=label)
 
-    def _page_lines(self, width: int) -> Sequence[str]:
-        """Lines of the open page: the keys, or a summary of the run with long texts wrapped."""
+    def _page_lines(self) -> Sequence[str | tuple[str, str]]:
+        """Lines of the open page: keys and their meanings, or a summary of the run."""
         if self._page == _HELP_PAGE:
-            return [text(f"player.help_{name}") for name in _HELP]
-        size = text_size(TEXT, self._stage.scale)
-        entries = [(text(f"player.{name}"), value) for name, value in run_summary(self.files.record)]
-        lines = [text("player.entry", name=name, value=value) for name, value in entries]
-        return [row for line in lines for row in wrapped(line, width * 0.6, size, max_lines=5)]
+            return [(text(key) if key.startswith("player.") else key, text(meaning)) for key, meaning in _HELP]
+        summary = run_summary(self.files.record)
+        return [text("player.entry", name=text(f"player.{name}"), value=value) for name, value in summary]
 
     def _draw_texts(self, surface: pygame.Surface) -> None:
         """Draw time and speed beside the timeline, and below the buttons the tick and the run (or a notice)."""

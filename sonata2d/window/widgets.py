@@ -19,11 +19,13 @@ if TYPE_CHECKING:
 PANEL: Colour = (250, 249, 246)
 EDGE: Colour = (214, 212, 206)
 TEXT, SMALL, LARGE = 20, 18, 28  # heights of texts, px at scale 1
+PITCH = 1.3  # distance of lines, in heights of the text
 PLUS = (pygame.K_PLUS, pygame.K_EQUALS, pygame.K_KP_PLUS)
 MINUS = (pygame.K_MINUS, pygame.K_KP_MINUS)
 HOVER: Colour = (234, 242, 248)  # of a button under the mouse
 _CHOICE_GAP, _CHOICE_ROW = 8, 42  # px at scale 1: between answers, and height of an answer with one line
 _END_SHARE = 0.33  # of a slider's width for the meaning of an end
+_MAX_NOTICE = 5  # lines of a notice
 _BUTTON_PADDING = 8  # px, left and right of a button's text together
 _MIN_TEXT = 17  # px; smaller text is hard to read
 ButtonSpec = tuple[str, Callable[[], object], str]  # text, command, tool tip (may be empty)
@@ -68,6 +70,70 @@ def write(
     line = rendered(shortened(words, max_width, size), size, colour)
     box = line.get_rect(**{anchor: (round(position[0]), round(position[1]))})
     surface.blit(line, box)
+    return box
+
+
+def line_height(size: int) -> int:
+    """Distance of lines of a text height, px."""
+    return round(size * PITCH)
+
+
+def write_lines(
+    surface: pygame.Surface,
+    lines: Sequence[str],
+    centre: tuple[float, float],
+    *,
+    size: int,
+    colour: Colour = INK,
+    anchor: str = "center",
+) -> None:
+    """Draw lines below one another, as a block whose middle is at the height of `centre`.
+
+    Args:
+        surface: target.
+        lines: from top to bottom.
+        centre: of the block, px; its x coordinate is the left or right edge for the anchors `midleft` and `midright`.
+        size: text height, px.
+        colour: RGB.
+        anchor: point of each line that lies below or above `centre`: `center`, `midleft` or `midright`.
+    """
+    pitch = line_height(size)
+    top = centre[1] - (len(lines) - 1) / 2 * pitch
+    for k, line in enumerate(lines):
+        write(surface, line, (centre[0], top + k * pitch), size=size, colour=colour, anchor=anchor)
+
+
+def draw_notice(
+    surface: pygame.Surface,
+    notice: str,
+    midtop: tuple[float, float],
+    *,
+    size: int,
+    max_width: float,
+    otherwise_above: float | None = None,
+) -> pygame.Rect:
+    """Draw a notice on a dark plate, so that it stands out.
+
+    Args:
+        surface: target.
+        notice: its text; what does not fit into five lines is replaced by an ellipsis.
+        midtop: middle of the plate's upper edge, px.
+        size: text height, px.
+        max_width: of the plate, px.
+        otherwise_above: lower edge of the plate if there is not enough space below `midtop`, px; None for no choice.
+
+    Returns:
+        The box of the plate, px.
+    """
+    padding = round(0.6 * size)
+    lines = wrapped(notice, max_width - 2 * padding, size, max_lines=_MAX_NOTICE)
+    widest = max((width_of(line, size) for line in lines), default=0)
+    box = pygame.Rect(0, 0, widest + 2 * padding, line_height(size) * len(lines) + padding // 2)
+    box.midtop = round(midtop[0]), round(midtop[1])
+    if otherwise_above is not None and box.bottom > surface.get_height():
+        box.bottom = max(round(otherwise_above), box.height)
+    pygame.draw.rect(surface, INK, box, border_radius=padding // 2)
+    write_lines(surface, lines, box.center, size=size, colour=PAPER)
     return box
 
 
@@ -226,17 +292,14 @@ class Choices:
 
     def draw(self, surface: pygame.Surface) -> None:
         """Draw the buttons; the chosen one is filled, so that colour is not the only cue of its edge."""
-        radius, pitch = round(6 * self._unit), round(self._size * 1.25)
+        radius = round(6 * self._unit)
         for k, (place, lines) in enumerate(zip(self.places, self._lines, strict=True)):
             is_chosen = k == self.chosen
             fill = BLUE if is_chosen else HOVER if k == self._hovered else PAPER
             pygame.draw.rect(surface, fill, place, border_radius=radius)
             edge = BLUE if is_chosen or k == self._hovered else FAINT
             pygame.draw.rect(surface, edge, place, max(round(self._unit), 1), border_radius=radius)
-            for row, line in enumerate(lines):
-                y = place.centery + (row - (len(lines) - 1) / 2) * pitch
-                colour = PAPER if is_chosen else INK
-                write(surface, line, (place.centerx, y), size=self._size, colour=colour, anchor="center")
+            write_lines(surface, lines, place.center, size=self._size, colour=PAPER if is_chosen else INK)
 
 
 def _grid(texts: Sequence[str], width: int, scale: float) -> tuple[int, int]:
@@ -249,7 +312,7 @@ def _grid(texts: Sequence[str], width: int, scale: float) -> tuple[int, int]:
         if columns > 1 and longest_word > inner:
             break
         lines = max(len(wrapped(words, max(inner, 1), size)) for words in texts)
-        height = max(round(_CHOICE_ROW * scale), round(lines * size * 1.25) + 2 * gap)
+        height = max(round(_CHOICE_ROW * scale), lines * line_height(size) + 2 * gap)
         rows = -(-len(texts) // columns)
         grids.append((rows * (height + gap) * (1.0 + 0.25 * (lines - 1)), columns, height))
     _, columns, height = min(grids)
@@ -264,12 +327,19 @@ class Scale:
         ends: meanings of 0 and 1.
         scale: of texts.
         value: initial value, 0 to 1; None for no value yet.
+        shows_value: whether the value, or how to give one, is written between the ends.
     """
 
     def __init__(
-        self, box: pygame.Rect, ends: tuple[str, str], *, scale: float = 1.0, value: float | None = None
+        self,
+        box: pygame.Rect,
+        ends: tuple[str, str],
+        *,
+        scale: float = 1.0,
+        value: float | None = None,
+        shows_value: bool = True,
     ) -> None:
-        self.box, self.value, self._unit = box, value, scale
+        self.box, self.value, self._unit, self._shows_value = box, value, scale, shows_value
         self._size = text_size(TEXT, scale)
         self._ends = [wrapped(end, box.width * _END_SHARE, self._size) for end in ends]
         edge, height = round(12 * scale), round(8 * scale)
@@ -281,7 +351,7 @@ class Scale:
         """Height that the slider needs in a width, px."""
         size = text_size(TEXT, scale)
         lines = max(len(wrapped(end, width * _END_SHARE, size)) for end in ends)
-        return round(44 * scale) + round(max(lines, 1) * size * 1.25)
+        return round(44 * scale) + max(lines, 1) * line_height(size)
 
     def handle(self, event: pygame.Event) -> bool:
         """Process a mouse event or an arrow key (with Shift: small steps); returns True if the slider has used it."""
@@ -305,11 +375,12 @@ class Scale:
             pygame.draw.aacircle(surface, BLUE, (x, track.centery), 12 * u, max(round(4 * u), 1))
         y = track.bottom + 14 * u + size / 2
         words = text("question.no_value") if value is None else f"{value:.2f}"
-        write(surface, words, (self.box.centerx, y), size=size, colour=FAINT, anchor="center",
-              max_width=self.box.width * (1 - 2 * _END_SHARE))  # fmt: skip
+        if self._shows_value:
+            write(surface, words, (self.box.centerx, y), size=size, colour=FAINT, anchor="center",
+                  max_width=self.box.width * (1 - 2 * _END_SHARE))  # fmt: skip
         for lines, anchor, x in zip(self._ends, ("midleft", "midright"), (self.box.left, self.box.right), strict=True):
-            for k, line in enumerate(lines):
-                write(surface, line, (x, y + k * size * 1.25), size=size, anchor=anchor)
+            middle = y + (len(lines) - 1) / 2 * line_height(size)  # the first lines of both ends are side by side
+            write_lines(surface, lines, (x, middle), size=size, anchor=anchor)
 
     def _set(self, value: float) -> None:
         self.value = value

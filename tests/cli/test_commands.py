@@ -9,6 +9,7 @@ import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from click.testing import CliRunner
@@ -175,15 +176,20 @@ def test_doctor_passes_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_doctor_fails_where_an_installed_package_cannot_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
-    def find_module(name: str) -> None:
+    import_module = importlib.import_module
+
+    def find_module(name: str) -> ModuleType:
         if name == "numba":
             raise ImportError("Numba needs NumPy 2.4 or less")
+        return import_module(name)
 
     monkeypatch.setattr(importlib, "import_module", find_module)
-    ok, found = doctor._package("numba", is_required=False)
+    monkeypatch.setattr(doctor, "trial_digest", lambda: (doctor.DIGEST, 1))
+    rows = doctor.findings()
+    ok, found = rows["numba"]
     assert ok is False
     assert "cannot be imported (ImportError: Numba needs NumPy 2.4 or less); pip install -U numba" in found
-    assert doctor._package("llvmlite", is_required=False)[0]
+    assert rows["llvmlite"][0]
 
 
 @pytest.mark.skipif(not compiled.IS_COMPILED, reason="kernels are interpreted")
@@ -191,7 +197,8 @@ def test_doctor_says_where_machine_code_is_kept(monkeypatch: pytest.MonkeyPatch,
     from sonata2d.core import kernel_cache
 
     monkeypatch.setattr(kernel_cache, "writable_folder", lambda: tmp_path)
-    assert doctor._kernels() == (True, f"{compiled.BACKEND}; machine code in {tmp_path}")
+    monkeypatch.setattr(doctor, "trial_digest", lambda: (doctor.DIGEST, 1))
+    assert doctor.findings()["kernels"] == (True, f"{compiled.BACKEND}; machine code in {tmp_path}")
     monkeypatch.setattr(kernel_cache, "writable_folder", lambda: None)
     ok, text = doctor._kernels()
     assert ok is None

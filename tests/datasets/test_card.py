@@ -20,7 +20,7 @@ from sonata2d_cli import main
 
 from sonata2d.core.proxemics import clearance
 from sonata2d.datasets.card import card_text, write_card
-from sonata2d.datasets.card_figure import _map_bounds, clearances, collect_statistics
+from sonata2d.datasets.card_figure import clearances, collect_statistics, map_bounds
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.manifest import read_manifest, write_json
 from sonata2d.datasets.verification import verify
@@ -111,7 +111,7 @@ def test_the_map_covers_the_rooms_wherever_they_are(folder: Path) -> None:
     states = replace(record.states, robot=record.states.robot + 5.0, humans=record.states.humans + 5.0)
     statistics = collect_statistics([replace(record, document=moved, states=states)])
     assert statistics.rooms == (0.0, 10.0, 0.0, 40.0)
-    assert _map_bounds(statistics) == pytest.approx((-0.3, 10.3, -0.3, 40.3))
+    assert map_bounds(statistics) == pytest.approx((-0.3, 10.3, -0.3, 40.3))
     assert statistics.robot.total() == len(record)
 
 

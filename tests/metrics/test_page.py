@@ -15,20 +15,17 @@ from sonata2d.metrics.catalogue import METRICS, headline_metrics
 from sonata2d.metrics.measurement import Evaluation, Measured, episode_files, measure_files
 from sonata2d.metrics.page import (
     COMPLIANCE,
-    Axis,
     best_of,
     cells,
-    constant_of,
     outcome_counts,
     outcome_kinds,
     page_metrics,
-    panel,
     save_page,
-    shares,
     why_best,
     why_worst,
     worst_of,
 )
+from sonata2d.metrics.page_panels import Axis, constant_of, panel, shares
 from sonata2d.metrics.plots import short_names
 
 from .samples import evaluation, measured

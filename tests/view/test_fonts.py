@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pygame
+import pygame_gui
 import pytest
 
 from sonata2d.errors import RenderError
 from sonata2d.view import fonts
-from sonata2d.view.fonts import font, printable, rendered, shortened, width_of, wrapped
+from sonata2d.view.fonts import EM, font, printable, rendered, shortened, width_of, wrapped
 
 INK = (0, 0, 0)
 CHINESE = "机器人在走廊里的行为有多礼貌？请根据整个过程来评价，不要只看最后一刻。"
@@ -59,9 +60,17 @@ def test_the_drawn_width_is_the_measured_width():
 
 
 def test_glyphs_above_the_latin_letters_are_not_cut_off():
-    for text in ("ที่นี่", "ﷺ", "Ẫ"):
-        alpha = pygame.surfarray.array_alpha(rendered(text, 60, INK))
-        assert not alpha[:, 0].any() or not alpha[:, -1].any()
+    pygame.font.init()
+    for text, file, script in (
+        ("ฎู่ปิ๊ญฺู", "typefaces/NotoSansThai-Regular.ttf", "Thai"),
+        ("بِّۗۖ", "data/NotoSansArabic-Regular.ttf", "Arab"),
+        ("Ẫ", "data/NotoSans-Regular.ttf", "Latn"),
+    ):
+        package = fonts if file.startswith("typefaces") else pygame_gui
+        face = pygame.font.Font(str(Path(str(package.__file__)).parent / file), round(60 * EM))
+        face.set_script(script)
+        whole = face.render(f"\n{text}\n", True, INK)  # empty lines above and below leave space for all of it
+        assert rendered(text, 60, INK).get_bounding_rect().size == whole.get_bounding_rect().size
 
 
 def test_characters_that_cannot_be_drawn_are_removed():

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable
 
 import pygame
 import pytest
@@ -12,79 +10,17 @@ from click.testing import CliRunner
 from pygame_gui.elements import UIButton
 from sonata2d_cli import main
 
-from sonata2d.collect.session import Session
 from sonata2d.datasets.verification import verify
 from sonata2d.record.reader import read_episode
-from sonata2d.scenegen.scenario.config import ScenarioConfig
-from sonata2d.view.canvas import PixelCanvas
-from sonata2d.view.fonts import wrapped
 from sonata2d.window.collect_screen import CollectScreen
 from sonata2d.window.input import InputDevices
 from sonata2d.window.name_screen import NameScreen
-from sonata2d.window.stage import fitting_size
 
-from .fake_devices import FakePads, axis, plugged_in, unplugged
-from .volunteer import Person
+from .conftest import Line
+from .driver import PASSERS, Driver
+from .fake_devices import unplugged
 
-SCENE: dict[str, Any] = {"room": {"kinds": "square", "side": 6}, "humans": [1, 2], "relations": 0, "tables": 0}
-PASSERS = [  # people who enter or leave during a run
-    {"x": -2.0, "y": 1.5, "goals": [[2.0, 1.5]], "exits": True},
-    {"x": -2.0, "y": 2.0, "goals": [[2.0, 2.0]], "exits": True, "enters": 0.5},
-    {"track": [[0.8, 2.2, -1.0], [1.2, 0.5, -1.5], [2.0, -2.0, -1.5]]},
-]
 TEXT = {"kind": "text", "question": "What was odd?"}
-
-
-class Driver(Person):
-    """A person at the driving screen, with the session and pads that can be connected."""
-
-    def __init__(self, folder: Path, size: tuple[int, int] = (1000, 700), **scene: Any) -> None:
-        self.pads = FakePads()
-        self.folder, self._scene = folder, SCENE | scene
-        super().__init__(self._make, size)
-
-    def _make(self) -> CollectScreen:
-        devices = InputDevices(pads=self.pads)
-        self.session = Session(self.folder, "zoe", ScenarioConfig(**self._scene), mappings=devices.mappings)
-        self.collect = CollectScreen(self.session, devices, runs=3, scene_changes=True)
-        return self.collect
-
-    def drive_briefly(self, seconds: float = 0.4) -> None:
-        """Drive ahead, then release the key."""
-        self.hold(pygame.K_w)
-        self.wait(seconds)
-        self.hold()
-
-    def plug_in(self) -> int:
-        """Connect a pad; returns its instance."""
-        pad = self.pads.plug()
-        pygame.event.post(plugged_in())
-        self.wait()
-        return pad
-
-    def tilt(self, pad: int, value: float, seconds: float) -> None:
-        """Tilt the left stick and wait."""
-        pygame.event.post(axis(pad, "left_y", value))
-        self.wait(seconds)
-
-    def kept_file(self) -> Path:
-        """The only kept file."""
-        (path,) = self.folder.glob("zoe__*.json")
-        return path
-
-
-@pytest.fixture
-def driver(tmp_path: Path) -> Iterator[Callable[..., Driver]]:
-    opened: list[Driver] = []
-
-    def make(**options: Any) -> Driver:
-        opened.append(Driver(tmp_path / "runs", **options))
-        return opened[-1]
-
-    yield make
-    for each in opened:
-        each.session._journal.shut()
-        each.session._collection._lock.release()
 
 
 def test_runs_are_kept_discarded_and_redone(driver: Callable[..., Driver]) -> None:
@@ -195,21 +131,13 @@ def test_pause_help_and_menu_stop_the_world(driver: Callable[..., Driver]) -> No
         person.press(pygame.K_ESCAPE if key == pygame.K_g else key)
 
 
-def test_help_explains_the_symbols(driver: Callable[..., Driver], monkeypatch: pytest.MonkeyPatch) -> None:
-    shown: list[str] = []
-    write = PixelCanvas.text
-
-    def noted(canvas: PixelCanvas, colour: Any, words: str, *arguments: Any, **options: Any) -> Any:
-        shown.append(words)
-        return write(canvas, colour, words, *arguments, **options)
-
-    monkeypatch.setattr(PixelCanvas, "text", noted)
+def test_help_explains_the_symbols(driver: Callable[..., Driver], drawn: list[Line]) -> None:
     person = driver()
     person.wait(0.2)
-    assert "field of view" not in shown
+    assert "field of view" not in {words for words, _ in drawn}
     person.press(pygame.K_F1)
     person.wait(0.2)
-    assert {"field of view", "robot", "goal"} <= set(shown)
+    assert {"field of view", "robot", "goal"} <= {words for words, _ in drawn}
 
 
 def test_closing_the_window_during_a_run_loses_nothing(driver: Callable[..., Driver]) -> None:
@@ -238,15 +166,15 @@ def test_a_slow_window_drops_ticks_and_counts_them(driver: Callable[..., Driver]
 def test_the_scene_panel_changes_counts_of_the_next_scene(driver: Callable[..., Driver]) -> None:
     person = driver()
     person.press(pygame.K_g)
-    panel = person.collect._overlay._panel
+    panel = person.collect.panel
     assert panel is not None
-    (plus,) = [button for button, change in panel._changes.items() if change == (panel._rows["humans"], 0, 1)]
+    row = panel.rows["humans"]
+    number = row.fields[0].rect
     for _ in range(3):
-        person.click(*plus.rect.center)
+        person.click(number.right + number.height // 2, number.centery)  # the plus is beside the number
     person.wait()
-    assert (panel._rows["humans"].low, panel._rows["humans"].high) == (4, 4), "the maximum follows the minimum"
-    person.click(*panel._apply.rect.center)
-    person.wait()
+    assert (row.low, row.high) == (4, 4), "the maximum follows the minimum"
+    person.push("New scene")
     assert len(person.session.scene.humans) == 4
     assert person.session.state == "waiting"
 
@@ -334,7 +262,7 @@ def test_an_error_of_full_screen_is_shown(driver: Callable[..., Driver], monkeyp
     monkeypatch.setattr(pygame.display, "toggle_fullscreen", refuse)
     person.press(pygame.K_F11)
     assert person.screen is person.collect
-    assert "not supported" in person.collect._notice
+    assert "not supported" in person.collect.notice
 
 
 def test_the_screen_says_that_all_runs_are_kept(driver: Callable[..., Driver]) -> None:
@@ -342,9 +270,9 @@ def test_the_screen_says_that_all_runs_are_kept(driver: Callable[..., Driver]) -
     for _ in range(3):
         person.drive_briefly()
         person.press(pygame.K_RETURN, pygame.K_RETURN)
-    assert person.collect._overlay.is_done
+    assert "Drive on" in person.buttons
     person.press(pygame.K_RETURN)
-    assert not person.collect._overlay.is_done
+    assert "Drive on" not in person.buttons
     person.hold(pygame.K_w)
     person.wait(0.4)
     assert person.session.state == "driving"
@@ -356,25 +284,14 @@ def test_undo_brings_the_run_back_with_its_answer(driver: Callable[..., Driver])
     person.press(pygame.K_RETURN, pygame.K_1, pygame.K_RETURN)
     person.press(pygame.K_z, mod=pygame.KMOD_CTRL)
     assert (person.session.state, person.session.kept) == ("ended", 0)
-    assert person.collect._overlay.label is True, "1 is the first answer, yes"
+    assert person.collect.answer is not None
+    assert person.collect.answer.label is True, "1 is the first answer, yes"
     texts = [widget.text for widget in person.stage.ui.get_sprite_group().sprites() if isinstance(widget, UIButton)]
     assert sorted(texts) == sorted(set(texts)), "no button of an earlier card remains"
     person.press(pygame.K_n, pygame.K_RETURN)
     assert read_episode(person.kept_file()).label is False
     output = CliRunner().invoke(main, ["describe", str(person.folder)]).output
     assert "answers to 'label'  1 no" in output
-
-
-def test_every_size_and_state_is_drawn(driver: Callable[..., Driver]) -> None:
-    person = driver(label={"kind": "yes_no", "question": "Was it polite?"})
-    for size in ((640, 480), (1600, 900)):
-        person.resize(size)
-        for key in (pygame.K_F1, pygame.K_F1, pygame.K_ESCAPE, pygame.K_ESCAPE, pygame.K_g, pygame.K_ESCAPE):
-            person.press(key)
-            assert person.stage.size == size
-        person.drive(person.session, seconds=0.5)
-        person.press(pygame.K_p, pygame.K_RETURN, pygame.K_RETURN, pygame.K_y)
-        person.press(pygame.K_BACKSPACE)
 
 
 def test_runs_among_people_who_enter_and_leave_verify(driver: Callable[..., Driver]) -> None:
@@ -387,32 +304,36 @@ def test_runs_among_people_who_enter_and_leave_verify(driver: Callable[..., Driv
     assert verify(person.folder, replay=True) == []
 
 
-def test_the_question_is_the_headline_and_long_answers_are_shown_in_full(driver: Callable[..., Driver]) -> None:
+def test_the_question_is_the_headline_and_long_answers_are_shown_in_full(
+    driver: Callable[..., Driver], drawn: list[Line]
+) -> None:
     answers = ["rude", "poor", "fair", "good", "so polite that I would like to meet it every day, " * 3]
     question = "How polite was the robot to all people in this room, from the start of the run to its end?"
     person = driver(label={"kind": "classes", "question": question, "classes": answers})
+    person.press(pygame.K_h)  # no readings
     person.drive_briefly()
     person.press(pygame.K_RETURN)
-    card, answer = person.collect._overlay._card, person.collect._overlay.answer
+    drawn.clear()
+    person.wait()
+    largest = max(size for _, size in drawn)
+    assert " ".join(words for words, size in drawn if size == largest) == question
+    shown = " ".join(words for words, _ in drawn)
+    assert all(f"{k} {name}".strip() in shown for k, name in enumerate(answers, 1))
+    card, answer = person.collect.card, person.collect.answer
     assert card is not None
     assert answer is not None
-    assert answer._choices is not None
-    sizes: dict[int, str] = {}
-    for line in card._lines:
-        sizes[line.size] = f"{sizes.get(line.size, '')} {line.words}".strip()
-    assert sizes[max(sizes)] == question
-    shown = [" ".join(lines) for lines in answer._choices._lines]
-    assert shown == [f"{k} {name}".strip() for k, name in enumerate(answers, 1)]
-    assert all(card.box.contains(place) for place in answer._choices.places)
+    assert answer.choices is not None
+    assert all(card.box.contains(place) for place in answer.choices.places)
 
 
-def test_a_very_short_run_is_pointed_out_and_can_still_be_kept(driver: Callable[..., Driver]) -> None:
+def test_a_very_short_run_is_pointed_out_and_can_still_be_kept(
+    driver: Callable[..., Driver], drawn: list[Line]
+) -> None:
     person = driver()
     person.drive_briefly(0.6)
     person.press(pygame.K_RETURN)
-    card = person.collect._overlay._card
-    assert card is not None
-    assert any("only 0.6 s long" in line.words for line in card._lines)
+    person.wait()
+    assert any("only 0.6 s long" in words for words, _ in drawn)
     person.press(pygame.K_RETURN)
     assert person.session.kept == 1
 
@@ -422,47 +343,40 @@ def test_volunteers_read_neither_file_names_nor_folders(driver: Callable[..., Dr
     for key in (pygame.K_RETURN, pygame.K_BACKSPACE, pygame.K_r):
         person.drive_briefly()
         person.press(pygame.K_RETURN, key)
-        assert person.collect._current_notice()
-        assert not any(word in person.collect._current_notice() for word in ("zoe", "json", "discarded", "/"))
+        assert person.collect.notice
+        assert not any(word in person.collect.notice for word in ("zoe", "json", "discarded", "/"))
 
 
-def test_a_notice_is_shown_once_and_beside_the_card(
-    driver: Callable[..., Driver], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from sonata2d.window import cards, hud
-
-    shown: list[str] = []
-
-    def wrapped_and_listed(words: str, *arguments: Any, **options: Any) -> list[str]:
-        shown.append(words)
-        return wrapped(words, *arguments, **options)
-
-    for module in (cards, hud):
-        monkeypatch.setattr(module, "wrapped", wrapped_and_listed)
+def test_a_notice_is_shown_once_and_beside_the_card(driver: Callable[..., Driver], drawn: list[Line]) -> None:
+    notice = "Answer the question first, or discard the run."
     person = driver(label=TEXT)
     person.drive_briefly()
     person.press(pygame.K_RETURN, pygame.K_RETURN)
-    shown.clear()
+    drawn.clear()
     person.wait()
-    assert shown.count("Answer the question first, or discard the run.") == 1
+    assert [words for words, _ in drawn].count(notice) == 1
     person.type("x")
-    shown.clear()
+    drawn.clear()
     person.wait()
-    assert "Answer the question first, or discard the run." not in shown, "it is answered"
+    assert notice not in {words for words, _ in drawn}, "it is answered"
 
 
-def test_the_scenes_of_a_study_are_fixed_unless_the_researcher_allows_changes(driver: Callable[..., Driver]) -> None:
-    person = driver()
+def test_the_scenes_of_a_study_are_fixed_unless_the_researcher_allows_changes(
+    driver: Callable[..., Driver], drawn: list[Line]
+) -> None:
+    person = driver(size=(1600, 900))
+    person.wait()
+    assert "G" in {words for words, _ in drawn}
     person.collect = CollectScreen(person.session, InputDevices(pads=person.pads))
     person.screen = person.collect
     person.screen.enter(person.stage)
+    drawn.clear()
     person.press(pygame.K_g)
-    assert person.collect._overlay.page is None
-    assert "G" not in dict(person.collect._hud("").keys)
+    assert person.collect.panel is None
+    assert "G" not in {words for words, _ in drawn}
     person.press(pygame.K_ESCAPE)
-    card = person.collect._overlay._card
-    assert card is not None
-    assert "Scene settings" not in {button.text for button in card._buttons}
+    assert "Menu" in {words for words, _ in drawn}
+    assert "Scene settings" not in person.buttons
 
 
 def test_a_new_person_starts_with_an_empty_name(driver: Callable[..., Driver]) -> None:
@@ -473,19 +387,15 @@ def test_a_new_person_starts_with_an_empty_name(driver: Callable[..., Driver]) -
     person.screen = person.collect
     person.screen.enter(person.stage)
     person.press(pygame.K_ESCAPE)
-    card = person.collect._overlay._card
-    assert card is not None
-    (button,) = [button for button in card._buttons if button.text == "New person"]
-    person.click(*button.rect.center)
-    person.wait()
+    person.push("New driver")
     assert person.screen is ask
-    assert ask._entry is not None
-    assert ask._entry.get_text() == ""
+    assert ask.entry is not None
+    assert ask.entry.get_text() == ""
     for letter in "李Ω😀":
         pygame.event.post(pygame.event.Event(pygame.TEXTINPUT, text=letter))
     person.wait()
-    assert ask._entry.get_text() == "李Ω😀"
-    pictures = [pygame.image.tobytes(ask._entry.font.render_premul(c, pygame.Color("black")), "RGBA") for c in "李王"]
+    assert ask.entry.get_text() == "李Ω😀"
+    pictures = [pygame.image.tobytes(ask.entry.font.render_premul(c, pygame.Color("black")), "RGBA") for c in "李王"]
     assert pictures[0] != pictures[1], "widgets draw the characters, not boxes"
     Driver(person.folder).session.close()  # the folder is free for the next session of the same person
 
@@ -493,48 +403,24 @@ def test_a_new_person_starts_with_an_empty_name(driver: Callable[..., Driver]) -
 def test_counts_can_be_typed(driver: Callable[..., Driver]) -> None:
     person = driver()
     person.press(pygame.K_g)
-    panel = person.collect._overlay._panel
+    panel = person.collect.panel
     assert panel is not None
-    row = panel._rows["humans"]
+    row = panel.rows["humans"]
     person.click(*row.fields[0].rect.center)
     person.type("5")
     person.wait()
     assert (row.low, row.high) == (5, 5), "the maximum follows the minimum"
     assert row.fields[1].get_text() == "5"
-    person.click(*panel._apply.rect.center)
-    person.wait()
+    person.push("New scene")
     assert len(person.session.scene.humans) == 5
 
 
 def test_counts_that_contradict_each_other_are_explained_in_the_panel(driver: Callable[..., Driver]) -> None:
     person = driver(room={"kinds": "square", "side": 4})
     person.press(pygame.K_g)
-    panel = person.collect._overlay._panel
+    panel = person.collect.panel
     assert panel is not None
-    panel._rows["humans"].change(0, 99)
-    person.click(*panel._apply.rect.center)
-    person.wait()
-    assert person.collect._overlay._panel is panel
-    assert panel._problem.text
-
-
-@pytest.mark.parametrize("size", [(1024, 640), (1280, 800), (1920, 1200), (2560, 1600)])
-def test_texts_and_widgets_have_the_scale_of_the_window(size: tuple[int, int], driver: Callable[..., Driver]) -> None:
-    person = driver(size=size)
-    person.press(pygame.K_ESCAPE)
-    card = person.collect._overlay._card
-    assert card is not None
-    button = next(iter(card._buttons))
-    scale = size[0] / 1280
-    assert button.font.get_point_size() == pytest.approx(20 * scale, abs=1.1)
-    assert button.rect.height == pytest.approx(42 * scale, abs=1.1)
-    assert card.box.width == pytest.approx(640 * scale, abs=1.1)
-
-
-def test_the_window_leaves_room_on_every_desktop() -> None:
-    for desktop in ((1024, 700), (1280, 800), (1366, 768), (1920, 1080), (3840, 2160)):
-        width, height = fitting_size(desktop)
-        assert width <= 0.97 * desktop[0]
-        assert height <= 0.97 * desktop[1]
-        assert width >= min(1024, 0.95 * desktop[0])
-        assert height >= min(640, 0.95 * desktop[1])
+    panel.rows["humans"].change(0, 99)
+    person.push("New scene")
+    assert person.collect.panel is panel
+    assert panel.problem

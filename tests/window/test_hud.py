@@ -7,7 +7,10 @@ import pytest
 from sonata2d.core.geometry import Pose
 from sonata2d.view.camera import Camera
 from sonata2d.view.palette import FLOOR, GOAL, shaded
-from sonata2d.window.hud import FrameQuestion, Hud, Pen, draw_hud, draw_tint, draw_veil, free_area, zone_of
+from sonata2d.window import hud as hud_module, question_panel, widgets
+from sonata2d.window.camera import draw_tint
+from sonata2d.window.hud import Hud, draw_hud, free_area, zone_of
+from sonata2d.window.question_panel import FrameQuestion
 
 from ..view.conftest import pixels, scene as scene, snapshot_at
 
@@ -15,7 +18,7 @@ ARROW = shaded(GOAL, 0.35)
 PLAIN = Hud()
 FULL = Hud(
     run=12, runs=200, kept=11, contributor="Wilhelmina Featherstonehaugh-Cholmondeley", light="recording",
-    question=FrameQuestion("How does the robot drive? " * 3, ("poorly", "fairly well", "机器人", "x" * 90)),
+    question=FrameQuestion("How does the robot drive? " * 3, ("poorly", "fairly well", "机器人", "x" * 30)),
     notice="The robot is near to a person who does not see it at all, please be careful",
     keys=(("W A S D", "drive"), ("Q E", "turn"), ("Space", "stop"), ("Esc", "pause"), ("Tab", "view"), ("F1", "help")),
 )  # fmt: skip
@@ -70,13 +73,14 @@ def test_zones_change_name_and_sign_at_halls_distances():
 @pytest.mark.parametrize("scale", [0.75, 1.0, 2.0, 3.0])
 def test_texts_do_not_overlap_and_stay_inside_the_picture(scene, size, scale, monkeypatch):
     boxes = []
-    write = Pen.write
+    write = widgets.write
 
-    def record(self, *arguments, **settings):
-        boxes.append(write(self, *arguments, **settings))
+    def record(*arguments, **settings):
+        boxes.append(write(*arguments, **settings))
         return boxes[-1]
 
-    monkeypatch.setattr(Pen, "write", record)
+    for module in (hud_module, question_panel, widgets):
+        monkeypatch.setattr(module, "write", record)
     for pose in (Pose(5.0, 1.0, 3.0), Pose(1.0, 0.5, 0.0), Pose(4.6, 0.6, 1.0)):
         boxes.clear()
         snapshot = snapshot_at(scene, robot=pose)
@@ -96,7 +100,6 @@ def test_characters_that_the_font_lacks_are_accepted(scene):
         question=FrameQuestion("\0"),
     )
     shown(snapshot_at(scene), nasty)
-    draw_veil(floor(), "\0", ["\ud800", ""])
 
 
 def test_the_hud_shows_that_no_pedestrians_are_present(scene):
@@ -110,17 +113,6 @@ def test_every_reading_changes_the_picture(scene):
     plain = pixels(shown(snapshot_at(scene)))
     for hud in (Hud(run=2), Hud(runs=3), Hud(contributor="Ann"), Hud(kept=1), Hud(label="fair"), Hud(notice="Look")):
         assert (pixels(shown(snapshot_at(scene), hud)) != plain).any()
-
-
-def test_a_veil_dims_the_picture_and_its_card_stays_inside(scene):
-    surface = floor((640, 480))
-    draw_veil(surface, "Help " * 40, [f"line {k} " * 30 for k in range(40)], scale=3.0)
-    shades = pixels(surface)
-    dimmed = shades[0, 0]
-    assert dimmed.sum() < sum(FLOOR)
-    assert (shades[[0, -1]] == dimmed).all()
-    assert (shades[:, [0, -1]] == dimmed).all()
-    assert (shades[320, 240] > dimmed).any()
 
 
 def test_a_tint_ranges_from_no_effect_to_its_colour():
@@ -142,17 +134,10 @@ def test_the_free_area_is_free_of_readings(scene, size, question):
     assert changed[:, area.top : area.bottom].mean() < 0.02, "only the distance to the goal is drawn there"
 
 
-def test_a_question_shows_its_answers_and_both_ends_in_full(scene, monkeypatch):
-    words = []
-    write = Pen.write
-
-    def record(self, line, *arguments, **settings):
-        words.append(line)
-        return write(self, line, *arguments, **settings)
-
-    monkeypatch.setattr(Pen, "write", record)
+def test_a_question_shows_its_answers_and_both_ends_in_full(scene, drawn):
     ends = ("I would not want to meet this robot again in a narrow corridor", "very pleasant")
     shown(snapshot_at(scene), Hud(question=FrameQuestion("How pleasant is it?", ends=ends, position=0.23)))
+    words = [line.words for line in drawn]
     assert "How pleasant is it?" in words
     assert ends[1] in words
     assert set(ends[0].split()) <= set(" ".join(words).split())

@@ -18,6 +18,7 @@ from sonata2d.window.rate_screen import RateScreen
 from sonata2d.window.texts import text
 
 from ..record.samples import run
+from .conftest import Line
 from .volunteer import Person
 
 CLASSES = LabelSpec("classes", question="How polite?", classes=("poor", "fair", "good"))
@@ -122,9 +123,10 @@ def test_the_mouse_answers_and_saves(folder: Path) -> None:
     rater = Rater(folder, CLASSES)
     rater.watch()
     assert rater.rating.answer is not None
-    rater.click(*rater.rating.answer._choices.places[1].center)
+    assert rater.rating.answer.choices is not None
+    rater.click(*rater.rating.answer.choices.places[1].center)
     assert rater.rating.answer.label == 2
-    rater.click(*rater.rating._save_button.rect.center)
+    rater.push("Save & next")
     assert [rating.label for rating in rater.ratings] == [2]
 
 
@@ -133,8 +135,8 @@ def test_the_slider_is_dragged(folder: Path) -> None:
     rater.watch()
     answer = rater.rating.answer
     assert answer is not None
-    assert answer._scale is not None
-    track = answer._scale.track
+    assert answer.scale is not None
+    track = answer.scale.track
     rater.mouse(pygame.MOUSEBUTTONDOWN, (track.left + track.width // 4, track.centery))
     assert answer.label == pytest.approx(0.25, abs=0.002)
     rater.mouse(pygame.MOUSEMOTION, (5000, 0))
@@ -212,18 +214,11 @@ def test_a_full_disk_is_reported_and_the_answer_stays(folder: Path, monkeypatch:
     assert [rating.label for rating in rater.ratings] == [2]
 
 
-def test_neither_file_nor_driver_is_shown(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sonata2d.window import rate_screen
-
-    written: list[str] = []
-    write = rate_screen.write
-    monkeypatch.setattr(
-        rate_screen, "write", lambda surface, text, *a, **k: (written.append(text), write(surface, text, *a, **k))[1]
-    )
+def test_neither_file_nor_driver_is_shown(folder: Path, drawn: list[Line]) -> None:
     rater = Rater(folder, CLASSES)
     rater.watch()
     rater.frames(2)
-    words = " ".join(written)
+    words = " ".join(line.words for line in drawn)
     assert "How polite?" in words
     assert "0 %" in words
     assert not re.search(r"\d of \d", words), "the number of showings reveals that some are repeats"

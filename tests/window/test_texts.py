@@ -16,7 +16,9 @@ from sonata2d.window.texts import choose_language, fields_of, languages, text
 
 FOLDER = Path(texts.__file__).parent
 MODULES = sorted(path for path in FOLDER.glob("*.py") if path.name not in ("texts.py", "profiles.py"))
-ENGLISH = texts._table("en")
+ENGLISH = texts.table("en")
+NAMES_OF = [FOLDER.parent / path for path in ("core/labels.py", "view/legend.py")]  # values of keys, beside the window
+SECTION = re.compile(r"[a-z]+\.")  # at the start of a key
 WORDS = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}|^[A-Z][a-z]{2,}")
 NO_WORDS = {
     "Enter", "Backspace", "Space", "Esc", "Ctrl+Q",  # keys, shown as they are printed on them
@@ -25,23 +27,31 @@ NO_WORDS = {
 }  # fmt: skip
 
 
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 @pytest.fixture(autouse=True)
 def _english() -> Iterator[None]:
     yield
     choose_language("en")
 
 
-def patterns(tree: ast.AST) -> set[str]:
-    """Constant strings, and f-strings as regular expressions."""
-    found = {
-        re.escape(node.value)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str)
-    }
-    for node in ast.walk(tree):
-        if isinstance(node, ast.JoinedStr):
-            parts = [re.escape(str(v.value)) if isinstance(v, ast.Constant) else r"[a-z_0-9]+" for v in node.values]
-            found.add("".join(parts))
+def constants(trees: list[ast.Module]) -> set[str]:
+    """All constant strings."""
+    nodes = (node for tree in trees for node in ast.walk(tree))
+    return {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+
+
+def composed(trees: list[ast.Module], names: set[str]) -> list[re.Pattern[str]]:
+    """Keys that f-strings compose, such as `readings.{light}`: of a constant section, and of names in the program."""
+    name = f"(?:{'|'.join(sorted(names, key=len, reverse=True))})"
+    found = []
+    for node in (node for tree in trees for node in ast.walk(tree)):
+        if isinstance(node, ast.JoinedStr) and isinstance(node.values[0], ast.Constant):
+            parts = [re.escape(str(v.value)) if isinstance(v, ast.Constant) else name for v in node.values]
+            if SECTION.match(str(node.values[0].value)):
+                found.append(re.compile("".join(parts)))
     return found
 
 
@@ -66,7 +76,7 @@ def test_no_screen_shows_words_that_are_not_in_the_table(path: Path) -> None:
 
 
 def test_every_text_that_a_screen_names_exists_and_every_text_is_used() -> None:
-    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in FOLDER.glob("*.py")]
+    trees = [parsed(path) for path in FOLDER.glob("*.py")]
     named = {
         node.args[0].value
         for tree in trees
@@ -74,13 +84,21 @@ def test_every_text_that_a_screen_names_exists_and_every_text_is_used() -> None:
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "text" and isinstance(node.args[0], ast.Constant)
     }
     assert named - set(ENGLISH) == set()
-    used = [re.compile(pattern) for tree in trees for pattern in patterns(tree) if "." in pattern]
-    assert [key for key in ENGLISH if not any(pattern.fullmatch(key) for pattern in used)] == []
+    names = {word for word in constants(trees + [parsed(path) for path in NAMES_OF]) if re.fullmatch(r"\w+", word)}
+    patterns, written = composed(trees, names), constants(trees)
+    assert [key for key in ENGLISH if key not in written and not any(p.fullmatch(key) for p in patterns)] == []
+
+
+def test_a_text_without_use_is_found() -> None:
+    trees = [ast.parse("text(f'{section}.{key}'); text(f'run.{name}'); text('menu.quit')")]
+    (pattern,) = composed(trees, {"goal"})
+    assert pattern.fullmatch("run.goal")
+    assert not pattern.fullmatch("run.swim")
 
 
 @pytest.mark.parametrize("language", languages())
 def test_a_language_has_all_texts_with_the_same_values(language: str) -> None:
-    table = texts._table(language)
+    table = texts.table(language)
     assert set(table) == set(ENGLISH)
     assert {key for key in table if fields_of(table[key]) != fields_of(ENGLISH[key])} == set()
 

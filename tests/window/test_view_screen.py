@@ -14,7 +14,7 @@ from sonata2d.window.playback import frame_label, frame_summary, run_summary
 from sonata2d.window.view_screen import ViewScreen
 
 from ..record.samples import run
-from .test_collect_screen import PASSERS, SCENE
+from .driver import PASSERS, SCENE
 from .volunteer import Person
 
 TICKS = 30

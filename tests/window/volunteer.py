@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pygame
+from pygame_gui.elements import UIButton
 
 from sonata2d.agents.controllers.planner import SocialPlanner
 from sonata2d.collect.session import Session
@@ -78,6 +79,17 @@ class Person:
         self.mouse(pygame.MOUSEMOTION, (x, y), held=False)
         self.mouse(pygame.MOUSEBUTTONDOWN, (x, y))
         self.mouse(pygame.MOUSEBUTTONUP, (x, y))
+
+    @property
+    def buttons(self) -> dict[str, pygame.Rect]:
+        """Places of the buttons on show by their texts; the last one of those with the same text."""
+        widgets = self.stage.ui.get_sprite_group().sprites()
+        return {widget.text: widget.rect for widget in widgets if isinstance(widget, UIButton)}
+
+    def push(self, text: str) -> None:
+        """Click a button."""
+        self.click(*self.buttons[text].center)
+        self.wait()
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the size of the window."""
