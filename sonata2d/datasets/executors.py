@@ -122,8 +122,8 @@ class Workers:
             if self._open_calls == 0:
                 stop.set()
             # A future that was submitted while the pool broke is never finished, but then no process is left.
-            while unfinished and active_children():
-                wait(list(unfinished), timeout=_POLL)
+            while active_children() and wait(list(unfinished), timeout=_POLL).not_done:
+                pass
 
     @cached_property
     def _pool(self) -> ProcessPoolExecutor:
