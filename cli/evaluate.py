@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -123,6 +123,7 @@ def command(
         _sources(paths, controllers, scenarios or (DEFAULT_SCENARIO,), out, settings, pool) as sources,
     ):
         files = {label: [file for path in own for file in episode_files(path)] for label, own in sources.items()}
+        _require_episodes(sources, files)
         paths_of_all = [file for own in files.values() for file in own]
         with progress(len(paths_of_all), "episodes measured") as advance:
             # all in one call: the controllers share the runs of their scenes without a robot
@@ -207,6 +208,18 @@ def _generate(parent: Path, controller: str, scenario: str, episodes: int, seed:
             folder, config, controller, episodes=episodes, seed=seed, workers=workers, resume=resume, advance=advance
         )
     return folder
+
+
+def _require_episodes(sources: Mapping[str, Sequence[Path]], files: Mapping[str, Sequence[Path]]) -> None:
+    """Raise RecordError for a data set without episodes: there is nothing to evaluate."""
+    from sonata2d.datasets.manifest import read_manifest, unlisted_episodes
+    from sonata2d.errors import RecordError
+
+    for label, own in files.items():
+        if not own:  # only a manifest can list none
+            folder = sources[label][0]
+            reason = unlisted_episodes(folder, read_manifest(folder))
+            raise RecordError(f"{folder} lists no episodes{reason and f': {reason}'}")
 
 
 def _save_metrics(sources: dict[str, list[Path]], measured: dict[str, list[Measured]], resamples: int) -> None:

@@ -128,6 +128,8 @@ def scenario_from_tracks(tracks: Path, output: Path, as_json: bool, **options: A
     """
     from sonata2d.formats import from_tracks
 
+    if output.exists():
+        raise click.UsageError(f"{output} already exists; give a new file name, or remove the file first")
     config = from_tracks.scenario_from_tracks(tracks, **options)  # options have the names of its arguments
     from_tracks.save_scenario(config, output)
     replayed = sum(person.resolved_behaviour == "recorded" for person in config.people)

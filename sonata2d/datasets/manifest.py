@@ -8,7 +8,7 @@ import re
 import reprlib
 import shutil
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -50,6 +50,11 @@ _short.maxstring = _short.maxother = 100
 def is_file_name(name: str) -> bool:
     """Whether a name is that of a file in a folder, and does not lead out of it."""
     return name not in ("", ".", "..") and not any(letter in name for letter in "/\\\0")
+
+
+def is_episode_name(name: str) -> bool:
+    """Whether a file is named as generated episodes are."""
+    return _EPISODE_NAME.fullmatch(name) is not None
 
 
 def _in_folder(name: str) -> str:
@@ -455,7 +460,20 @@ def remove_failed_episodes(folder: Path) -> None:
 
 def _episode_files(folder: Path) -> list[Path]:
     """The files of a folder that are named as generated episodes are."""
-    return [path for path in folder.iterdir() if _EPISODE_NAME.fullmatch(path.name) and path.is_file()]
+    return [path for path in folder.iterdir() if is_episode_name(path.name) and path.is_file()]
+
+
+def unlisted_episodes(folder: Path, manifest: JsonDict) -> str:
+    """That the manifest of an interrupted run does not list all episode files of its folder yet; empty if it does.
+
+    A run that was killed leaves such a manifest.
+    """
+    listed = {row["name"] for row in manifest["files"]}
+    count = 0 if manifest["complete"] else sum(path.name not in listed for path in _episode_files(folder))
+    if not count:
+        return ""
+    files = "1 episode file is" if count == 1 else f"{count} episode files are"
+    return f"{files} not listed until `generate` with --resume has completed the data set"
 
 
 def _remove_dataset(folder: Path, stored: JsonDict) -> None:
@@ -489,7 +507,7 @@ def store_episode(folder: Path, spec: DatasetSpec, episode: int, recorder: Episo
 
 
 def existing_episodes(
-    folder: Path, spec: DatasetSpec, listed: Mapping[str, str]
+    folder: Path, spec: DatasetSpec, listed: Mapping[str, str], *, known: Container[int] = ()
 ) -> tuple[dict[int, ManifestEntry], list[str]]:
     """Usable episodes of a specification that a folder already holds, and why other files are not usable.
 
@@ -497,6 +515,7 @@ def existing_episodes(
         folder: folder of the data set.
         spec: specification of the data set.
         listed: SHA-256 by file name, from `start_dataset`; a file with another hash counts as changed.
+        known: numbers of episodes to leave out.
 
     Returns:
         Manifest rows by episode number, and one message for each unusable file.
@@ -506,6 +525,8 @@ def existing_episodes(
     """
     entries, faults = {}, []
     for episode in episode_numbers(folder, spec):
+        if episode in known:
+            continue
         path = folder / spec.file_name(episode)
         try:
             record = read_episode(path)

@@ -122,3 +122,14 @@ def test_page_of_recorded_episodes_shows_the_selected_metrics(sonata2d: Run, her
 def test_invalid_arguments_give_a_one_line_message(sonata2d: Run, line: str, code: int, message: str) -> None:
     output = sonata2d(line, code).output.strip()
     assert message in output.splitlines()[-1]
+
+
+def test_a_killed_run_is_explained_and_not_evaluated_as_empty(sonata2d: Run, here: Path) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --no-picture")
+    manifest = json.loads((here / "out/manifest.json").read_bytes())
+    empty = {"complete": False, "counts": {"outcome": {}, "family": {}}, "files": []}
+    (here / "out/manifest.json").write_text(json.dumps(manifest | empty))  # as a run begins
+    message = "2 episode files are not listed until `generate` with --resume has completed the data set"
+    assert f"out lists no episodes: {message}" in sonata2d("evaluate out", code=1).output
+    assert message in sonata2d("describe out").output
+    assert sonata2d("check out", code=1).output.count(message) == 1

@@ -130,3 +130,14 @@ def test_quirks_are_refused_for_other_formats(sonata2d: Run, dataset: Path, here
 )
 def test_invalid_paths_give_a_one_line_message(sonata2d: Run, here: Path, line: str, message: str) -> None:
     assert message in one_line(sonata2d(line, code=1).output)
+
+
+def test_a_data_set_is_not_overwritten_by_an_import_or_an_export(sonata2d: Run, dataset: Path, here: Path) -> None:
+    before = {path: path.read_bytes() for path in dataset.iterdir()}
+    sonata2d("export out --to csv -o tracks")
+    for output in ("out", "out/000000.json"):
+        refusal = one_line(sonata2d(f"import tracks/000000.csv --from csv -o {output}", code=1).output)
+        assert "out holds a data set; choose another folder" in refusal
+    sonata2d("generate other --scenario quick.yaml --episodes 2 --seed 5 --workers 1 --no-picture")
+    assert "belongs to the data set out" in sonata2d("export other --to socnav3 -o out", code=1).output
+    assert {path: path.read_bytes() for path in dataset.iterdir()} == before
