@@ -262,3 +262,7 @@ def _show_table(evaluations: Sequence[Evaluation], metrics: Sequence[Metric]) ->
     counts = ", ".join(f"{len(one.episodes)} episodes of {one.label}" for one in evaluations)
     mark = "; * significant difference from the first, in the common scenes" if len(evaluations) > 1 else ""
     note(f"{counts}; mean [95 % bootstrap interval]{mark}")
+    first, others = evaluations[0], evaluations[1:]
+    if any(one.scenes != first.scenes for one in others):
+        common = ", ".join(f"{len(one.scenes & first.scenes)} of {one.label}" for one in others)
+        note(f"differences are over the scenes in common with {first.label}: {common}")

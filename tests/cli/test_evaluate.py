@@ -133,3 +133,11 @@ def test_a_killed_run_is_explained_and_not_evaluated_as_empty(sonata2d: Run, her
     assert f"out lists no episodes: {message}" in sonata2d("evaluate out", code=1).output
     assert message in sonata2d("describe out").output
     assert sonata2d("check out", code=1).output.count(message) == 1
+
+
+def test_the_scenes_over_which_differences_are_taken_are_counted(sonata2d: Run) -> None:
+    for name, episodes in (("a", 2), ("b", 3)):
+        sonata2d(f"generate {name} --scenario quick.yaml --episodes {episodes} --workers 1 --no-picture")
+    line = "differences are over the scenes in common with a: 2 of b"
+    assert line in sonata2d("evaluate a b --workers 1 --no-rerun").output.splitlines()
+    assert "differences are over" not in sonata2d("evaluate a a/ --workers 1 --no-rerun").output
