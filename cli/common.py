@@ -87,6 +87,11 @@ def note(text: str) -> None:
         click.echo(text)
 
 
+def counted(count: int, noun: str) -> str:
+    """A number with its noun, such as `1 episode` or `2 episodes`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def show_json(value: Any) -> None:
     """Print a value as indented JSON."""
     import orjson

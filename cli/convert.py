@@ -11,7 +11,7 @@ import click
 from sonata2d.registry import FORMATS
 
 from .command import Command
-from .common import PATH, examples, json_option, note, progress, registry_option, show_json
+from .common import PATH, counted, examples, json_option, note, progress, registry_option, show_json
 
 if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult
@@ -68,7 +68,7 @@ def export_command(
     with progress(len(episodes_in(source)), "episodes") as advance:
         options = Options(original=quirks == "original", context=context, types=types)
         result = export_to(source, format, output, options, advance=advance)
-    _show_result(result, format, f"{output}: {len(result.files)} {format} files", as_json=as_json)
+    _show_result(result, format, f"{output}: {counted(len(result.files), f'{format} file')}", as_json=as_json)
 
 
 @click.command(
@@ -111,7 +111,10 @@ def import_command(
     with progress(count_sources(source, format), "files") as advance:
         options = Options(frame_time=frame_time, renumber=renumber, walls=walls)
         result = import_from(source, format, output, options, advance=advance)
-    _show_result(result, format, f"{output}: {len(result.files)} episodes from {format}", as_json=as_json)
+    line = f"{output}: {counted(len(result.files), 'episode')} from {format}"
+    if output.is_dir():
+        line += "; a folder of episodes, not a data set: split, merge and card need a manifest"
+    _show_result(result, format, line, as_json=as_json)
 
 
 def _show_result(result: TransferResult, format: str, line: str, *, as_json: bool) -> None:

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from .command import Command
-from .common import PATH, examples, json_option, note, progress, show_json, workers_option
+from .common import PATH, counted, examples, json_option, note, progress, show_json, workers_option
+
+if TYPE_CHECKING:
+    from sonata2d.datasets.check import Problem
 
 MAX_PROBLEMS = 20  # problems printed by `check` without --json
 DEFAULT_PARTS = "train=0.8,dev=0.1,test=0.1"
@@ -42,16 +48,29 @@ def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers
         rows = [{"file": p.file, "place": p.place, "message": p.message, "is_warning": p.is_warning} for p in problems]
         show_json({"files": len(files), "problems": rows})
     else:
-        for problem in problems[:MAX_PROBLEMS]:
-            click.echo(str(problem))
-        if len(problems) > MAX_PROBLEMS:
-            click.echo(f"... and {len(problems) - MAX_PROBLEMS} more; --json prints all")
+        lines = _grouped(problems)
+        for line in lines[:MAX_PROBLEMS]:
+            click.echo(line)
+        if len(lines) > MAX_PROBLEMS:
+            click.echo(f"... and {len(lines) - MAX_PROBLEMS} more; --json prints all")
         done = "".join([", replayed" if replay else "", ", rerun" if rerun else ""])
         count = sum(not problem.is_warning for problem in problems)
-        warnings = f", {len(problems) - count} warnings" if len(problems) > count else ""
-        note(f"{path}: {len(files)} files checked{done}, {count or 'no'} problems{warnings}")
+        warnings = f", {counted(len(problems) - count, 'warning')}" if len(problems) > count else ""
+        found = counted(count, "problem") if count else "no problems"
+        note(f"{path}: {counted(len(files), 'file')} checked{done}, {found}{warnings}")
     if any(not problem.is_warning for problem in problems):
         sys.exit(1)
+
+
+def _grouped(problems: Iterable[Problem]) -> list[str]:
+    """One line per problem; a problem that several files have is one line, which names the first of them."""
+    files: dict[Problem, list[str]] = {}
+    for problem in problems:
+        files.setdefault(replace(problem, file=""), []).append(problem.file)
+    return [
+        str(replace(problem, file=first + (f" and {counted(len(others), 'other file')}" if others else "")))
+        for problem, (first, *others) in files.items()
+    ]
 
 
 @click.command(
@@ -91,7 +110,7 @@ def mirror(path: Path, output: Path, labels: str, as_json: bool) -> None:
     if as_json:
         show_json({"output": str(output), "episodes": episodes, "frames": frames})
     else:
-        note(f"{output}: {episodes} episodes mirrored, {frames} frames")
+        note(f"{output}: {counted(episodes, 'episode')} mirrored, {counted(frames, 'frame')}")
 
 
 def _fractions(ctx: click.Context, _: click.Parameter, text: str) -> dict[str, float]:
@@ -144,7 +163,7 @@ def split(folder: Path, parts: dict[str, float], seed: int, whole_families: bool
         show_json({"folder": str(folder), "split": names})
     else:
         for part, own in names.items():
-            note(f"{part}: {len(own)} episodes")
+            note(f"{part}: {counted(len(own), 'episode')}")
 
 
 @click.command(cls=Command, epilog=examples("merge demo demo-mirrored -o both", "merge a b c -o all --json"))

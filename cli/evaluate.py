@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .command import Command, RenamedOption
-from .common import PATH, examples, json_option, note, progress, show_json, workers_option
+from .common import PATH, counted, examples, json_option, note, progress, show_json, workers_option
 from .controllers import CONTROLLER_NAMES
 
 if TYPE_CHECKING:
@@ -259,10 +259,14 @@ def _show_table(evaluations: Sequence[Evaluation], metrics: Sequence[Metric]) ->
 
     for line in comparison_table(evaluations, metrics):
         click.echo(line)
-    counts = ", ".join(f"{len(one.episodes)} episodes of {one.label}" for one in evaluations)
+    counts = ", ".join(f"{counted(len(one.episodes), 'episode')} of {one.label}" for one in evaluations)
     mark = "; * significant difference from the first, in the common scenes" if len(evaluations) > 1 else ""
     note(f"{counts}; mean [95 % bootstrap interval]{mark}")
     first, others = evaluations[0], evaluations[1:]
     if any(one.scenes != first.scenes for one in others):
         common = ", ".join(f"{len(one.scenes & first.scenes)} of {one.label}" for one in others)
         note(f"differences are over the scenes in common with {first.label}: {common}")
+    for one in evaluations:
+        # path_length and others are defined in every episode with a robot
+        if not any(value is not None for episode in one.episodes for value in episode.values.values()):
+            note(f"{one.label}: no metric is defined, because imported tracks have no robot")
