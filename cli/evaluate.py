@@ -153,9 +153,13 @@ def _check_arguments(
     paths: Sequence[Path], controllers: Sequence[str], scenarios: Sequence[str], out: Path | None
 ) -> None:
     """Require either recorded episodes or controllers to run."""
+    from sonata2d.datasets.manifest import MANIFEST
+
     if bool(paths) == bool(controllers):
         problem = "not both" if paths else "neither was given"
         raise click.UsageError(f"give folders of recorded episodes, or --controller to run controllers: {problem}")
+    if out is not None and (out / MANIFEST).exists():
+        raise click.UsageError(f"{out} is a data set; give a folder for the data sets of the controllers")
     if paths and (scenarios or out):
         raise click.UsageError("--scenario and --output require --controller; recorded episodes have their own scenes")
 

@@ -111,6 +111,7 @@ def test_page_of_recorded_episodes_shows_the_selected_metrics(sonata2d: Run, her
         ("evaluate", 2, "neither was given"),
         ("evaluate out --controller social-force", 2, "not both"),
         ("evaluate out --scenario empty", 2, "recorded episodes have their own scenes"),
+        ("evaluate --controller orca -o set", 2, "set is a data set; give a folder for the data sets of"),
         ("evaluate nowhere", 1, "nowhere does not exist"),
         ("evaluate quick.yaml", 1, "quick.yaml is not valid JSON"),
         ("evaluate --controller social-farce", 1, "did you mean 'social-force'?"),
@@ -119,7 +120,11 @@ def test_page_of_recorded_episodes_shows_the_selected_metrics(sonata2d: Run, her
         ("evaluate nowhere --page a.pdf", 1, "the name of an evaluation page must end in .html"),
     ],
 )
-def test_invalid_arguments_give_a_one_line_message(sonata2d: Run, line: str, code: int, message: str) -> None:
+def test_invalid_arguments_give_a_one_line_message(
+    sonata2d: Run, here: Path, line: str, code: int, message: str
+) -> None:
+    (here / "set").mkdir()
+    (here / "set/manifest.json").touch()
     output = sonata2d(line, code).output.strip()
     assert message in output.splitlines()[-1]
 
