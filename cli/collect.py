@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 @click.command(
     cls=Command,
     epilog=examples(
-        "collect runs --contributor zoe --scenario office.yaml --runs 20",
+        "collect runs --contributor zoe --scenario sonata-2020-crowded --runs 20",
         "collect --rate runs --contributor rater-1 --scenario survey.yaml",
     ),
 )

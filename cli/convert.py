@@ -10,7 +10,7 @@ import click
 from sonata2d.registry import FORMATS
 
 from .command import Command
-from .common import PATH, examples, json_option, note, progress, registry_option, show_json
+from .common import PATH, counted, examples, json_option, note, progress, registry_option, show_json
 
 if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult
@@ -71,7 +71,7 @@ def export_command(
         options = Options(original=quirks == "original", context=context, types=types)
         _require_supported(format, options)
         result = export_to(source, format, output, options, advance=advance)
-    _show_result(result, format, f"{output}: {len(result.files)} {format} files", as_json=as_json)
+    _show_result(result, format, f"{output}: {counted(len(result.files), f'{format} file')}", as_json=as_json)
 
 
 @click.command(
@@ -115,7 +115,10 @@ def import_command(
         options = Options(frame_time=frame_time, renumber=renumber, walls=walls)
         _require_supported(format, options)
         result = import_from(source, format, output, options, advance=advance)
-    _show_result(result, format, f"{output}: {len(result.files)} episodes from {format}", as_json=as_json)
+    line = f"{output}: {counted(len(result.files), 'episode')} from {format}"
+    if output.is_dir():
+        line += "; a folder of episodes, not a data set: split, merge and card need a manifest"
+    _show_result(result, format, line, as_json=as_json)
 
 
 def _require_supported(format: str, options: Options) -> None:

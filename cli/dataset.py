@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from .command import Command
-from .common import PATH, examples, json_option, note, progress, show_json, show_table, workers_option
+from .common import PATH, counted, examples, json_option, note, progress, show_json, show_table, workers_option
+
+if TYPE_CHECKING:
+    from sonata2d.datasets.check import Problem
 
 MAX_PROBLEMS = 20  # problems printed by `check` without --json
 DEFAULT_PARTS = "train=0.8,dev=0.1,test=0.1"
@@ -40,16 +46,29 @@ def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers
         rows = [{"file": p.file, "place": p.place, "message": p.message, "is_warning": p.is_warning} for p in problems]
         show_json({"files": len(files), "problems": rows})
     else:
-        for problem in problems[:MAX_PROBLEMS]:
-            click.echo(str(problem))
-        if len(problems) > MAX_PROBLEMS:
-            click.echo(f"... and {len(problems) - MAX_PROBLEMS} more; --json prints all")
+        lines = _grouped(problems)
+        for line in lines[:MAX_PROBLEMS]:
+            click.echo(line)
+        if len(lines) > MAX_PROBLEMS:
+            click.echo(f"... and {len(lines) - MAX_PROBLEMS} more; --json prints all")
         done = "".join([", replayed" if replay else "", ", rerun" if rerun else ""])
         count = sum(not problem.is_warning for problem in problems)
-        warnings = f", {len(problems) - count} warnings" if len(problems) > count else ""
-        note(f"{path}: {len(files)} files checked{done}, {count or 'no'} problems{warnings}")
+        warnings = f", {counted(len(problems) - count, 'warning')}" if len(problems) > count else ""
+        found = counted(count, "problem") if count else "no problems"
+        note(f"{path}: {counted(len(files), 'file')} checked{done}, {found}{warnings}")
     if any(not problem.is_warning for problem in problems):
         raise click.exceptions.Exit(1)
+
+
+def _grouped(problems: Iterable[Problem]) -> list[str]:
+    """One line per problem; a problem that several files have is one line, which names the first of them."""
+    files: dict[Problem, list[str]] = {}
+    for problem in problems:
+        files.setdefault(replace(problem, file=""), []).append(problem.file)
+    return [
+        str(replace(problem, file=first + (f" and {counted(len(others), 'other file')}" if others else "")))
+        for problem, (first, *others) in files.items()
+    ]
 
 
 @click.command(
@@ -89,7 +108,7 @@ def mirror(path: Path, output: Path, labels: str, as_json: bool) -> None:
     if as_json:
         show_json({"output": str(output), "episodes": episodes, "frames": frames})
     else:
-        note(f"{output}: {episodes} episodes mirrored, {frames} frames")
+        note(f"{output}: {counted(episodes, 'episode')} mirrored, {counted(frames, 'frame')}")
 
 
 def _fractions(ctx: click.Context, _: click.Parameter, text: str) -> dict[str, float]:
@@ -141,7 +160,7 @@ def split(folder: Path, parts: dict[str, float], seed: int, whole_families: bool
     if as_json:
         show_json({"folder": str(folder), "split": names})
     else:
-        show_table((f"{part}:", f"{len(own)} episodes") for part, own in names.items())
+        show_table((f"{part}:", counted(len(own), "episode")) for part, own in names.items())
 
 
 @click.command(cls=Command, epilog=examples("merge demo demo-mirrored -o both", "merge a b c -o all --json"))

@@ -48,6 +48,7 @@ def command(path: Path, as_json: bool) -> None:
 def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
     """What the manifest of a data set contains."""
     from sonata2d.datasets.manifest import MANIFEST, read_manifest
+    from sonata2d.datasets.start import unlisted_episodes
     from sonata2d.datasets.summaries import contact_summary
 
     if is_rated and not (folder / MANIFEST).exists():  # single files can be rated without a manifest
@@ -60,10 +61,12 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
         ("seed", manifest["seed"]),
         ("contributors", counts.get("contributor")),
     ]
+    unlisted = unlisted_episodes(folder, manifest)
     rows: Rows = [
         ("data set", str(folder)),
         *((name, value) for name, value in origin if value is not None),
         ("episodes", f"{len(files)} of {manifest['episodes']}{'' if manifest['complete'] else ', interrupted'}"),
+        *([("interrupted", unlisted)] if unlisted else []),
         ("frames", sum(file["ticks"] for file in files)),
         ("bytes", sum(file["bytes"] for file in files)),
         ("outcomes", counts["outcome"]),

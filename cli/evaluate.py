@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .command import Command, RenamedOption
-from .common import PATH, examples, json_option, note, progress, show_json, workers_option
+from .common import PATH, counted, examples, json_option, note, progress, show_json, workers_option
 from .controllers import CONTROLLER_NAMES
 
 if TYPE_CHECKING:
@@ -123,6 +123,7 @@ def command(
         _sources(paths, controllers, scenarios or (DEFAULT_SCENARIO,), out, settings, pool) as sources,
     ):
         files = {label: [file for path in own for file in episode_files(path)] for label, own in sources.items()}
+        _require_episodes(sources, files)
         paths_of_all = [file for own in files.values() for file in own]
         with progress(len(paths_of_all), "episodes measured") as advance:
             # all in one call: the controllers share the runs of their scenes without a robot
@@ -161,9 +162,13 @@ def _check_arguments(
     paths: Sequence[Path], controllers: Sequence[str], scenarios: Sequence[str], out: Path | None
 ) -> None:
     """Require either recorded episodes or controllers to run."""
+    from sonata2d.datasets.manifest import MANIFEST
+
     if bool(paths) == bool(controllers):
         problem = "not both" if paths else "neither was given"
         raise click.UsageError(f"give folders of recorded episodes, or --controller to run controllers: {problem}")
+    if out is not None and (out / MANIFEST).exists():
+        raise click.UsageError(f"{out} is a data set; give a folder for the data sets of the controllers")
     if paths and (scenarios or out):
         raise click.UsageError("--scenario and --output require --controller; recorded episodes have their own scenes")
 
@@ -218,6 +223,19 @@ def _generate(parent: Path, controller: str, scenario: str, episodes: int, seed:
     return folder
 
 
+def _require_episodes(sources: Mapping[str, Sequence[Path]], files: Mapping[str, Sequence[Path]]) -> None:
+    """Raise RecordError for a data set without episodes: there is nothing to evaluate."""
+    from sonata2d.datasets.manifest import read_manifest
+    from sonata2d.datasets.start import unlisted_episodes
+    from sonata2d.errors import RecordError
+
+    for label, own in files.items():
+        if not own:  # only a manifest can list none
+            folder = sources[label][0]
+            reason = unlisted_episodes(folder, read_manifest(folder))
+            raise RecordError(f"{folder} lists no episodes{reason and f': {reason}'}")
+
+
 def _save_metrics(sources: dict[str, list[Path]], measured: dict[str, list[Measured]], resamples: int) -> None:
     """Write metrics.json into each data set; single files and folders without a manifest get none."""
     from sonata2d.datasets.manifest import MANIFEST, read_manifest
@@ -255,6 +273,14 @@ def _show_table(evaluations: Sequence[Evaluation], metrics: Sequence[Metric]) ->
 
     for line in comparison_table(evaluations, metrics):
         click.echo(line)
-    counts = ", ".join(f"{len(one.episodes)} episodes of {one.label}" for one in evaluations)
+    counts = ", ".join(f"{counted(len(one.episodes), 'episode')} of {one.label}" for one in evaluations)
     mark = "; * significant difference from the first, in the common scenes" if len(evaluations) > 1 else ""
     note(f"{counts}; mean [95 % bootstrap interval]{mark}")
+    first, others = evaluations[0], evaluations[1:]
+    if any(one.scenes != first.scenes for one in others):
+        common = ", ".join(f"{len(one.scenes & first.scenes)} of {one.label}" for one in others)
+        note(f"differences are over the scenes in common with {first.label}: {common}")
+    for one in evaluations:
+        # path_length and others are defined in every episode with a robot
+        if not any(value is not None for episode in one.episodes for value in episode.values.values()):
+            note(f"{one.label}: no metric is defined, because imported tracks have no robot")

@@ -15,6 +15,7 @@ from .command import Command, has_flag
 from .common import (
     PATH,
     compress_option,
+    counted,
     episode_suffix,
     examples,
     exit_interrupted,
@@ -32,7 +33,7 @@ from .controllers import CONTROLLER_NAMES
     cls=Command,
     epilog=examples(
         "generate demo",
-        "generate out --controller ./polite.py:Polite --scenario office.yaml --episodes 100",
+        "generate out --controller ./polite.py:Polite --scenario sonata-2020-crowded --episodes 100",
         "generate successes --controller human-like --keep goal --episodes 100",
     ),
 )
@@ -135,7 +136,7 @@ def _show_summary(out: Path, first: Path, manifest: dict[str, Any], picture: boo
     outcomes = ", ".join(f"{count} {name}" for name, count in manifest["counts"]["outcome"].items())
     size = sum(file["bytes"] for file in files) / 1e6
     frames = sum(file["ticks"] for file in files)
-    note(f"{out}: {len(files)} episodes of {manifest['name']}, {frames} frames, {size:.1f} MB")
+    note(f"{out}: {counted(len(files), 'episode')} of {manifest['name']}, {counted(frames, 'frame')}, {size:.1f} MB")
     rows: list[tuple[str, object]] = [("outcomes", outcomes), *contact_summary(files).rows()]
     if "left_out" in manifest:
         rows.append(("left out", ", ".join(f"{n} {name}" for name, n in manifest["left_out"].items()) or "none"))

@@ -68,7 +68,7 @@ def show_scenario(scenario: str, as_json: bool) -> None:
         click.echo(yaml.safe_dump(settings, sort_keys=False, allow_unicode=True, width=120), nl=False)
 
 
-@command.command("draw", epilog=examples("scenarios draw office.yaml --scenes 6 -o office.png"))
+@command.command("draw", epilog=examples("scenarios draw sonata-2020-crowded --scenes 6 -o scenes.png"))
 @click.argument("scenario", metavar="NAME|FILE")
 @click.option("-o", "--output", type=PATH, required=True, help="Output file, .png.")
 @click.option("--scenes", type=click.IntRange(1, 100), default=6, help="Number of scenes.")
@@ -128,6 +128,8 @@ def scenario_from_tracks(tracks: Path, output: Path, as_json: bool, **options: A
     """
     from sonata2d.formats import from_tracks
 
+    if output.exists():
+        raise click.UsageError(f"{output} already exists; give a new file name, or remove the file first")
     config = from_tracks.scenario_from_tracks(tracks, **options)  # options have the names of its arguments
     from_tracks.save_scenario(config, output)
     replayed = sum(person.resolved_behaviour == "recorded" for person in config.people)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     epilog=examples(
         "view demo",
         "view demo/000000.json --follow --speed 2",
-        "view --live --controller ./polite.py:Polite --scenario office.yaml --seed 7",
+        "view --live --controller ./polite.py:Polite --scenario sonata-2020-crowded --seed 7",
     ),
 )
 @click.argument("path", type=PATH, metavar="[DIR|FILE]", required=False)

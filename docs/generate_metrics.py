@@ -45,8 +45,9 @@ Conventions:
   If all values are equal the interval has zero width, which does not mean that other values are impossible. With
   fewer than about twenty runs intervals are too narrow; generate more runs.
 - Controllers in the same scenes are compared run by run: `*` in the table, and `differences` in JSON, refer to the
-  bootstrap interval of the difference to the first controller. Of twenty metrics without a difference, one gets a `*`
-  by chance.
+  bootstrap interval of the difference to the first controller, over the scenes common to both. A `*` is shown only if
+  the means differ in the same direction, and the page marks no mean as the best where n differs: such means are over
+  different runs. Of twenty metrics without a difference, one gets a `*` by chance.
 - `metrics.json` summarises all runs, the runs that reached the goal, and the runs of each scene family.
 - ↑ more is better, ↓ less is better. Metrics in **bold** are part of the short table and the picture; `--page` adds
   every class of collision, and the fractions of outcomes with Wilson's interval, which has a positive width even if

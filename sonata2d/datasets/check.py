@@ -28,8 +28,9 @@ from .manifest import (
     manifest_entry,
     read_manifest,
 )
-from .manifest_models import Manifest, ManifestFile, Source
+from .manifest_models import Manifest, ManifestFile, Source, is_episode_name
 from .plausibility import Finding, implausible_values
+from .start import unlisted_episodes
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -220,6 +221,9 @@ def _manifest_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
         yield "split", f"{omitted[0]} is in no part ({len(omitted)} files in all); split the data set again"
     known = {*names, MANIFEST, SCENARIO, CARD, LOG, METRICS, CROISSANT}
     unknown = {path.name for path in folder.iterdir() if path.is_file()} - known
+    if unlisted := unlisted_episodes(folder, manifest):
+        yield "files", unlisted
+        unknown = {name for name in unknown if not is_episode_name(name)}
     for name in sorted(name for name in unknown if ".json" in name or name.endswith(".tmp")):
         yield "files", f"{name} is in the folder but not listed"
 

@@ -138,8 +138,8 @@ def generate_dataset(
     listed = start_dataset(out, spec, resume=resume, overwrite=overwrite)
     progress = Progress(spec, _known_results(out, spec, listed) if resume else ())
     advance(len(progress.kept))
-    missing = episodes - min(progress.stored_count, episodes)
-    with _logged(out, missing, workers):
+    missing = episodes - min(len(progress.stored), episodes)
+    with _logged(out, missing, workers), _finished_listed(out, spec, progress):
         try:
             _run_episodes(Job(out, scenario, spec), progress, workers if missing > 1 else 1, advance)
         except WorkerError as error:
@@ -322,6 +322,27 @@ def _how_to_go_on(out: Path, spec: DatasetSpec, progress: Progress, overwrite: b
         return f"no episode is complete in {out}, correct the cause and run the same command again"
     text = f"{stored} of {spec.episodes} episodes are complete in {out}, {how_to_continue(overwrite=overwrite)}"
     return f"{text}, or with --overwrite if you change the controller's code" if spec.controller_sha256 else text
+
+
+@contextmanager
+def _finished_listed(out: Path, spec: DatasetSpec, progress: Progress) -> Iterator[None]:
+    """If the run is interrupted, list the finished episodes in the manifest, so that other commands see them."""
+    process = os.getpid()
+    try:
+        yield
+    except BaseException:
+        if os.getpid() != process:  # a copy of the process, forked by the controller
+            raise
+        with suppress(OSError, Sonata2dError):  # the reason of the interruption is more important
+            entries = progress.kept
+            if not spec.keep:  # with `keep`, an episode counts once the numbers before it have been run
+                stored = {entry.episode: entry for entry in progress.stored}
+                unseen, _ = existing_episodes(out, spec, {}, known=stored)  # finished while the run was ending
+                entries = sorted((stored | unseen).values(), key=lambda entry: entry.episode)
+            if entries:
+                manifest = manifest_of(spec, entries, complete=False, left_out=progress.left_out)
+                write_manifest_and_card(out, manifest)
+        raise
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import hashlib
 import os
 import shutil
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -285,7 +285,7 @@ def store_episode(folder: Path, spec: DatasetSpec, episode: int, recorder: Episo
 
 
 def existing_episodes(
-    folder: Path, spec: DatasetSpec, listed: Mapping[str, str]
+    folder: Path, spec: DatasetSpec, listed: Mapping[str, str], *, known: Container[int] = ()
 ) -> tuple[dict[int, ManifestEntry], list[str]]:
     """Usable episodes of a specification that a folder already holds, and why other files are not usable.
 
@@ -293,6 +293,7 @@ def existing_episodes(
         folder: folder of the data set.
         spec: specification of the data set.
         listed: SHA-256 by file name, from `start_dataset`; a file with another hash counts as changed.
+        known: numbers of episodes to leave out.
 
     Returns:
         Manifest rows by episode number, and one message for each unusable file.
@@ -302,6 +303,8 @@ def existing_episodes(
     """
     entries, faults = {}, []
     for episode in episode_numbers(folder, spec):
+        if episode in known:
+            continue
         path = folder / spec.file_name(episode)
         try:
             record = read_episode(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
@@ -9,10 +10,17 @@ from pydantic import AfterValidator, Field
 from ..core.snapshot import Status
 from ..record.models import Controller, Count, ListOf, Part, Positive, Settings, Software
 
+_EPISODE_NAME = re.compile(r"[0-9]{6,}\.json(\.gz|\.zst)?")
+
 
 def is_file_name(name: str) -> bool:
     """Whether a name is that of a file in a folder, and does not lead out of it."""
     return name not in ("", ".", "..") and not any(letter in name for letter in "/\\\0")
+
+
+def is_episode_name(name: str) -> bool:
+    """Whether a file is named as generated episodes are."""
+    return _EPISODE_NAME.fullmatch(name) is not None
 
 
 def _in_folder(name: str) -> str:

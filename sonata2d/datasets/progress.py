@@ -83,9 +83,9 @@ class Progress:
         return self.failure is not None or len(self.kept) == self._spec.episodes
 
     @property
-    def stored_count(self) -> int:
-        """Number of stored episodes with a requested outcome, including those not counted yet."""
-        return sum(isinstance(result, ManifestEntry) for result in self._results.values())
+    def stored(self) -> list[ManifestEntry]:
+        """Manifest rows of the stored episodes with a requested outcome, including those not counted yet."""
+        return [result for result in self._results.values() if isinstance(result, ManifestEntry)]
 
     def add(self, result: EpisodeResult) -> int:
         """Add a result and return the number of newly kept episodes.

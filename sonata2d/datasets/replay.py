@@ -131,6 +131,8 @@ def check_replay(path: Path, *, record: EpisodeRecord | None = None) -> list[Pro
         record: its content, if it was read already.
     """
     record, problems = _original(read_episode(path) if record is None else record)
+    if record.document.get("imported"):
+        return [Problem(path.name, "replay", "imported: there is no simulation to replay")]
     physics = record.document["physics"]
     if physics != PHYSICS_VERSION:
         message = f"made by physics version {physics}, this sonata2d has {PHYSICS_VERSION}; it cannot be replayed"

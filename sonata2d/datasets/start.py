@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import reprlib
 from collections.abc import Iterator
 from contextlib import suppress
@@ -32,8 +31,8 @@ from .manifest import (
     remove_partial_files,
     write_json,
 )
+from .manifest_models import is_episode_name
 
-_EPISODE_NAME = re.compile(r"[0-9]{6,}\.json(\.gz|\.zst)?")
 _MAXIMUM_DIFFERENCES = 5  # named in a message
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = 100
@@ -99,7 +98,20 @@ def remove_failed_episodes(folder: Path) -> None:
 
 def _episode_files(folder: Path) -> list[Path]:
     """The files of a folder that are named as generated episodes are."""
-    return [path for path in folder.iterdir() if _EPISODE_NAME.fullmatch(path.name) and path.is_file()]
+    return [path for path in folder.iterdir() if is_episode_name(path.name) and path.is_file()]
+
+
+def unlisted_episodes(folder: Path, manifest: JsonDict) -> str:
+    """That the manifest of an interrupted run does not list all episode files of its folder yet; empty if it does.
+
+    A run that was killed leaves such a manifest.
+    """
+    listed = {row["name"] for row in manifest["files"]}
+    count = 0 if manifest["complete"] else sum(path.name not in listed for path in _episode_files(folder))
+    if not count:
+        return ""
+    files = "1 episode file is" if count == 1 else f"{count} episode files are"
+    return f"{files} not listed until `generate` with --resume has completed the data set"
 
 
 def _remove_dataset(folder: Path) -> None:

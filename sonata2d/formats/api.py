@@ -140,13 +140,15 @@ def export_to(
         The files that were written, and why others were not.
 
     Raises:
-        RecordError: no format has this name, it does not export or use a given option, or the source holds no
-            episodes.
+        RecordError: no format has this name, it does not export or use a given option, the source holds no episodes,
+            or tables would be written into the folder of a data set.
     """
     chosen, files = format_named(format), episodes_in(source)
     _require_supported(format, options)
     result, notes = TransferResult([]), Counter[str]()
     if chosen.export_all is not None:
+        if (out / MANIFEST).exists():  # the tables come with a README.md, which would replace the data card
+            raise RecordError(f"{out} holds a data set; choose another folder")
         result.files.extend(chosen.export_all(_read(files, result, advance), out))
         return result
     if chosen.export is None:
@@ -180,11 +182,13 @@ def _output_path(record: EpisodeRecord, chosen: Format, out: Path, options: Opti
 
 
 def _write(path: Path, data: bytes, source: Path, result: TransferResult) -> None:
-    """Write a file, unless it would overwrite its own source or another file of the same transfer."""
+    """Write a file, unless it would overwrite its own source, a file of a data set or another one of the transfer."""
     if path in result.files:
         raise RecordError(f"{source}: {path} already holds another episode; transfer them one by one")
     if path.exists() and path.samefile(source):
         raise RecordError(f"{path} is the source; choose another output")
+    if path.exists() and (path.parent / MANIFEST).exists():
+        raise RecordError(f"{path} belongs to the data set {path.parent}; choose another output")
     write_atomically(path, data)
     result.files.append(path)
 
@@ -207,13 +211,16 @@ def import_from(
         The episode files that were written, and why others were refused.
 
     Raises:
-        RecordError: no format has this name, it does not import or use a given option, or the source holds no
-            files of it.
+        RecordError: no format has this name, it does not import or use a given option, the source holds no files of
+            it, or the output is in the folder of a data set.
     """
     chosen, result = format_named(format), TransferResult([])
     read = _import_function(chosen, format)
     _require_supported(format, options)
     is_single = source.is_file() and out.name.endswith(SUFFIXES) and not out.is_dir()
+    folder = out.parent if is_single else out
+    if (folder / MANIFEST).exists():  # its manifest would not list the episodes
+        raise RecordError(f"{folder} holds a data set; choose another folder")
     for file in _sources(source, chosen):
         try:
             for document in read(file, options):

@@ -91,8 +91,21 @@ class Evaluation:
         return differences(other, own, name, resamples=self.resamples)
 
     def differs(self, baseline: Evaluation, name: str) -> bool:
-        """Whether a metric differs significantly from that of another evaluation in the common scenes."""
-        return baseline is not self and self.difference(baseline, name).excludes_zero
+        """Whether a metric differs significantly from that of another evaluation in the common scenes.
+
+        False if the difference of the means over all episodes has the other sign: they are over other episodes, and a
+        mark beside them would be read the wrong way round.
+        """
+        own, other = self.summary(name).mean, baseline.summary(name).mean
+        if baseline is self or own is None or other is None:
+            return False
+        difference = self.difference(baseline, name)
+        return difference.excludes_zero and difference.mean is not None and difference.mean * (own - other) > 0.0
+
+    @property
+    def scenes(self) -> set[str]:
+        """The hashes of the scenes."""
+        return {episode.scene for episode in self.episodes}
 
     def to_json(self) -> dict[str, Any]:
         """Version of the definitions, summaries and the metrics of every episode, as a JSON object.

@@ -97,7 +97,7 @@ def save_page(
         names=short_names([one.label for one in evaluations]),
         versions=", ".join(f"{name} {version}" for name, version in versions.items()),
         contents=[_contents(one) for one in evaluations],
-        common_scenes=len(set.intersection(*({e.scene for e in one.episodes} for one in evaluations))),
+        common_scenes=len(set.intersection(*(one.scenes for one in evaluations))),
         is_pooled=len({e.name for one in evaluations for e in one.episodes}) > 1,
         few=FEW if any(len(one.episodes) < FEW for one in evaluations) else None,
         level=f"{100 * LEVEL:.0f} %",
@@ -191,7 +191,8 @@ class Cell:
 
     Attributes:
         summary: over the episodes.
-        mark: `best` for the best mean, `equal` if it does not differ significantly from the best, else empty.
+        mark: `best` for the best mean, `equal` if it does not differ significantly from the best, else empty; always
+            empty if the metric is defined in different numbers of episodes, whose means cannot be compared.
         differs: whether it differs significantly from the first evaluation.
     """
 
@@ -212,8 +213,9 @@ def _marks(evaluations: Sequence[Evaluation], metric: Metric) -> list[str]:
     """The mark of each evaluation; see `Cell`."""
     means = [one.summary(metric.name).mean for one in evaluations]
     defined = [mean for mean in means if mean is not None]
-    # no best without a preferred direction, or if all are equal
-    if metric.better == "neither" or len(set(defined)) < 2:
+    counts = {summary.n for one in evaluations if (summary := one.summary(metric.name)).n}
+    # no best without a preferred direction, if all are equal, or if the means are over different numbers of episodes
+    if metric.better == "neither" or len(set(defined)) < 2 or len(counts) > 1:
         return [""] * len(means)
     best = max(defined) if metric.better == "more" else min(defined)
     leader = evaluations[means.index(best)]

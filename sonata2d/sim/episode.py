@@ -8,7 +8,7 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..agents.controllers.base import Controller, External, Regenerate, Stop, recorded_path
+from ..agents.controllers.base import Controller, External, Regenerate, Stop, recorded_path, require_controller
 from ..agents.pedestrians.crowd import Crowd
 from ..core.devices import DeviceEvent, ImageRequest
 from ..core.geometry import Twist, quantised
@@ -86,7 +86,7 @@ class Episode:
         controller_info: ControllerInfo | None = None,
         renderer: Renderer | None = None,
     ) -> None:
-        controller = controller or External()
+        controller = require_controller(controller or External())
         if controller.image is not None and renderer is None:
             raise ControllerError(
                 f"{type(controller).__name__} requests a camera image; give Episode(renderer=sonata2d.view.image_of)"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable
 
-from ..agents.controllers.base import Controller
+from ..agents.controllers.base import Controller, require_controller
 from ..agents.controllers.loading import is_built_in
 from ..core.scene import Scene
 from ..core.snapshot import Outcome
@@ -31,6 +31,8 @@ def check_controller(
 ) -> list[Outcome]:
     """Run a controller on several scenes as data-set generation does, twice on each.
 
+    It prints nothing: a controller that passes raises no error and warns of nothing.
+
     Args:
         controller: the controller to check.
         scenes: by default one for each of `SCENARIOS`; in one of them pedestrians enter and leave.
@@ -40,6 +42,7 @@ def check_controller(
         The outcome of each scene.
 
     Raises:
+        TypeError: a class or a name is given instead of an object.
         ControllerError: an answer is not a finite `Twist`.
         RecordError: a label cannot be stored in a file.
         AssertionError: the controller declares itself deterministic, but a second run of the same scene differs:
@@ -48,6 +51,7 @@ def check_controller(
     Warns:
         ControllerWarning: most commands exceed the limits of the robot's drive, or move a unicycle sideways.
     """
+    require_controller(controller)
     outcomes, counts = [], []
     for scene in scenes if scenes is not None else default_scenes(time_limit):
         first, outcome, own_counts = _recorded_run(scene, controller)

@@ -113,7 +113,8 @@ def picture(
         RenderError: a side of the picture would be outside 16 to 6000 px.
     """
     layers = layers or Layers()
-    legend = Legend.of([snapshot], layers, paths=trails is not None).fitting(size)
+    marks = trails is not None and trails.has_marks
+    legend = Legend.of([snapshot], layers, paths=trails is not None, time_marks=marks).fitting(size)
     if camera is None:
         below = height_below(layers, legend, size[0]) if size else 0
         camera = camera_for(snapshot.scene, size=size, scale=scale, below=below)

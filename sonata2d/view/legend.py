@@ -17,7 +17,7 @@ from .figures import draw_body, draw_chassis, draw_head, draw_plain_body, draw_t
 from .fonts import width_of
 from .layers import draw_fan, draw_link_between, draw_shared_space, draw_zones_of
 from .palette import ACTIVITY, INK
-from .trails import draw_path_samples
+from .trails import MARK_INTERVAL, draw_mark_sample, draw_path_samples
 
 if TYPE_CHECKING:
     from .draw import Layers
@@ -37,8 +37,10 @@ TEXTS = {  # English meaning of each symbol
     "ignores": "ignores the robot",
     "gaze": "field of view",
     "robot": "robot",
+    "contact": "robot in contact",
     "goal": "goal",
     "paths": "paths",
+    "time_mark": "every {seconds} s",
     "interaction": "interaction",
     "zones": "intimate space {intimate} m, personal {personal} m",
     "shared": "shared space",
@@ -87,6 +89,7 @@ class Legend:
         layers: Layers,
         *,
         paths: bool = False,
+        time_marks: bool = False,
         scale: float = 1.0,
         wording: Wording = english,
     ) -> Legend:
@@ -96,10 +99,11 @@ class Legend:
             snapshots: of one scene, one or more.
             layers: of the pictures.
             paths: whether past paths are drawn.
+            time_marks: whether the robot's path has time marks.
             scale: factor of all lengths in pixels.
             wording: the meaning of a symbol by its key in `TEXTS`.
         """
-        return cls(tuple(_entries([*snapshots], layers, paths, wording)), scale) if layers.legend else cls()
+        return cls(tuple(_entries([*snapshots], layers, paths, time_marks, wording)), scale) if layers.legend else cls()
 
     def fitting(self, size: tuple[int, int] | None) -> Legend:
         """The legend for a picture of a given size, px; empty if it would take more than a quarter of the height."""
@@ -150,7 +154,9 @@ def _draw_symbol(canvas: Canvas, entry: Entry, centre: Point, side: int) -> None
     entry.draw(Brush(canvas, camera))
 
 
-def _entries(snapshots: list[Snapshot], layers: Layers, paths: bool, wording: Wording) -> Iterable[Entry]:
+def _entries(
+    snapshots: list[Snapshot], layers: Layers, paths: bool, time_marks: bool, wording: Wording
+) -> Iterable[Entry]:
     """The entries for what the pictures of these snapshots show, in the order of the rows."""
     scene, unmeasured = snapshots[0].scene, snapshots[0].scene.unmeasured
     present = {human.activity for snapshot in snapshots for human in snapshot.humans}
@@ -163,10 +169,14 @@ def _entries(snapshots: list[Snapshot], layers: Layers, paths: bool, wording: Wo
         yield Entry(wording("gaze"), _draw_view, 1.0)
     if "robot" not in unmeasured:
         yield Entry(wording("robot"), partial(_turned, partial(draw_chassis, r=_RADIUS)))
+        if any(snapshot.contacts for snapshot in snapshots):
+            yield Entry(wording("contact"), partial(_turned, partial(draw_chassis, r=_RADIUS, touches=True)))
     if layers.goal and "goal" not in unmeasured:
         yield Entry(wording("goal"), partial(draw_target, radius=_RADIUS))
     if paths:
         yield Entry(wording("paths"), partial(draw_path_samples, robot="robot" not in unmeasured), 0.4)
+    if time_marks and "robot" not in unmeasured:
+        yield Entry(wording("time_mark", seconds=f"{MARK_INTERVAL:g}"), draw_mark_sample, 0.4)
     has_interactions = any(snapshot.interactions for snapshot in snapshots)
     if layers.links and has_interactions:
         yield Entry(wording("interaction"), partial(draw_link_between, start=(-0.3, 0.0), end=(0.3, 0.0)), 0.6)

@@ -140,7 +140,8 @@ def save_moment(
     suffix, layers = Path(path).suffix.lower(), layers or Layers()
     if suffix not in (".png", ".svg"):
         raise RenderError(f"{path}: a snapshot is written as PNG or SVG; end the name in .png or .svg")
-    legend = Legend.of([snapshot], layers, paths=trails is not None).fitting(size)
+    marks = trails is not None and trails.has_marks
+    legend = Legend.of([snapshot], layers, paths=trails is not None, time_marks=marks).fitting(size)
     layers = replace(layers, legend=bool(legend.entries))
     below = height_below(layers, legend, size[0]) if size else 0
     if view == "top" or "robot" in snapshot.scene.unmeasured:
@@ -270,7 +271,8 @@ def moments(
         tiles.append(_with_title(drawn, f"{snapshots[k].time:.1f} s"))
     rows = _tiled(tiles, columns)
     width, height = rows.get_size()
-    legend = Legend.of([snapshots[k] for k in indices], layers, paths=True)
+    marks = Trails.of(snapshots[: indices[-1] + 1]).has_marks
+    legend = Legend.of([snapshots[k] for k in indices], layers, paths=True, time_marks=marks)
     sheet = _extended(rows, below=height_below(layers, legend, width))
     canvas = PixelCanvas(sheet)
     if layers.caption:

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 import pygame
 
+from ..core.geometry import Point
 from ..core.portable_math import Array, BoolArray
 from ..core.snapshot import Snapshot
 from .brush import Brush
@@ -20,7 +21,7 @@ from .camera import Camera
 from .palette import FLOOR, PAPER, PATHS, Colour, mixed, shaded, time_colour
 
 _HUMAN_WIDTH, _ROBOT_WIDTH = 0.035, 0.07  # m
-_MARK_INTERVAL = 5.0  # s, between the marks on the robot's trail
+MARK_INTERVAL = 5.0  # s, between the marks on the robot's trail
 _TONES = 12  # of a path; the robot's has a tone a step where it is not drawn fast
 _MAX_STEP = 1.0  # m per tick; an agent that moves farther has re-entered the scene elsewhere
 
@@ -62,6 +63,11 @@ class Trails:
         return (float(self.time[0]), float(self.time[-1])) if len(self.time) else None
 
     @property
+    def has_marks(self) -> bool:
+        """Whether the robot's path is drawn with time marks."""
+        return not self.is_tail and len(_marks(self.time)) > 0
+
+    @property
     def fraction(self) -> Array:
         """(T,): each time as a fraction of the span, 0 to 1."""
         if len(self.time) < 2:
@@ -87,9 +93,21 @@ def draw_trails(brush: Brush, trails: Trails | None, *, robot: bool = True) -> N
     colours = [time_colour(f) for f in fraction]
     _draw_path(brush, trails.robot, _walked(trails.robot), colours, _ROBOT_WIDTH)
     for k in [] if trails.is_tail else _marks(trails.time):
-        place = (float(trails.robot[k, 0]), float(trails.robot[k, 1]))
-        brush.disc(shaded(colours[k], 0.3), place, 0.065)
-        brush.disc(PAPER, place, 0.038)
+        _draw_mark(brush, colours[k], (float(trails.robot[k, 0]), float(trails.robot[k, 1])))
+
+
+def _draw_mark(brush: Brush, colour: Colour, place: Point) -> None:
+    """Draw a time mark on the robot's path: a white disc with a rim that is darker than the path."""
+    brush.disc(shaded(colour, 0.3), place, 0.065)
+    brush.disc(PAPER, place, 0.038)
+
+
+def draw_mark_sample(brush: Brush) -> None:
+    """Draw a piece of the robot's path, 0.4 m long, with a time mark, around the brush."""
+    x = np.linspace(-0.2, 0.2, _TONES + 1)
+    points = np.stack((x, np.zeros(len(x))), axis=1)
+    brush.steps(_ROBOT_TONES, points[:-1], points[1:], 0.07)
+    _draw_mark(brush, _ROBOT_TONES[_TONES // 2], (0.0, 0.0))
 
 
 def draw_path_samples(brush: Brush, *, robot: bool) -> None:
@@ -136,8 +154,8 @@ def _draw_path(brush: Brush, path: Array, walked: BoolArray, colours: Sequence[C
 
 
 def _marks(time: Array) -> list[int]:
-    """Indices at which another `_MARK_INTERVAL` has passed since the start."""
-    passed = np.floor((time - time[:1]) / _MARK_INTERVAL + 1e-6)
+    """Indices at which another `MARK_INTERVAL` has passed since the start."""
+    passed = np.floor((time - time[:1]) / MARK_INTERVAL + 1e-6)
     return [int(k) for k in np.flatnonzero(np.diff(passed) > 0) + 1]
 
 

@@ -85,6 +85,8 @@ class Stage:
         clock: Callable[[int], int] | None = None,
     ) -> None:
         self._fps, self._clock = fps, clock or pygame.time.Clock().tick
+        self._held: set[int] = set()  # keys that are down
+        self._stale: set[int] = set()  # keys that are down since an earlier screen
         _open_display(title, size)
         self._reset_ui(self.size)
 
@@ -115,6 +117,8 @@ class Stage:
         """Process events, advance and draw one frame; returns the screen to show next."""
         seconds = self._clock(self._fps) / 1000.0
         for event in pygame.event.get():
+            if self._is_stale(event):
+                continue
             if event.type == pygame.VIDEORESIZE:
                 self._reset_ui(self.size)
                 screen.enter(self)
@@ -129,6 +133,7 @@ class Stage:
             screen.leave()
             if following is None:
                 return None
+            self._stale = set(self._held)
             self._reset_ui(self.size)
             following.enter(self)
         self.ui.update(seconds)
@@ -136,6 +141,20 @@ class Stage:
         self.ui.draw_ui(self.surface)
         pygame.display.flip()
         return following
+
+    def _is_stale(self, event: pygame.Event) -> bool:
+        """Whether an event repeats a key that is down since an earlier screen: that screen has used the key.
+
+        A text field switches key repeat on. While the next screen is made, which takes a moment, repetitions of Enter
+        arrive, and the next screen would take them for its own Enter.
+        """
+        if event.type == pygame.KEYUP:
+            self._held.discard(event.key)
+            self._stale.discard(event.key)
+        elif event.type == pygame.KEYDOWN:
+            self._held.add(event.key)
+            return event.key in self._stale
+        return False
 
     def _save_screenshot(self) -> None:
         """Save the window's content into the working directory."""

@@ -111,6 +111,7 @@ def test_page_of_recorded_episodes_shows_the_selected_metrics(sonata2d: Run, her
         ("evaluate", 2, "neither was given"),
         ("evaluate out --controller social-force", 2, "not both"),
         ("evaluate out --scenario empty", 2, "recorded episodes have their own scenes"),
+        ("evaluate --controller orca -o set", 2, "set is a data set; give a folder for the data sets of"),
         ("evaluate nowhere", 1, "nowhere does not exist"),
         ("evaluate quick.yaml", 1, "quick.yaml is not valid JSON"),
         ("evaluate --controller social-farce", 1, "did you mean 'social-force'?"),
@@ -119,6 +120,29 @@ def test_page_of_recorded_episodes_shows_the_selected_metrics(sonata2d: Run, her
         ("evaluate nowhere --page a.pdf", 1, "the name of an evaluation page must end in .html"),
     ],
 )
-def test_invalid_arguments_give_a_one_line_message(sonata2d: Run, line: str, code: int, message: str) -> None:
+def test_invalid_arguments_give_a_one_line_message(
+    sonata2d: Run, here: Path, line: str, code: int, message: str
+) -> None:
+    (here / "set").mkdir()
+    (here / "set/manifest.json").touch()
     output = sonata2d(line, code).output.strip()
     assert message in output.splitlines()[-1]
+
+
+def test_a_killed_run_is_explained_and_not_evaluated_as_empty(sonata2d: Run, here: Path) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --no-picture")
+    manifest = json.loads((here / "out/manifest.json").read_bytes())
+    empty = {"complete": False, "counts": {"outcome": {}, "family": {}}, "files": []}
+    (here / "out/manifest.json").write_text(json.dumps(manifest | empty))  # as a run begins
+    message = "2 episode files are not listed until `generate` with --resume has completed the data set"
+    assert f"out lists no episodes: {message}" in sonata2d("evaluate out", code=1).output
+    assert message in sonata2d("describe out").output
+    assert sonata2d("check out", code=1).output.count(message) == 1
+
+
+def test_the_scenes_over_which_differences_are_taken_are_counted(sonata2d: Run) -> None:
+    for name, episodes in (("a", 2), ("b", 3)):
+        sonata2d(f"generate {name} --scenario quick.yaml --episodes {episodes} --workers 1 --no-picture")
+    line = "differences are over the scenes in common with a: 2 of b"
+    assert line in sonata2d("evaluate a b --workers 1 --no-rerun").output.splitlines()
+    assert "differences are over" not in sonata2d("evaluate a a/ --workers 1 --no-rerun").output

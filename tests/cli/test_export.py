@@ -42,7 +42,7 @@ def test_exported_files_can_be_imported(sonata2d: Run, dataset: Path, here: Path
 
 
 def test_single_episode_is_exported_to_the_named_file(sonata2d: Run, dataset: Path, here: Path) -> None:
-    assert "one.json: 1 socnav3 files" in sonata2d("export out/000001.json --to socnav3 -o one.json").output
+    assert "one.json: 1 socnav3 file" in sonata2d("export out/000001.json --to socnav3 -o one.json").output
     sonata2d("import one.json --from socnav3 -o again.json.zst")
     sonata2d("check again.json.zst --replay")
     steps = json.loads((here / "one.json").read_text())["sequence"]
@@ -53,9 +53,18 @@ def test_single_episode_is_exported_to_the_named_file(sonata2d: Run, dataset: Pa
 def test_imported_episode_cannot_be_replayed(sonata2d: Run, dataset: Path) -> None:
     sonata2d("export out --to sonata -o exported")
     sonata2d("import exported --from sonata -o back")
-    output = sonata2d("check back --replay --workers 1", code=1).output
-    assert "made by physics version 0" in output
-    assert "cannot be replayed" in output
+    lines = sonata2d("check back --replay --workers 1", code=1).output.splitlines()
+    assert lines[0] == "000000.json and 1 other file: replay: imported: there is no simulation to replay"
+    assert lines[1:] == ["back: 2 files checked, replayed, 2 problems"]
+
+
+def test_imported_tracks_are_no_data_set_and_have_no_robot_to_evaluate(sonata2d: Run, dataset: Path) -> None:
+    sonata2d("export out --to csv -o tracks")
+    assert "a folder of episodes, not a data set" in sonata2d("import tracks --from csv -o back").output
+    assert "not a data set" not in sonata2d("import tracks/000000.csv --from csv -o one.json").output
+    reason = "no metric is defined, because imported tracks have no robot"
+    assert f"back: {reason}" in sonata2d("evaluate back --workers 1").output
+    assert reason not in sonata2d("evaluate out --workers 1 --no-rerun").output
 
 
 def test_refused_episodes_are_listed_and_the_others_exported(sonata2d: Run, dataset: Path, here: Path) -> None:
@@ -63,7 +72,7 @@ def test_refused_episodes_are_listed_and_the_others_exported(sonata2d: Run, data
     (here / "mixed/000000.json").write_bytes((dataset / "000000.json").read_bytes())
     (here / "mixed/000001.json").write_text("{")
     result = sonata2d("export mixed --to npz -o exported", code=1)
-    assert "exported: 1 npz files, 1 refused" in result.output
+    assert "exported: 1 npz file, 1 refused" in result.output
     assert "refused: mixed/000001.json is not valid JSON" in result.output
     output = sonata2d("export mixed --to npz -o exported --json", code=1)
     assert len(json.loads(output.stdout)["refused"]) == 1
@@ -82,7 +91,7 @@ def test_episodes_that_a_format_cannot_hold_are_skipped_and_counted(sonata2d: Ru
     (here / "out/000002.json").write_bytes((here / "long/000000.json").read_bytes())
     (here / "out/manifest.json").unlink()
     result = sonata2d("export out --to trajnet -o some", code=0)
-    assert "some: 1 trajnet files, 2 skipped" in result.output
+    assert "some: 1 trajnet file, 2 skipped" in result.output
     assert len(json.loads(sonata2d("export out --to trajnet -o again --json").stdout)["skipped"]) == 2
 
 
@@ -129,3 +138,14 @@ def test_quirks_are_refused_for_other_formats(sonata2d: Run, dataset: Path, here
 )
 def test_invalid_paths_give_a_one_line_message(sonata2d: Run, here: Path, line: str, message: str) -> None:
     assert message in one_line(sonata2d(line, code=1).output)
+
+
+def test_a_data_set_is_not_overwritten_by_an_import_or_an_export(sonata2d: Run, dataset: Path, here: Path) -> None:
+    before = {path: path.read_bytes() for path in dataset.iterdir()}
+    sonata2d("export out --to csv -o tracks")
+    for output in ("out", "out/000000.json"):
+        refusal = one_line(sonata2d(f"import tracks/000000.csv --from csv -o {output}", code=1).output)
+        assert "out holds a data set; choose another folder" in refusal
+    sonata2d("generate other --scenario quick.yaml --episodes 2 --seed 5 --workers 1 --no-picture")
+    assert "belongs to the data set out" in sonata2d("export other --to socnav3 -o out", code=1).output
+    assert {path: path.read_bytes() for path in dataset.iterdir()} == before

@@ -30,7 +30,7 @@ def test_data_set_is_mirrored_merged_and_split(sonata2d: Run, folder: Path) -> N
 
 
 def test_file_mirrored_twice_has_the_same_bytes(sonata2d: Run, folder: Path) -> None:
-    assert "1 episodes mirrored" in sonata2d("mirror one/000002.json -o twin.json.gz").output
+    assert "1 episode mirrored" in sonata2d("mirror one/000002.json -o twin.json.gz").output
     sonata2d("mirror twin.json.gz -o back.json")
     assert (folder / "back.json").read_bytes() == (folder / "one/000002.json").read_bytes()
     assert "no problems" in sonata2d("check twin.json.gz --replay").output

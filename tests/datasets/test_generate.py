@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
+from sonata2d.datasets.check import check_dataset
 from sonata2d.datasets.executors import parallel_map
 from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets.manifest import read_manifest
+from sonata2d.datasets.start import unlisted_episodes
 from sonata2d.datasets.verification import verify
 from sonata2d.errors import ControllerError, RecordError, Sonata2dError
 from sonata2d.record.reader import read_episode
@@ -77,9 +80,34 @@ def test_killing_and_resuming_gives_the_same_bytes(tmp_path: Path) -> None:
     process.wait()
     before = len(list((tmp_path / "out").glob("0*.json")))
     assert 5 <= before < 200
+    manifest = read_manifest(tmp_path / "out")
+    assert unlisted_episodes(tmp_path / "out", manifest).startswith(f"{before} episode files are not listed")
+    assert [str(one) for one in check_dataset(tmp_path / "out") if "not listed" in str(one)] != []
     generate_dataset(tmp_path / "out", scenario, episodes=200, seed=1, resume=True)
     generate_dataset(tmp_path / "whole", scenario, episodes=200, seed=1, workers=2)
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_interrupted_run_lists_its_episodes_and_resumes_to_the_same_bytes(
+    reference: Path, tmp_path: Path, workers: int
+) -> None:
+    out, steps = tmp_path / "out", []
+
+    def interrupt(step: int) -> None:
+        steps.append(step)
+        if sum(steps) >= 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        generate_dataset(out, QUICK, "straight-to-goal", episodes=10, seed=5, workers=workers, advance=interrupt)
+    manifest = read_manifest(out)
+    assert [row["name"] for row in manifest["files"]] == sorted(path.name for path in out.glob("0*.json"))
+    assert 4 <= len(manifest["files"]) < 10
+    (problem,) = check_dataset(out)
+    assert "generate the others with --resume" in problem.message
+    resumed(out)
+    assert contents(out) == contents(reference)
 
 
 def resumed(out: Path, episodes: int = 10, **options: str) -> None:

@@ -120,7 +120,9 @@ def test_interrupting_and_resuming_gives_the_same_bytes(reference: Path, tmp_pat
 
     with pytest.raises(Interruption):
         generate(tmp_path / "out", advance=stop)
-    assert not read_manifest(tmp_path / "out")["complete"]
+    manifest = read_manifest(tmp_path / "out")
+    assert not manifest["complete"]
+    assert len(manifest["files"]) == 5, "other commands see the episodes"
     (tmp_path / "out/000099.json").write_bytes(b"cut short")
     log = tmp_path / "out/run.jsonl"
     if without_log:

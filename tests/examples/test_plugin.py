@@ -193,7 +193,7 @@ def test_episodes_of_a_plug_in_that_is_not_installed_say_what_to_install(
     assert sonata2d(["evaluate", "out", "--no-rerun"], env, tmp_path).returncode == 0
     problem, summary = sonata2d(["check", "out", "--replay"], env, tmp_path).stdout.splitlines()
     assert problem.startswith("000000.json: settings: they give no scene: person.model: no pedestrian model is named")
-    assert summary == "out: 1 files checked, replayed, 1 problems"
+    assert summary == "out: 1 file checked, replayed, 1 problem"
     problem, _ = sonata2d(["check", "out", "--rerun"], env, tmp_path).stdout.splitlines()
     assert problem.endswith("nor a plug-in of an installed package; install the package that provides it")
 

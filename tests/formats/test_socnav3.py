@@ -318,7 +318,7 @@ def test_foreign_file_becomes_an_episode_that_lists_missing_values(tmp_path: Pat
     )
     assert {"frames.humans.velocity", "humans.id"} <= set(origin["derived"])
     assert check_episode(path) == []
-    assert [problem.place for problem in check_replay(path)] == ["physics"], "it reports that it cannot be replayed"
+    assert [problem.place for problem in check_replay(path)] == ["replay"], "it reports that it cannot be replayed"
 
 
 def test_numbers_beyond_the_limit_of_episode_files_are_refused(records: list[EpisodeRecord], tmp_path: Path) -> None:

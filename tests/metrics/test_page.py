@@ -134,6 +134,17 @@ def test_episodes_in_different_scenes_are_never_equal() -> None:
     assert [cell.mark for cell in cells([here, moved], METRICS["spl"])] == ["best", ""]
 
 
+def test_means_over_other_episodes_are_not_compared() -> None:
+    """In each common scene the second is slower by 1, but it is undefined in the scenes that are slow for both."""
+    first = evaluation("first", *(10.0 + k for k in range(5)), *(50.0 + k for k in range(3)), name="time_to_goal")
+    second = evaluation("second", *(11.0 + k for k in range(5)), None, None, None, name="time_to_goal")
+    row = cells([first, second], METRICS["time_to_goal"])
+    assert [cell.summary.n for cell in row] == [8, 5]
+    assert [cell.mark for cell in row] == ["", ""], "the lower mean is not that of the better one"
+    assert second.difference(first, "time_to_goal").mean == 1.0
+    assert [cell.differs for cell in row] == [False, False], "the means differ in the other direction"
+
+
 def test_outcome_counts_fill_the_bar() -> None:
     collided = evaluation("a", 1.0, 0.0, 0.0, name="success_strict")
     late = evaluation("b", 0.0, name="success_strict", outcome="timeout")

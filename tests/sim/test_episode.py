@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -244,3 +245,13 @@ def test_what_files_cannot_hold_of_a_controller_is_refused_at_the_start(odd: dic
 def test_the_reason_of_a_stop_must_be_text() -> None:
     with pytest.raises(TypeError, match="the reason of Stop must be text, got 12345"):
         s2.Stop(12345)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("given", "remedy"), [(Answers, r"pass Answers\(\)"), ("orca", r"pass load_controller\('orca'\)"), (3, "got 3")]
+)
+def test_a_controller_is_an_object(given: Any, remedy: str) -> None:
+    scene = s2.generate(s2.ScenarioConfig(humans=0), seed=1)
+    for use in (partial(s2.Episode, scene), s2.check_controller):
+        with pytest.raises(TypeError, match=remedy):
+            use(given)

@@ -14,6 +14,7 @@ import pygame
 import pytest
 from PIL import Image
 
+from sonata2d.core.snapshot import Contact
 from sonata2d.errors import RenderError
 from sonata2d.view.draw import Layers, picture
 from sonata2d.view.files import render
@@ -278,6 +279,16 @@ def test_a_legend_explains_the_layers_that_are_drawn(tmp_path, scene, episode):
     texts = legend_of(tmp_path / "a.svg")
     assert texts[-3:] == ["paths", "intimate space 0.45 m, personal 1.2 m", "shared space"]
     assert not {"field of view", "interaction"} & {*texts}
+
+
+def test_a_legend_explains_the_rings_on_the_path_and_the_rim_during_a_contact(tmp_path, scene, episode):
+    layers, trails = Layers(legend=True), Trails.of(episode)
+    long = replace(trails, time=np.linspace(0.0, 12.0, len(trails.time)))
+    touching = replace(snapshot_at(scene), contacts=(Contact("wall", 0, robot_at_fault=True, other_at_fault=False),))
+    save_moment(tmp_path / "a.svg", touching, layers=layers, trails=long, size=(1200, 900))
+    assert {"every 5 s", "robot in contact"} <= {*legend_of(tmp_path / "a.svg")}
+    save_moment(tmp_path / "b.svg", snapshot_at(scene), layers=layers, trails=replace(long, is_tail=True))
+    assert not {"every 5 s", "robot in contact"} & {*legend_of(tmp_path / "b.svg")}
 
 
 def test_a_legend_is_below_the_room_and_within_the_size(scene):

@@ -400,6 +400,23 @@ def test_a_new_person_starts_with_an_empty_name(driver: Callable[..., Driver]) -
     Driver(person.folder).session.close()  # the folder is free for the next session of the same person
 
 
+def test_the_enter_key_that_ends_the_name_does_not_start_the_run(driver: Callable[..., Driver]) -> None:
+    person = driver()
+    person.screen = NameScreen(lambda name: person.collect)
+    person.screen.enter(person.stage)
+    person.hold(pygame.K_RETURN)
+    person.wait(0.1)
+    assert person.screen is person.collect
+    for _ in range(3):  # key repeat, as long as the key is held
+        person._post(pygame.K_RETURN, True)
+        person.wait()
+    person.hold()
+    person.wait()
+    assert (person.session.state, person.session.ticks) == ("waiting", 0)
+    person.press(pygame.K_RETURN)
+    assert person.session.state == "driving", "Enter counts again once it has been released"
+
+
 def test_counts_can_be_typed(driver: Callable[..., Driver]) -> None:
     person = driver()
     person.press(pygame.K_g)

@@ -83,6 +83,22 @@ def current_path(recorded: str) -> str:
     return _CURRENT_PATHS.get(recorded, recorded)
 
 
+def require_controller(value: object) -> Controller:
+    """Return a controller as given.
+
+    Raises:
+        TypeError: it is a class, a name or another object that is not a controller.
+    """
+    if isinstance(value, Controller):
+        return value
+    if isinstance(value, str):
+        remedy = f"pass load_controller({value!r}), from sonata2d.agents.controllers.loading"
+        raise TypeError(f"a controller is an object, got the name {value!r}; {remedy}")
+    if isinstance(value, type):
+        raise TypeError(f"a controller is an object, got the class {value.__name__}; pass {value.__name__}()")
+    raise TypeError(f"a controller is an object of a class derived from sonata2d.Controller, got {value!r:.100}")
+
+
 class _DeprecatedName:
     """Descriptor for the old name of a method: warns, then returns the renamed method of the class that defines it."""
 
