@@ -7,6 +7,7 @@ import os
 import sys
 import traceback
 import warnings
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -78,6 +79,9 @@ class Commands(Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         warnings.formatwarning = _warning_line
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, TextIOWrapper):  # names of files may hold bytes that are no text
+                stream.reconfigure(errors="backslashreplace")
         try:
             with raising_terminated(), exits_raised():
                 return super().invoke(ctx)

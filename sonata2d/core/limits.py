@@ -26,6 +26,7 @@ MAX_CELLS_WITHOUT_RATIO = 1_000_000
 MAX_CELLS_PER_OBSERVATION = 100
 MAX_CELLS = 20_000_000
 MAX_ID = 1 << 53  # of pedestrians, objects and groups: exact also in programs that hold all numbers as double
+MAX_TRACK_POINTS = 1_000_000  # of one pedestrian of a scenario, interpolated at the ticks: more than a day at 0.1 s
 MAX_PERSON_SPEED = 8.0  # m/s, in recorded tracks: people do not run faster, so that a faster step is an error
 MAX_GRID_CELLS = 4000  # per side of an occupancy grid
 MAX_SUBSTEPS = 1000  # physics steps of one tick, and iterations of the contact solver

@@ -18,6 +18,7 @@ import orjson
 from ..core.geometry import PRECISION
 from ..core.snapshot import ControllerInfo, Status
 from ..core.whole_file import TEMPORARY_PREFIX
+from ..core.wording import shown
 from ..errors import NewerFormatError, RecordError
 from ..record.canonical import parse_header, to_json_value
 from ..record.files import SUFFIXES, compress, file_stem, read_bytes, write_atomically
@@ -135,7 +136,8 @@ def read_stored_manifest(folder: Path) -> JsonDict:
     version = manifest.get("version")
     if not isinstance(version, int) or not 1 <= version <= DATASET_VERSION:
         raise RecordError(
-            f"{path} was written by version {version!r}, this sonata2d reads up to {DATASET_VERSION}; upgrade sonata2d"
+            f"{path} was written by version {shown(version)}, this sonata2d reads up to {DATASET_VERSION};"
+            " upgrade sonata2d"
         )
     from pydantic import ValidationError
 

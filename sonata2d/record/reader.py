@@ -14,6 +14,7 @@ import orjson
 from ..core.humans import frozen
 from ..core.portable_math import Array, BoolArray
 from ..core.snapshot import Outcome
+from ..core.wording import shown
 from ..errors import NewerFormatError, RecordError
 from ..version import FORMAT, FORMAT_VERSION
 from .files import read_bytes
@@ -80,11 +81,11 @@ def _read_document(path: Path) -> JsonDict:
     except orjson.JSONDecodeError as error:
         raise RecordError(f"{path} is not valid JSON, it is truncated or damaged: {error}") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        found = repr(document.get("format")) if isinstance(document, dict) else f"a JSON {type(document).__name__}"
+        found = shown(document.get("format")) if isinstance(document, dict) else f"a JSON {type(document).__name__}"
         raise RecordError(f"{path} is not a {FORMAT} file: its format is {found}")
     version = document.get("version")
     if not isinstance(version, int) or isinstance(version, bool):
-        raise RecordError(f"{path} has no valid format version: got {version!r}")
+        raise RecordError(f"{path} has no valid format version: got {shown(version)}")
     if version > FORMAT_VERSION:
         raise NewerFormatError(
             f"{path} was written by format version {version}, this sonata2d reads up to {FORMAT_VERSION};"

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction
 from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
+from ..core.limits import MAX_TRACK_POINTS
 from ..core.outlines import outline_row
 from ..core.portable_math import PI, Array, angle_of
 from ..core.rng import RandomStream
@@ -210,9 +211,13 @@ def _with_track(human: Human, track: Track, dt: float) -> Human:
     Raises:
         SceneError: no tick lies within the time span of the track.
     """
+    span = f"{track[0][0]:g} to {track[-1][0]:g} s"
+    if (track[-1][0] - track[0][0]) / dt > MAX_TRACK_POINTS:
+        raise SceneError(
+            f"the track of person {human.id}, {span}, is longer than {MAX_TRACK_POINTS} ticks; check its times"
+        )
     first, positions = resample_track(track, dt)
     if not positions:
-        span = f"{track[0][0]:g} to {track[-1][0]:g} s"
         raise SceneError(f"the track of person {human.id}, {span}, lies between two ticks; remove this person")
     (x, y), (u, v) = positions[0], positions[min(1, len(positions) - 1)]
     velocity = (u - x) / dt, (v - y) / dt

@@ -137,6 +137,7 @@ def test_an_older_format_version_is_migrated(episode: Path, monkeypatch: pytest.
         (b"\xff\xfe", "not valid JSON"),
         (b"[1, 2]", "its format is a JSON list"),
         (b'{"frame": 1}', "its format is None"),
+        (b'{"format": "sonata2d-episode", "version": "' + b"x" * 5000 + b'"}', "version: got .{,70}$"),
         (b'{"format": "sonata2d-episode"}', "has no valid format version"),
         (b'{"format": "sonata2d-episode", "version": 1}', "id: is missing .and at least 28 more;"),
         (b"\x1f\x8b123", "cannot be read"),

@@ -156,6 +156,11 @@ def test_jitter_moves_a_start_and_its_goals_by_the_same_bounded_offset() -> None
     assert len({s2.generate(config, seed).humans[0].pose for seed in range(30)}) == 30
 
 
+def test_a_track_of_years_is_refused_before_it_is_interpolated() -> None:
+    with pytest.raises(SceneError, match=r"track of person 1, 0 to 1e\+09 s, is longer than 1000000 ticks"):
+        scene_with({"track": [(0, 0, 0), (1e9, 1, 0)]})
+
+
 def test_jitter_moves_the_start_and_the_goal_of_the_robot() -> None:
     config = config_with(
         robot={"pose": (-2, 0, 0), "jitter": (0.3, 0.3, 0.1)}, goal={"position": (2, 0), "jitter": (0.2, 0.1)}
