@@ -271,5 +271,5 @@ def test_quiet_prints_the_result_of_a_split(sonata2d: Run, here: Path) -> None:
     sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --no-picture")
     output = sonata2d("split out --parts train=0.5,test=0.5 --quiet").output
     assert [line.split() for line in output.splitlines()] == [
-        [f"{part}:", "1", "episodes"] for part in ("train", "test")
+        [f"{part}:", "1", "episode"] for part in ("train", "test")
     ]
