@@ -128,8 +128,8 @@ class Workers:
     @cached_property
     def _pool(self) -> ProcessPoolExecutor:
         context = get_context("spawn")  # the same start method on every system
-        told = self._stop, logging.getLogger(_PACKAGE).level, warnings.formatwarning
-        return ProcessPoolExecutor(self.count, mp_context=context, initializer=_start_worker, initargs=told)
+        arguments = self._stop, logging.getLogger(_PACKAGE).level, warnings.formatwarning
+        return ProcessPoolExecutor(self.count, mp_context=context, initializer=_start_worker, initargs=arguments)
 
     @cached_property
     def _stop(self) -> Event:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from ..core.whole_file import TEMPORARY_PREFIX
+from ..core.wording import shown
 from ..errors import RecordError
 from ..record.files import SUFFIXES, file_suffix
 from ..record.layout import JsonDict
@@ -34,8 +34,6 @@ from .manifest import (
 from .manifest_models import is_episode_name
 
 _MAXIMUM_DIFFERENCES = 5  # named in a message
-_short = reprlib.Repr()
-_short.maxstring = _short.maxother = 100
 
 
 def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, overwrite: bool = False) -> dict[str, str]:
@@ -147,7 +145,7 @@ def _differences(stored: JsonDict, spec: DatasetSpec) -> str:
     if (stored["controller"] or {}).get("path") != spec.controller_info.path:  # its settings are then others as well
         requested["controller"] = {**(stored["controller"] or {}), "path": spec.controller_info.path}
     found = [
-        f"{key} {_short.repr(old)} stored, {_short.repr(new)} requested"
+        f"{key} {shown(old, 100)} stored, {shown(new, 100)} requested"
         for key, old, new in _changes({key: stored.get(key) for key in requested}, requested)
     ]
     # version 0.1 stored no hashes; the episodes of such a data set are taken as they are
