@@ -17,11 +17,6 @@ class ControllerError(Sonata2dError):
     """A controller cannot be loaded, or its answer is not a valid command."""
 
 
-# What the code of others (controllers, pedestrian models, plug-ins) may raise. SystemExit is among them: a controller,
-# or a library that it calls, must not end a batch, let alone with the exit code 0.
-FOREIGN_ERRORS = (Exception, SystemExit)
-
-
 class WorkerError(Sonata2dError):
     """A worker process crashed, or was killed."""
 
@@ -32,6 +27,16 @@ class KernelError(Sonata2dError):
 
 class RecordError(Sonata2dError):
     """An episode file or a data set cannot be read or written, or fails verification."""
+
+
+def described(error: BaseException) -> str:
+    """An error that the code of others raised, in one line of at most 300 characters: `ValueError: no such wall`."""
+    name = type(error).__name__
+    try:
+        text = " ".join(str(error)[:300].split())
+    except Exception:  # of its `__str__`
+        return f"{name:.100}"
+    return f"{name:.100}: {text}" if len(name) + len(text) < 297 else f"{name:.100}: {text:.195}..."
 
 
 class InvalidFileError(RecordError):

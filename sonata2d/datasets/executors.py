@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import gc
 import logging
+import math
 import os
 import pickle
 import signal
+import sys
 import threading
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from functools import cached_property, partial
 from itertools import islice
 from multiprocessing import active_children, get_context, parent_process
+from multiprocessing.process import BaseProcess
 from multiprocessing.synchronize import Event
 from multiprocessing.util import Finalize
 from typing import Any, NoReturn, Self, TypeVar
@@ -29,6 +32,7 @@ logger = logging.getLogger(__name__)
 _PACKAGE = "sonata2d"  # name of the logger of the whole package
 CHUNK_SIZE = 4  # items sent to a worker at a time
 _POLL = 0.5  # s, between two looks at the processes of a pool that is being stopped
+STOP_GRACE = 5.0  # s, that processes have to finish their items after Ctrl-C or SIGTERM
 _TERM_GRACE = 2.0  # s, between SIGTERM and the end of a worker process
 THREAD_GRACE = 1.0  # s, that a process waits at its end for threads that a controller has left running
 
@@ -56,7 +60,8 @@ class Workers:
     def __exit__(self, *_: object) -> None:
         if "_pool" in vars(self):
             self._stop.set()  # each worker finishes its current item only
-            self._pool.shutdown(cancel_futures=True)
+            with self._ended_by_interruption():
+                self._pool.shutdown(cancel_futures=True)
 
     def ordered(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         """See `parallel_map`."""
@@ -102,23 +107,53 @@ class Workers:
 
         def submit(function: Callable[[Any], Any], arguments: list[Any]) -> list[Future[Any]]:
             with _starting_processes():
+                before = set(active_children())
                 submitted = [pool.submit(function, argument) for argument in arguments]
+                self._processes.update(set(active_children()) - before)
                 unfinished.update(submitted)
             for future in submitted:
                 future.add_done_callback(unfinished.discard)  # a finished future holds its results
             return submitted
 
         stop.clear()
+        patience = math.inf
         try:
             with _crashes_explained():
                 yield submit
+        except (KeyboardInterrupt, GeneratorExit) as error:
+            # a generator is closed if the caller is interrupted, or needs no further results
+            if isinstance(error, KeyboardInterrupt) or isinstance(error.__context__, KeyboardInterrupt):
+                patience = STOP_GRACE
+            raise
         finally:
             # Pending chunks end at once, because of the stop request. They are not cancelled: if a process has been
             # killed meanwhile, the pool fails on cancelled futures (Python 3.11).
             stop.set()
             # A future that was submitted while the pool broke is never finished, but then no process is left.
-            while unfinished and active_children():
-                wait(list(unfinished), timeout=_POLL)
+            end = time.monotonic() + patience
+            with self._ended_by_interruption():
+                while unfinished and active_children():
+                    wait(list(unfinished), timeout=_POLL)
+                    if time.monotonic() > end:
+                        self._kill()
+
+    @contextmanager
+    def _ended_by_interruption(self) -> Iterator[None]:
+        """End the processes at once on Ctrl-C or SIGTERM while this block waits for them."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            self._kill()
+            raise
+
+    def _kill(self) -> None:
+        """End the processes; their files are complete or not there, because files are written atomically."""
+        for process in self._processes:
+            process.kill()
+
+    @cached_property
+    def _processes(self) -> set[BaseProcess]:
+        return set()
 
     @cached_property
     def _pool(self) -> ProcessPoolExecutor:
@@ -188,7 +223,7 @@ def _crashes_explained() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        logger.warning("stopping: each worker process first finishes its episode, or the kernel that it compiles")
+        logger.warning("stopping: the worker processes have %.0f s to finish their episodes", STOP_GRACE)
         raise
     except BrokenProcessPool as error:
         raise WorkerError(
@@ -276,6 +311,12 @@ def exits_raised() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    with _surroundings_kept(), _exit_replaced():
+        yield
+
+
+@contextmanager
+def _exit_replaced() -> Iterator[None]:
     process, real_exit = os.getpid(), os._exit
 
     def raise_exit(status: int) -> NoReturn:
@@ -288,6 +329,27 @@ def exits_raised() -> Iterator[None]:
         yield
     finally:
         os._exit = real_exit
+
+
+@contextmanager
+def _surroundings_kept() -> Iterator[None]:
+    """Go back to the working folder, and open standard output again, if the code of others leaves or closes it.
+
+    Relative paths would otherwise name other files, and nothing could be printed.
+    """
+    try:
+        folder = os.getcwd()
+    except OSError:  # it was removed
+        folder = os.curdir
+    stdout, encoding = sys.stdout, getattr(sys.stdout, "encoding", None)
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # it was removed meanwhile
+            os.chdir(folder)
+        if stdout is not None and stdout.closed and stdout is sys.__stdout__:
+            # Python leaves the file open, and closes only its own object
+            sys.stdout = open(1, "w", encoding=encoding, closefd=False)  # noqa: SIM115
 
 
 def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -> None:
@@ -317,7 +379,7 @@ def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -
         threading.Thread(target=_exit_after_sigterm, daemon=True).start()
     Finalize(None, _exit_soon, exitpriority=0)  # runs after the last item; otherwise the exit waits for all threads
     _stop_request = stop
-    interruption.is_requested = stop.is_set
+    interruption.is_requested, interruption.ignores_signals = stop.is_set, True
 
 
 def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
@@ -326,7 +388,8 @@ def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     for item in items:
         if _stop_request.is_set():
             break
-        results.append(function(item))
+        with _surroundings_kept():
+            results.append(function(item))
     return results
 
 
@@ -334,8 +397,9 @@ def _exit_after_sigterm() -> None:
     """End this worker process some time after SIGTERM.
 
     Clusters send SIGTERM to all processes of a batch. A worker that ended at once would break the pool while the parent
-    still starts processes, and the pool of Python 3.11 can then wait for ever; so the parent, which gets the signal too,
-    has the time to end the batch. If the parent goes on, or the pool ends its processes after a crash, the worker ends.
+    still starts processes, and the pool of Python 3.11 can then wait for ever; so the parent, which gets the signal
+    too, has the time to end the batch. If the parent goes on, or the pool ends its processes after a crash, the worker
+    ends.
     """
     signal.sigwait({signal.SIGTERM})
     time.sleep(_TERM_GRACE)
@@ -362,7 +426,8 @@ def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:
     global _present_call
     if _present_call[0] != pickled_call:
         set_up, is_last = pickle.loads(pickled_call)
-        _present_call = pickled_call, set_up(), is_last
+        with _surroundings_kept():
+            _present_call = pickled_call, set_up(), is_last
         gc.freeze()  # the imported modules stay: searching them for garbage takes 45 ms each time
     _, function, is_last = _present_call
     results: list[Any] = []
@@ -370,7 +435,8 @@ def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:
         if _stop_request.is_set():
             break
         try:
-            results.append(function(item))
+            with _surroundings_kept():
+                results.append(function(item))
         except KeyboardInterrupt:  # of `interruption`: the item's compilation was given up
             break
         if is_last(results[-1]):

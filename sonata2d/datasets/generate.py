@@ -18,9 +18,10 @@ from typing import get_args
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import is_built_in, load_controller, source_hashes
+from ..core import interruption
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
-from ..errors import FOREIGN_ERRORS, ControllerError, ControllerWarning, RecordError, Sonata2dError, WorkerError
+from ..errors import ControllerError, ControllerWarning, RecordError, SceneError, Sonata2dError, WorkerError, described
 from ..record.layout import JsonDict
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate, require_config
@@ -32,6 +33,7 @@ from .executors import Advance, Workers, end_if_forked, exits_raised, unordered_
 from .manifest import (
     FAILED,
     MANIFEST,
+    SCENARIO,
     DatasetSpec,
     ManifestEntry,
     episode_numbers,
@@ -55,6 +57,7 @@ from .progress import (
 
 logger = logging.getLogger(__name__)
 
+_NAMED = 5  # missing files that a message names
 KEEPABLE: tuple[Status, ...] = tuple(status for status in get_args(Status) if status != "error")  # an error aborts
 
 
@@ -63,7 +66,7 @@ class Job:
     """Everything that a worker needs to generate any episode of a data set.
 
     Attributes:
-        out: folder of the data set.
+        out: folder of the data set; absolute, because a controller may change the working folder.
         scenario: settings of the scenes.
         spec: specification of the data set.
         process: id of the process that runs the episodes; set there.
@@ -111,8 +114,8 @@ def generate_dataset(
         The manifest.
 
     Raises:
-        RecordError: the folder cannot be used or written, it holds a data set with other settings, or fewer than 1 in
-            50 episodes is kept.
+        RecordError: the folder cannot be used or written, it holds a data set with other settings, a file of it was
+            removed meanwhile, or fewer than 1 in 50 episodes is kept.
         ControllerError: the controller cannot be created, or an error ended an episode; finished episodes stay.
         WorkerError: a worker process crashed, or was killed; finished episodes stay.
         SceneError: a scene cannot be generated; finished episodes stay.
@@ -143,7 +146,7 @@ def generate_dataset(
     missing = episodes - min(progress.stored_count, episodes)
     with _logged(out, missing, workers):
         try:
-            _run_episodes(Job(out, scenario, spec), progress, workers if missing > 1 else 1, advance)
+            _run_episodes(Job(out.absolute(), scenario, spec), progress, workers if missing > 1 else 1, advance)
         except WorkerError as error:
             raise WorkerError(f"{error}; {_how_to_go_on(out, spec, progress)}") from error
         if progress.failure is not None:
@@ -190,8 +193,23 @@ def finish_dataset(
     for surplus in set(episode_numbers(folder, spec)).difference(numbers) if spec.keep else ():
         (folder / spec.file_name(surplus)).unlink(missing_ok=True)
     manifest = manifest_of(spec, entries, complete=complete, left_out=left_out, split=split)
+    _require_files(folder, manifest)
     write_manifest_and_card(folder, manifest)
     return manifest
+
+
+def _require_files(folder: Path, manifest: JsonDict) -> None:
+    """Raise RecordError if a file of a finished data set is missing, as after a controller has removed it."""
+    names = [*([MANIFEST, SCENARIO] if manifest["settings"] else []), *(row["name"] for row in manifest["files"])]
+    missing = [name for name in names if not (folder / name).is_file()]
+    if missing:
+        more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
+        can_resume = (folder / MANIFEST).is_file()
+        remedy = "generate them with --resume" if can_resume else "remove the folder, and start again"
+        raise RecordError(
+            f"{folder}: files were removed while the data set was generated: {', '.join(missing[:_NAMED])}{more};"
+            f" {remedy}"
+        )
 
 
 def _in_fixed_order(keep: Sequence[str]) -> tuple[Status, ...]:
@@ -221,6 +239,8 @@ def _run_episodes(job: Job, progress: Progress, workers: int | Workers, advance:
             advance(progress.add(result))
             if progress.is_finished:
                 return
+    if not progress.is_finished:  # a worker gave up its episodes although nobody asked for that
+        raise WorkerError("the worker processes ended before all episodes were generated")
 
 
 def _episode_runner(job: Job) -> Callable[[int], EpisodeResult]:
@@ -273,17 +293,18 @@ def _run_episode(job: Job, controller: Controller, episode: int) -> EpisodeResul
         if spec.keep and status not in spec.keep:
             return ExcludedEpisode(episode, status)
         return store_episode(job.out, spec, episode, recorder)
-    except FOREIGN_ERRORS as error:
-        kind = type(error) if isinstance(error, Sonata2dError) else ControllerError
+    except BaseException as error:
+        interruption.reraise(error)
+        # not the class itself, which a controller may have defined where pickle cannot find it
+        kind = next((one for one in (SceneError, RecordError) if isinstance(error, one)), ControllerError)
         partial_file = _store_partial(job, recorder, episode)
         return FailedEpisode(episode, kind, _message(error), partial_file, "".join(traceback.format_exception(error)))
 
 
-def _store_partial(job: Job, recorder: EpisodeRecorder, episode: int) -> Path | None:
-    """Write the frames of a failed episode for debugging; None if there are none."""
-    folder = job.out / FAILED
+def _store_partial(job: Job, recorder: EpisodeRecorder, episode: int) -> str | None:
+    """Write the frames of a failed episode for debugging, and return the file's name; None if there are none."""
     try:
-        return folder / store_episode(folder, job.spec, episode, recorder).name
+        return store_episode(job.out / FAILED, job.spec, episode, recorder).name
     except RecordError:
         return None
 
@@ -292,8 +313,8 @@ def _message(error: BaseException) -> str:
     """The error on one line; for an error outside sonata2d also its class and its place in the source."""
     notes = getattr(error, "__notes__", [])
     if isinstance(error, Sonata2dError):
-        return "; ".join([str(error), *notes])
-    text = "; ".join([f"{type(error).__name__}: {error}", *notes])
+        return "; ".join([f"{error!s:.1000}", *notes])
+    text = "; ".join([described(error), *notes])
     places = traceback.extract_tb(error.__traceback__)
     if isinstance(error, SystemExit) and len(places) > 1 and places[-1].name == "raise_exit":
         places.pop()  # see `exits_raised`: the caller of os._exit is the place
@@ -302,7 +323,9 @@ def _message(error: BaseException) -> str:
 
 
 def _failure_message(failure: FailedEpisode, out: Path, spec: DatasetSpec, progress: Progress) -> str:
-    partial_file = f"; the frames before it are in {failure.partial_file}" if failure.partial_file else ""
+    partial_file = (
+        f"; the frames before it are in {out / FAILED / failure.partial_file}" if failure.partial_file else ""
+    )
     place = f"episode {failure.episode} of seed {spec.seed}"
     return f"{place}: {failure.message}{partial_file}; {_how_to_go_on(out, spec, progress)}"
 

@@ -35,14 +35,14 @@ class FailedEpisode:
         episode: number of the episode.
         error: class of the error.
         message: what happened.
-        partial_file: file with the frames before the error; None if there are none.
+        partial_file: name of the file with the frames before the error; None if there are none.
         traceback: where the error was raised, as Python prints it.
     """
 
     episode: int
     error: type[Sonata2dError]
     message: str
-    partial_file: Path | None
+    partial_file: str | None
     traceback: str = ""
 
 

@@ -326,6 +326,87 @@ def test_a_controller_file_that_exits_when_it_is_imported_is_an_error(sonata2d: 
     assert "fatal.py cannot be imported: SystemExit: 0" in output
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize(
+    ("raised", "message"),
+    [
+        ("raise type('Own', (BaseException,), {})('no wall')", "Own: no wall"),
+        ("raise type('OwnScene', (s2.errors.SceneError,), {})('no wall')", "no wall"),
+        ("raise GeneratorExit", "GeneratorExit: "),
+        ("raise type('Mute', (Exception,), {'__str__': None})", "Mute"),
+        ("raise ValueError('x' * 5000)", f"ValueError: {'x' * 195}...;"),
+    ],
+)
+def test_whatever_a_controller_raises_is_an_error_of_its_episode(
+    sonata2d: Run, here: Path, raised: str, message: str, workers: int
+) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=raised))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
+    output = one_line(sonata2d(line, code=1).output)
+    assert f"episode 2 of seed 0: {message}" in output
+    assert len(output) < 600
+
+
+def test_a_keyboard_interrupt_that_a_controller_raises_in_a_worker_is_an_error_of_its_episode(
+    sonata2d: Run, here: Path
+) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="raise KeyboardInterrupt"))
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers"
+    assert "episode 2 of seed 0: KeyboardInterrupt" in one_line(sonata2d(f"{line} 2", code=1).output)
+    assert "interrupted; complete episodes" in sonata2d(f"{line} 1 --overwrite", code=130).output
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+def test_a_controller_that_never_answers_does_not_keep_a_stopped_command_alive(here: Path) -> None:
+    forever = "open('stuck', 'w').close() or [__import__('time').sleep(1) for _ in iter(int, 1)]"
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=forever))
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 2"
+    with started(line) as process:
+        while not (here / "stuck").exists():
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.terminate()
+        _, output = process.communicate(timeout=100)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert output.strip().splitlines()[-1].startswith("terminated; complete episodes are in out")
+    (here / "stuck").unlink()
+    with started(f"{line} --resume") as process:
+        while not (here / "stuck").exists():
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        assert process.stderr is not None
+        while "stopping" not in process.stderr.readline():
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        _, output = process.communicate(timeout=100)
+    assert process.returncode == 128 + signal.SIGINT
+    assert one_line(output).startswith("interrupted; complete episodes are in out")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_controller_that_changes_the_working_folder_does_not_move_the_data_set(
+    sonata2d: Run, here: Path, workers: int
+) -> None:
+    (here / "elsewhere").mkdir()
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os.chdir('elsewhere')"))
+    sonata2d(f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 9 --workers {workers}")
+    assert list((here / "elsewhere").iterdir()) == []
+    assert verify(here / "out") == []
+    sonata2d(f"check out --rerun --controller ./fatal.py:Fatal --workers {workers}")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_files_that_a_controller_removes_are_named(sonata2d: Run, here: Path, workers: int) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os.unlink('out/scenario.json')"))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
+    output = one_line(sonata2d(line, code=1).output)
+    assert "out: files were removed while the data set was generated: scenario.json; generate them with" in output
+    (here / "fatal.py").write_text(FATAL.format(at_import="import shutil", in_act="shutil.rmtree('out')"))
+    output = one_line(sonata2d(f"{line} --overwrite --workers 1", code=1).output)
+    assert "manifest.json, scenario.json, 000000.json, 000001.json; remove the folder, and start again" in output
+
+
 @pytest.mark.skipif(os.name != "posix", reason="SIGKILL exists on POSIX systems only")
 def test_a_killed_worker_is_reported_with_the_way_to_go_on(sonata2d: Run, here: Path) -> None:
     kill = "os.path.exists('enough memory') or os.kill(os.getpid(), signal.SIGKILL)"
