@@ -16,7 +16,7 @@ from pathlib import Path
 
 from ..errors import RecordError
 from ..record.counts import ANY_KIND
-from ..record.files import read_bytes, write_atomically
+from ..record.files import read_bytes, read_stored, read_text, write_atomically
 from ..record.layout import JsonDict
 from ..record.models import Settings
 from ..record.reader import read_episode
@@ -204,7 +204,7 @@ def write_card(
         statistics = collect_statistics(_records(folder, [file["name"] for file in manifest["files"]], advance))
         draw_statistics(folder / FIGURES, statistics, title)
         section = _figures_section(statistics)
-    write_json(folder / CROISSANT, _metadata(manifest, (folder / MANIFEST).read_bytes(), publication))
+    write_json(folder / CROISSANT, _metadata(manifest, read_stored(folder / MANIFEST), publication))
     write_atomically(folder / CARD, card_text(manifest, publication.licence, section).encode())
     return folder / CARD
 
@@ -284,7 +284,7 @@ def _responsible_ai(manifest: JsonDict) -> JsonDict:
 def count_differences(folder: Path, manifest: JsonDict) -> list[str]:
     """Where the counts in a card differ from a manifest; cards without them, as of other programs, never differ."""
     path = folder / CARD
-    text = path.read_text("utf-8", errors="replace") if path.is_file() else ""
+    text = read_text(path)
     table = re.search(r"^\| outcome \| episodes \|\n\| -.*\n((?:\|.*\n)*)", text, re.MULTILINE)
     frames = re.search(r"^(\d+) frames in (?:total|all)\.", text, re.MULTILINE)
     differences = []
@@ -301,7 +301,7 @@ def count_differences(folder: Path, manifest: JsonDict) -> list[str]:
 def _stored_figures(folder: Path) -> str:
     """The section about the figures of the present card; empty without one."""
     path = folder / CARD
-    text = path.read_text("utf-8", errors="replace") if path.is_file() else ""
+    text = read_text(path)
     found = re.search(r"^## Figures\n.*?(?=^## )", text, re.MULTILINE | re.DOTALL)
     return found[0] if found and f"]({FIGURES})" in found[0] else ""
 

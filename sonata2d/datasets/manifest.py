@@ -23,7 +23,7 @@ from ..core.snapshot import ControllerInfo, Status
 from ..core.whole_file import TEMPORARY_PREFIX
 from ..errors import NewerFormatError, RecordError
 from ..record.canonical import parse_header, to_json_value
-from ..record.files import SUFFIXES, compress, file_stem, file_suffix, read_bytes, write_atomically
+from ..record.files import SUFFIXES, compress, file_stem, file_suffix, read_bytes, read_stored, write_atomically
 from ..record.layout import JsonDict, software_versions
 from ..record.models import Controller, Count, Part, Positive, Settings, Software
 from ..record.reader import read_episode
@@ -290,10 +290,7 @@ def read_listed_file(folder: Path, entry: JsonDict) -> bytes:
         RecordError: the file cannot be read, or its hash differs from the manifest.
     """
     path = folder / entry["name"]
-    try:
-        data: bytes = path.read_bytes()
-    except OSError as error:
-        raise RecordError(f"{path} cannot be read: {error.strerror or error}") from error
+    data = read_stored(path)
     if _sha256(data) != entry["sha256"]:
         raise RecordError(f"{path} was changed: its hash differs from the manifest; run `sonata2d check`")
     return data
@@ -319,7 +316,7 @@ def json_bytes(document: JsonDict) -> bytes:
 
 def manifest_entry(record: EpisodeRecord) -> ManifestEntry:
     """The manifest row of an episode file that was read."""
-    data, status = record.path.read_bytes(), record.outcome.status
+    data, status = read_stored(record.path), record.outcome.status
     return ManifestEntry(
         record.path.name,
         _sha256(data),

@@ -16,6 +16,7 @@ from ..core import interruption
 from ..datasets.executors import Advance, Workers, parallel_map
 from ..datasets.manifest import METRICS as METRICS_FILE, files_of as episode_files, write_json
 from ..errors import MetricError, described
+from ..record.files import sha256_of
 from ..record.layout import scene_to_json, software_versions
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
@@ -237,7 +238,7 @@ def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
     trajectory = Trajectory(record, undisturbed)
     return Measured(
         file=path.name,
-        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        sha256=sha256_of(path),
         name=record.name,
         family=record.family,
         seed=record.seed,
