@@ -305,7 +305,10 @@ class Episode:
     def _close_after(self, error: BaseException, snapshot: Snapshot) -> None:
         """Close the episode because an exception was raised; the exception gets tick, episode and seed as a note."""
         error.add_note(f"at tick {snapshot.tick} of episode {self.scene.episode}, seed {self.scene.seed}")
-        reason = f"{type(error).__name__}: {error}"
+        try:
+            reason = f"{type(error).__name__}: {error}"
+        except Exception:  # of its `__str__`
+            reason = type(error).__name__
         try:
             self._close(snapshot, Outcome("error", reason, snapshot.tick, snapshot.time))
         except Sonata2dError as failure:  # the first error is the one to raise

@@ -10,6 +10,7 @@ from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, field_v
 from pydantic_core import PydanticCustomError
 
 from ...core.geometry import MAX_MAGNITUDE
+from ...core.limits import MAX_NAME
 from ...errors import ConfigError
 from ...registry import did_you_mean
 from .base import Fraction, IntRange, Range, Settings
@@ -74,7 +75,7 @@ class ScenarioConfig(Settings):
         flip: probability that a scene is generated as its mirror image (y changes sign), fixed positions included.
     """
 
-    name: str = Field(default="sonata-2020", min_length=1)
+    name: str = Field(default="sonata-2020", min_length=1, max_length=MAX_NAME)
     description: str = ""
     context: str | None = None
     room: RoomConfig = RoomConfig()
