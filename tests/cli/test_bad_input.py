@@ -385,6 +385,30 @@ def test_a_controller_that_never_answers_does_not_keep_a_stopped_command_alive(h
 
 
 @pytest.mark.parametrize("workers", [1, 2])
+def test_a_controller_that_prints_does_not_spoil_the_json_output(here: Path, workers: int) -> None:
+    act = "print('noise', flush=True); os.write(1, b'more'); sys.__stdout__.write('buffered')"
+    (here / "fatal.py").write_text(FATAL.format(at_import="print('import')", in_act=act))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers} --json"
+    done = subprocess.run(
+        [sys.executable, "-m", "sonata2d_cli", *line.split()], cwd=here, capture_output=True, text=True, timeout=100
+    )
+    assert done.returncode == 0
+    assert len(json.loads(done.stdout)["files"]) == 6
+    assert all(text in done.stderr for text in ("import", "noise", "more"))
+
+
+@pytest.mark.parametrize("option", ["", "--json"])
+def test_a_controller_that_closes_standard_output_does_not_silence_the_command(here: Path, option: str) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="sys.stdout.close()"))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 1 {option}"
+    done = subprocess.run(
+        [sys.executable, "-m", "sonata2d_cli", *line.split()], cwd=here, capture_output=True, text=True, timeout=100
+    )
+    assert done.returncode == 0
+    assert ('"000005.json"' if option else "6 episodes of quick") in done.stdout
+
+
+@pytest.mark.parametrize("workers", [1, 2])
 def test_a_controller_that_changes_the_working_folder_does_not_move_the_data_set(
     sonata2d: Run, here: Path, workers: int
 ) -> None:
