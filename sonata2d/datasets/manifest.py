@@ -42,6 +42,8 @@ _NOT_EPISODES = (METRICS, CROISSANT, "evaluation.json")  # JSON files that may l
 
 
 _EPISODE_NAME = re.compile(r"[0-9]{6,}\.json(\.gz|\.zst)?")
+_BLOCK = 1000  # rows of a manifest that are validated at a time
+_FIRST = 10  # files of a manifest of which one must exist
 _MAXIMUM_DIFFERENCES = 5  # named in a message
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = 100
@@ -224,7 +226,11 @@ def files_of(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     if (path / MANIFEST).exists():
-        return [path / entry["name"] for entry in read_manifest(path)["files"]]
+        names = [entry["name"] for entry in read_manifest(path)["files"]]
+        first = names[:_FIRST]
+        if len(names) > _FIRST and not any((path / name).exists() for name in first):
+            raise RecordError(f"{path}: {MANIFEST} lists {len(names)} files, but {first[0]} to {first[-1]} are missing")
+        return [path / name for name in names]
     files = sorted(
         file
         for file in path.glob("*.json*")
@@ -266,15 +272,25 @@ def read_stored_manifest(folder: Path) -> JsonDict:
         raise RecordError(
             f"{path} was written by version {version!r}, this sonata2d reads up to {DATASET_VERSION}; upgrade sonata2d"
         )
-    from pydantic import ValidationError
+    from pydantic import TypeAdapter, ValidationError
 
+    # The rows are validated in blocks: the objects that pydantic makes of a million rows take gigabytes.
+    rows: Any = manifest.get("files")
+    start = 0
+    is_long = isinstance(rows, list) and len(rows) > _BLOCK
     try:
-        Manifest.model_validate_json(orjson.dumps(manifest))
+        Manifest.model_validate_json(orjson.dumps(manifest | {"files": []} if is_long else manifest))
+        adapter = TypeAdapter(list[ManifestFile])
+        for start in range(0, len(rows), _BLOCK) if is_long else ():
+            adapter.validate_json(orjson.dumps(rows[start : start + _BLOCK]))
     except orjson.JSONEncodeError:
         raise RecordError(f"{path} is not a valid manifest: its values are nested too deeply") from None
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        location = ".".join(map(str, first["loc"]))
+        keys = first["loc"]
+        if isinstance(keys[0], int):
+            keys = "files", start + keys[0], *keys[1:]
+        location = ".".join(map(str, keys))
         raise RecordError(f"{path} is not a valid manifest: {location:.200}: {first['msg']:.200}") from None
     return manifest
 

@@ -11,12 +11,15 @@ import pytest
 
 from sonata2d.datasets.generate import finish_dataset
 from sonata2d.datasets.manifest import (
+    MANIFEST,
     DatasetSpec,
     ManifestEntry,
     existing_episodes,
+    files_of,
     read_manifest,
     start_dataset,
     store_episode,
+    write_json,
 )
 from sonata2d.datasets.progress import append_to_log
 from sonata2d.errors import RecordError
@@ -158,4 +161,20 @@ def test_an_unusable_manifest_is_refused(tmp_path: Path, content: bytes | None, 
     if content is not None:
         (tmp_path / "manifest.json").write_bytes(content)
     with pytest.raises(RecordError, match=message):
+        read_manifest(tmp_path)
+
+
+def test_a_long_manifest_is_validated_in_full_and_of_its_first_files_one_must_exist(tmp_path: Path) -> None:
+    dataset_in(tmp_path, spec(1))
+    manifest = read_manifest(tmp_path)
+    row = manifest["files"][0]
+    rows = [row | {"name": f"{number:06d}.json", "episode": number} for number in range(2500)]
+    write_json(tmp_path / MANIFEST, manifest | {"files": rows})
+    assert len(files_of(tmp_path)) == 2500
+    (tmp_path / "000000.json").unlink()
+    with pytest.raises(RecordError, match=r"lists 2500 files, but 000000\.json to 000009\.json are missing"):
+        files_of(tmp_path)
+    rows[2300]["ticks"] = -1
+    write_json(tmp_path / MANIFEST, manifest | {"files": rows})
+    with pytest.raises(RecordError, match=r"files\.2300\.ticks"):
         read_manifest(tmp_path)
