@@ -19,7 +19,7 @@ MAX_ARCHIVE_WITHOUT_RATIO = 1 << 26  # of `.npz` files, whose arrays take less m
 MAX_COUNT = 10_000  # of one kind of entity in a scenario
 MAX_SCENARIO_DEPTH = 32
 MAX_SCENARIO_KEYS = 1000  # of one mapping
-MAX_NAME = 200  # characters of the name of a scenario
+MAX_NAME = 255  # characters of the name of a scenario
 MAX_SCENARIO_VALUES = 1_000_000  # with all that aliases repeat
 
 # Ticks times pedestrians of one imported episode, absent pedestrians included: an episode has a row for each. Tracks

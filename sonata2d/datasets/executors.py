@@ -59,7 +59,8 @@ class Workers:
 
     def __exit__(self, *_: object) -> None:
         if "_pool" in vars(self):
-            self._stop.set()  # each worker finishes its current item only
+            if self._processes:  # a process that was killed may have kept the lock of the request
+                self._stop.set()  # each worker finishes its current item only
             with self._ended_by_interruption():
                 self._pool.shutdown(cancel_futures=True)
 
@@ -148,8 +149,8 @@ class Workers:
 
     def _kill(self) -> None:
         """End the processes; their files are complete or not there, because files are written atomically."""
-        for process in self._processes:
-            process.kill()
+        while self._processes:
+            self._processes.pop().kill()
 
     @cached_property
     def _processes(self) -> set[BaseProcess]:
@@ -317,6 +318,7 @@ def exits_raised() -> Iterator[None]:
 
 @contextmanager
 def _exit_replaced() -> Iterator[None]:
+    """See `exits_raised`."""
     process, real_exit = os.getpid(), os._exit
 
     def raise_exit(status: int) -> NoReturn:

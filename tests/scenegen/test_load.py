@@ -157,7 +157,7 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         ("x.yaml", "\n".join(f"a{k}: 1" for k in range(100_000)), "line 1002: a mapping has more than 1000 keys"),
         ("x.json", json.dumps(dict.fromkeys(map(str, range(500_000)))), "a mapping has more than 1000 keys"),
         ("x.yaml", "# " + "x" * 2_000_000, r"has at most 2000000 bytes, this file has 2000002; write it as \.json"),
-        ("x.yaml", "name: " + "x" * 200_000, "line 1: name: String should have at most 200 characters"),
+        ("x.yaml", "name: " + "x" * 200_000, "line 1: name: String should have at most 255 characters"),
     ],
 )
 def test_a_file_beyond_the_limits_is_one_clear_error(write_scenario, name, text, message):
