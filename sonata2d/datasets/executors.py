@@ -62,7 +62,8 @@ class Workers:
             if self._processes:  # a process that was killed may have kept the lock of the request
                 self._stop.set()  # each worker finishes its current item only
             with self._ended_by_interruption():
-                self._pool.shutdown(cancel_futures=True)
+                # after a kill the pool itself ends the futures, and fails on cancelled ones (Python 3.11)
+                self._pool.shutdown(cancel_futures=bool(self._processes))
 
     def ordered(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         """See `parallel_map`."""

@@ -524,7 +524,7 @@ def test_a_data_set_with_a_link_to_a_device_is_not_read_without_end(sonata2d: Ru
     (here / "d" / name).unlink(missing_ok=True)
     (here / "d" / name).symlink_to("/dev/zero")
     if name == "000000.json":
-        for line in ("mirror d -o m", "split d", "describe d", "evaluate d --no-rerun --workers 1"):
+        for line in ("mirror d -o m", "split d", "evaluate d --no-rerun --workers 1"):
             assert "d/000000.json is a device, not a file" in one_line(sonata2d(line, code=1).output)
     else:
         sonata2d("mirror d -o m")
