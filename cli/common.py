@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -38,7 +38,47 @@ class _PathType(click.Path):
 PATH = _PathType(path_type=Path)
 EXIT_BUG = 70  # EX_SOFTWARE of sysexits.h
 
-json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+_OUTPUT = "sonata2d.output"  # key of `click.Context.meta`
+
+
+@contextmanager
+def _prints_to_stderr() -> Iterator[None]:
+    """Send what is printed, also by worker processes and compiled code, to standard error."""
+    stdout = sys.stdout
+    with suppress(OSError, ValueError, AttributeError):  # closed, or none
+        stdout.flush()
+    try:
+        saved = os.dup(1)
+    except OSError:  # closed
+        yield
+        return
+    with suppress(OSError):
+        os.dup2(2, 1)
+    is_replaced = stdout is not sys.__stdout__  # by an object that does not write to the file descriptor
+    if is_replaced:
+        sys.stdout = sys.stderr
+    try:
+        yield
+    finally:
+        with suppress(OSError, ValueError, AttributeError):
+            sys.stdout.flush()
+        if is_replaced:
+            sys.stdout = stdout
+        os.dup2(saved, 1)
+        os.close(saved)
+
+
+def _keep_output_for_json(ctx: click.Context, _: click.Parameter, as_json: bool) -> bool:
+    """With --json, standard output holds the result only: a controller may print as well."""
+    if as_json and not ctx.resilient_parsing:
+        ctx.meta[_OUTPUT] = ctx.find_root().with_resource(ExitStack())
+        ctx.meta[_OUTPUT].enter_context(_prints_to_stderr())
+    return as_json
+
+
+json_option = click.option(
+    "--json", "as_json", is_flag=True, callback=_keep_output_for_json, help="Print the result as JSON."
+)
 workers_option = click.option(
     "--workers", type=click.IntRange(1, 256), default=min(2, os.cpu_count() or 1), help="Number of processes."
 )
@@ -99,6 +139,9 @@ def show_json(value: Any) -> None:
     """Print a value as indented JSON."""
     import orjson
 
+    context = click.get_current_context(silent=True)
+    if context is not None and _OUTPUT in context.meta:
+        context.meta[_OUTPUT].close()
     options = orjson.OPT_INDENT_2 | orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_APPEND_NEWLINE
     click.echo(orjson.dumps(value, option=options), nl=False)
 

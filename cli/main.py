@@ -15,7 +15,7 @@ import click
 
 from sonata2d.core.interruption import exits_raised
 from sonata2d.core.wording import one_line
-from sonata2d.errors import FOREIGN_ERRORS, Sonata2dError
+from sonata2d.errors import Sonata2dError
 
 from .command import SETTINGS, Group, has_flag
 from .common import EXIT_BUG, examples, exit_despite_threads, exit_interrupted, raising_terminated
@@ -92,7 +92,7 @@ class Commands(Group):
             raise SystemExit(141) from None
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
-        except FOREIGN_ERRORS as error:  # SystemExit too: commands use click's Exit, and the code of others ends none
+        except BaseException as error:  # SystemExit too: commands use click's Exit, and the code of others ends none
             if has_flag("traceback"):
                 click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
             _exit_with(error)

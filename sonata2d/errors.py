@@ -21,11 +21,6 @@ class ControllerError(Sonata2dError):
     """A controller cannot be loaded, or its answer is not a valid command."""
 
 
-# What the code of a controller or plug-in may raise. SystemExit is among them: a controller,
-# or a library that it calls, must not end a batch, let alone with the exit code 0.
-FOREIGN_ERRORS = (Exception, SystemExit)
-
-
 class WorkerError(Sonata2dError):
     """A worker process crashed, or was killed."""
 

@@ -18,7 +18,9 @@ from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from .errors import FOREIGN_ERRORS, ConfigError, ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
+from .core import interruption
+from .core.wording import described
+from .errors import ConfigError, ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
 
 logger = logging.getLogger(__name__)
 
@@ -121,8 +123,9 @@ class Registry:
         plugin = f"{self.kind} plug-in {point.name!r} ({point.value})"
         try:
             found = point.load()
-        except FOREIGN_ERRORS as error:  # importing another package can raise anything
-            raise self.error(f"{plugin} does not load: {type(error).__name__}: {error}") from error
+        except BaseException as error:  # importing another package can raise anything
+            interruption.reraise(error)
+            raise self.error(f"{plugin} does not load: {described(error)}") from error
         reason = check(found)
         if reason is not None:
             raise self.error(f"{plugin} {reason}")

@@ -23,6 +23,7 @@ from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
 from ..errors import RecordError
 from ..record.canonical import to_json_value
+from ..record.files import read_stored
 from ..record.layout import JsonDict
 from ..sim.episode import TickInput
 
@@ -160,12 +161,9 @@ def read_journal(path: Path) -> OpenRun | None:
     Raises:
         RecordError: the file cannot be read or is not a journal.
     """
-    try:
-        lines = path.read_bytes().split(b"\n")
-    except FileNotFoundError:
+    if not path.exists():
         return None
-    except OSError as error:
-        raise RecordError(f"{path} cannot be read: {error.strerror or error}") from error
+    lines = read_stored(path).split(b"\n")
     try:
         header, *rows = list(_parsed(path, lines)) or [{}]
         ticks = [

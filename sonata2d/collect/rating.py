@@ -17,7 +17,7 @@ import orjson
 from ..core.labels import LabelSpec
 from ..datasets.manifest import files_of
 from ..errors import ConfigError, NewerFormatError, RecordError
-from ..record.files import read_bytes, safe_stem
+from ..record.files import read_bytes, safe_stem, sha256_of
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 
@@ -73,19 +73,6 @@ def path_for(folder: Path, rater: str) -> Path:
     'Zoë_lab-ce958c.jsonl'
     """
     return folder / FOLDER / f"{safe_stem(rater)}{SUFFIX}"
-
-
-def sha256_of(path: Path) -> str:
-    """SHA-256 of the stored bytes of a file.
-
-    Raises:
-        RecordError: the file cannot be read.
-    """
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise RecordError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
 def append_rating(path: Path, rating: Rating) -> None:

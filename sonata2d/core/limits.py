@@ -6,6 +6,7 @@ become 30 bytes of Python objects, and one number in a file can declare an array
 
 MAX_FILE_BYTES = 1 << 30  # of one file, stored or unpacked: more than an hour with a hundred pedestrians
 MAX_SCENARIO_BYTES = 64_000_000
+MAX_YAML_BYTES = 2_000_000  # of a scenario: YAML takes 10 s for each megabyte, JSON and TOML a hundredth of that
 MAX_WEIGHTS_BYTES = 1 << 26  # of all arrays of a network
 MAX_TRACKS_BYTES = 1 << 28  # of a text file of tracks: about ten million observations
 
@@ -18,6 +19,8 @@ MAX_ARCHIVE_WITHOUT_RATIO = 1 << 26  # of `.npz` files, whose arrays take less m
 MAX_DEPTH = 200  # of the values in episodes that may have any structure, such as labels
 MAX_COUNT = 10_000  # of one kind of entity in a scenario
 MAX_SCENARIO_DEPTH = 32
+MAX_SCENARIO_KEYS = 1000  # of one mapping
+MAX_NAME = 255  # characters of the name of a scenario
 MAX_SCENARIO_VALUES = 1_000_000  # with all that aliases repeat
 
 # Ticks times pedestrians of one imported episode, absent pedestrians included: an episode has a row for each. Tracks

@@ -6,24 +6,29 @@ import errno
 from pathlib import Path
 
 
-def read_at_most(path: Path, max_bytes: int) -> bytes:
-    """Read a file, a pipe included.
+def read_at_most(path: Path, max_bytes: int, *, remedy: str = "divide it") -> bytes:
+    """Read a file, or what a shell passes in place of one, as in `<(command)`.
+
+    A symbolic link is followed: the content is only read, within the same limits.
 
     Args:
         path: of the file.
         max_bytes: maximum size; more is never read.
+        remedy: for a larger file, at the end of the message.
 
     Raises:
-        OSError: the file cannot be read, is larger, or is a device or a folder; `strerror` says which, also on Windows,
-            where opening a folder is a lack of permission.
+        OSError: the file cannot be read, is larger, or is a device, a folder or a named pipe; `strerror` says which,
+            also on Windows, where opening a folder is a lack of permission.
         ValueError: the path contains NUL.
     """
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, "it is a folder; name a file in it")
     if path.is_char_device() or path.is_block_device():
         raise OSError(errno.EINVAL, "it is a device, not a file")  # /dev/zero has no end
+    if path.is_fifo() and not path.is_relative_to("/dev"):  # where a shell keeps the output of other programs
+        raise OSError(errno.EINVAL, "it is a named pipe, not a file")  # opening it waits for a writer
     with path.open("rb") as file:
         data = file.read(max_bytes + 1)
     if len(data) > max_bytes:
-        raise OSError(errno.EFBIG, f"it has more than {max_bytes} bytes, the limit for such files; divide it")
+        raise OSError(errno.EFBIG, f"it has more than {max_bytes} bytes, the limit for such files; {remedy}")
     return data

@@ -30,3 +30,12 @@ def shown(value: object, max_length: int = 60) -> str:
     short.maxlist = short.maxtuple = short.maxdict = short.maxset = short.maxfrozenset = short.maxarray = 12
     short.maxstring = short.maxlong = short.maxother = max_length
     return one_line(short.repr(value), max_length)
+
+
+def described(error: BaseException) -> str:
+    """An error that the code of others raised, on one line of at most 300 characters: `ValueError: no such wall`."""
+    name = one_line(type(error).__name__, 100)
+    try:
+        return one_line(f"{name}: {error}", 300).removesuffix(":")
+    except Exception:  # of its `__str__`
+        return name

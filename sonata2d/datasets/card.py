@@ -18,7 +18,7 @@ from typing import Any
 
 from ..errors import DatasetWarning, RecordError
 from ..record.counts import ANY_KIND
-from ..record.files import read_bytes, write_atomically
+from ..record.files import read_bytes, read_stored, read_text, write_atomically
 from ..record.layout import JsonDict
 from ..record.models import Settings
 from ..record.reader import read_episode
@@ -227,7 +227,7 @@ def write_card(
     else:
         section = ""
         (folder / FIGURES).unlink(missing_ok=True)
-    write_json(folder / CROISSANT, _metadata(manifest, (folder / MANIFEST).read_bytes(), publication))
+    write_json(folder / CROISSANT, _metadata(manifest, read_stored(folder / MANIFEST), publication))
     _write_text(folder, card_text(manifest, publication.licence, section))
     return folder / CARD
 
@@ -326,7 +326,7 @@ def _responsible_ai(manifest: JsonDict) -> JsonDict:
 def count_differences(folder: Path, manifest: JsonDict) -> list[str]:
     """Where the counts in a card differ from a manifest; cards without them, as of other programs, never differ."""
     path = folder / CARD
-    text = path.read_text("utf-8", errors="replace") if path.is_file() else ""
+    text = read_text(path)
     table = re.search(r"^\| outcome \| episodes \|\n\| -.*\n((?:\|.*\n)*)", text, re.MULTILINE)
     frames = re.search(r"^(\d+) frames in (?:total|all)\.", text, re.MULTILINE)
     differences = []
@@ -355,7 +355,7 @@ def _kept_figures(folder: Path, manifest: JsonDict) -> str:
 def _stored_figures(folder: Path) -> str:
     """The section about the figures of the present card; empty without one."""
     path = folder / CARD
-    text = path.read_text("utf-8", errors="replace") if path.is_file() else ""
+    text = read_text(path)
     found = re.search(r"^## Figures\n.*?(?=^## )", text, re.MULTILINE | re.DOTALL)
     return found[0] if found and f"]({FIGURES})" in found[0] else ""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING
 import orjson
 
 from ..errors import InvalidFileError, RecordError
-from ..record.files import file_stem, read_bytes
+from ..record.files import file_stem, read_bytes, sha256_of
 from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
@@ -167,7 +166,7 @@ def _invalid_content(path: Path, error: InvalidFileError, entry: JsonDict | None
     problems = [Problem(path.name, *finding) for finding in error.findings[:_MAXIMUM_FINDINGS]]
     if (rest := len(error.findings) - _MAXIMUM_FINDINGS) > 0:
         problems.append(Problem(path.name, "schema", f"{rest} more problems"))
-    if entry is not None and hashlib.sha256(path.read_bytes()).hexdigest() != entry["sha256"]:
+    if entry is not None and sha256_of(path) != entry["sha256"]:
         problems.insert(0, Problem(path.name, "sha256", "differs from the manifest"))
     return problems
 

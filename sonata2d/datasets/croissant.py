@@ -6,7 +6,6 @@ responsible AI, Croissant RAI 1.0, http://mlcommons.org/croissant/RAI/1.0.
 
 from __future__ import annotations
 
-import hashlib
 import re
 import warnings
 from collections.abc import Iterator
@@ -18,7 +17,7 @@ from typing import Any
 import orjson
 
 from ..errors import ConfigError, DatasetWarning, RecordError
-from ..record.files import file_suffix, read_bytes
+from ..record.files import file_suffix, read_bytes, read_text, sha256_of
 from ..record.layout import JsonDict
 from .manifest import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO
 from .manifest_models import is_file_name
@@ -179,7 +178,7 @@ def licence_lines(licence: str) -> str:
 def card_licence(folder: Path) -> str | None:
     """The licence in the front matter of a card: its identifier or address; None without one."""
     path = folder / CARD
-    text = path.read_text("utf-8", errors="replace") if path.is_file() else ""
+    text = read_text(path)
     front_matter = text.split("---\n", 2)[1] if text.startswith("---\n") and text.count("---\n") > 1 else ""
     for key, form in (("license_link", _ADDRESS), ("license", _LICENCE)):
         found = re.search(rf"^{key}: (\S+)$", front_matter, re.MULTILINE)
@@ -205,7 +204,7 @@ def croissant_findings(folder: Path) -> Iterator[Finding]:
             continue  # on a web page or in another folder, which is not read
         if not (folder / name).is_file():
             yield "distribution", f"describes {name}, which is not in the folder; {remedy}"
-        elif hashlib.sha256((folder / name).read_bytes()).hexdigest() != sha256:
+        elif sha256_of(folder / name) != sha256:
             yield "distribution", f"states another SHA-256 of {name}; {remedy}"
     licence = card_licence(folder)
     if licence is not None and metadata.get("license") != LICENCES.get(licence, licence):

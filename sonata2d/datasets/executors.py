@@ -17,6 +17,7 @@ from contextlib import closing, contextmanager
 from functools import cached_property, partial
 from itertools import islice
 from multiprocessing import active_children, get_context, parent_process
+from multiprocessing.process import BaseProcess
 from multiprocessing.synchronize import Event
 from multiprocessing.util import Finalize
 from typing import Any, Self, TypeVar
@@ -29,6 +30,7 @@ logger = logging.getLogger(__name__)
 _PACKAGE = "sonata2d"  # name of the logger of the whole package
 CHUNK_SIZE = 4  # items sent to a worker at a time
 _POLL = 0.5  # s, between two looks at the processes of a pool that is being stopped
+STOP_GRACE = 5.0  # s, that processes have to finish their items after Ctrl-C or SIGTERM
 _TERM_GRACE = 2.0  # s, between SIGTERM and the end of a worker process
 
 Advance = Callable[[int], None]  # progress callback; its argument is the number of items finished since the last call
@@ -55,13 +57,15 @@ class Workers:
 
     def __exit__(self, *_: object) -> None:
         if "_pool" in vars(self):
-            self._stop.set()  # each worker finishes its current item only
-            self._pool.shutdown(cancel_futures=True)
+            if self._processes:  # a process that was killed may have kept the lock of the request
+                self._stop.set()  # each worker finishes its current item only
+            with self._ended_by_interruption():
+                self._pool.shutdown()
 
     def ordered(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         """See `parallel_map`."""
         if self.count <= 1 or len(items) <= 1:
-            yield from map(function, items)
+            yield from map(partial(_apply, function), items)
             return
         chunks = [items[start : start + CHUNK_SIZE] for start in range(0, len(items), CHUNK_SIZE)]
         with self._submitting() as submit:
@@ -76,7 +80,7 @@ class Workers:
     ) -> Generator[R, None, None]:
         """See `unordered_map`."""
         if self.count <= 1:
-            yield from map(set_up(), items)
+            yield from map(partial(_apply, _apply(set_up)), items)
             return
         run = partial(_run_chunk, pickle.dumps((set_up, is_last)))
         pending: set[Future[list[R]]] = set()
@@ -100,10 +104,14 @@ class Workers:
         with _starting_processes():
             pool, stop = self._pool, self._stop
         unfinished: set[Future[Any]] = set()
+        end = threading.Timer(STOP_GRACE, self._kill)  # a controller may never return
+        end.daemon = True
 
         def submit(function: Callable[[Any], Any], arguments: list[Any]) -> list[Future[Any]]:
             with _starting_processes():
+                before = set(active_children())
                 submitted = [pool.submit(function, argument) for argument in arguments]
+                self._processes.update(set(active_children()) - before)
                 unfinished.update(submitted)
             for future in submitted:
                 future.add_done_callback(unfinished.discard)  # a finished future holds its results
@@ -115,6 +123,12 @@ class Workers:
         try:
             with _crashes_explained():
                 yield submit
+        except (KeyboardInterrupt, GeneratorExit) as error:
+            # a generator is closed if the caller is interrupted, or needs no further results
+            if isinstance(error, KeyboardInterrupt) or isinstance(error.__context__, KeyboardInterrupt):
+                end.start()
+                logger.warning("stopping: the worker processes have %.0f s to finish their episodes", STOP_GRACE)
+            raise
         finally:
             # Pending chunks end at once, because of the stop request, unless another call needs the processes. They
             # are not cancelled: if a process has been killed meanwhile, the pool fails on cancelled futures (3.11).
@@ -122,8 +136,28 @@ class Workers:
             if self._open_calls == 0:
                 stop.set()
             # A future that was submitted while the pool broke is never finished, but then no process is left.
-            while active_children() and wait(list(unfinished), timeout=_POLL).not_done:
-                pass
+            with self._ended_by_interruption():
+                while active_children() and wait(list(unfinished), timeout=_POLL).not_done:
+                    pass
+            end.cancel()
+
+    @contextmanager
+    def _ended_by_interruption(self) -> Iterator[None]:
+        """End the processes at once on Ctrl-C or SIGTERM while this block waits for them."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            self._kill()
+            raise
+
+    def _kill(self) -> None:
+        """End the processes; their files are complete or not there, because files are written atomically."""
+        while self._processes:
+            self._processes.pop().kill()
+
+    @cached_property
+    def _processes(self) -> set[BaseProcess]:
+        return set()
 
     @cached_property
     def _pool(self) -> ProcessPoolExecutor:
@@ -177,16 +211,13 @@ def _shared(workers: int | Workers) -> Iterator[Workers]:
 
 @contextmanager
 def _crashes_explained() -> Iterator[None]:
-    """Turn the crash of a worker process into an error that says what to do; say what Ctrl-C and SIGTERM wait for.
+    """Turn the crash of a worker process into an error that says what to do.
 
     Raises:
         WorkerError: a worker process crashed.
     """
     try:
         yield
-    except KeyboardInterrupt:
-        logger.warning("stopping: each worker process first finishes its episode, or the kernel that it compiles")
-        raise
     except BrokenProcessPool as error:
         raise WorkerError(
             "a worker process crashed or was killed; if memory was short, use fewer workers, and if a kernel of your "
@@ -293,13 +324,19 @@ def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -
     interruption.stop_when(stop.is_set)
 
 
+def _apply(function: Callable[..., R], *arguments: Any) -> R:
+    """The result of a function, which may run the code of others."""
+    with interruption.surroundings_kept():
+        return function(*arguments)
+
+
 def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     """Results for the items of a chunk, up to a stop request."""
     results: list[R] = []
     for item in items:
         if _stop_request.is_set():
             break
-        results.append(function(item))
+        results.append(_apply(function, item))
     return results
 
 
@@ -335,7 +372,7 @@ def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:
     global _present_call
     if _present_call[0] != pickled_call:
         set_up, is_last = pickle.loads(pickled_call)
-        _present_call = pickled_call, set_up(), is_last
+        _present_call = pickled_call, _apply(set_up), is_last
         gc.freeze()  # the imported modules stay: searching them for garbage takes 45 ms each time
     _, function, is_last = _present_call
     results: list[Any] = []
@@ -343,7 +380,7 @@ def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:
         if _stop_request.is_set():
             break
         try:
-            results.append(function(item))
+            results.append(_apply(function, item))
         except KeyboardInterrupt:  # of `interruption`: the item's compilation was given up
             break
         if is_last(results[-1]):

@@ -21,13 +21,13 @@ from ..core.whole_file import TEMPORARY_PREFIX
 from ..core.wording import shown
 from ..errors import NewerFormatError, RecordError
 from ..record.canonical import parse_header, to_json_value
-from ..record.files import SUFFIXES, compress, file_stem, read_bytes, write_atomically
+from ..record.files import SUFFIXES, compress, file_stem, read_bytes, read_stored, write_atomically
 from ..record.layout import JsonDict, software_versions
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.recorder import EpisodeRecorder
 from ..version import PHYSICS_VERSION
-from .manifest_models import Manifest
+from .manifest_models import Manifest, ManifestFile
 
 DATASET_FORMAT, DATASET_VERSION = "sonata2d-dataset", 1
 MANIFEST, SCENARIO, CARD = "manifest.json", "scenario.json", "README.md"
@@ -37,6 +37,10 @@ LOG = "run.jsonl"  # of generation runs
 FAILED = "failed"  # subfolder for the frames of episodes that ended in an error
 METRICS = "metrics.json"  # written by `sonata2d evaluate`
 _NOT_EPISODES = (METRICS, CROISSANT, "evaluation.json")  # JSON files that may lie beside episodes without a manifest
+
+
+_BLOCK = 1000  # rows of a manifest that are validated at a time
+_FIRST = 10  # files of a manifest of which one must exist
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +100,11 @@ def files_of(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     if (path / MANIFEST).exists():
-        return [path / entry["name"] for entry in read_manifest(path)["files"]]
+        names = [entry["name"] for entry in read_manifest(path)["files"]]
+        first = names[:_FIRST]
+        if len(names) > _FIRST and not any((path / name).exists() for name in first):
+            raise RecordError(f"{path}: {MANIFEST} lists {len(names)} files, but {first[0]} to {first[-1]} are missing")
+        return [path / name for name in names]
     files = sorted(
         file
         for file in path.glob("*.json*")
@@ -139,17 +147,36 @@ def read_stored_manifest(folder: Path) -> JsonDict:
             f"{path} was written by version {shown(version)}, this sonata2d reads up to {DATASET_VERSION};"
             " upgrade sonata2d"
         )
-    from pydantic import ValidationError
+    fault = _first_fault(manifest)
+    if fault is not None:
+        raise RecordError(f"{path} is not a valid manifest: {fault}")
+    return manifest
 
+
+def _first_fault(manifest: JsonDict) -> str | None:
+    """Where and how a manifest breaks the schema; None if it does not.
+
+    Rows are validated in blocks: the objects that pydantic makes of a million rows take gigabytes.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    rows: Any = manifest.get("files")
+    start = 0
+    is_long = isinstance(rows, list) and len(rows) > _BLOCK
     try:
-        Manifest.model_validate_json(orjson.dumps(manifest))
+        Manifest.model_validate_json(orjson.dumps(manifest | {"files": []} if is_long else manifest))
+        adapter = TypeAdapter(list[ManifestFile])
+        for start in range(0, len(rows), _BLOCK) if is_long else ():
+            adapter.validate_json(orjson.dumps(rows[start : start + _BLOCK]))
     except orjson.JSONEncodeError:
-        raise RecordError(f"{path} is not a valid manifest: its values are nested too deeply") from None
+        return "its values are nested too deeply"
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        location = ".".join(map(str, first["loc"]))
-        raise RecordError(f"{path} is not a valid manifest: {location:.200}: {first['msg']:.200}") from None
-    return manifest
+        keys = first["loc"]
+        if isinstance(keys[0], int):  # of a row in a block
+            keys = "files", start + keys[0], *keys[1:]
+        return f"{'.'.join(map(str, keys)):.200}: {first['msg']:.200}"
+    return None
 
 
 def read_listed_file(folder: Path, entry: JsonDict) -> bytes:
@@ -163,10 +190,7 @@ def read_listed_file(folder: Path, entry: JsonDict) -> bytes:
         RecordError: the file cannot be read, or its hash differs from the manifest.
     """
     path = folder / entry["name"]
-    try:
-        data: bytes = path.read_bytes()
-    except OSError as error:
-        raise RecordError(f"{path} cannot be read: {error.strerror or error}") from error
+    data = read_stored(path)
     if _sha256(data) != entry["sha256"]:
         raise RecordError(f"{path} was changed: its hash differs from the manifest; run `sonata2d check`")
     return data
@@ -192,7 +216,7 @@ def json_bytes(document: JsonDict) -> bytes:
 
 def manifest_entry(record: EpisodeRecord) -> ManifestEntry:
     """The manifest row of an episode file that was read."""
-    data, status = record.path.read_bytes(), record.outcome.status
+    data, status = read_stored(record.path), record.outcome.status
     return ManifestEntry(
         record.path.name,
         _sha256(data),

@@ -18,7 +18,7 @@ from ..core.portable_math import PI
 from ..core.vectors import wrap_angle
 from ..errors import RecordError
 from ..record.canonical import serialise, to_json_value
-from ..record.files import compress, file_stem, file_suffix, write_atomically
+from ..record.files import compress, file_stem, file_suffix, read_stored, write_atomically
 from ..record.layout import JsonDict
 from ..record.reader import read_episode, record_from_document
 from ..record.record import EpisodeRecord, wrap_read_errors
@@ -107,7 +107,7 @@ def mirror_dataset(
             rows.append(row | _store_image(folder / row["name"], work, label))
             advance(1)
         if (folder / SCENARIO).is_file():
-            write_atomically(work / SCENARIO, (folder / SCENARIO).read_bytes())
+            write_atomically(work / SCENARIO, read_stored(folder / SCENARIO))
         image = _manifest_image(manifest, rows, names)
         write_manifest_and_card(work, image, licence=licence_of(folder))
     return image

@@ -13,6 +13,7 @@ import orjson
 
 from ..errors import RecordError, Sonata2dError
 from ..record.canonical import to_json_value
+from ..record.files import read_stored
 from .manifest import LOG, DatasetSpec, ManifestEntry
 
 ABORT_AFTER = 200  # episodes before a run may be aborted because too few of them are kept
@@ -35,14 +36,14 @@ class FailedEpisode:
         episode: number of the episode.
         error: class of the error.
         message: what happened.
-        partial_file: file with the frames before the error; None if there are none.
+        partial_file: name of the file with the frames before the error; None if there are none.
         traceback: where the error was raised, as Python prints it.
     """
 
     episode: int
     error: type[Sonata2dError]
     message: str
-    partial_file: Path | None
+    partial_file: str | None
     traceback: str = ""
 
 
@@ -152,7 +153,7 @@ def log_excluded(folder: Path, excluded: ExcludedEpisode) -> None:
 def read_excluded(folder: Path) -> list[ExcludedEpisode]:
     """The excluded episodes of earlier runs; incomplete lines of the log are skipped."""
     outcomes: dict[int, str] = {}
-    for line in (folder / LOG).read_bytes().splitlines() if (folder / LOG).is_file() else ():
+    for line in read_stored(folder / LOG).splitlines() if (folder / LOG).is_file() else ():
         try:
             row = orjson.loads(line)
         except orjson.JSONDecodeError:

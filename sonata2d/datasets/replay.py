@@ -11,10 +11,11 @@ from pydantic import ValidationError
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import is_installed, load_controller
+from ..core import interruption
 from ..core.devices import DeviceEvent
 from ..core.geometry import Twist
 from ..core.snapshot import Observer, Snapshot
-from ..errors import FOREIGN_ERRORS, ControllerError, RecordError, SceneError
+from ..errors import ControllerError, RecordError, SceneError
 from ..record.canonical import serialise
 from ..record.files import read_bytes
 from ..record.reader import read_episode
@@ -114,7 +115,8 @@ def rerun_document(record: EpisodeRecord, controller: Controller) -> bytes:
         for events in (*(tick.events for tick in inputs), _final_events(record)):
             episode.step(events)
         episode.run()
-    except FOREIGN_ERRORS:
+    except BaseException as error:
+        interruption.reraise(error)
         if record.outcome.status != "error":
             raise
     return recorder.document()

@@ -10,7 +10,9 @@ from functools import partial
 from pathlib import Path
 
 from ..agents.controllers.loading import is_installed, load_controller, source_hashes
-from ..errors import FOREIGN_ERRORS, ControllerError, ControllerWarning
+from ..core import interruption
+from ..core.wording import described
+from ..errors import ControllerError, ControllerWarning
 from ..record.layout import JsonDict
 from .check import ListedFile, Problem, check_manifest, check_record, listed_files, open_to_check
 from .executors import Advance, parallel_map
@@ -102,6 +104,7 @@ def _verify_file(file: Path | ListedFile, *, replay: bool, rerun: bool, controll
     for place, check in checks.items():
         try:
             problems += check(record.path, record=record) if check else []
-        except FOREIGN_ERRORS as error:  # a changed file or a faulty controller may raise any error
-            problems.append(Problem(record.path.name, place, f"{type(error).__name__}: {error}"))
+        except BaseException as error:  # a changed file or a faulty controller may raise any error
+            interruption.reraise(error)
+            problems.append(Problem(record.path.name, place, described(error)))
     return problems

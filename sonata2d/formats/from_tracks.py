@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.entities import Human
 from ..core.geometry import Barriers, Point, Pose, quantised
-from ..core.limits import MAX_PERSON_SPEED
+from ..core.limits import MAX_PERSON_SPEED, MAX_YAML_BYTES
 from ..core.portable_math import Array
 from ..errors import ConfigError, RecordError
 from ..record.files import write_atomically
@@ -405,7 +405,7 @@ def save_scenario(config: ScenarioConfig, path: str | Path) -> None:
         path: `.yaml`, `.yml` or `.json`.
 
     Raises:
-        RecordError: the suffix is another one, or the file cannot be written.
+        RecordError: the suffix is another one, the scenario is too large for YAML, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix not in SUFFIXES:
@@ -413,7 +413,10 @@ def save_scenario(config: ScenarioConfig, path: str | Path) -> None:
     settings = {"name": config.name} | config.model_dump(mode="json", exclude_defaults=True)
     is_json = path.suffix == ".json"
     text = ",\n".join(_json_lines(settings)) if is_json else "\n".join(_yaml_lines(settings))
-    write_atomically(path, (f"{{\n{text}\n}}\n" if is_json else f"{text}\n").encode())
+    data = (f"{{\n{text}\n}}\n" if is_json else f"{text}\n").encode()
+    if not is_json and len(data) > MAX_YAML_BYTES:
+        raise RecordError(f"{path}: the scenario has {len(data)} bytes, too many for YAML; name it .json")
+    write_atomically(path, data)
 
 
 def _json_lines(settings: JsonDict) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ from ..core.portable_math import Array, IntArray
 from ..core.scene import Rules
 from ..core.vectors import wrap_angles
 from ..record.canonical import rounded, rounded_rows
+from ..record.files import sha256_of
 from ..record.layout import HUMAN_ANGLES, ROBOT_ANGLES, JsonDict, columns, software_versions
 from ..version import FORMAT, FORMAT_VERSION
 
@@ -202,7 +202,7 @@ def episode_document(source: SourceEpisode, format: str, path: Path) -> JsonDict
     origin = {
         "format": format,
         "file": path.name,
-        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "sha256": sha256_of(path),
         "lacks": sorted({*_MISSING, *source.missing, *missing} - set(source.header)),
         "derived": sorted({*_DERIVED, *source.derived}),
     }

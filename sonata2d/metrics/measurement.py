@@ -12,9 +12,12 @@ from typing import Any
 
 import orjson
 
+from ..core import interruption
+from ..core.wording import described
 from ..datasets.executors import Advance, Workers, parallel_map
 from ..datasets.manifest import METRICS as METRICS_FILE, files_of as episode_files, write_json
-from ..errors import FOREIGN_ERRORS, MetricError
+from ..errors import MetricError
+from ..record.files import sha256_of
 from ..record.layout import scene_to_json, software_versions
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
@@ -240,15 +243,16 @@ def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
     record = read_episode(path)
     try:
         undisturbed = None if runs is None else without_robot(record, runs)
-    except FOREIGN_ERRORS as error:  # a pedestrian model of a plug-in is missing, or fails
+    except BaseException as error:  # a pedestrian model of a plug-in is missing, or fails
+        interruption.reraise(error)
         raise MetricError(
-            f"{path} cannot be run without the robot: {error}; --no-rerun (rerun=False) leaves out the metrics of its "
-            "effect on people"
+            f"{path} cannot be run without the robot: {described(error)}; --no-rerun (rerun=False) leaves out the "
+            "metrics of its effect on people"
         ) from error
     trajectory = Trajectory(record, undisturbed)
     return Measured(
         file=path.name,
-        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        sha256=sha256_of(path),
         name=record.name,
         family=record.family,
         seed=record.seed,
@@ -265,6 +269,7 @@ def _values(trajectory: Trajectory, metrics: Iterable[Metric]) -> dict[str, floa
     for metric in metrics:
         try:
             values[metric.name] = metric.of(trajectory) if is_measurable(metric, record) else None
-        except FOREIGN_ERRORS as error:  # a metric of a plug-in may raise anything
-            raise MetricError(f"metric {metric.name!r} of {record.path}: {type(error).__name__}: {error}") from error
+        except BaseException as error:  # a metric of a plug-in may raise anything
+            interruption.reraise(error)
+            raise MetricError(f"metric {metric.name!r} of {record.path}: {described(error)}") from error
     return values

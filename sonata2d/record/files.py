@@ -120,30 +120,56 @@ def read_bytes(path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
         RecordError: the file cannot be read or decompressed, is larger than `max_bytes`, or unpacks to more than
             `limits.MAX_UNPACKED_RATIO` times its size.
     """
-    try:
-        return _read_decompressed(path, max_bytes)
-    except (OSError, EOFError, ValueError, zlib.error, zstandard.ZstdError) as error:  # ValueError: NUL in the path
-        raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
-
-
-def _read_decompressed(path: Path, max_bytes: int) -> bytes:
-    """Return the decompressed content.
-
-    Raises:
-        RecordError: it exceeds a limit.
-    """
-    data = read_at_most(path, max_bytes)
+    data = read_stored(path, max_bytes=max_bytes)
     unpack = next((unpack for magic, unpack in _UNPACK.items() if data.startswith(magic)), None)
     if unpack is None:
         return data
     limit = min(max_bytes, max(MAX_UNPACKED_WITHOUT_RATIO, MAX_UNPACKED_RATIO * len(data)))
-    content = unpack(data, limit)
+    try:
+        content = unpack(data, limit)
+    except (OSError, EOFError, ValueError, zlib.error, zstandard.ZstdError) as error:
+        raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
     if len(content) > limit:
         raise RecordError(
             f"{path} has {len(data)} bytes and unpacks to more than {limit}; if you trust it, unpack it with gzip or"
             f" zstd first, to at most {max_bytes} bytes"
         )
     return content
+
+
+def read_stored(path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
+    """Read a file as it is stored, without decompressing it.
+
+    Args:
+        path: of the file.
+        max_bytes: maximum size of the file.
+
+    Raises:
+        RecordError: the file cannot be read, is larger than `max_bytes`, or is none, see `core.reading.read_at_most`.
+    """
+    try:
+        return read_at_most(path, max_bytes)
+    except (OSError, ValueError) as error:  # ValueError: NUL in the path
+        raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
+
+
+def read_text(path: Path) -> str:
+    """The text of a UTF-8 file, with lines that end in a newline character; empty if there is no such file.
+
+    Raises:
+        RecordError: as `read_stored`.
+    """
+    text = read_stored(path).decode(errors="replace") if path.is_file() else ""
+    return text.replace("\r\n", "\n")
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 of the stored bytes of a file, in hexadecimal digits.
+
+    Raises:
+        RecordError: as `read_stored`.
+    """
+    return hashlib.sha256(read_stored(path)).hexdigest()
 
 
 def _decompress_gzip(data: bytes, limit: int) -> bytes:
@@ -153,13 +179,30 @@ def _decompress_gzip(data: bytes, limit: int) -> bytes:
 
 
 def _decompress_zstd(data: bytes, limit: int) -> bytes:
-    """Return the content, or its first `limit` + 1 bytes."""
-    decompressor = zstandard.ZstdDecompressor(max_window_size=2**27)
-    # the stream reader does not detect truncation, so that it is used only where the size is unknown or too large
-    is_size_known = 0 <= zstandard.frame_content_size(data) <= limit
-    with decompressor.stream_reader(data) as reader:
-        content: bytes = decompressor.decompress(data) if is_size_known else reader.read(limit + 1)
-    return content
+    """Return the content of all frames, or at least its first `limit` + 1 bytes.
+
+    Raises:
+        EOFError: the last frame is incomplete.
+    """
+    content, position = bytearray(), 0
+    while position < len(data):
+        frame = zstandard.ZstdDecompressor(max_window_size=2**27).decompressobj()
+        while position < len(data) and not frame.eof:
+            # small pieces, because the limit is checked between them only, and each byte can become 32 kB
+            content += frame.decompress(data[position : position + _PIECE])
+            position += _PIECE
+            if len(content) > limit:
+                return bytes(content)
+        if not frame.eof:
+            raise EOFError("the compressed data is truncated")
+        position = min(position, len(data)) - len(frame.unused_data)
+    return bytes(content)
 
 
-_UNPACK = {b"\x1f\x8b": _decompress_gzip, b"\x28\xb5\x2f\xfd": _decompress_zstd}  # by the first bytes of a file
+_PIECE = 1024  # bytes
+# by the first bytes of a file; the last ones are those of skippable frames, which a zstd file may begin with
+_UNPACK = {
+    b"\x1f\x8b": _decompress_gzip,
+    b"\x28\xb5\x2f\xfd": _decompress_zstd,
+    **{bytes([0x50 + n]) + b"\x2a\x4d\x18": _decompress_zstd for n in range(16)},
+}

@@ -10,13 +10,14 @@ from typing import Any
 
 from ..agents.controllers.base import Controller, External, Regenerate, Stop, recorded_path, require_controller
 from ..agents.pedestrians.crowd import Crowd
+from ..core import interruption
 from ..core.devices import DeviceEvent, ImageRequest
 from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, Snapshot, Status
 from ..core.vectors import wrap_angle
-from ..core.wording import shown
-from ..errors import FOREIGN_ERRORS, ControllerError, Sonata2dError
+from ..core.wording import described, shown
+from ..errors import ControllerError, Sonata2dError
 from .world import World
 
 ANY_HEADING = 3.14  # rad; a goal whose angle tolerance is at least this accepts every heading
@@ -282,7 +283,8 @@ class Episode:
             if label is not None:
                 label = deepcopy(label)  # the controller may reuse the object
             return TickInput(command, label, snapshot.events)
-        except FOREIGN_ERRORS as error:
+        except BaseException as error:
+            interruption.reraise(error)
             self._close_after(error, snapshot)
             raise
 
@@ -293,7 +295,8 @@ class Episode:
             for observer in self.observers:
                 observer.note(frame)
             self._world.execute(tick_input.command, self._crowd.act(snapshot))
-        except FOREIGN_ERRORS as error:
+        except BaseException as error:
+            interruption.reraise(error)
             self._close_after(error, snapshot)
             raise
         self.past.append(tick_input)
@@ -303,7 +306,10 @@ class Episode:
     def _close_after(self, error: BaseException, snapshot: Snapshot) -> None:
         """Close the episode because an exception was raised; the exception gets tick, episode and seed as a note."""
         error.add_note(f"at tick {snapshot.tick} of episode {self.scene.episode}, seed {self.scene.seed}")
-        reason = f"{type(error).__name__}: {error}"
+        try:
+            reason = f"{type(error).__name__}: {error}"
+        except Exception:  # of its `__str__`
+            reason = type(error).__name__
         try:
             self._close(snapshot, Outcome("error", reason, snapshot.tick, snapshot.time))
         except Sonata2dError as failure:  # the first error is the one to raise
@@ -388,8 +394,9 @@ def controller_info_of(controller: Controller, path: str | None = None) -> Contr
     name = path or recorded_path(type(controller))
     try:
         settings = controller.settings()
-    except FOREIGN_ERRORS as error:
-        raise ControllerError(f"settings() of {name} raised {type(error).__name__}: {error}") from error
+    except BaseException as error:
+        interruption.reraise(error)
+        raise ControllerError(f"settings() of {name} raised {described(error)}") from error
     version, labels = controller.version, controller.labels
     if not isinstance(settings, Mapping):
         raise ControllerError(f"settings() of {name} must return a dict, got {shown(settings)}")

@@ -10,9 +10,10 @@ import pygame
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import load_controller
+from ..core import interruption
 from ..core.devices import View
 from ..core.snapshot import Snapshot
-from ..errors import FOREIGN_ERRORS, SceneError, Sonata2dError
+from ..errors import SceneError, Sonata2dError
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode
@@ -136,7 +137,8 @@ class LiveScreen:
                 return
             except SceneError as error:
                 self._notice = str(error)
-            except FOREIGN_ERRORS as error:  # the controller's `reset` is foreign code, and the window must stay open
+            except BaseException as error:  # the controller's `reset` is foreign code, and the window must stay open
+                interruption.reraise(error)
                 self._report(error)
                 return
 
@@ -153,7 +155,8 @@ class LiveScreen:
         assert self._devices is not None
         try:
             frame = self._episode.step(self._devices.poll())
-        except FOREIGN_ERRORS as error:  # as in `_go`
+        except BaseException as error:  # as in `_go`
+            interruption.reraise(error)
             self._report(error)
             return
         if self._episode.outcome is not None:

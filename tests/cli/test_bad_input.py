@@ -304,6 +304,21 @@ def test_damaged_or_newer_file_is_refused(sonata2d: Run, here: Path, damage: obj
     assert message in sonata2d("check out --replay --workers 1", code=1).output
 
 
+@pytest.mark.skipif(os.name != "posix", reason="needs /dev/zero")
+@pytest.mark.parametrize("name", ["000000.json", "scenario.json", "README.md"])
+def test_a_data_set_with_a_link_to_a_device_is_not_read_without_end(sonata2d: Run, here: Path, name: str) -> None:
+    sonata2d("generate d --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
+    (here / "d" / name).unlink(missing_ok=True)
+    (here / "d" / name).symlink_to("/dev/zero")
+    if name == "000000.json":
+        for line in ("mirror d -o m", "split d", "evaluate d --no-rerun --workers 1"):
+            assert "d/000000.json cannot be read: it is a device, not a file" in one_line(sonata2d(line, code=1).output)
+    else:
+        sonata2d("mirror d -o m")
+        sonata2d("describe d")
+        sonata2d("check d --workers 1")
+
+
 def test_changed_number_is_found_by_hash_and_by_replay(sonata2d: Run, here: Path) -> None:
     quick = (here / "quick.yaml").read_text()
     (here / "quick.yaml").write_text(quick.replace("time_limit: 4", "time_limit: 4, ends_on: [time]"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -176,3 +177,100 @@ def test_a_killed_worker_is_reported_with_the_way_to_go_on(sonata2d: Run, here: 
     (here / "enough memory").touch()
     sonata2d(f"{line} --resume")
     sonata2d("check out --replay")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize(
+    ("raised", "message"),
+    [
+        ("raise type('Own', (BaseException,), {})('no wall')", "Own: no wall"),
+        ("raise type('OwnScene', (s2.errors.SceneError,), {})('no wall')", "no wall"),
+        ("raise GeneratorExit", "GeneratorExit; at tick 3"),
+        ("raise type('Mute', (Exception,), {'__str__': None})", "Mute"),
+        ("raise ValueError('x' * 5000)", f"ValueError: {'x' * 285}...;"),
+    ],
+)
+def test_whatever_a_controller_raises_is_an_error_of_its_episode(
+    sonata2d: Run, here: Path, raised: str, message: str, workers: int
+) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=raised))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
+    output = one_line(sonata2d(line, code=1).output)
+    assert f"episode 2 of seed 0: {message}" in output
+    assert len(output) < 600
+
+
+def test_a_keyboard_interrupt_that_a_controller_raises_in_a_worker_is_an_error_of_its_episode(
+    sonata2d: Run, here: Path
+) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="raise KeyboardInterrupt"))
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers"
+    assert "episode 2 of seed 0: KeyboardInterrupt" in one_line(sonata2d(f"{line} 2", code=1).output)
+    assert "interrupted; complete episodes" in sonata2d(f"{line} 1 --overwrite", code=130).output
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+def test_a_controller_that_never_answers_does_not_keep_a_stopped_command_alive(here: Path) -> None:
+    forever = "open('stuck', 'w').close() or [__import__('time').sleep(1) for _ in iter(int, 1)]"
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=forever))
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 2"
+    with started(line) as process:
+        wait_until((here / "stuck").exists, process)
+        process.terminate()
+        _, output = process.communicate(timeout=100)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert output.strip().splitlines()[-1].startswith("terminated; complete episodes are in out")
+    (here / "stuck").unlink()
+    with started(f"{line} --resume") as process:
+        wait_until((here / "stuck").exists, process)
+        process.send_signal(signal.SIGINT)
+        assert process.stderr is not None
+        while "stopping" not in process.stderr.readline():
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        _, output = process.communicate(timeout=100)
+    assert process.returncode == 128 + signal.SIGINT
+    assert one_line(output).startswith("interrupted; complete episodes are in out")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_controller_that_prints_does_not_spoil_the_json_output(here: Path, workers: int) -> None:
+    act = "print('noise', flush=True); os.write(1, b'more'); sys.__stdout__.write('buffered')"
+    (here / "fatal.py").write_text(FATAL.format(at_import="print('import')", in_act=act))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers} --json"
+    done = run_alone(line)
+    assert done.returncode == 0
+    assert len(json.loads(done.stdout)["files"]) == 6
+    assert all(text in done.stderr for text in ("import", "noise", "more"))
+
+
+@pytest.mark.parametrize("option", ["", "--json"])
+def test_a_controller_that_closes_standard_output_does_not_silence_the_command(here: Path, option: str) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="sys.stdout.close()"))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 1 {option}"
+    done = run_alone(line)
+    assert done.returncode == 0
+    assert ('"000005.json"' if option else "6 episodes of quick") in done.stdout
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_controller_that_changes_the_working_folder_does_not_move_the_data_set(
+    sonata2d: Run, here: Path, workers: int
+) -> None:
+    (here / "elsewhere").mkdir()
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os.chdir('elsewhere')"))
+    sonata2d(f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 9 --workers {workers}")
+    assert list((here / "elsewhere").iterdir()) == []
+    assert verify(here / "out") == []
+    sonata2d(f"check out --rerun --controller ./fatal.py:Fatal --workers {workers}")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_files_that_a_controller_removes_are_named(sonata2d: Run, here: Path, workers: int) -> None:
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os.unlink('out/scenario.json')"))
+    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
+    output = one_line(sonata2d(line, code=1).output)
+    assert "out: files were removed while the data set was generated: scenario.json; generate them with" in output
+    (here / "fatal.py").write_text(FATAL.format(at_import="import shutil", in_act="shutil.rmtree('out')"))
+    output = one_line(sonata2d(f"{line} --overwrite --workers 1", code=1).output)
+    assert "manifest.json, scenario.json, 000000.json, 000001.json; remove the folder, and start again" in output

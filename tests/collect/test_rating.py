@@ -24,12 +24,12 @@ from sonata2d.collect.rating import (
     questions,
     ratings_of,
     read_ratings,
-    sha256_of,
 )
 from sonata2d.core.labels import LabelSpec
 from sonata2d.datasets.check import check_dataset
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.errors import ConfigError, NewerFormatError, RecordError
+from sonata2d.record.files import sha256_of
 from sonata2d.record.recorder import JsonRecorder
 from sonata2d.scenegen.scenario.load import load_scenario
 

@@ -12,10 +12,12 @@ from pydantic import ValidationError
 
 from sonata2d.datasets.generate import finish_dataset
 from sonata2d.datasets.manifest import (
+    MANIFEST,
     DatasetSpec,
     Manifest,
     ManifestEntry,
     existing_episodes,
+    files_of,
     read_manifest,
     store_episode,
     write_json,
@@ -179,3 +181,19 @@ def test_overwriting_removes_no_file_that_only_the_manifest_names(tmp_path: Path
     write_json(tmp_path / "manifest.json", manifest | {"files": [*manifest["files"], row]})
     start_dataset(tmp_path, spec(), overwrite=True)
     assert {path.name for path in tmp_path.iterdir()} == {"thesis.tex", "manifest.json", "scenario.json"}
+
+
+def test_a_long_manifest_is_validated_in_full_and_of_its_first_files_one_must_exist(tmp_path: Path) -> None:
+    dataset_in(tmp_path, spec(1))
+    manifest = read_manifest(tmp_path)
+    row = manifest["files"][0]
+    rows = [row | {"name": f"{number:06d}.json", "episode": number} for number in range(2500)]
+    write_json(tmp_path / MANIFEST, manifest | {"files": rows})
+    assert len(files_of(tmp_path)) == 2500
+    (tmp_path / "000000.json").unlink()
+    with pytest.raises(RecordError, match=r"lists 2500 files, but 000000\.json to 000009\.json are missing"):
+        files_of(tmp_path)
+    rows[2300]["ticks"] = -1
+    write_json(tmp_path / MANIFEST, manifest | {"files": rows})
+    with pytest.raises(RecordError, match=r"files\.2300\.ticks"):
+        read_manifest(tmp_path)

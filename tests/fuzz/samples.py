@@ -9,14 +9,14 @@ from typing import Any
 
 import sonata2d as s2
 from sonata2d.collect.journal import Journal
-from sonata2d.collect.rating import Rating, append_rating, path_for, sha256_of
+from sonata2d.collect.rating import Rating, append_rating, path_for
 from sonata2d.core.labels import LabelSpec
 from sonata2d.datasets.card import write_card
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.mirror import mirror_file
 from sonata2d.formats.api import export_to
 from sonata2d.learning.weights import STOCK
-from sonata2d.record.files import compress
+from sonata2d.record.files import compress, sha256_of
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.load import load_scenario
 from sonata2d.window.profiles import Profile

@@ -17,7 +17,7 @@ from hypothesis import given, strategies as st
 
 from sonata2d.core.limits import MAX_UNPACKED_WITHOUT_RATIO
 from sonata2d.errors import RecordError
-from sonata2d.record.files import compress, file_stem, read_bytes, safe_name, write_atomically
+from sonata2d.record.files import compress, file_stem, read_bytes, read_stored, safe_name, write_atomically
 from sonata2d.record.recorder import JsonRecorder
 
 NOON = datetime(2025, 1, 2, 12, 0, 0, tzinfo=UTC)
@@ -117,3 +117,24 @@ def _assert_safe(name: str) -> None:
     assert len(name.split("__")) == 3
     assert all(part and not part.startswith((".", "-")) for part in name.split("__"))
     assert not re.match(r"(?i)(con|prn|aux|nul)(\.|$)", name)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs device files and named pipes")
+def test_what_may_have_no_end_is_not_read(tmp_path: Path) -> None:
+    (tmp_path / "zero.json").symlink_to("/dev/zero")
+    os.mkfifo(tmp_path / "pipe.json")
+    with pytest.raises(RecordError, match=r"zero\.json cannot be read: it is a device, not a file"):
+        read_stored(tmp_path / "zero.json")
+    with pytest.raises(RecordError, match=r"pipe\.json cannot be read: it is a named pipe, not a file"):
+        read_bytes(tmp_path / "pipe.json")
+
+
+def test_all_frames_of_a_zstd_file_are_read_and_nothing_may_follow_them(tmp_path: Path) -> None:
+    path, frame = tmp_path / "a.json.zst", compress(b"12", tmp_path / "a.json.zst")
+    skippable = b"\x50\x2a\x4d\x18" + (4).to_bytes(4, "little") + b"abcd"
+    path.write_bytes(skippable + frame + skippable + frame)
+    assert read_bytes(path) == b"1212"
+    for damaged in (frame + b"garbage", frame + b"\n", frame + frame[:-1], skippable + frame[:5]):
+        path.write_bytes(damaged)
+        with pytest.raises(RecordError, match=re.escape(f"{path} cannot be read: ")):
+            read_bytes(path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import subprocess
 import sys
 from itertools import pairwise
@@ -150,6 +152,16 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         ("x.toml", "a = " + "[" * 3000 + "]" * 3000, "nested"),
         ("x.yaml", f"extends: {'a' * 5000}", "no scenario file or preset 'aaa.*: File name too long"),
         ("x.toml", "a = 1\na = 2", "Cannot overwrite a value"),
+        ("x.toml", ".".join("a" * 100_000) + " = 1", "nested more than 32 deep"),
+        ("x.toml", "\n".join(f"a{k} = 1" for k in range(2000)), "a mapping has more than 1000 keys"),
+        ("x.yaml", "\n".join(f"a{k}: 1" for k in range(100_000)), "line 1002: a mapping has more than 1000 keys"),
+        ("x.json", json.dumps(dict.fromkeys(map(str, range(500_000)))), "a mapping has more than 1000 keys"),
+        (
+            "x.yaml",
+            "# " + "x" * 2_000_000,
+            r"has more than 2000000 bytes, the limit for such files; write it as \.json",
+        ),
+        ("x.yaml", "name: " + "x" * 100_000, "line 1: name: String should have at most 255 characters"),
     ],
 )
 def test_a_file_beyond_the_limits_is_one_clear_error(write_scenario, name, text, message):
@@ -159,8 +171,15 @@ def test_a_file_beyond_the_limits_is_one_clear_error(write_scenario, name, text,
     assert len(str(caught.value)) < 300
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_named_pipe_is_no_scenario_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "x.yaml")
+    with pytest.raises(ConfigError, match=r"x\.yaml is a device or a named pipe, not a scenario file"):
+        load_scenario(tmp_path / "x.yaml")
+
+
 def test_a_file_that_is_too_large_is_not_parsed(write_scenario, monkeypatch):
-    monkeypatch.setattr(parse, "MAX_SCENARIO_BYTES", 100)
+    monkeypatch.setattr(parse, "MAX_YAML_BYTES", 100)
     with pytest.raises(ConfigError, match="it has more than 100 bytes"):
         load_scenario(write_scenario("#" * 200 + "\n\n"))
 

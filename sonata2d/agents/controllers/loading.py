@@ -14,8 +14,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ...core.wording import one_line
-from ...errors import FOREIGN_ERRORS, ControllerError
+from ...core import interruption
+from ...core.wording import described, one_line
+from ...errors import ControllerError
 from ...registry import CONTROLLERS
 from .base import RECORDED_PATHS, Controller, current_path
 from .labelled import Labelled
@@ -54,9 +55,10 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
         return controller_class() if settings is None else controller_class.from_settings(settings)
     except ControllerError:
         raise
-    except FOREIGN_ERRORS as error:
+    except BaseException as error:
+        interruption.reraise(error)
         how = "without arguments" if settings is None else "from its recorded settings"
-        raise ControllerError(f"{name} cannot be created {how}: {type(error).__name__}: {error}") from error
+        raise ControllerError(f"{name} cannot be created {how}: {described(error)}") from error
 
 
 def is_installed(name: str, settings: Mapping[str, Any]) -> bool:
@@ -171,8 +173,9 @@ def _import_module(place: str) -> ModuleType:
         return _import_file(Path(place))
     except ControllerError:
         raise
-    except FOREIGN_ERRORS as error:  # whatever the user's module raises
-        raise ControllerError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
+    except BaseException as error:  # whatever the user's module raises
+        interruption.reraise(error)
+        raise ControllerError(f"{place} cannot be imported: {described(error)}") from error
 
 
 def _import_file(path: Path) -> ModuleType:

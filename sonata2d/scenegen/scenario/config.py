@@ -10,6 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from ...core.entities import Limits, Robot
 from ...core.geometry import MAX_MAGNITUDE, Pose
+from ...core.limits import MAX_NAME
 from ...errors import ConfigError
 from ...registry import did_you_mean
 from .base import Entities, Fraction, IntRange, Range, Settings
@@ -74,7 +75,7 @@ class ScenarioConfig(Settings):
         flip: probability that a scene is generated as its mirror image (y changes sign), fixed positions included.
     """
 
-    name: str = Field(default="sonata-2020", min_length=1)
+    name: str = Field(default="sonata-2020", min_length=1, max_length=MAX_NAME)
     description: str = ""
     context: str | None = None
     room: RoomConfig = RoomConfig()

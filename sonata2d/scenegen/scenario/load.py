@@ -54,6 +54,8 @@ def _find(name: str, folder: Path) -> Path:
             return path
         if path.is_dir():
             raise ConfigError(f"{name} is a folder; name a scenario file in it")
+        if path.exists():
+            raise ConfigError(f"{name} is a device or a named pipe, not a scenario file")
         neighbours = [str(other) for other in sorted(path.parent.glob("*")) if other.suffix in _SUFFIXES]
     except (OSError, ValueError) as error:  # no name of a file, e.g. one that is too long
         raise ConfigError(f"no scenario file or preset {shown(name)}: {getattr(error, 'strerror', error)}") from None

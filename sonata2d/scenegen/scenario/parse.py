@@ -1,23 +1,34 @@
 """Parsing of settings files: YAML, JSON and TOML, within limits that no sensible file reaches.
 
-A file is refused if it is too large or nested too deeply, if aliases repeat more values than a file of that size could
-hold, or if a key is given twice, which would silently drop the first value.
+A file is refused if it is too large or nested too deeply, if a mapping has too many keys, if aliases repeat more values
+than a file of that size could hold, or if a key is given twice, which would silently drop the first value.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import tomllib
+from collections import Counter
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ...core.limits import MAX_SCENARIO_BYTES, MAX_SCENARIO_DEPTH, MAX_SCENARIO_VALUES
+from ...core.limits import (
+    MAX_SCENARIO_BYTES,
+    MAX_SCENARIO_DEPTH,
+    MAX_SCENARIO_KEYS,
+    MAX_SCENARIO_VALUES,
+    MAX_YAML_BYTES,
+)
 from ...core.reading import read_at_most
-from ...core.wording import one_line
+from ...core.wording import one_line, shown
 from ...errors import ConfigError
 
 _MAX_BYTES_WITH_LINES = 200_000
+_TOO_DEEP = f"values are nested more than {MAX_SCENARIO_DEPTH} deep"
+_TOO_MANY = f"a mapping has more than {MAX_SCENARIO_KEYS} keys"
+_LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{MAX_SCENARIO_DEPTH}}}""")  # `a.a.a... = 1`
 
 
 def parse_settings(path: Path) -> dict[str, Any]:
@@ -31,11 +42,14 @@ def parse_settings(path: Path) -> dict[str, Any]:
     try:
         text = _read_text(path)
         if path.suffix == ".toml":
+            if _LONG_KEY.search(text):  # tomllib takes quadratic time for it
+                raise ValueError(_TOO_DEEP)
             content = tomllib.loads(text)
         elif path.suffix == ".json":
             content = json.loads(text, object_pairs_hook=_object)
         else:
             content = yaml.load(text, _yaml_loader())
+        _require_limits(content)
         if "\\u" in text:  # an escape may give half a character, which no file can hold
             json.dumps(content, ensure_ascii=False, skipkeys=True, default=str).encode()
     except yaml.MarkedYAMLError as error:
@@ -53,8 +67,6 @@ def parse_settings(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path.name}: values are nested too deeply") from None
     if not isinstance(content, dict):
         raise ConfigError(f"{path.name}: a scenario is a mapping of settings, not {type(content).__name__}")
-    if _depth(content) > MAX_SCENARIO_DEPTH:
-        raise ConfigError(f"{path.name}: values are nested more than {MAX_SCENARIO_DEPTH} deep")
     return content
 
 
@@ -82,29 +94,33 @@ def line_of(path: Path, keys: list[int | str]) -> str:
 
 def _read_text(path: Path) -> str:
     """The text of a file, without a byte order mark."""
-    text = read_at_most(path, MAX_SCENARIO_BYTES).decode("utf-8-sig")
-    return text.replace("\r\n", "\n").replace("\r", "\n")  # as Python's text files
+    if path.suffix in (".json", ".toml"):
+        data = read_at_most(path, MAX_SCENARIO_BYTES)
+    else:
+        data = read_at_most(path, MAX_YAML_BYTES, remedy="write it as .json, which is read a hundred times as fast")
+    return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")  # as Python's text files
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """A JSON object without repeated keys."""
     content = dict(pairs)
     if len(content) < len(pairs):
-        keys = [key for key, _ in pairs]
-        raise ValueError(f"the key {next(key for key in keys if keys.count(key) > 1)!r} is given twice")
+        repeated = next(key for key, count in Counter(key for key, _ in pairs).items() if count > 1)
+        raise ValueError(f"the key {shown(repeated)} is given twice")
     return content
 
 
-def _depth(content: Any) -> int:
-    """How deeply lists and dicts are nested."""
+def _require_limits(content: Any) -> None:
+    """Raise ValueError if lists and mappings are nested too deeply, or a mapping has too many keys."""
     depth, level = 0, [content]
     while level:
         inner = [value for value in level if isinstance(value, (dict, list))]
+        if any(isinstance(value, dict) and len(value) > MAX_SCENARIO_KEYS for value in inner):
+            raise ValueError(_TOO_MANY)
         level = [item for value in inner for item in (value.values() if isinstance(value, dict) else value)]
         depth += bool(inner)
         if depth > MAX_SCENARIO_DEPTH:
-            break
-    return depth
+            raise ValueError(_TOO_DEEP)
 
 
 @cache
@@ -120,7 +136,9 @@ def _yaml_loader() -> Any:
                 return super().compose_node(parent, index)
             mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
             if self.depth > MAX_SCENARIO_DEPTH:
-                raise yaml.MarkedYAMLError(None, None, f"values are nested more than {MAX_SCENARIO_DEPTH} deep", mark)
+                raise yaml.MarkedYAMLError(None, None, _TOO_DEEP, mark)
+            if isinstance(parent, yaml.MappingNode) and len(parent.value) > MAX_SCENARIO_KEYS:
+                raise yaml.MarkedYAMLError(None, None, _TOO_MANY, mark)
             self.depth += 1
             node = super().compose_node(parent, index)
             self.depth -= 1
@@ -129,7 +147,7 @@ def _yaml_loader() -> Any:
                 for key, _ in node.value:
                     if isinstance(key, yaml.ScalarNode) and key.value != "<<":
                         if key.value in seen:
-                            problem = f"the key {key.value!r} is given twice"
+                            problem = f"the key {shown(key.value)} is given twice"
                             raise yaml.MarkedYAMLError(None, None, problem, key.start_mark)
                         seen.add(key.value)
             return node
