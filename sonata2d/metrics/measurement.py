@@ -13,10 +13,10 @@ from typing import Any
 import orjson
 
 from ..core import interruption
-from ..core.wording import described
+from ..core.wording import described, one_line
 from ..datasets.executors import Advance, Workers, parallel_map
 from ..datasets.manifest import METRICS as METRICS_FILE, files_of as episode_files, write_json
-from ..errors import MetricError
+from ..errors import MetricError, Sonata2dError
 from ..record.files import sha256_of
 from ..record.layout import scene_to_json, software_versions
 from ..record.reader import read_episode
@@ -245,8 +245,9 @@ def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
         undisturbed = None if runs is None else without_robot(record, runs)
     except BaseException as error:  # a pedestrian model of a plug-in is missing, or fails
         interruption.reraise(error)
+        cause = one_line(error, 300) if isinstance(error, (Sonata2dError, ValueError)) else described(error)
         raise MetricError(
-            f"{path} cannot be run without the robot: {described(error)}; --no-rerun (rerun=False) leaves out the "
+            f"{path} cannot be run without the robot: {cause}; --no-rerun (rerun=False) leaves out the "
             "metrics of its effect on people"
         ) from error
     trajectory = Trajectory(record, undisturbed)
