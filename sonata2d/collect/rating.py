@@ -20,6 +20,7 @@ from ..errors import ConfigError, NewerFormatError, RecordError
 from ..record.files import read_bytes, safe_stem, sha256_of
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
+from ..record.validate import schema_findings
 
 FOLDER, SUFFIX = "ratings", ".jsonl"
 RATING_VERSION = 1
@@ -58,12 +59,6 @@ class Rating:
     seconds: float
     whole: bool
     spec: LabelSpec
-
-
-_TYPES: dict[str, type | tuple[type, ...]] = {
-    "rater": str, "file": str, "episode": str, "sha256": str, "showing": int, "time": str,
-    "seconds": (int, float), "whole": bool, "spec": dict,
-}  # fmt: skip
 
 
 def path_for(folder: Path, rater: str) -> Path:
@@ -173,12 +168,11 @@ def _parse_line(line: bytes, place: str) -> Rating:
 
 def _rating_of(row: Mapping[str, Any]) -> Rating:
     """A rating from its JSON object; unknown keys are ignored."""
-    for key, kind in _TYPES.items():
-        if not isinstance(row[key], kind):
-            raise TypeError(f"{key} is {row[key]!r}")
+    from ..record import models
+
+    for key, problem in schema_findings(row, models.Rating):
+        raise ValueError(f"{key}: {problem}")
     spec = LabelSpec.from_settings(row["spec"])
-    if not all(isinstance(text, str) for text in (spec.name, spec.question, *spec.classes, *spec.ends)):
-        raise TypeError("its question, classes and ends must be text")
     values = {field.name: row[field.name] for field in fields(Rating)}
     return Rating(**{**values, "label": spec.validate(row["label"]), "spec": spec})
 

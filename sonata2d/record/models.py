@@ -319,6 +319,21 @@ class LabelSpec(Part):
     ends: Annotated[tuple[str, str], LIST] = Field(description="meaning of 0 and of 1 on the slider")
 
 
+class Rating(Part):
+    """A line of a file of ratings: the rating of one run by one person."""
+
+    rater: str
+    file: str
+    episode: str
+    sha256: str
+    label: Any
+    showing: Count
+    time: str
+    seconds: NotNegative
+    whole: bool
+    spec: LabelSpec
+
+
 class Frame(State):
     """State of the world at a tick, and the answer of the controller."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import orjson
 
@@ -20,6 +20,9 @@ from ..core.scene import Scene
 from ..core.wording import shown
 from ..errors import InvalidFileError, RecordError
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict, scene_to_json
+
+if TYPE_CHECKING:
+    from .models import Part
 
 Finding = tuple[str, str]  # place, such as `frames.3.robot`, and what is wrong
 
@@ -57,19 +60,20 @@ def require_consistent(scene: Scene) -> None:
 
 def findings_of(document: Any) -> Iterator[Finding]:
     """All violations of the schema; if there are none, all inconsistencies of the content."""
-    found = list(_schema_findings(document))
+    from .models import Episode
+
+    found = list(schema_findings(document, Episode))
     yield from found
     if not found:
         yield from _content_findings(document)
 
 
-def _schema_findings(document: Any) -> Iterator[Finding]:
+def schema_findings(document: Any, model: type[Part]) -> Iterator[Finding]:
+    """Violations of the schema that a model describes."""
     from pydantic import ValidationError
 
-    from .models import Episode
-
     try:
-        Episode.model_validate(document)
+        model.model_validate(document)
     except ValidationError as error:
         for finding in error.errors(include_url=False, include_context=False)[:_MAX_FINDINGS]:
             place = ".".join(map(str, finding["loc"]))

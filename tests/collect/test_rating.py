@@ -7,7 +7,7 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -122,8 +122,10 @@ def test_ratings_survive_a_killed_program(tmp_path: Path) -> None:
     ("changes", "reason"),
     [
         ({"label": 4}, "4 is not a valid label; expected: How polite? 1: poor, 2: fair, 3: good"),
-        ({"showing": "first"}, "showing is 'first'"),
-        ({"spec": {"kind": "slider", "colour": "red"}}, "colour"),
+        ({"showing": "first"}, "showing: Input should be a valid integer, got 'first'"),
+        ({"spec": {"kind": "slider"}}, "spec.when: is missing"),
+        ({"spec": asdict(RATING.spec) | {"colour": "red"}}, "colour"),
+        ({"spec": asdict(RATING.spec) | {"when": ["run"]}}, "spec.when: Input should be 'frame' or 'run'"),
         ({"version": "1"}, "version is '1'"),
     ],
 )
@@ -139,7 +141,7 @@ def test_a_damaged_line_is_named_by_its_number(changes: dict[str, Any], reason: 
 
 @pytest.mark.parametrize(
     ("text", "reason"),
-    [(b'{"version": 1}\n', "'rater' is missing"), (b"[1]\n", "JSON list"), (b"{oh\n\n", "line 1")],
+    [(b'{"version": 1}\n', "rater: is missing"), (b"[1]\n", "JSON list"), (b"{oh\n\n", "line 1")],
 )
 def test_a_line_that_is_not_a_rating_is_refused(text: bytes, reason: str, tmp_path: Path) -> None:
     (tmp_path / "a.jsonl").write_bytes(text)
