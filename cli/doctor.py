@@ -31,6 +31,11 @@ PACKAGES = (
 )  # fmt: skip
 COMPILER = ("numba", "llvmlite")  # the interpreter runs the simulation without them
 MODULES = {"pygame-ce": "pygame", "PyYAML": "yaml"}  # where the name is not that of the package with underscores
+EXTRAS = {  # name of the extra, what it adds, its modules
+    "films": ("video", "gif and mp4", "imageio_ffmpeg", "PIL"),
+    "plots": ("plots", "the picture of evaluate", "matplotlib"),
+    "parquet": ("parquet", "export and import of parquet", "pyarrow"),
+}
 DIGEST = "fa69ca01d021e9e09ab297d39f0ef070"  # of the frames of the trial episode, the same on every machine
 
 Finding = tuple[bool | None, str]  # whether the check passed (None: an optional part is missing), and a description
@@ -57,7 +62,6 @@ def command(as_json: bool) -> None:
 
 def findings() -> dict[str, Finding]:
     """Run all checks."""
-    has_film = all(importlib.util.find_spec(name) for name in ("imageio_ffmpeg", "PIL"))
     has_display = sys.platform in ("win32", "darwin") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
     return {
         "python": (True, f"{platform.python_version()} on {platform.platform()}"),
@@ -67,7 +71,7 @@ def findings() -> dict[str, Finding]:
         **_plugins(),
         "trial episode": _run(_trial_episode),
         "writing": _run(_writing),
-        "films": (True, "gif and mp4") if has_film else (None, "not available; pip install 'sonata2d[video]'"),
+        **{kind: _extra(*extra) for kind, extra in EXTRAS.items()},
         "display": (True, "available") if has_display else (None, "not available; all commands without a window work"),
     }
 
@@ -84,6 +88,13 @@ def _package(name: str, *, is_required: bool = True) -> Finding:
     except Exception as error:  # a missing library of the system, a version of NumPy that is too new, ...
         return False, f"{found} cannot be imported ({_reason(error)}); pip install -U {name}"
     return True, found
+
+
+def _extra(extra: str, use: str, *modules: str) -> Finding:
+    """Whether the packages of an extra are installed."""
+    if all(importlib.util.find_spec(module) for module in modules):
+        return True, use
+    return None, f"not available; pip install 'sonata2d[{extra}]'"
 
 
 def _plugins() -> dict[str, Finding]:
