@@ -245,7 +245,7 @@ def has_edited_card(folder: Path) -> bool:
     path = folder / CARD
     if not path.is_file():
         return False
-    text, _, last = path.read_text("utf-8", errors="replace").rpartition("\n<!--")
+    text, _, last = read_text(path).rpartition("\n<!--")
     found = _SEAL.fullmatch(f"<!--{last}")
     return found is None or hashlib.sha256(text.encode()).hexdigest() != found[1]
 
