@@ -96,25 +96,39 @@ def polygon_of(walls: Array) -> Array | None:
     Returns:
         (K, 2), corners, counter-clockwise; None if the first wall is not part of a closed line.
     """
-    if len(walls) < 3:
+    distinct = list(dict.fromkeys(map(tuple, walls.tolist())))
+    if len(distinct) < 3:
         return None
-    remaining = list(walls[1:])
-    corners, end = [walls[0, 0:2]], walls[0, 2:4]
+    # walls by the cell of an end; ends at one corner lie in one cell, or in adjacent ones
+    cells: dict[tuple[int, int], dict[int, None]] = {}
+    for index, wall in enumerate(distinct[1:], 1):
+        for point in (wall[:2], wall[2:]):
+            cells.setdefault(_cell(point), {})[index] = None
+    corners, end = [distinct[0][:2]], distinct[0][2:]
     # Append the wall that continues at the open end until the line returns to the first corner.
-    while remaining and np.hypot(*(end - corners[0])) > _CORNER_TOLERANCE:
-        gaps = [min(np.hypot(*(end - wall[k : k + 2])) for k in (0, 2)) for wall in remaining]
-        nearest = int(np.argmin(gaps))
-        if gaps[nearest] > _CORNER_TOLERANCE:
+    while len(corners) < len(distinct) and math.dist(end, corners[0]) > _CORNER_TOLERANCE:
+        column, row = _cell(end)
+        near = {k for dx in (-1, 0, 1) for dy in (-1, 0, 1) for k in cells.get((column + dx, row + dy), ())}
+        gaps = [(min(math.dist(end, distinct[k][:2]), math.dist(end, distinct[k][2:])), k) for k in near]
+        gap, index = min(gaps, default=(math.inf, 0))
+        if gap > _CORNER_TOLERANCE:
             return None
-        wall = remaining.pop(nearest)
+        wall = distinct[index]
+        for point in (wall[:2], wall[2:]):
+            cells[_cell(point)].pop(index, None)
         corners.append(end)
-        end = wall[2:4] if np.hypot(*(end - wall[0:2])) <= _CORNER_TOLERANCE else wall[0:2]
+        end = wall[2:] if math.dist(end, wall[:2]) <= _CORNER_TOLERANCE else wall[:2]
     ring = np.array(corners)
-    if len(ring) < 3 or np.hypot(*(end - ring[0])) > _CORNER_TOLERANCE:
+    if len(ring) < 3 or math.dist(end, corners[0]) > _CORNER_TOLERANCE:
         return None
     x, y = ring.T
     area = float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
     return ring if area > 0 else ring[::-1]
+
+
+def _cell(point: tuple[float, ...]) -> tuple[int, int]:
+    """The square of a grid, whose cells are as large as the tolerance, in which a point lies."""
+    return math.floor(point[0] / _CORNER_TOLERANCE), math.floor(point[1] / _CORNER_TOLERANCE)
 
 
 def bounding_box(points: Array, margin: float) -> Array:

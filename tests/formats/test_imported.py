@@ -34,6 +34,14 @@ def test_walls_that_do_not_close_make_no_room() -> None:
     assert polygon_of(np.zeros((0, 4))) is None
 
 
+def test_repeated_walls_are_one_wall_of_the_room() -> None:
+    corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)]
+    walls = [(*start, *end) for start, end in zip(corners, corners[1:] + corners[:1], strict=True)]
+    polygon = polygon_of(np.array(walls[:2] * 3 + walls * 2))
+    assert polygon is not None
+    assert {tuple(corner) for corner in polygon.tolist()} == set(corners)
+
+
 @given(st.lists(st.floats(-50, 50), min_size=1, max_size=8))
 def test_wrapped_angles_are_equivalent_and_within_half_a_turn(angles: list[float]) -> None:
     wrapped = wrap_angles(np.array(angles))

@@ -65,6 +65,7 @@ def test_documents_without_reactions_and_social_behaviour_are_read() -> None:
         ({"social": {"vists": 0.7}}, "did you mean 'visits'"),
         ({"person": {"reactions": {"avoids": 0}}}, "at least one reaction"),
         ({"person": {"robot_clearance": {"mean": 2.0}}}, "mean 2.0 is not within"),
+        ({"person": {"robot_clearance": {"sd": 1e9}}}, "of the distribution lies within .* use a smaller sd"),
     ],
 )
 def test_invalid_settings_are_refused(settings: dict[str, object], message: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
 from pydantic import (
@@ -26,6 +27,7 @@ if TYPE_CHECKING:  # settings are also read where nothing is generated, and rand
     from ...core.rng import RandomStream
 
 Jitter = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]  # m, m, rad
+_MINIMUM_SHARE = 0.01  # of a truncated distribution that must lie within its bounds, which draws are repeated for
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 Coordinate = Annotated[float, Field(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]  # m
 
@@ -177,6 +179,15 @@ class Normal(Settings):
         if not self.min <= self.mean <= self.max:
             context = {"mean": self.mean, "low": self.min, "high": self.max}
             raise PydanticCustomError("range", "mean {mean} is not within {low}..{high}", context)
+        scale = self.sd * math.sqrt(2.0)
+        share = 0.5 * (math.erf((self.max - self.mean) / scale) - math.erf((self.min - self.mean) / scale))
+        if share < _MINIMUM_SHARE:
+            message = (
+                "only {share} of the distribution lies within {low}..{high}, "
+                "it must be {least} or more; use a smaller sd"
+            )
+            context = {"share": share, "low": self.min, "high": self.max, "least": _MINIMUM_SHARE}
+            raise PydanticCustomError("range", message, context)
         return self
 
     def draw(self, rng: RandomStream) -> float:
