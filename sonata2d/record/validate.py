@@ -160,13 +160,18 @@ def _label_findings(document: JsonDict) -> Iterator[Finding]:
 
 
 def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Finding]:
-    """Each state must have a row for each pedestrian, and none for those that are absent."""
+    """Times must not decrease; each state must have a row for each pedestrian, and none for those that are absent."""
+    time = states[0]["time"]
     count, names = len(document["humans"]), document["activities"]
     for t, state in enumerate(states):
         rows, activity = state["humans"], state["activity"]
         if state["tick"] != t:
             yield f"frames.{t}", f"tick should be {t}, is {state['tick']}"
             return
+        if state["time"] < time:
+            yield f"frames.{t}.time", f"is {state['time']} s, but {time} s in the state before"
+            return
+        time = state["time"]
         if len(rows) != count or len(activity) != count:
             yield f"frames.{t}.humans", f"{len(rows)} rows and {len(activity)} activities of {count} people"
             return

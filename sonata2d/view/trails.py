@@ -70,7 +70,7 @@ class Trails:
     @property
     def fraction(self) -> Array:
         """(T,): each time as a fraction of the span, 0 to 1."""
-        if len(self.time) < 2:
+        if len(self.time) < 2 or self.time[0] == self.time[-1]:
             return np.zeros(len(self.time))
         return np.asarray((self.time - self.time[0]) / (self.time[-1] - self.time[0]), dtype=float)
 

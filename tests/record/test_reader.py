@@ -216,6 +216,7 @@ def test_a_damaged_document_is_an_error_that_names_the_file(episode: Path, chang
         (set_value("rules", "substeps", 10**9), "rules.substeps: Input should be less than or equal to 1000"),
         (set_value("activities", ["walking", "standing"]), "activities: must be in the order standing, walking"),
         (set_value("frames", 3, "tick", 4), "frames.3: tick should be 3, is 4"),
+        (set_value("frames", 3, "time", 9.5), r"frames.4.time: is 0.4 s, but 9.5 s in the state before"),
         (set_value("frames", 3, "activity", 0, 6), "frames.3.activity.0: 6 is not in the list"),
         (set_value("frames", 3, "robot", 0, 1e200), "frames.3.robot.0: Input should be less than"),
         (set_value("frames", 3, "interactions", [[1, "talking", 9]]), "talking of 1 and 9: unknown entity"),
