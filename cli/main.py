@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 import click
 
 from sonata2d.core.interruption import exits_raised
-from sonata2d.core.wording import one_line
+from sonata2d.core.wording import described, one_line
 from sonata2d.errors import Sonata2dError
 
 from .command import SETTINGS, Group, has_flag
@@ -140,8 +140,7 @@ def _origin(error: BaseException) -> tuple[traceback.FrameSummary, bool]:
 
 def _error_line(error: BaseException) -> str:
     """`SceneError: no free spot ...`, followed by the notes that were added to the error, in one line."""
-    parts = [f"{type(error).__name__}: {error}", *getattr(error, "__notes__", [])]
-    return "; ".join(map(one_line, parts))
+    return "; ".join([described(error, None), *map(one_line, getattr(error, "__notes__", []))])
 
 
 def _warning_line(

@@ -7,7 +7,8 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import NoReturn
+from functools import partial
+from typing import Any, NoReturn, TextIO
 
 THREAD_GRACE = 1.0  # s, that a process waits at its end for threads that a controller has left running
 
@@ -72,20 +73,34 @@ def exits_raised() -> Iterator[None]:
 
 @contextmanager
 def surroundings_kept() -> Iterator[None]:
-    """Go back to the working folder, and open standard output again, if the code of others leaves or closes it.
+    """Restore the working folder and the standard streams if the code of others changes or closes them.
 
-    Relative paths would otherwise name other files, and nothing could be printed.
+    Relative paths would otherwise name other files, and nothing could be printed. Does nothing in other threads than
+    the main one, because all threads share them.
     """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
     try:
         folder = os.getcwd()
     except OSError:  # it was removed
         folder = os.curdir
-    stdout, encoding = sys.stdout, getattr(sys.stdout, "encoding", None)
+    streams = {name: (getattr(sys, name), _opening(getattr(sys, name))) for name in ("stdout", "stderr")}
     try:
         yield
     finally:
         with suppress(OSError):  # it was removed meanwhile
             os.chdir(folder)
-        if stdout is not None and stdout.closed and stdout is sys.__stdout__:
-            # Python leaves the file open, and closes only its own object
-            sys.stdout = open(1, "w", encoding=encoding, closefd=False)  # noqa: SIM115
+        for name, (stream, reopen) in streams.items():
+            setattr(sys, name, reopen() if reopen is not None and stream.closed else stream)
+
+
+def _opening(stream: Any) -> Callable[[], TextIO] | None:
+    """What opens a standard stream again; Python leaves the file open if the stream is closed. None: not such a one."""
+    try:
+        number = stream.fileno()
+    except (OSError, ValueError, AttributeError):  # in memory, closed, or None
+        return None
+    if number not in (1, 2):
+        return None
+    return partial(open, number, "w", encoding=stream.encoding, errors=stream.errors, closefd=False)

@@ -6,7 +6,8 @@ become 30 bytes of Python objects, and one number in a file can declare an array
 
 MAX_FILE_BYTES = 1 << 30  # of one file, stored or unpacked: more than an hour with a hundred pedestrians
 MAX_SCENARIO_BYTES = 64_000_000
-MAX_YAML_BYTES = 2_000_000  # of a scenario: YAML takes 10 s for each megabyte, JSON and TOML a hundredth of that
+MAX_YAML_BYTES = 2_000_000  # of a scenario: YAML takes 10 s for each megabyte, JSON a hundredth of that
+MAX_TOML_BYTES = 50_000  # of a scenario: a dotted key of this length takes more than a second, and time is quadratic
 MAX_WEIGHTS_BYTES = 1 << 26  # of all arrays of a network
 MAX_TRACKS_BYTES = 1 << 28  # of a text file of tracks: about ten million observations
 

@@ -17,18 +17,33 @@ def read_at_most(path: Path, max_bytes: int, *, remedy: str = "divide it") -> by
         remedy: for a larger file, at the end of the message.
 
     Raises:
-        OSError: the file cannot be read, is larger, or is a device, a folder or a named pipe; `strerror` says which,
-            also on Windows, where opening a folder is a lack of permission.
+        OSError: the file cannot be read, is larger, or is none, see `require_readable`; `strerror` says which.
+        ValueError: the path contains NUL.
+    """
+    require_readable(path)
+    with path.open("rb") as file:
+        data = file.read(max_bytes + 1)
+    if len(data) > max_bytes:
+        raise OSError(errno.EFBIG, f"it has more than {max_bytes} bytes, the limit for such files; {remedy}")
+    return data
+
+
+def require_readable(path: Path) -> None:
+    """Require that a path, if it exists, is that of a file or of the pipe of a shell.
+
+    Raises:
+        OSError: it is a folder, a device or a named pipe; `strerror` says which, also on Windows, where opening a
+            folder is a lack of permission.
         ValueError: the path contains NUL.
     """
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, "it is a folder; name a file in it")
     if path.is_char_device() or path.is_block_device():
         raise OSError(errno.EINVAL, "it is a device, not a file")  # /dev/zero has no end
-    if path.is_fifo() and not path.is_relative_to("/dev"):  # where a shell keeps the output of other programs
+    if path.is_fifo() and not is_shell_pipe(path):
         raise OSError(errno.EINVAL, "it is a named pipe, not a file")  # opening it waits for a writer
-    with path.open("rb") as file:
-        data = file.read(max_bytes + 1)
-    if len(data) > max_bytes:
-        raise OSError(errno.EFBIG, f"it has more than {max_bytes} bytes, the limit for such files; {remedy}")
-    return data
+
+
+def is_shell_pipe(path: Path) -> bool:
+    """Whether a path is that of a pipe by which a shell passes the output of another program."""
+    return path.is_fifo() and any(map(path.is_relative_to, ("/dev", "/proc")))

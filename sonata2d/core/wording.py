@@ -32,10 +32,19 @@ def shown(value: object, max_length: int = 60) -> str:
     return one_line(short.repr(value), max_length)
 
 
-def described(error: BaseException) -> str:
-    """An error that the code of others raised, on one line of at most 300 characters: `ValueError: no such wall`."""
-    name = one_line(type(error).__name__, 100)
+def text_of(error: BaseException) -> str | None:
+    """The text of an error that the code of others may have raised; None if its `__str__` fails."""
     try:
-        return one_line(f"{name}: {error}", 300).removesuffix(":")
-    except Exception:  # of its `__str__`
-        return name
+        return str(error)
+    except Exception:
+        return None
+
+
+def described(error: BaseException, max_length: int | None = 300) -> str:
+    """An error that the code of others raised, on one line: `ValueError: no such wall`.
+
+    Args:
+        error: any exception.
+        max_length: maximum number of characters, see `one_line`.
+    """
+    return one_line(f"{one_line(type(error).__name__, 100)}: {text_of(error) or ''}", max_length).removesuffix(":")

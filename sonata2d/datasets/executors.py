@@ -16,8 +16,8 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
 from functools import cached_property, partial
 from itertools import islice
-from multiprocessing import active_children, get_context, parent_process
-from multiprocessing.process import BaseProcess
+from multiprocessing import parent_process
+from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.synchronize import Event
 from multiprocessing.util import Finalize
 from typing import Any, Self, TypeVar
@@ -39,6 +39,30 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
+class _Context(SpawnContext):
+    """Starts processes in the same way on every system, and knows them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._processes: list[SpawnProcess] = []
+
+    def Process(self, *args: Any, **settings: Any) -> SpawnProcess:  # type: ignore[override]
+        """A process that is about to be started."""
+        process = SpawnProcess(*args, **settings)
+        self._processes.append(process)
+        return process
+
+    def is_alive(self) -> bool:
+        """Whether a process is running."""
+        return any(process.is_alive() for process in self._processes)
+
+    def kill(self) -> None:
+        """End all processes at once."""
+        for process in self._processes:
+            if process.pid is not None:  # it was started
+                process.kill()
+
+
 class Workers:
     """Worker processes that several calls share; they start when a call first needs them, and end with the context.
 
@@ -56,11 +80,11 @@ class Workers:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if "_pool" in vars(self):
-            if self._processes:  # a process that was killed may have kept the lock of the request
-                self._stop.set()  # each worker finishes its current item only
+        pool = vars(self).get("_pool")
+        if pool is not None:
             with self._ended_by_interruption():
-                self._pool.shutdown()
+                self._stop.set()  # each worker finishes its current item only
+                pool.shutdown()
 
     def ordered(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         """See `parallel_map`."""
@@ -70,6 +94,8 @@ class Workers:
         chunks = [items[start : start + CHUNK_SIZE] for start in range(0, len(items), CHUNK_SIZE)]
         with self._submitting() as submit:
             for future, chunk in zip(submit(partial(_map_chunk, function), chunks), chunks, strict=True):
+                while not wait([future], timeout=_POLL).done:  # without a time limit Windows does not see Ctrl-C
+                    pass
                 results = future.result()
                 if len(results) < len(chunk):
                     raise WorkerError("the worker processes were ended before their work was done; begin again")
@@ -90,7 +116,7 @@ class Workers:
                 pending.update(submit(run, list(islice(chunks, 2 * self.count - len(pending)))))
                 if not pending:
                     return
-                finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+                finished, pending = wait(pending, timeout=_POLL, return_when=FIRST_COMPLETED)
                 for future in finished:
                     yield from future.result()
 
@@ -101,17 +127,15 @@ class Workers:
         Raises:
             WorkerError: a process cannot be started, or crashed.
         """
-        with _starting_processes():
+        with self._starting():
             pool, stop = self._pool, self._stop
         unfinished: set[Future[Any]] = set()
         end = threading.Timer(STOP_GRACE, self._kill)  # a controller may never return
         end.daemon = True
 
         def submit(function: Callable[[Any], Any], arguments: list[Any]) -> list[Future[Any]]:
-            with _starting_processes():
-                before = set(active_children())
+            with self._starting():
                 submitted = [pool.submit(function, argument) for argument in arguments]
-                self._processes.update(set(active_children()) - before)
                 unfinished.update(submitted)
             for future in submitted:
                 future.add_done_callback(unfinished.discard)  # a finished future holds its results
@@ -121,25 +145,42 @@ class Workers:
             stop.clear()
         self._open_calls += 1
         try:
-            with _crashes_explained():
+            with self._crashes_explained():
                 yield submit
         except (KeyboardInterrupt, GeneratorExit) as error:
             # a generator is closed if the caller is interrupted, or needs no further results
             if isinstance(error, KeyboardInterrupt) or isinstance(error.__context__, KeyboardInterrupt):
-                end.start()
-                logger.warning("stopping: the worker processes have %.0f s to finish their episodes", STOP_GRACE)
+                with self._ended_by_interruption():
+                    end.start()
+                    logger.warning("stopping: the worker processes have %.0f s to finish their episodes", STOP_GRACE)
             raise
         finally:
             # Pending chunks end at once, because of the stop request, unless another call needs the processes. They
             # are not cancelled: if a process has been killed meanwhile, the pool fails on cancelled futures (3.11).
-            self._open_calls -= 1
-            if self._open_calls == 0:
-                stop.set()
-            # A future that was submitted while the pool broke is never finished, but then no process is left.
             with self._ended_by_interruption():
-                while active_children() and wait(list(unfinished), timeout=_POLL).not_done:
+                self._open_calls -= 1
+                if self._open_calls == 0 and vars(self).get("_stop") is stop:
+                    stop.set()
+                # A future that was submitted while the pool broke is never finished, but then no process is left.
+                while self._context.is_alive() and wait(list(unfinished), timeout=_POLL).not_done:
                     pass
             end.cancel()
+
+    @contextmanager
+    def _crashes_explained(self) -> Iterator[None]:
+        """End all processes after the crash of one, and say what to do.
+
+        Raises:
+            WorkerError: a worker process crashed.
+        """
+        try:
+            yield
+        except BrokenProcessPool as error:
+            self._kill()  # the others would finish items of which the caller does not learn
+            raise WorkerError(
+                "a worker process crashed or was killed; if memory was short, use fewer workers, and if a kernel of "
+                "your own is used, look for an index outside an array with NUMBA_BOUNDSCHECK=1 and one worker"
+            ) from error
 
     @contextmanager
     def _ended_by_interruption(self) -> Iterator[None]:
@@ -151,23 +192,43 @@ class Workers:
             raise
 
     def _kill(self) -> None:
-        """End the processes; their files are complete or not there, because files are written atomically."""
-        while self._processes:
-            self._processes.pop().kill()
+        """End the processes; their files are complete or not there, because files are written atomically.
+
+        The next call starts new ones, with a new request: a process that is killed may keep the lock of the old one.
+        """
+        self._context.kill()
+        for name in ("_pool", "_stop"):
+            vars(self).pop(name, None)
+
+    @contextmanager
+    def _starting(self) -> Iterator[None]:
+        """Start processes in this block: whole, or not at all.
+
+        Raises:
+            WorkerError: the system refuses a process.
+        """
+        try:
+            with _signals_deferred():
+                yield
+        except OSError as error:
+            self._kill()  # they would wait for work, and the program for them
+            raise WorkerError(
+                f"a worker process cannot be started: {error.strerror or error}; use fewer workers, or raise the limit "
+                "of open files (ulimit -n)"
+            ) from error
 
     @cached_property
-    def _processes(self) -> set[BaseProcess]:
-        return set()
+    def _context(self) -> _Context:
+        return _Context()
 
     @cached_property
     def _pool(self) -> ProcessPoolExecutor:
-        context = get_context("spawn")  # the same start method on every system
         arguments = self._stop, logging.getLogger(_PACKAGE).level, warnings.formatwarning
-        return ProcessPoolExecutor(self.count, mp_context=context, initializer=_start_worker, initargs=arguments)
+        return ProcessPoolExecutor(self.count, mp_context=self._context, initializer=_start_worker, initargs=arguments)
 
     @cached_property
     def _stop(self) -> Event:
-        return get_context("spawn").Event()
+        return self._context.Event()
 
 
 def parallel_map(function: Callable[[T], R], items: Sequence[T], *, workers: int | Workers) -> Iterator[R]:
@@ -207,42 +268,6 @@ def _shared(workers: int | Workers) -> Iterator[Workers]:
         return
     with Workers(workers) as own:
         yield own
-
-
-@contextmanager
-def _crashes_explained() -> Iterator[None]:
-    """Turn the crash of a worker process into an error that says what to do.
-
-    Raises:
-        WorkerError: a worker process crashed.
-    """
-    try:
-        yield
-    except BrokenProcessPool as error:
-        raise WorkerError(
-            "a worker process crashed or was killed; if memory was short, use fewer workers, and if a kernel of your "
-            "own is used, look for an index outside an array with NUMBA_BOUNDSCHECK=1 and one worker"
-        ) from error
-
-
-@contextmanager
-def _starting_processes() -> Iterator[None]:
-    """Start processes in this block: whole, or not at all.
-
-    Raises:
-        WorkerError: the system refuses a process.
-    """
-    before = set(active_children())
-    try:
-        with _signals_deferred():
-            yield
-    except OSError as error:
-        for child in set(active_children()) - before:
-            child.terminate()  # it would wait for work, and the program for it
-        raise WorkerError(
-            f"a worker process cannot be started: {error.strerror or error}; use fewer workers, or raise the limit of "
-            "open files (ulimit -n)"
-        ) from error
 
 
 @contextmanager

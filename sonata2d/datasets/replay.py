@@ -211,8 +211,8 @@ def _check_scene(path: Path, record: EpisodeRecord) -> list[Problem]:
         scene = generate(ScenarioConfig(**settings), record.seed, record.episode)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        place = ".".join(map(str, first["loc"]))
-        return [Problem(path.name, "settings", f"they give no scene: {place}: {first['msg']}")]
+        problem = ": ".join(filter(None, (".".join(map(str, first["loc"])), first["msg"])))
+        return [Problem(path.name, "settings", f"they give no scene: {problem}")]
     except (ValueError, SceneError) as error:
         return [Problem(path.name, "settings", f"they give no scene: {error}")]
     is_equal = replace(scene, settings=settings) == record.scene()  # newer versions have more settings

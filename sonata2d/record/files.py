@@ -15,7 +15,7 @@ from pathlib import Path
 import zstandard
 
 from ..core.limits import MAX_FILE_BYTES, MAX_UNPACKED_RATIO, MAX_UNPACKED_WITHOUT_RATIO
-from ..core.reading import read_at_most
+from ..core.reading import read_at_most, require_readable
 from ..core.whole_file import whole_file
 from ..errors import RecordError
 
@@ -164,12 +164,17 @@ def read_text(path: Path) -> str:
 
 
 def sha256_of(path: Path) -> str:
-    """SHA-256 of the stored bytes of a file, in hexadecimal digits.
+    """SHA-256 of the stored bytes of a file of any size, in hexadecimal digits.
 
     Raises:
-        RecordError: as `read_stored`.
+        RecordError: the file cannot be read, or is none, see `core.reading.require_readable`.
     """
-    return hashlib.sha256(read_stored(path)).hexdigest()
+    try:
+        require_readable(path)
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, ValueError) as error:  # ValueError: NUL in the path
+        raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
 
 def _decompress_gzip(data: bytes, limit: int) -> bytes:
@@ -185,8 +190,9 @@ def _decompress_zstd(data: bytes, limit: int) -> bytes:
         EOFError: the last frame is incomplete.
     """
     content, position = bytearray(), 0
+    decompressor = zstandard.ZstdDecompressor(max_window_size=2**27)
     while position < len(data):
-        frame = zstandard.ZstdDecompressor(max_window_size=2**27).decompressobj()
+        frame = decompressor.decompressobj()
         while position < len(data) and not frame.eof:
             # small pieces, because the limit is checked between them only, and each byte can become 32 kB
             content += frame.decompress(data[position : position + _PIECE])

@@ -16,7 +16,7 @@ from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, Snapshot, Status
 from ..core.vectors import wrap_angle
-from ..core.wording import described, shown
+from ..core.wording import described, shown, text_of
 from ..errors import ControllerError, Sonata2dError
 from .world import World
 
@@ -306,10 +306,8 @@ class Episode:
     def _close_after(self, error: BaseException, snapshot: Snapshot) -> None:
         """Close the episode because an exception was raised; the exception gets tick, episode and seed as a note."""
         error.add_note(f"at tick {snapshot.tick} of episode {self.scene.episode}, seed {self.scene.seed}")
-        try:
-            reason = f"{type(error).__name__}: {error}"
-        except Exception:  # of its `__str__`
-            reason = type(error).__name__
+        reason = text_of(error)
+        reason = f"{type(error).__name__}: {reason}" if reason is not None else type(error).__name__
         try:
             self._close(snapshot, Outcome("error", reason, snapshot.tick, snapshot.time))
         except Sonata2dError as failure:  # the first error is the one to raise
@@ -381,6 +379,7 @@ def _is_finite(value: Any) -> bool:
     return isinstance(value, (int, float)) and math.isfinite(value)
 
 
+@interruption.surroundings_kept()
 def controller_info_of(controller: Controller, path: str | None = None) -> ControllerInfo:
     """The description of a controller that files record.
 

@@ -54,9 +54,15 @@ def one_line(output: str) -> str:
 
 
 @contextmanager
-def started(line: str) -> Iterator[subprocess.Popen[str]]:
-    """A process of its own group that runs the words of a command line; killed at the end if it still runs."""
-    words = [sys.executable, "-m", "sonata2d_cli", *line.split()]
+def started(line: str, *, preparation: str = "") -> Iterator[subprocess.Popen[str]]:
+    """A process of its own group that runs the words of a command line; killed at the end if it still runs.
+
+    Args:
+        line: the words.
+        preparation: Python statements that the process executes first.
+    """
+    program = f"{preparation}\nfrom sonata2d_cli import main\nmain(prog_name='sonata2d')"
+    words = [sys.executable, "-c", program, *line.split()]
     with subprocess.Popen(words, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
         try:
             yield process

@@ -187,6 +187,7 @@ def test_a_killed_worker_is_reported_with_the_way_to_go_on(sonata2d: Run, here: 
         ("raise type('OwnScene', (s2.errors.SceneError,), {})('no wall')", "no wall"),
         ("raise GeneratorExit", "GeneratorExit; at tick 3"),
         ("raise type('Mute', (Exception,), {'__str__': None})", "Mute"),
+        ("raise type('MuteScene', (s2.errors.SceneError,), {'__str__': None})", "MuteScene"),
         ("raise ValueError('x' * 5000)", f"ValueError: {'x' * 285}...;"),
     ],
 )
@@ -220,8 +221,15 @@ def test_a_controller_that_never_answers_does_not_keep_a_stopped_command_alive(h
         _, output = process.communicate(timeout=100)
     assert process.returncode == 128 + signal.SIGTERM
     assert output.strip().splitlines()[-1].startswith("terminated; complete episodes are in out")
-    (here / "stuck").unlink()
-    with started(f"{line} --resume") as process:
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+def test_a_second_ctrl_c_ends_the_workers_at_once(here: Path) -> None:
+    forever = "open('stuck', 'w').close() or [__import__('time').sleep(1) for _ in iter(int, 1)]"
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=forever))
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 2"
+    patient = "from sonata2d.datasets import executors; executors.STOP_GRACE = 1000"
+    with started(line, preparation=patient) as process:
         wait_until((here / "stuck").exists, process)
         process.send_signal(signal.SIGINT)
         assert process.stderr is not None
@@ -245,8 +253,14 @@ def test_a_controller_that_prints_does_not_spoil_the_json_output(here: Path, wor
 
 
 @pytest.mark.parametrize("option", ["", "--json"])
-def test_a_controller_that_closes_standard_output_does_not_silence_the_command(here: Path, option: str) -> None:
-    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="sys.stdout.close()"))
+@pytest.mark.parametrize(
+    "act", ["sys.stdout.close()", "sys.stderr.close()", "sys.stdout = sys.stderr = open('log.txt', 'w')"]
+)
+def test_a_controller_that_closes_or_replaces_standard_streams_does_not_silence_the_command(
+    here: Path, act: str, option: str
+) -> None:
+    fatal = FATAL.format(at_import="", in_act=act)
+    (here / "fatal.py").write_text(fatal.replace("and snapshot.scene.episode == 2", ""))
     line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 1 {option}"
     done = run_alone(line)
     assert done.returncode == 0
@@ -266,11 +280,21 @@ def test_a_controller_that_changes_the_working_folder_does_not_move_the_data_set
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_files_that_a_controller_removes_are_named(sonata2d: Run, here: Path, workers: int) -> None:
-    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os.unlink('out/scenario.json')"))
-    line = f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}"
+def test_a_manifest_and_a_scenario_file_that_a_controller_removes_are_written_again(
+    sonata2d: Run, here: Path, workers: int
+) -> None:
+    remove = "[os.unlink(f'out/{name}.json') for name in ('manifest', 'scenario')]"
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=remove))
+    sonata2d(f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers {workers}")
+    assert verify(here / "out") == []
+    assert (here / "out/scenario.json").exists()
+
+
+def test_episodes_that_a_controller_removes_are_counted_and_can_be_generated_again(sonata2d: Run, here: Path) -> None:
+    once = "os.path.exists('done') or open('done', 'w').close() or __import__('shutil').rmtree('out')"
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=once))
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 1"
     output = one_line(sonata2d(line, code=1).output)
-    assert "out: files were removed while the data set was generated: scenario.json; generate them with" in output
-    (here / "fatal.py").write_text(FATAL.format(at_import="import shutil", in_act="shutil.rmtree('out')"))
-    output = one_line(sonata2d(f"{line} --overwrite --workers 1", code=1).output)
-    assert "manifest.json, scenario.json, 000000.json, 000001.json; remove the folder, and start again" in output
+    assert "2 of 6 episodes in out were removed while it was generated; continue with the same command and" in output
+    sonata2d(f"{line} --resume")
+    assert verify(here / "out") == []

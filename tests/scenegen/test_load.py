@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from itertools import pairwise
 from pathlib import Path
 
@@ -152,7 +153,8 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         ("x.toml", "a = " + "[" * 3000 + "]" * 3000, "nested"),
         ("x.yaml", f"extends: {'a' * 5000}", "no scenario file or preset 'aaa.*: File name too long"),
         ("x.toml", "a = 1\na = 2", "Cannot overwrite a value"),
-        ("x.toml", ".".join("a" * 100_000) + " = 1", "nested more than 32 deep"),
+        ("x.toml", ".".join("a" * 10_000) + " = 1", "nested more than 32 deep"),
+        ("x.toml", ".".join("a" * 100_000) + " = 1", r"has more than 50000 bytes, the limit .* write it as \.json"),
         ("x.toml", "\n".join(f"a{k} = 1" for k in range(2000)), "a mapping has more than 1000 keys"),
         ("x.yaml", "\n".join(f"a{k}: 1" for k in range(100_000)), "line 1002: a mapping has more than 1000 keys"),
         ("x.json", json.dumps(dict.fromkeys(map(str, range(500_000)))), "a mapping has more than 1000 keys"),
@@ -169,6 +171,22 @@ def test_a_file_beyond_the_limits_is_one_clear_error(write_scenario, name, text,
         load_scenario(write_scenario(text, name))
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(("groups", "is_valid"), [(0, False), (1, False), (2, True)])
+def test_places_without_a_group_are_an_error(write_scenario, groups, is_valid):
+    path = write_scenario(f"talking_groups: {groups}\ngroups:\n  places: [[2, 1], [-2, 1]]\n", "x.yaml")
+    with nullcontext() if is_valid else pytest.raises(ConfigError, match=f"line 3: .* 2 places for at most {groups}"):
+        load_scenario(path)
+
+
+@pytest.mark.skipif(not Path("/dev/fd").exists(), reason="needs the pipes of a shell")
+def test_a_scenario_is_read_from_the_pipe_of_a_shell():
+    reader, writer = os.pipe()
+    os.write(writer, b"wandering: 7")
+    os.close(writer)
+    assert load_scenario(f"/dev/fd/{reader}").wandering.max == 7
+    os.close(reader)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")

@@ -104,13 +104,6 @@ def test_the_robot_may_not_start_on_its_goal():
         ScenarioConfig(robot={"pose": [1, 1, 0]}, goal={"position": [1.2, 1.0]})
 
 
-def test_places_without_a_group_are_an_error():
-    ScenarioConfig(talking_groups=1, groups={"places": [[2, 1]]})
-    for groups in (0, 1):
-        with pytest.raises(ValidationError, match=f"2 places for at most {groups} talking groups"):
-            ScenarioConfig(talking_groups=groups, groups={"places": [[2, 1], [-2, 1]]})
-
-
 def test_settings_are_frozen():
     with pytest.raises(ValidationError):
         ScenarioConfig().drop = True

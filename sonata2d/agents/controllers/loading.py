@@ -24,6 +24,7 @@ from .labelled import Labelled
 WEIGHTS_SUFFIX = ".npz"
 
 
+@interruption.surroundings_kept()
 def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Controller:
     """Create a controller from its name.
 

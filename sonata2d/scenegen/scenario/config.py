@@ -187,15 +187,6 @@ class ScenarioConfig(Settings):
         return self
 
     @model_validator(mode="after")
-    def _check_places(self) -> Self:
-        places, groups = len(self.groups.places), self.talking_groups.max
-        if places > groups:
-            message = "{places} places for at most {groups} talking groups; raise talking_groups, or remove places"
-            context = {"places": places, "groups": groups, "path": ("groups", "places")}
-            raise PydanticCustomError("places", message, context)
-        return self
-
-    @model_validator(mode="after")
     def _check_unguarded_speed(self) -> Self:
         rules, limits = self.rules, Limits(**self.robot.limits.model_dump())
         speed = Robot(Pose(0.0, 0.0, 0.0), kinematics=self.robot.kinematics, limits=limits).top_speed

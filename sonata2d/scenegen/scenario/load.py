@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ...core.reading import is_shell_pipe
 from ...core.wording import one_line, shown
 from ...errors import ConfigError
 from ...registry import did_you_mean
@@ -50,7 +51,7 @@ def _find(name: str, folder: Path) -> Path:
     if name in _preset_names():
         return _PRESETS / f"{name}.yaml"
     try:
-        if path.is_file():
+        if path.is_file() or is_shell_pipe(path):
             return path
         if path.is_dir():
             raise ConfigError(f"{name} is a folder; name a scenario file in it")
@@ -82,9 +83,16 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
         settings = _merge(base, settings, ScenarioConfig)
     settings = {"name": path.stem} | settings
     try:
-        return ScenarioConfig.model_validate(settings), settings
+        config = ScenarioConfig.model_validate(settings)
     except ValidationError as error:
         raise ConfigError(_error_message(path, settings, error)) from None
+    places, groups = len(config.groups.places), config.talking_groups.max
+    if places > groups:  # not an error of the model, by which older data sets with such settings are read
+        raise ConfigError(
+            f"{path.name}{line_of(path, ['groups', 'places'])}: groups.places: there are {places} places for at most "
+            f"{groups} talking groups; raise talking_groups, or remove places"
+        )
+    return config, settings
 
 
 def _real(path: Path) -> Path:
