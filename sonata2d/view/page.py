@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -17,7 +16,7 @@ from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, o
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from .annotations import origin
+from .annotations import origin, value_text
 from .camera import Camera
 from .draw import QUICK, Layers, backdrop, camera_for
 from .furniture import half_size
@@ -213,19 +212,10 @@ def _controller_data(commands: Any, labels: Sequence[Any] | None) -> dict[str, A
     rows = None if commands is None else [[_number(float(v)) for v in row] for row in np.asarray(commands, dtype=float)]
     if labels is None:
         return {"commands": rows, "labels": None}
-    texts = [_label_text(label) for label in labels]
+    texts = ["" if label is None else value_text(label) for label in labels]
     distinct = list(dict.fromkeys(texts))
     index = {text: k for k, text in enumerate(distinct)}
     return {"commands": rows, "labels": [index[text] for text in texts], "labelTexts": distinct}
-
-
-def _label_text(label: Any) -> str:
-    """A label as text: `name value, …` for a mapping, JSON for other values."""
-    if label is None or isinstance(label, str):
-        return label or ""
-    if isinstance(label, dict):
-        return ", ".join(f"{name} {_label_text(value)}" for name, value in label.items())
-    return json.dumps(label, default=str)
 
 
 def _number(value: float) -> float | None:
