@@ -37,7 +37,8 @@ _LIGHTS: dict[str, tuple[str, Colour]] = {  # sign and colour
     "replay": ("play", shaded(GOAL, 0.2)),
     "watching": ("eye", INK),
 }
-_GAUGES, _KEY, _NOTICE = 400, 19, 26  # px at scale 1: width of clearance and speed, text heights of keys and notices
+_GAUGES, _KEY, _NOTICE = 560, 19, 26  # px at scale 1: width of clearance and speed, text heights of keys and notices
+_SPEED_SHARE = 0.56  # of the width of clearance and speed, left of the speed
 _MIN_KEY = 19  # px, text height of keys at any scale; 13 px without the space between lines
 _MAX_NOTICE_WIDTH = 1000  # px at scale 1
 _LEGEND = 1.2  # scale of the legend, for the text size of the readings
@@ -222,7 +223,7 @@ def draw_hud(
 
 def _has_two_rows(pen: Pen) -> bool:
     """Whether the readings at the top need two rows, because the surface is narrow."""
-    return pen.surface.get_width() < pen.px(_GAUGES + 620)
+    return pen.surface.get_width() < pen.px(_GAUGES + 620)  # of run, time, contributor and light
 
 
 def _draw_top(pen: Pen, hud: Hud, snapshot: Snapshot) -> int:
@@ -305,11 +306,11 @@ def _draw_gauges(pen: Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
         return
     pen.plate(box)
     padding, robot, y = pen.px(10), snapshot.robot, box.centery
-    _draw_clearance(pen, snapshot, (box.left + padding, y))
     speed = math.hypot(*robot.velocity)
-    left = box.left + round(0.52 * box.width)
-    pen.write(text("readings.speed", speed=f"{speed:.2f}"), (left, y))
-    left += pen.px(88)
+    left = box.left + round(_SPEED_SHARE * box.width)
+    _draw_clearance(pen, snapshot, (box.left + padding, y), left - padding)
+    pen.write(text("readings.speed", speed=f"{speed:.1f}"), (left, y))
+    left += pen.width(text("readings.speed", speed="0.0")) + padding  # digits have the same width
     track = pygame.Rect(left, y - pen.px(4), max(box.right - padding - left, 1), pen.px(8))
     pygame.draw.rect(pen.surface, mixed(METAL, PAPER, 0.3), track, border_radius=pen.px(4))
     fraction = min(speed / robot.body.limits.ahead, 1.0)
@@ -319,27 +320,45 @@ def _draw_gauges(pen: Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
         pygame.draw.rect(pen.surface, INK, bar, border_radius=pen.px(4))
 
 
-def _draw_clearance(pen: Pen, snapshot: Snapshot, place: tuple[int, int]) -> None:
-    gaps = clearances(snapshot)
-    gaps = gaps[np.isfinite(gaps)]
-    if not len(gaps):
-        pen.write(text("readings.nobody"), place, colour=FAINT)
+def _draw_clearance(pen: Pen, snapshot: Snapshot, place: tuple[int, int], right: int) -> None:
+    """Write what the robot touches, else the distance to the nearest pedestrian with the sign of its zone."""
+    words = clearance_words(snapshot)
+    nearest = _nearest(snapshot)
+    sign, colour = zone_of(-math.inf if snapshot.contacts else nearest)
+    if nearest == math.inf and not snapshot.contacts:
+        pen.write(pen.fitted(words, right - place[0]), place, colour=FAINT)
         return
-    nearest = float(gaps.min())
-    word, sign, colour = zone_of(nearest)
     radius = pen.px(7)
     pen.sign(sign, (place[0] + radius, place[1]), radius, colour)
-    distance = text("readings.distance", distance=f"{max(nearest, 0.0):.2f}")
-    pen.write(f"{distance}  {text(f'readings.{word}')}", (place[0] + 3 * radius, place[1]), colour=colour)
+    left = place[0] + 3 * radius
+    pen.write(pen.fitted(words, right - left), (left, place[1]), colour=colour)
 
 
-def zone_of(clearance: float) -> tuple[str, str, Colour]:
-    """Name, sign and colour of Hall's zone at a clearance, m; "clear" beyond the personal zone."""
+def clearance_words(snapshot: Snapshot) -> str:
+    """What the robot touches, pedestrians first; else the distance to the nearest pedestrian."""
+    touched = {contact.kind for contact in snapshot.contacts}
+    kind = next((kind for kind in ("human", "object", "wall") if kind in touched), None)
+    if kind is not None:
+        return text(f"readings.touching_{kind}")
+    nearest = _nearest(snapshot)
+    if nearest == math.inf:
+        return text("readings.nobody")
+    return text("readings.nearest", distance=f"{max(nearest, 0.0):.1f}")
+
+
+def _nearest(snapshot: Snapshot) -> float:
+    """Gap between the robot and the nearest pedestrian, m; infinite without pedestrians."""
+    gaps = clearances(snapshot)
+    return float(gaps[np.isfinite(gaps)].min(initial=math.inf))
+
+
+def zone_of(clearance: float) -> tuple[str, Colour]:
+    """Sign and colour of Hall's zone at a clearance, m: intimate, personal, or beyond both."""
     if clearance < INTIMATE_DISTANCE:
-        return "intimate", "diamond", _RED
+        return "diamond", _RED
     if clearance < PERSONAL_DISTANCE:
-        return "personal", "triangle", _AMBER
-    return "clear", "ring", shaded(GOAL, 0.3)
+        return "triangle", _AMBER
+    return "ring", shaded(GOAL, 0.3)
 
 
 def _draw_goal_distance(
@@ -350,9 +369,10 @@ def _draw_goal_distance(
         return
     goal, robot = snapshot.goal, snapshot.robot.position
     metres = math.hypot(goal.x - robot[0], goal.y - robot[1])
-    word = text("readings.distance", distance=f"{metres:.1f}")
+    word = text("readings.goal", distance=f"{metres:.1f}")
     x, y = camera.to_pixels(goal.position)
     x, y = x + origin[0], y + origin[1]
+    box = pygame.Rect(0, 0, pen.width(word) + pen.px(12), pen.px(24))
     if pen.surface.get_rect().collidepoint(x, y):
         centre = x, y + goal.distance * camera.scale + pen.px(14)
     else:
@@ -365,8 +385,8 @@ def _draw_goal_distance(
         )
         tip = middle[0] + radius * c, middle[1] + radius * s
         pen.arrow(tip, angle, size, shaded(GOAL, 0.35))
-        centre = tip[0] - 1.9 * size * c, tip[1] - 1.6 * size * s
-    box = pygame.Rect(0, 0, pen.width(word) + pen.px(12), pen.px(24))
+        half = min(box.width / 2 / max(abs(c), 1e-9), box.height / 2 / max(abs(s), 1e-9))  # of the box, along the arrow
+        centre = tip[0] - (size + half) * c, tip[1] - (size + half) * s
     box.center = round(centre[0]), round(centre[1])
     box.clamp_ip(free)
     pen.plate(box)
