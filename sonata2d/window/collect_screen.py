@@ -164,7 +164,7 @@ class CollectScreen:
         snapshot = between(session.before, session.after, self._clock.fraction)
         notice = self.notice
         hud = self._hud("" if self._overlay.covers else notice)
-        self._camera.draw(surface, snapshot, hud, scale=self._stage.scale)
+        self._camera.draw(surface, snapshot, hud, scale=self._stage.scale, top=self._overlay.end_of_ended_card)
         if session.state in ("waiting", "ended"):
             draw_tint(surface, GREEN if session.state == "waiting" else VERMILLION, 24)
         if self.devices.joystick is not None:

@@ -215,7 +215,8 @@ def draw_hud(
         place = surface.get_width() / 2, top
         top = draw_notice(surface, hud.notice, place, size=pen.px(_NOTICE), max_width=width).bottom + pen.gap
     free = pygame.Rect(pen.gap, top, surface.get_width() - 2 * pen.gap, max(bottom - top, 1))
-    _draw_goal_distance(pen, snapshot, camera, origin, free)
+    picture = pygame.Rect(origin, camera.size)
+    _draw_goal_distance(pen, snapshot, camera, picture, free.clip(picture))
 
 
 # Each of the following functions returns the y coordinate at which the free part of the picture starts or ends, px.
@@ -361,19 +362,22 @@ def zone_of(clearance: float) -> tuple[str, Colour]:
     return "ring", shaded(GOAL, 0.3)
 
 
-def _draw_goal_distance(
-    pen: Pen, snapshot: Snapshot, camera: Camera, origin: tuple[int, int], free: pygame.Rect
-) -> None:
-    """Write the distance to the goal next to it if it is in view, else next to an arrow at the edge towards it."""
+def _draw_goal_distance(pen: Pen, snapshot: Snapshot, camera: Camera, picture: pygame.Rect, free: pygame.Rect) -> None:
+    """Write the distance to the goal next to it if it is in view, else next to an arrow at the edge towards it.
+
+    Args:
+        picture: place of the camera's picture on the surface, px.
+        free: the part of it that is free of readings, px.
+    """
     if {"robot", "goal"} & snapshot.scene.unmeasured:
         return
     goal, robot = snapshot.goal, snapshot.robot.position
     metres = math.hypot(goal.x - robot[0], goal.y - robot[1])
     word = text("readings.goal", distance=f"{metres:.1f}")
     x, y = camera.to_pixels(goal.position)
-    x, y = x + origin[0], y + origin[1]
+    x, y = x + picture.left, y + picture.top
     box = pygame.Rect(0, 0, pen.width(word) + pen.px(12), pen.px(24))
-    if pen.surface.get_rect().collidepoint(x, y):
+    if picture.collidepoint(x, y):
         centre = x, y + goal.distance * camera.scale + pen.px(14)
     else:
         middle, size, margin = free.center, pen.px(30), pen.px(4)
