@@ -92,8 +92,10 @@ class ViewScreen:
         self._bar = pygame.Rect(0, height - round(_BAR * s), width, round(_BAR * s))
         inner = self._bar.inflate(-round(28 * s), 0)
         row = pygame.Rect(inner.left, inner.top + round(40 * s), inner.width, round(36 * s))
+        words = {name: text(f"player.{name}") for name, _, _ in self._commands() if name}
+        words["pause"] = max(words["pause"], text("player.play"), key=len)  # the button has space for both texts
         specs = [
-            (text(f"player.{name}"), command, text(f"player.{'play' if name == 'pause' else name}_tip"))
+            (words[name], command, text(f"player.{'play' if name == 'pause' else name}_tip"))
             for name, command, _ in self._commands()
             if name and (width >= _NARROW * s or name not in _NOT_IN_NARROW)
         ]
@@ -135,7 +137,7 @@ class ViewScreen:
     def draw(self, surface: pygame.Surface) -> None:
         whole = surface.subsurface(self.picture)
         hud, scale, area = self._hud(), self._stage.scale, whole.get_rect()
-        if self._show_hud and self.exporter.view == "top":  # the room is drawn where the readings leave space
+        if self._show_hud:  # the scene is drawn where the readings leave space
             whole.fill(OUTSIDE)
             area = free_area(whole, hud, scale=scale)
         camera = self.exporter.draw(whole.subsurface(area))
