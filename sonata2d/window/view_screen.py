@@ -58,6 +58,7 @@ class ViewScreen:
         exporter: draws and saves the moment on show.
         saved: paths of the pictures that the person saved.
         card: of the help or about page, while it is open.
+        timeline: of the open run; dragging it moves the position.
 
     Raises:
         RecordError: none of the files can be read.
@@ -107,7 +108,7 @@ class ViewScreen:
     def handle(self, event: pygame.Event) -> None:
         if self.card is not None and self.card.pressed(event):
             self._show_page("")
-        elif self._timeline.handle(event):
+        elif self.timeline.handle(event):
             self._rest = None
         elif event.type == pygame.QUIT:
             self._closing = True
@@ -149,7 +150,7 @@ class ViewScreen:
             shown = self.exporter
             draw_legend(whole, shown.moment, zones=shown.zones, paths=shown.trails, scale=scale)
         draw_panel(surface, self._bar, edge="top")
-        self._timeline.draw(surface)
+        self.timeline.draw(surface)
         self._draw_texts(surface)
 
     def leave(self) -> None:
@@ -254,7 +255,7 @@ class ViewScreen:
     def _build_timeline(self) -> None:
         s, bar = self._stage.scale, self._bar
         box = pygame.Rect(bar.left + round(26 * s), bar.top + round(10 * s), bar.width - round(230 * s), round(24 * s))
-        self._timeline = Timeline(self.player, box, scale=s)
+        self.timeline = Timeline(self.player, box, scale=s)
 
     def _hud(self) -> Hud:
         record = self.files.record
@@ -274,7 +275,7 @@ class ViewScreen:
         player, s, bar, record = self.player, self._stage.scale, self._bar, self.files.record
         left, right = bar.left + round(16 * s), bar.right - round(16 * s)
         time = playing_time(player)
-        write(surface, time, (right, self._timeline.box.centery), size=text_size(TEXT, s), anchor="midright")
+        write(surface, time, (right, self.timeline.box.centery), size=text_size(TEXT, s), anchor="midright")
         label = frame_label(record, player.index)
         texts = [text("player.tick", number=player.snapshot.tick), *([label] if label and not self._show_hud else [])]
         texts += frame_summary(record, player.snapshot, player.index)
