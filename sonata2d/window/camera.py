@@ -21,7 +21,7 @@ _MIN_HEIGHT = 0.4  # of the world below a card, as a fraction of the window's he
 
 
 class SceneCamera:
-    """Draws one scene after another with the view, zoom and layers that the person selected.
+    """Draws one scene after another with the view, zoom and layers that the driver selected.
 
     Args:
         view: initial view.

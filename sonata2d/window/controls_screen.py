@@ -172,7 +172,7 @@ class ControlsScreen:
         self._dead_zone[0].set_text(text("controls.dead_zone", value=f"{self.profile.mapping.dead_zone:.2f}"))
         self._curve[0].set_text(text("controls.curve", value=f"{self.profile.mapping.curve:.2f}"))
 
-    # Input of the person
+    # Input of the driver
 
     def _show(self, slot: str) -> None:
         """Show another device."""

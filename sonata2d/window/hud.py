@@ -157,7 +157,7 @@ class Hud:
     Attributes:
         run, runs: number of the current run and of all runs; `runs` is None without a limit.
         kept: number of runs kept so far.
-        contributor: name of the person who drives.
+        contributor: name of the driver.
         light: state of the recording.
         label: recorded label as text; empty without one.
         question: the question that is asked while driving.

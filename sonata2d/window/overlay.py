@@ -1,4 +1,4 @@
-"""What covers the scene while a person drives: end of the run with its question, menu, help, scene settings."""
+"""What covers the scene for a driver: end of the run with its question, menu, help, scene settings."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Overlay:
     Args:
         session: its state decides what is shown.
         runs: number of runs requested; None for no limit.
-        scene_changes: whether the person may change the counts of people and objects.
-        new_person: whether another person may take over.
+        scene_changes: whether the driver may change the counts of pedestrians and objects.
+        new_person: whether another driver may take over.
 
     Attributes:
-        page: page that the person opened, shown instead of the card of the state.
+        page: page that the driver opened, shown instead of the card of the state.
         answer: widgets of the question at the end of the run, while they are shown.
         card: the card on show.
         panel: of the scene settings, while it is open.
@@ -65,7 +65,7 @@ class Overlay:
 
     @property
     def is_done(self) -> bool:
-        """Whether all requested runs are kept and the person has not decided to drive on."""
+        """Whether all requested runs are kept and the driver has not decided to drive on."""
         done = self._runs is not None and self._session.kept >= self._runs
         return done and self._session.state == "waiting" and not self._drives_on
 

@@ -184,7 +184,7 @@ class Playlist:
         return len(self._paths)
 
     def move(self, direction: int) -> str:
-        """Open the next (1) or previous (-1) readable file; returns a notice for the person, or an empty text."""
+        """Open the next (1) or previous (-1) readable file; returns a notice for the user, or an empty text."""
         opened, skipped = self._open(self.index + direction, direction)
         notice = text("notice.skipped", problem=skipped[-1]) if skipped else ""
         if opened is None:

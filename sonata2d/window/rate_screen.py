@@ -134,7 +134,7 @@ class RateScreen:
     def leave(self) -> None:
         """Nothing needs to be saved: saved answers are on the disk."""
 
-    # Input of the person
+    # Input of the rater
 
     def _press_on_card(self, key: int) -> None:
         if key == pygame.K_ESCAPE:
@@ -188,7 +188,7 @@ class RateScreen:
         self._closing = True
 
     def _save(self) -> None:
-        """Store the answer and continue; without an answer, tell the person what is missing."""
+        """Store the answer and continue; without an answer, show what is missing."""
         label = self.answer.label if self.answer else None
         if self._record is None or self.answer is None:
             self.notice = text("rating.watch_to_end")

@@ -56,7 +56,7 @@ class ViewScreen:
         files: the playlist.
         player: of the open run.
         exporter: draws and saves the moment on show.
-        saved: paths of the pictures that the person saved.
+        saved: paths of the pictures that the user saved.
         card: of the help or about page, while it is open.
         timeline: of the open run; dragging it moves the position.
 
