@@ -222,7 +222,10 @@ class ViewScreen:
         if self._page:
             buttons = [(text("help.close"), Action.HELP)]
             title, stage = text(f"player.{self._page}"), self._stage
-            self.card = Card(stage.ui, stage.scale, title, self._page_lines(), buttons, bottom=self._card_end)
+            # The page about the run leaves the lower part free, in which the robot is in the view from behind it.
+            top = None if self._page == _HELP_PAGE else free_area(stage.surface, self._hud(), scale=stage.scale).top
+            lines, end = self._page_lines(), self._card_end
+            self.card = Card(stage.ui, stage.scale, title, lines, buttons, top=top, bottom=end)
 
     def _end_of_card(self) -> int:
         """Upper edge of what is below the card: of the legend with all layers, or of the lower bar, px."""
