@@ -13,7 +13,7 @@ import pygame
 from ..core.geometry import Point
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances
 from ..core.snapshot import Snapshot
-from ..view.camera import Camera
+from ..view.camera import MIN_SIDE, Camera
 from ..view.canvas import PixelCanvas, put
 from ..view.draw import Layers
 from ..view.fonts import shortened, width_of
@@ -177,7 +177,7 @@ class Hud:
 
 
 def free_area(surface: pygame.Surface, hud: Hud, *, scale: float) -> pygame.Rect:
-    """The part of a surface that the readings leave free, px."""
+    """The part of a surface that the readings leave free, px; all of it if that part is too small for a picture."""
     pen = Pen.on(surface, scale)
     width, height = surface.get_size()
     top = pen.gap + (2 if _has_two_rows(pen) else 1) * (pen.row + pen.gap)
@@ -186,7 +186,7 @@ def free_area(surface: pygame.Surface, hud: Hud, *, scale: float) -> pygame.Rect
         bottom -= (pen.row if hud.label else _key_bar_height(pen)) + pen.gap
     if hud.question is not None:
         bottom -= question_panel(surface.get_size(), hud.question, pen.scale).height + pen.gap
-    return pygame.Rect(0, top, width, max(bottom - top, 1))
+    return pygame.Rect(0, top, width, bottom - top) if bottom - top >= MIN_SIDE else surface.get_rect()
 
 
 def draw_hud(

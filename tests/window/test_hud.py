@@ -150,6 +150,10 @@ def test_the_free_area_is_free_of_readings(scene, size, question):
     assert changed[:, area.top : area.bottom].mean() < 0.02, "only the distance to the goal is drawn there"
 
 
+def test_in_a_tiny_window_readings_lie_over_the_scene():
+    assert free_area(floor((40, 30)), FULL, scale=1.0) == pygame.Rect(0, 0, 40, 30)
+
+
 def test_a_question_shows_its_answers_and_both_ends_in_full(scene, drawn):
     ends = ("I would not want to meet this robot again in a narrow corridor", "very pleasant")
     shown(snapshot_at(scene), Hud(question=FrameQuestion("How pleasant is it?", ends=ends, position=0.23)))
