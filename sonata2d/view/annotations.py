@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import pygame
 
@@ -32,6 +34,23 @@ def summary(snapshot: Snapshot, outcome: str | None = None) -> str:
     scene = snapshot.scene
     known = None if "outcome" in scene.unmeasured else outcome
     return "   ".join(part for part in (scene.name, origin(scene), f"t = {snapshot.time:.1f} s", known) if part)
+
+
+def value_text(value: Any) -> str:
+    """A label or another JSON value as text; numbers have at most six significant digits.
+
+    >>> value_text({"twist": [0.30000000000000004, -0.0, 1.0], "note": "calm"})
+    'twist [0.3, 0, 1], note calm'
+    """
+    if value is None or isinstance(value, str):
+        return "none" if value is None else value
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {value_text(item)}" for name, item in value.items())
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(value_text(item) for item in value)}]"
+    if isinstance(value, float):
+        return f"{value + 0.0:.6g}"  # adding 0.0 turns -0.0 into 0.0
+    return json.dumps(value, default=str)
 
 
 def draw_strip(
@@ -71,17 +90,18 @@ def _draw_time_bar(canvas: Canvas, right: tuple[int, int], span: tuple[float, fl
     return canvas.text(FAINT, f"{span[0]:.1f}", (x - 6, right[1]), SMALL, "midright").left
 
 
-def draw_labels(canvas: Canvas, labels: Sequence[Label], size: int) -> None:
+def draw_labels(canvas: Canvas, labels: Sequence[Label], size: int, unlabelled: Sequence[pygame.Rect] = ()) -> None:
     """Draw small texts on light plates beside what they name, so that they do not hide each other where possible.
 
     Args:
         labels: in order of importance; a label avoids those before it, and what any label names.
         size: font size, px.
+        unlabelled: boxes of what has no label, which labels avoid too, px.
     """
     taken: list[pygame.Rect] = []
     bodies = [label.body for label in labels]
     for k, label in enumerate(labels):
-        others = [body for j, body in enumerate(bodies) if j != k]
+        others = [*unlabelled, *(body for j, body in enumerate(bodies) if j != k)]
         places = _places_beside(label, size)
         box = next((box for box in places if box.collidelist([*taken, *others]) < 0), None)
         if box is None:  # no place is free: rather hide an entity than a label

@@ -52,6 +52,11 @@ def english(name: str, **values: object) -> str:
     return TEXTS[name].format(**values)
 
 
+def name_of(activity: str) -> str:
+    """The key in `TEXTS` of an activity."""
+    return activity.replace(" ", "_")
+
+
 Wording = Callable[..., str]  # of a key of TEXTS, with values by keyword
 
 
@@ -60,14 +65,21 @@ class Entry:
     """A symbol and its meaning.
 
     Attributes:
+        name: key of the meaning in `TEXTS`.
         text: the meaning.
         draw: draws the symbol centred on the brush.
         size: width of the symbol, m.
     """
 
+    name: str
     text: str
     draw: Callable[[Brush], None]
     size: float = 2 * _RADIUS
+
+    def draw_at(self, canvas: Canvas, centre: Point, side: int) -> None:
+        """Draw the symbol with a width in pixels around a point of the canvas."""
+        scale = side / self.size
+        self.draw(Brush(canvas, Camera(scale, -centre[0] / scale, centre[1] / scale, (side, side))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +136,7 @@ class Legend:
             for k, row in enumerate(self._rows(width)):
                 x, y = float(self._px(_EDGE)), top + (k + 0.5) * self._px(_ROW)
                 for entry in row:
-                    _draw_symbol(canvas, entry, (x + symbol / 2, y), symbol)
+                    entry.draw_at(canvas, (x + symbol / 2, y), symbol)
                     canvas.text(INK, entry.text, (x + indent, y), self._px(_TEXT), "midleft")
                     x += self._width_of(entry) + self._px(_GAP)
 
@@ -147,47 +159,46 @@ class Legend:
         return round(self.scale * length)
 
 
-def _draw_symbol(canvas: Canvas, entry: Entry, centre: Point, side: int) -> None:
-    """Draw a symbol of a width in pixels."""
-    scale = side / entry.size
-    camera = Camera(scale, -centre[0] / scale, centre[1] / scale, (side, side))
-    entry.draw(Brush(canvas, camera))
-
-
 def _entries(
     snapshots: list[Snapshot], layers: Layers, paths: bool, time_marks: bool, wording: Wording
 ) -> Iterable[Entry]:
     """The entries for what the pictures of these snapshots show, in the order of the rows."""
+
+    def entry(name: str, draw: Callable[[Brush], None], size: float = 2 * _RADIUS, **values: str) -> Entry:
+        return Entry(name, wording(name, **values), draw, size)
+
     scene, unmeasured = snapshots[0].scene, snapshots[0].scene.unmeasured
     present = {human.activity for snapshot in snapshots for human in snapshot.humans}
     for activity in ACTIVITY:
         if activity in present:
-            yield Entry(wording(activity.replace(" ", "_")), partial(_draw_pedestrian, activity, unmeasured))
+            yield entry(name_of(activity), partial(_draw_pedestrian, activity, unmeasured))
     if present and any(human.reacts_to_robot == 0.0 for human in scene.humans) and "robot" not in unmeasured:
-        yield Entry(wording("ignores"), partial(_draw_pedestrian, "standing", unmeasured, ignores_robot=True))
+        yield entry("ignores", partial(_draw_pedestrian, "standing", unmeasured, ignores_robot=True))
     if present and layers.gaze and "heads" not in unmeasured:
-        yield Entry(wording("gaze"), _draw_view, 1.0)
+        yield entry("gaze", _draw_view, 1.0)
     if "robot" not in unmeasured:
-        yield Entry(wording("robot"), partial(_turned, partial(draw_chassis, r=_RADIUS)))
+        yield entry("robot", partial(_turned, partial(draw_chassis, r=_RADIUS)))
         if any(snapshot.contacts for snapshot in snapshots):
-            yield Entry(wording("contact"), partial(_turned, partial(draw_chassis, r=_RADIUS, touches=True)))
+            yield entry("contact", partial(_turned, partial(draw_chassis, r=_RADIUS, touches=True)))
     if layers.goal and "goal" not in unmeasured:
-        yield Entry(wording("goal"), partial(draw_target, radius=_RADIUS))
+        yield entry("goal", partial(draw_target, radius=_RADIUS))
     if paths:
-        yield Entry(wording("paths"), partial(draw_path_samples, robot="robot" not in unmeasured), 0.4)
+        yield entry("paths", partial(draw_path_samples, robot="robot" not in unmeasured), 0.4)
     if time_marks and "robot" not in unmeasured:
-        yield Entry(wording("time_mark", seconds=f"{MARK_INTERVAL:g}"), draw_mark_sample, 0.4)
+        yield entry("time_mark", draw_mark_sample, 0.4, seconds=f"{MARK_INTERVAL:g}")
     has_interactions = any(snapshot.interactions for snapshot in snapshots)
     if layers.links and has_interactions:
-        yield Entry(wording("interaction"), partial(draw_link_between, start=(-0.3, 0.0), end=(0.3, 0.0)), 0.6)
+        yield entry("interaction", partial(draw_link_between, start=(-0.3, 0.0), end=(0.3, 0.0)), 0.6)
     if layers.zones and present:
-        yield Entry(
-            wording("zones", intimate=f"{INTIMATE_DISTANCE:g}", personal=f"{PERSONAL_DISTANCE:g}"),
+        yield entry(
+            "zones",
             partial(draw_zones_of, r=0.15),
             2 * (0.15 + PERSONAL_DISTANCE),
+            intimate=f"{INTIMATE_DISTANCE:g}",
+            personal=f"{PERSONAL_DISTANCE:g}",
         )
     if layers.zones and has_interactions:
-        yield Entry(wording("shared"), partial(draw_shared_space, half_length=0.5, half_width=0.35), 1.0)
+        yield entry("shared", partial(draw_shared_space, half_length=0.5, half_width=0.35), 1.0)
 
 
 def _turned(draw: Callable[[Brush], None], brush: Brush) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ import pygame
 
 from ..core.geometry import Point
 from ..errors import RenderError
+from .annotations import Label, draw_labels
 from .camera import Camera
 from .canvas import PixelCanvas
 from .fonts import shortened
@@ -18,7 +20,7 @@ NODE_COLOUR: dict[str, Colour] = {
     "human": BLUE, "object": ORANGE, "room": PURPLE, "robot": PURPLE, "wall": WALL, "goal": GREEN,
 }  # fmt: skip
 _GAP, _TITLE, _TEXT = 24, 30, 15  # px: between panels, height of a title, font size
-_NODE = 9.0  # px, radius
+_NODE, _NODE_TEXT = 9.0, 11  # px: radius, font size in it
 _PANEL = 520  # px, width and height
 _FINE = 2  # supersampling factor
 _EDGE_COLOUR, _INTERACTION_COLOUR = mixed(GREY, PAPER, 0.6), mixed(VERMILLION, PAPER, 0.1)
@@ -82,9 +84,22 @@ def _panel_picture(panel: Panel, camera: Camera) -> pygame.Surface:
         canvas.circle(PAPER, place, _FINE * _NODE + 3)
         canvas.circle(NODE_COLOUR[kind], place, _FINE * _NODE)
     small = pygame.transform.smoothscale(large, (_PANEL, _PANEL))
-    for (_, text, _), (x, y) in zip(panel.nodes, places, strict=True):
-        PixelCanvas(small).text(PAPER, text, (x / _FINE, y / _FINE), 11)
+    _draw_texts(PixelCanvas(small), [text for _, text, _ in panel.nodes], [(x / _FINE, y / _FINE) for x, y in places])
     return small
+
+
+def _draw_texts(canvas: PixelCanvas, texts: Sequence[str], places: Sequence[Point]) -> None:
+    """Write the text of each node in it, or beside it if another node overlaps it, as a laptop does its table."""
+    beside, others = [], []
+    for k, (text, place) in enumerate(zip(texts, places, strict=True)):
+        label = Label(text, place, _NODE)
+        is_overlapped = any(math.dist(place, other) < 2 * _NODE for j, other in enumerate(places) if j != k)
+        if text and is_overlapped:
+            beside.append(label)
+        else:
+            others.append(label.body)
+            canvas.text(PAPER, text, place, _NODE_TEXT)
+    draw_labels(canvas, beside, _NODE_TEXT + 2, others)
 
 
 def _draw_legend(canvas: PixelCanvas, kinds: Sequence[str]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -17,13 +16,15 @@ from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, o
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from .annotations import origin
+from .annotations import origin, value_text
 from .camera import Camera
 from .draw import QUICK, Layers, backdrop, camera_for
 from .furniture import half_size
 from .layers import visible_interactions
-from .palette import ACTIVITY, GOAL, ROBOT, hex_colour, shaded
+from .legend import Legend, english, name_of
+from .palette import ACTIVITY, BLUE, GOAL, ROBOT, hex_colour, shaded
 from .stills import url_of, write_file
+from .svg import SvgCanvas
 from .trails import human_tones
 
 _DIGITS = 3  # decimal places of metres, seconds and radians
@@ -34,7 +35,17 @@ _REACTIONS = {
     "curious": "curious about the robot",
     "scared": "scared of the robot",
 }
-_SWITCHES = ("gaze", "links", "goal", "zones", "ids")  # layers that have a check box on the page
+_SWITCHES = {  # layers that have a check box on the page, and its text; the legend has the same words
+    "trails": english("paths"),
+    "gaze": english("gaze"),
+    "links": english("interaction"),
+    "goal": english("goal"),
+    "zones": "intimate and personal space",
+    "ids": "ids",
+}
+_LAYERS = {"gaze": "gaze", "interaction": "links", "goal": "goal", "paths": "trails", "zones": "zones"}  # of symbols
+_UNUSED = "shared"  # symbol that the page does not draw
+_SYMBOL = 20  # px, width of a symbol of the legend
 _MAX_ROOM_SIDE, _MAX_ROOM_SCALE = 1600.0, 160.0  # px, px/m: fine enough for a large window, still a small file
 
 
@@ -70,7 +81,8 @@ def save_page(
     is_driven = "robot" not in scene.unmeasured
     data |= _controller_data(commands if is_driven else None, labels if is_driven else None)
     data["outcome"] = None if "outcome" in scene.unmeasured else outcome
-    page = _template().render(title=scene.name if caption is None else caption, subtitle=origin(scene), data=data)
+    title = scene.name if caption is None else caption
+    page = _template().render(title=title, subtitle=origin(scene), data=data, legend=_legend(snapshots))
     write_file(path, page.encode())
 
 
@@ -81,11 +93,22 @@ def _template() -> Any:
     return environment.get_template("page.html")
 
 
+def _legend(snapshots: Sequence[Snapshot]) -> list[dict[str, str]]:
+    """The symbols of all layers of the page: meaning, name of the layer (empty if always visible), and drawing."""
+    entries = []
+    for entry in Legend.of(snapshots, Layers(zones=True, legend=True), paths=True).entries:
+        if entry.name != _UNUSED:
+            canvas = SvgCanvas((_SYMBOL, _SYMBOL))
+            entry.draw_at(canvas, (_SYMBOL / 2, _SYMBOL / 2), _SYMBOL - 2)
+            entries.append({"text": entry.text, "layer": _LAYERS.get(entry.name, ""), "symbol": canvas.inline()})
+    return entries
+
+
 def _scene_data(scene: Scene, layers: Layers) -> dict[str, Any]:
     """The static part of the page's data."""
     camera = _room_camera(scene)
     width, height = (side / camera.scale for side in camera.size)
-    tones = {**ACTIVITY, "robot": ROBOT, "goal": GOAL}
+    tones = {**ACTIVITY, "robot": ROBOT, "goal": GOAL, "zone": BLUE}
     return {
         "view": {"left": camera.left, "top": camera.top, "width": width, "height": height},
         "room": _room_image(scene, camera, layers),
@@ -109,10 +132,13 @@ def _scene_data(scene: Scene, layers: Layers) -> dict[str, Any]:
             for f in sorted(scene.furniture, key=lambda f: f.on is None)  # the pointer finds a laptop before its table
         ],
         "activities": ACTIVITIES,
+        "activityTexts": {name: english(name_of(name)) for name in ACTIVITIES},
         "colours": {name: hex_colour(colour) for name, colour in tones.items()},
         "shades": {name: hex_colour(shaded(colour)) for name, colour in tones.items()},
+        "outlines": {name: hex_colour(shaded(colour, 0.25)) for name, colour in ACTIVITY.items()},
         "zones": (INTIMATE_DISTANCE, PERSONAL_DISTANCE),
-        "layers": {"trails": True} | {name: getattr(layers, name) for name in _switches(scene)},
+        "layers": {name: name == "trails" or getattr(layers, name) for name in _switches(scene)},
+        "layerTexts": _SWITCHES,
     }
 
 
@@ -137,7 +163,6 @@ def _room_image(scene: Scene, camera: Camera, layers: Layers) -> str:
 def _frame_data(snapshots: Sequence[Snapshot]) -> dict[str, Any]:
     """The part of the page's data that changes over time; mostly lists with one entry per tick."""
     rows = [_human_rows(snapshot) for snapshot in snapshots]
-    activities = {int(k) for snapshot in snapshots for k in snapshot.humans.activity_index}
     return {
         "time": [_number(snapshot.time) for snapshot in snapshots],
         "robot": [_robot_row(snapshot) for snapshot in snapshots],
@@ -146,8 +171,6 @@ def _frame_data(snapshots: Sequence[Snapshot]) -> dict[str, Any]:
         "touches": [tick for tick, snapshot in enumerate(snapshots) if snapshot.contacts],
         "clearance": [_number(_clearance(snapshot)) for snapshot in snapshots],
         "obstacleClearance": [_number(obstacle_clearance(snapshot)) for snapshot in snapshots],
-        "shown": [name for name in ("robot", "goal") if name not in snapshots[0].scene.unmeasured]
-        + [ACTIVITIES[k] for k in sorted(activities)],
     }
 
 
@@ -189,19 +212,10 @@ def _controller_data(commands: Any, labels: Sequence[Any] | None) -> dict[str, A
     rows = None if commands is None else [[_number(float(v)) for v in row] for row in np.asarray(commands, dtype=float)]
     if labels is None:
         return {"commands": rows, "labels": None}
-    texts = [_label_text(label) for label in labels]
+    texts = ["" if label is None else value_text(label) for label in labels]
     distinct = list(dict.fromkeys(texts))
     index = {text: k for k, text in enumerate(distinct)}
     return {"commands": rows, "labels": [index[text] for text in texts], "labelTexts": distinct}
-
-
-def _label_text(label: Any) -> str:
-    """A label as text: `name value, …` for a mapping, JSON for other values."""
-    if label is None or isinstance(label, str):
-        return label or ""
-    if isinstance(label, dict):
-        return ", ".join(f"{name} {_label_text(value)}" for name, value in label.items())
-    return json.dumps(label, default=str)
 
 
 def _number(value: float) -> float | None:

@@ -99,6 +99,12 @@ class SvgCanvas:
         except OSError as error:
             raise RenderError(f"cannot write {path}: {error.strerror or error}") from error
 
+    def inline(self) -> str:
+        """The picture as an `svg` element of an HTML page, in which it needs no namespace."""
+        root = ElementTree.Element("svg", {name: value for name, value in self.root.items() if name != "xmlns"})
+        root.extend(self.root)
+        return ElementTree.tostring(root, encoding="unicode")
+
     @contextmanager
     def _nested(self, element: ElementTree.Element) -> Iterator[None]:
         """Add what is drawn inside to an element."""

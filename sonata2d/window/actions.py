@@ -1,4 +1,4 @@
-"""Actions that a person requests with a key or button besides driving: names, default controls and texts."""
+"""Actions that a driver requests with a key or button besides driving: names, default controls and texts."""
 
 from __future__ import annotations
 

@@ -17,10 +17,11 @@ from .hud import Hud, draw_hud, free_area
 from .input import MouseJoystick
 
 _ZOOM_STEP, _MIN_ZOOM, _MAX_ZOOM = 1.25, 0.4, 3.0
+_MIN_HEIGHT = 0.4  # of the world below a card, as a fraction of the window's height
 
 
 class SceneCamera:
-    """Draws one scene after another with the view, zoom and layers that the person selected.
+    """Draws one scene after another with the view, zoom and layers that the driver selected.
 
     Args:
         view: initial view.
@@ -52,16 +53,23 @@ class SceneCamera:
             return False
         return True
 
-    def draw(self, surface: pygame.Surface, snapshot: Snapshot, hud: Hud, *, scale: float) -> None:
-        """Draw the world, and the readings over it; the whole room is drawn where the readings leave space."""
+    def draw(self, surface: pygame.Surface, snapshot: Snapshot, hud: Hud, *, scale: float, top: int = 0) -> None:
+        """Draw the readings, and the world where they leave space, so that they cover neither robot nor pedestrians.
+
+        Args:
+            surface: of the window.
+            snapshot: the state to draw.
+            hud: the readings.
+            scale: of texts and signs.
+            top: lower edge of a card, px; the world is drawn below it if that is a large enough part of the window.
+        """
         if self._painter is None or self._scene is not snapshot.scene:
             self._scene, self._painter = snapshot.scene, Painter(snapshot.scene)
-        area = surface.get_rect()
-        if self._hud and (self.view == "top" or hud.question is not None):
-            surface.fill(OUTSIDE)
-            area = free_area(surface, hud, scale=scale)
-            if self.view == "follow":  # only a question may hide the robot, because it is at the lower edge
-                area = pygame.Rect(0, 0, area.width, area.bottom)
+        area = free_area(surface, hud, scale=scale) if self._hud else surface.get_rect()
+        below = area.bottom - max(top, area.top)
+        if below >= _MIN_HEIGHT * surface.get_height():
+            area = pygame.Rect(0, area.bottom - below, area.width, below)
+        surface.fill(OUTSIDE)
         picture, layers = surface.subsurface(area), Layers(caption=False, zones=self.zones)
         camera = self._painter.draw(picture, snapshot, view=self.view, layers=layers, zoom=self._zoom)
         if self._hud:

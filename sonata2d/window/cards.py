@@ -9,7 +9,7 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton
 
-from ..view.fonts import wrapped
+from ..view.fonts import width_of, wrapped
 from ..view.palette import BLUE, FAINT, INK, PAPER, VERMILLION, Colour
 from .actions import Action
 from .answer import question_of
@@ -26,7 +26,8 @@ Text = tuple[str, list[str]]  # title and lines
 _WIDTH, _ROW, _GAP = 640, 42, 14  # px at scale 1
 _MAX_ROWS = 6  # into which a line below the title is wrapped; an ellipsis replaces the rest
 _SHRINK = 0.92  # factor by which a card becomes smaller until it fits into the window
-_KEY_SHARE, _MEANING_SHARE = 0.23, 0.26  # of the width, for keys and their meanings in two columns of pairs
+_MAX_KEY_SHARE = 0.28  # of the width, for the keys of one of the two columns of pairs; longer ones wrap
+_PAIR_GAP, _COLUMN_GAP = 10, 20  # px at scale 1: between key and meaning, and between the columns of pairs
 _SHORT_RUN = 2.0  # s; a shorter run may have been ended by mistake
 
 
@@ -36,6 +37,19 @@ class _Line(NamedTuple):
     words: str
     size: int  # px
     colour: Colour
+
+
+class _Column(NamedTuple):
+    """Keys and their meanings below one another, as wrapped lines."""
+
+    rows: list[tuple[list[str], list[str]]]  # lines of the key, and of its meaning
+    key_width: int  # px
+    meaning_width: int  # px
+
+    @property
+    def lines(self) -> int:
+        """Height, in lines."""
+        return sum(max(len(key), len(meaning)) for key, meaning in self.rows)
 
 
 class Card:
@@ -83,14 +97,14 @@ class Card:
         while True:  # smaller until the height fits; the width is limited anyway
             self.box = pygame.Rect(0, 0, min(self._px(_WIDTH * (1.6 if self._pairs else 1.0)), window_width - 20), 0)
             inner = self.box.width - 2 * self._px(_GAP)
-            self._lines = self._laid_out(inner)
+            self._lines, self._columns = self._laid_out(inner), self._columns_of_pairs(inner)
             free = free_height(inner, self.scale) if free_height else 0
             gap, row = self._px(_GAP), self._px(_ROW)
             widths = [natural_width(ui, words) + 2 * gap for words, _ in buttons]
             is_stacked = stacked or sum(widths) + gap * (len(buttons) - 1) > inner
             rows = len(buttons) if is_stacked else min(len(buttons), 1)
             head = gap + sum(line_height(line.size) for line in self._lines)
-            head += (len(self._pairs) + 1) // 2 * self._pair_pitch + self._px(6)
+            head += max((column.lines for column in self._columns), default=0) * self._pair_pitch + self._px(6)
             self.box.height = head + (free + gap if free else 0) + rows * (row + gap) + gap // 2
             if self.box.height <= end - start - 10 or self.scale < 0.4:
                 break
@@ -148,15 +162,37 @@ class Card:
             laid_out += [_Line(row, size, colour) for row in rows or ([""] if is_line else [])]
         return laid_out
 
+    def _columns_of_pairs(self, width: int) -> list[_Column]:
+        """Keys and their meanings in two columns, wrapped where they are too wide for the card."""
+        half, size = (len(self._pairs) + 1) // 2, text_size(TEXT, self.scale)
+        columns = [pairs for pairs in (self._pairs[:half], self._pairs[half:]) if pairs]
+        keys = [min(max(width_of(key, size) for key, _ in pairs), round(_MAX_KEY_SHARE * width)) for pairs in columns]
+        meanings = [max(width_of(meaning, size) for _, meaning in pairs) for pairs in columns]
+        rest = width - sum(keys) - len(columns) * self._px(_PAIR_GAP) - self._px(_COLUMN_GAP)
+        if sum(meanings) > rest:  # the shorter ones keep their width, the longer ones wrap
+            narrow = min(min(meanings), rest // 2)
+            meanings = [narrow if meaning == min(meanings) else rest - narrow for meaning in meanings]
+        return [
+            _Column([(wrapped(key, a, size), wrapped(meaning, b, size)) for key, meaning in pairs], a, b)
+            for pairs, a, b in zip(columns, keys, meanings, strict=True)
+        ]
+
     def _draw_pairs(self, surface: pygame.Surface, top: float) -> None:
-        """Keys and their meanings, one half on the left and one on the right."""
-        half, size, width = (len(self._pairs) + 1) // 2, text_size(TEXT, self.scale), self.box.width
-        for k, (key, meaning) in enumerate(self._pairs):
-            middle = self.box.left + (k // half) * width / 2 + (_KEY_SHARE + 0.005) * width
-            y = top + (k % half + 0.5) * self._pair_pitch
-            write(surface, key, (middle, y), size=size, colour=BLUE, anchor="midright", max_width=_KEY_SHARE * width)
-            place = middle + self._px(10), y
-            write(surface, meaning, place, size=size, colour=INK, max_width=_MEANING_SHARE * width - self._px(14))
+        """Draw the columns of keys and their meanings; space that is left is between and beside them."""
+        size, gap = text_size(TEXT, self.scale), self._px(_PAIR_GAP)
+        used = sum(column.key_width + gap + column.meaning_width for column in self._columns)
+        space = (self.box.width - used) / (len(self._columns) + 1)
+        left = self.box.left + space
+        for column in self._columns:
+            middle, y = left + column.key_width, top + 0.5 * self._pair_pitch
+            for key, meaning in column.rows:
+                for k, words in enumerate(key):
+                    place = middle, y + k * self._pair_pitch
+                    write(surface, words, place, size=size, colour=BLUE, anchor="midright")
+                for k, words in enumerate(meaning):
+                    write(surface, words, (middle + gap, y + k * self._pair_pitch), size=size, colour=INK)
+                y += max(len(key), len(meaning)) * self._pair_pitch
+            left = middle + gap + column.meaning_width + space
 
     def _create_buttons(
         self, ui: pygame_gui.UIManager, buttons: Buttons, place: pygame.Rect, widths: Sequence[int], stacked: bool

@@ -57,7 +57,7 @@ class Clock:
         self._queue += events
 
     def poll(self) -> bool:
-        """Poll the devices while nothing moves; returns whether the person drives. The next tick gets the events."""
+        """Poll the devices while nothing moves; returns whether the driver drives. The next tick gets the events."""
         events = self._devices.poll()
         self.queue(events)
         return self._devices.is_driving(events)
@@ -88,15 +88,15 @@ class Clock:
 
 
 class CollectScreen:
-    """Lets a person drive the runs of a session.
+    """The screen for driving the runs of a session.
 
     Args:
         session: the runs.
         devices: keyboard, mouse and pads.
         runs: number of runs requested; None for no limit.
         view: initial view.
-        scene_changes: whether the person may change the counts of people and objects, which a study fixes as a rule.
-        new_person: makes the screen for another person; None if the session is for one person.
+        scene_changes: whether the driver may change the counts of pedestrians and objects, which a study usually fixes.
+        new_person: makes the screen for another driver; None if the session is for one driver.
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class CollectScreen:
                 self._next(config=request)
             elif isinstance(request, Action):
                 self._perform(request)
-        except (Sonata2dError, ValueError, pygame.error) as error:  # shown to the person; nothing is lost
+        except (Sonata2dError, ValueError, pygame.error) as error:  # shown to the driver; nothing is lost
             if not self._overlay.show_problem(str(error)):
                 self._notify(str(error))
 
@@ -164,7 +164,7 @@ class CollectScreen:
         snapshot = between(session.before, session.after, self._clock.fraction)
         notice = self.notice
         hud = self._hud("" if self._overlay.covers else notice)
-        self._camera.draw(surface, snapshot, hud, scale=self._stage.scale)
+        self._camera.draw(surface, snapshot, hud, scale=self._stage.scale, top=self._overlay.end_of_ended_card)
         if session.state in ("waiting", "ended"):
             draw_tint(surface, GREEN if session.state == "waiting" else VERMILLION, 24)
         if self.devices.joystick is not None:

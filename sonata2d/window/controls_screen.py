@@ -28,6 +28,9 @@ class ControlsScreen:
     Args:
         devices: keyboard, mouse and pads.
         back: screen to return to.
+
+    Attributes:
+        status: the message on show: what to do, or what was done.
     """
 
     def __init__(self, devices: InputDevices, back: Screen) -> None:
@@ -70,7 +73,7 @@ class ControlsScreen:
     def draw(self, surface: pygame.Surface) -> None:
         surface.fill(FLOOR)
         box, size = self._status_box, text_size(SMALL, self._stage.scale)
-        write(surface, self._status, (box.left + 8, box.centery), size=size, max_width=box.width - 8)
+        write(surface, self.status, (box.left + 8, box.centery), size=size, max_width=box.width - 8)
 
     def leave(self) -> None:
         self._input.release()
@@ -154,7 +157,7 @@ class ControlsScreen:
 
     def _refresh(self, status: str) -> None:
         """Show the current assignments and a message."""
-        self._status, is_named = status, self._input.is_named(self._slot)
+        self.status, is_named = status, self._input.is_named(self._slot)
         for target, button in self._rows.items():
             is_waiting = target == self._waiting
             controls = self.profile.texts(target, named=is_named) or text("controls.nothing")
@@ -169,7 +172,7 @@ class ControlsScreen:
         self._dead_zone[0].set_text(text("controls.dead_zone", value=f"{self.profile.mapping.dead_zone:.2f}"))
         self._curve[0].set_text(text("controls.curve", value=f"{self.profile.mapping.curve:.2f}"))
 
-    # Input of the person
+    # Input of the driver
 
     def _show(self, slot: str) -> None:
         """Show another device."""

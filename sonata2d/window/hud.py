@@ -13,7 +13,7 @@ import pygame
 from ..core.geometry import Point
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances
 from ..core.snapshot import Snapshot
-from ..view.camera import Camera
+from ..view.camera import MIN_SIDE, Camera
 from ..view.canvas import PixelCanvas, put
 from ..view.draw import Layers
 from ..view.fonts import shortened, width_of
@@ -37,7 +37,8 @@ _LIGHTS: dict[str, tuple[str, Colour]] = {  # sign and colour
     "replay": ("play", shaded(GOAL, 0.2)),
     "watching": ("eye", INK),
 }
-_GAUGES, _KEY, _NOTICE = 400, 19, 26  # px at scale 1: width of clearance and speed, text heights of keys and notices
+_GAUGES, _KEY, _NOTICE = 560, 19, 26  # px at scale 1: width of clearance and speed, text heights of keys and notices
+_SPEED_SHARE = 0.56  # of the width of clearance and speed, left of the speed
 _MIN_KEY = 19  # px, text height of keys at any scale; 13 px without the space between lines
 _MAX_NOTICE_WIDTH = 1000  # px at scale 1
 _LEGEND = 1.2  # scale of the legend, for the text size of the readings
@@ -156,7 +157,7 @@ class Hud:
     Attributes:
         run, runs: number of the current run and of all runs; `runs` is None without a limit.
         kept: number of runs kept so far.
-        contributor: name of the person who drives.
+        contributor: name of the driver.
         light: state of the recording.
         label: recorded label as text; empty without one.
         question: the question that is asked while driving.
@@ -176,7 +177,7 @@ class Hud:
 
 
 def free_area(surface: pygame.Surface, hud: Hud, *, scale: float) -> pygame.Rect:
-    """The part of a surface that the readings leave free, px."""
+    """The part of a surface that the readings leave free, px; all of it if that part is too small for a picture."""
     pen = Pen.on(surface, scale)
     width, height = surface.get_size()
     top = pen.gap + (2 if _has_two_rows(pen) else 1) * (pen.row + pen.gap)
@@ -185,7 +186,7 @@ def free_area(surface: pygame.Surface, hud: Hud, *, scale: float) -> pygame.Rect
         bottom -= (pen.row if hud.label else _key_bar_height(pen)) + pen.gap
     if hud.question is not None:
         bottom -= question_panel(surface.get_size(), hud.question, pen.scale).height + pen.gap
-    return pygame.Rect(0, top, width, max(bottom - top, 1))
+    return pygame.Rect(0, top, width, bottom - top) if bottom - top >= MIN_SIDE else surface.get_rect()
 
 
 def draw_hud(
@@ -214,7 +215,8 @@ def draw_hud(
         place = surface.get_width() / 2, top
         top = draw_notice(surface, hud.notice, place, size=pen.px(_NOTICE), max_width=width).bottom + pen.gap
     free = pygame.Rect(pen.gap, top, surface.get_width() - 2 * pen.gap, max(bottom - top, 1))
-    _draw_goal_distance(pen, snapshot, camera, origin, free)
+    picture = pygame.Rect(origin, camera.size)
+    _draw_goal_distance(pen, snapshot, camera, picture, free.clip(picture))
 
 
 # Each of the following functions returns the y coordinate at which the free part of the picture starts or ends, px.
@@ -222,7 +224,7 @@ def draw_hud(
 
 def _has_two_rows(pen: Pen) -> bool:
     """Whether the readings at the top need two rows, because the surface is narrow."""
-    return pen.surface.get_width() < pen.px(_GAUGES + 620)
+    return pen.surface.get_width() < pen.px(_GAUGES + 620)  # of run, time, contributor and light
 
 
 def _draw_top(pen: Pen, hud: Hud, snapshot: Snapshot) -> int:
@@ -305,11 +307,11 @@ def _draw_gauges(pen: Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
         return
     pen.plate(box)
     padding, robot, y = pen.px(10), snapshot.robot, box.centery
-    _draw_clearance(pen, snapshot, (box.left + padding, y))
     speed = math.hypot(*robot.velocity)
-    left = box.left + round(0.52 * box.width)
-    pen.write(text("readings.speed", speed=f"{speed:.2f}"), (left, y))
-    left += pen.px(88)
+    left = box.left + round(_SPEED_SHARE * box.width)
+    _draw_clearance(pen, snapshot, (box.left + padding, y), left - padding)
+    pen.write(text("readings.speed", speed=f"{speed:.1f}"), (left, y))
+    left += pen.width(text("readings.speed", speed="0.0")) + padding  # digits have the same width
     track = pygame.Rect(left, y - pen.px(4), max(box.right - padding - left, 1), pen.px(8))
     pygame.draw.rect(pen.surface, mixed(METAL, PAPER, 0.3), track, border_radius=pen.px(4))
     fraction = min(speed / robot.body.limits.ahead, 1.0)
@@ -319,41 +321,63 @@ def _draw_gauges(pen: Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
         pygame.draw.rect(pen.surface, INK, bar, border_radius=pen.px(4))
 
 
-def _draw_clearance(pen: Pen, snapshot: Snapshot, place: tuple[int, int]) -> None:
-    gaps = clearances(snapshot)
-    gaps = gaps[np.isfinite(gaps)]
-    if not len(gaps):
-        pen.write(text("readings.nobody"), place, colour=FAINT)
+def _draw_clearance(pen: Pen, snapshot: Snapshot, place: tuple[int, int], right: int) -> None:
+    """Write what the robot touches, else the distance to the nearest pedestrian with the sign of its zone."""
+    words = clearance_words(snapshot)
+    nearest = _nearest(snapshot)
+    sign, colour = zone_of(-math.inf if snapshot.contacts else nearest)
+    if nearest == math.inf and not snapshot.contacts:
+        pen.write(pen.fitted(words, right - place[0]), place, colour=FAINT)
         return
-    nearest = float(gaps.min())
-    word, sign, colour = zone_of(nearest)
     radius = pen.px(7)
     pen.sign(sign, (place[0] + radius, place[1]), radius, colour)
-    distance = text("readings.distance", distance=f"{max(nearest, 0.0):.2f}")
-    pen.write(f"{distance}  {text(f'readings.{word}')}", (place[0] + 3 * radius, place[1]), colour=colour)
+    left = place[0] + 3 * radius
+    pen.write(pen.fitted(words, right - left), (left, place[1]), colour=colour)
 
 
-def zone_of(clearance: float) -> tuple[str, str, Colour]:
-    """Name, sign and colour of Hall's zone at a clearance, m; "clear" beyond the personal zone."""
+def clearance_words(snapshot: Snapshot) -> str:
+    """What the robot touches, pedestrians first; else the distance to the nearest pedestrian."""
+    touched = {contact.kind for contact in snapshot.contacts}
+    kind = next((kind for kind in ("human", "object", "wall") if kind in touched), None)
+    if kind is not None:
+        return text(f"readings.touching_{kind}")
+    nearest = _nearest(snapshot)
+    if nearest == math.inf:
+        return text("readings.nobody")
+    return text("readings.nearest", distance=f"{max(nearest, 0.0):.1f}")
+
+
+def _nearest(snapshot: Snapshot) -> float:
+    """Gap between the robot and the nearest pedestrian, m; infinite without pedestrians."""
+    gaps = clearances(snapshot)
+    return float(gaps[np.isfinite(gaps)].min(initial=math.inf))
+
+
+def zone_of(clearance: float) -> tuple[str, Colour]:
+    """Sign and colour of Hall's zone at a clearance, m: intimate, personal, or beyond both."""
     if clearance < INTIMATE_DISTANCE:
-        return "intimate", "diamond", _RED
+        return "diamond", _RED
     if clearance < PERSONAL_DISTANCE:
-        return "personal", "triangle", _AMBER
-    return "clear", "ring", shaded(GOAL, 0.3)
+        return "triangle", _AMBER
+    return "ring", shaded(GOAL, 0.3)
 
 
-def _draw_goal_distance(
-    pen: Pen, snapshot: Snapshot, camera: Camera, origin: tuple[int, int], free: pygame.Rect
-) -> None:
-    """Write the distance to the goal next to it if it is in view, else next to an arrow at the edge towards it."""
+def _draw_goal_distance(pen: Pen, snapshot: Snapshot, camera: Camera, picture: pygame.Rect, free: pygame.Rect) -> None:
+    """Write the distance to the goal next to it if it is in view, else next to an arrow at the edge towards it.
+
+    Args:
+        picture: place of the camera's picture on the surface, px.
+        free: the part of it that is free of readings, px.
+    """
     if {"robot", "goal"} & snapshot.scene.unmeasured:
         return
     goal, robot = snapshot.goal, snapshot.robot.position
     metres = math.hypot(goal.x - robot[0], goal.y - robot[1])
-    word = text("readings.distance", distance=f"{metres:.1f}")
+    word = text("readings.goal", distance=f"{metres:.1f}")
     x, y = camera.to_pixels(goal.position)
-    x, y = x + origin[0], y + origin[1]
-    if pen.surface.get_rect().collidepoint(x, y):
+    x, y = x + picture.left, y + picture.top
+    box = pygame.Rect(0, 0, pen.width(word) + pen.px(12), pen.px(24))
+    if picture.collidepoint(x, y):
         centre = x, y + goal.distance * camera.scale + pen.px(14)
     else:
         middle, size, margin = free.center, pen.px(30), pen.px(4)
@@ -365,8 +389,8 @@ def _draw_goal_distance(
         )
         tip = middle[0] + radius * c, middle[1] + radius * s
         pen.arrow(tip, angle, size, shaded(GOAL, 0.35))
-        centre = tip[0] - 1.9 * size * c, tip[1] - 1.6 * size * s
-    box = pygame.Rect(0, 0, pen.width(word) + pen.px(12), pen.px(24))
+        half = min(box.width / 2 / max(abs(c), 1e-9), box.height / 2 / max(abs(s), 1e-9))  # of the box, along the arrow
+        centre = tip[0] - (size + half) * c, tip[1] - (size + half) * s
     box.center = round(centre[0]), round(centre[1])
     box.clamp_ip(free)
     pen.plate(box)

@@ -1,4 +1,4 @@
-"""The first screen: asks for the person's name."""
+"""The first screen: asks for the name of the driver or rater."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class NameScreen:
 
     def __init__(self, follow: Callable[[str], Screen], *, role: Role = "driver") -> None:
         self._follow, self._role = follow, role
-        self._name = self._problem = ""  # the field is empty at first: the next person is another one
+        self._name = self._problem = ""  # the field is empty at first: the next driver is another one
         self.entry: UITextEntryLine | None = None
         self._following: Screen | None = self
 

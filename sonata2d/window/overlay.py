@@ -1,4 +1,4 @@
-"""What covers the scene while a person drives: end of the run with its question, menu, help, scene settings."""
+"""What covers the scene for a driver: end of the run with its question, menu, help, scene settings."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from ..scenegen.scenario.config import ScenarioConfig
 from .actions import Action, help_rows
 from .answer import Answer, LabelSlider
 from .cards import Card, ended_card, menu_buttons
-from .hud import legend_box
+from .hud import Hud, free_area, legend_box
 from .input import HOTPLUG_EVENTS
 from .scene_panel import ScenePanel
 from .stage import Stage
 from .texts import text
 
 Page = Literal["help", "menu", "scene"]
-_TOP = 54  # upper edge of the card at the end of a run, px at scale 1; the readings are above it
 _COMMAND_KEYS = (pygame.K_RETURN, pygame.K_KP_ENTER, pygame.K_ESCAPE, pygame.K_F1)  # not part of a typed text
 _PASSED_ON = (pygame.WINDOWFOCUSLOST, *HOTPLUG_EVENTS)  # reach the screen while the scene panel is open
 
@@ -30,11 +29,11 @@ class Overlay:
     Args:
         session: its state decides what is shown.
         runs: number of runs requested; None for no limit.
-        scene_changes: whether the person may change the counts of people and objects.
-        new_person: whether another person may take over.
+        scene_changes: whether the driver may change the counts of pedestrians and objects.
+        new_person: whether another driver may take over.
 
     Attributes:
-        page: page that the person opened, shown instead of the card of the state.
+        page: page that the driver opened, shown instead of the card of the state.
         answer: widgets of the question at the end of the run, while they are shown.
         card: the card on show.
         panel: of the scene settings, while it is open.
@@ -66,7 +65,7 @@ class Overlay:
 
     @property
     def is_done(self) -> bool:
-        """Whether all requested runs are kept and the person has not decided to drive on."""
+        """Whether all requested runs are kept and the driver has not decided to drive on."""
         done = self._runs is not None and self._session.kept >= self._runs
         return done and self._session.state == "waiting" and not self._drives_on
 
@@ -98,7 +97,7 @@ class Overlay:
             def free_height(width: int, scale: float) -> int:
                 return Answer.height_of(spec, width, scale) if spec.per_run else 0
 
-            self.card = ended_card(ui, scale, session, free_height, round(_TOP * scale))
+            self.card = ended_card(ui, scale, session, free_height, free_area(stage.surface, Hud(), scale=scale).top)
             if spec.per_run:
                 self.answer = Answer(spec, ui, self.card.free, self.card.scale, self._label)
         elif self.is_done:
@@ -115,6 +114,12 @@ class Overlay:
     def covers(self) -> bool:
         """Whether a card or the panel is shown; it shows notices then."""
         return self.card is not None or self.panel is not None
+
+    @property
+    def end_of_ended_card(self) -> int:
+        """Lower edge of the card at the end of a run, px, below which the scene stays visible; 0 without that card."""
+        is_shown = self.card is not None and self.page is None and self._session.state == "ended"
+        return self.card.box.bottom if self.card is not None and is_shown else 0
 
     def handle(self, event: pygame.Event) -> Action | ScenarioConfig | bool | None:
         """Process an event.

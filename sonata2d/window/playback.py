@@ -16,6 +16,7 @@ from ..core.snapshot import Contact, Snapshot
 from ..errors import RecordError
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
+from ..view.annotations import value_text
 from ..view.camera import Camera
 from ..view.draw import Layers
 from ..view.interpolation import between
@@ -183,7 +184,7 @@ class Playlist:
         return len(self._paths)
 
     def move(self, direction: int) -> str:
-        """Open the next (1) or previous (-1) readable file; returns a notice for the person, or an empty text."""
+        """Open the next (1) or previous (-1) readable file; returns a notice for the user, or an empty text."""
         opened, skipped = self._open(self.index + direction, direction)
         notice = text("notice.skipped", problem=skipped[-1]) if skipped else ""
         if opened is None:
@@ -361,4 +362,4 @@ def _value_text(value: Any, spec: LabelSpec | None) -> str:
         return answer_text(value, spec)
     if isinstance(value, bool):
         return text("question.yes" if value else "question.no")
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
+    return f"{value:.2f}" if isinstance(value, float) else value_text(value)

@@ -54,7 +54,7 @@ DRIVES = (
     Drive("left", -1.0, "right"),
     Drive("brake", 1.0, "brake"),
 )
-TARGETS: tuple[Target, ...] = (  # Esc is fixed, and a new person takes over by the menu only
+TARGETS: tuple[Target, ...] = (  # Esc is fixed, and a new driver takes over by the menu only
     *DRIVES,
     *(action for action in Action if action not in (Action.MENU, Action.NEW_PERSON)),
 )
@@ -178,7 +178,7 @@ class Profiles:
         folder: of the file; by default the folder named by the variable SONATA2D_CONFIG, or the user's own.
 
     Attributes:
-        notice: message for the person about a problem with the file; empty if there is none.
+        notice: message for the driver about a problem with the file; empty if there is none.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -230,7 +230,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def set_aside(path: Path, reason: str) -> str:
-    """Rename a file that cannot be used, so that it is not overwritten; returns a message for the person."""
+    """Rename a file that cannot be used, so that it is not overwritten; returns a message for the driver."""
     aside = path.with_name(path.name + ".damaged")
     try:
         os.replace(path, aside)

@@ -64,6 +64,9 @@ class RateScreen:
         phase: `watch`, or the card on show: `start`, `break` or `end`.
         player: of the current run.
         answer: widgets of the answer, after the run was watched.
+        notice: the message on show; empty without one.
+        picture: the part of the window that shows the run, px; defined while a run is shown.
+        timeline: of the run; can be dragged after the run was watched.
     """
 
     def __init__(self, session: RatingSession, *, view: View = "top", context: str | None = None) -> None:
@@ -76,7 +79,7 @@ class RateScreen:
         self._view: View = view
         self._delay = self._seconds = self._escape_left = 0.0
         self._label: Any = None
-        self._notice = ""
+        self.notice = ""
         self._closing = False
         self._percent = percent_done(session)
         if session.done == session.total:
@@ -98,8 +101,8 @@ class RateScreen:
         elif event.type == pygame_gui.UI_TEXT_ENTRY_FINISHED:  # the text field does not pass Enter on
             self._save()
         elif self.answer is not None and self.answer.handle(event):
-            self._notice = ""
-        elif not self._timeline.handle(event) and event.type == pygame.KEYDOWN:
+            self.notice = ""
+        elif not self.timeline.handle(event) and event.type == pygame.KEYDOWN:
             self._press(event)
 
     def advance(self, seconds: float) -> Screen | None:
@@ -119,10 +122,10 @@ class RateScreen:
 
     def draw(self, surface: pygame.Surface) -> None:
         if self.phase == "watch" and self._exporter is not None:
-            self._exporter.draw(surface.subsurface(self._picture))
+            self._exporter.draw(surface.subsurface(self.picture))
             self._draw_question(surface)
             draw_panel(surface, self._bar, edge="top")
-            self._timeline.draw(surface)
+            self.timeline.draw(surface)
             self._draw_bar(surface)
         else:
             surface.fill(FLOOR)
@@ -131,7 +134,7 @@ class RateScreen:
     def leave(self) -> None:
         """Nothing needs to be saved: saved answers are on the disk."""
 
-    # Input of the person
+    # Input of the rater
 
     def _press_on_card(self, key: int) -> None:
         if key == pygame.K_ESCAPE:
@@ -179,29 +182,29 @@ class RateScreen:
     def _escape(self) -> None:
         """Close at the second press, because the key is hit easily and the answer on show would be lost."""
         self._closing = self._escape_left > 0.0
-        self._escape_left, self._notice = _ESCAPE, text("rating.escape_again")
+        self._escape_left, self.notice = _ESCAPE, text("rating.escape_again")
 
     def _close(self) -> None:
         self._closing = True
 
     def _save(self) -> None:
-        """Store the answer and continue; without an answer, tell the person what is missing."""
+        """Store the answer and continue; without an answer, show what is missing."""
         label = self.answer.label if self.answer else None
         if self._record is None or self.answer is None:
-            self._notice = text("rating.watch_to_end")
+            self.notice = text("rating.watch_to_end")
         elif label is None:
-            self._notice = text("rating.answer_first")
+            self.notice = text("rating.answer_first")
         else:
             try:
                 self.session.rate(self._record, label, seconds=self._seconds, whole=True)
             except RecordError as error:
-                self._notice = str(error)
+                self.notice = str(error)
                 return
             self._next()
 
     def _next(self) -> None:
         """Show the next run, a break, or the end."""
-        self.answer, self._label, self._notice, self._seconds = None, None, "", 0.0
+        self.answer, self._label, self.notice, self._seconds = None, None, "", 0.0
         self.phase = "break" if self.session.break_due else "watch"
         self._record = self.session.load() if self.phase == "watch" else None
         self._percent = percent_done(self.session)
@@ -231,11 +234,11 @@ class RateScreen:
         self._lines = self._text_lines(width - 2 * edge, height - bar_height - round(_PICTURE * height))
         top = round(16 * s) + sum(line_height(size) for _, size in self._lines)
         self._head = pygame.Rect(0, 0, width, top)
-        self._picture = pygame.Rect(0, top, width, self._bar.top - top)
+        self.picture = pygame.Rect(0, top, width, self._bar.top - top)
         bar = self._bar
         line = pygame.Rect(edge + 4, bar.top + round(10 * s), width - edge - round(200 * s), round(24 * s))
         # Contacts are not marked, because they would suggest an answer before the run is watched.
-        self._timeline = Timeline(self.player, line, scale=s, draggable=self.player.watched, show_contacts=False)
+        self.timeline = Timeline(self.player, line, scale=s, draggable=self.player.watched, show_contacts=False)
         row = pygame.Rect(edge, bar.bottom - round(54 * s), width - 2 * edge, round(40 * s))
         self._build_buttons(row)
         self._free = pygame.Rect(edge, bar.top + round(46 * s), width - 2 * edge, answer)
@@ -285,7 +288,7 @@ class RateScreen:
         player, s, box = self.player, self._stage.scale, self._between
         time = playing_time(player)
         right = self._bar.right - round(20 * s)
-        write(surface, time, (right, self._timeline.box.centery), size=text_size(SMALL, s), anchor="midright")
+        write(surface, time, (right, self.timeline.box.centery), size=text_size(SMALL, s), anchor="midright")
         size = text_size(TEXT, s)
         if self.answer is not None:
             self.answer.draw(surface)
@@ -293,8 +296,8 @@ class RateScreen:
             hint = text("rating.wait")
             write(surface, hint, self._free.center, size=size, colour=FAINT, anchor="center")
         words, colour = text("rating.progress", percent=self._percent, rater=self.session.rater), FAINT
-        if self._notice:
-            words, colour = self._notice, VERMILLION
+        if self.notice:
+            words, colour = self.notice, VERMILLION
         write_lines(surface, wrapped(words, box.width - 20, size, max_lines=2), box.center, size=size, colour=colour)
         thickness = max(round(4 * s), 1)
         progress = pygame.Rect(0, self._bar.bottom - thickness, self._bar.width * self._percent // 100, thickness)

@@ -41,7 +41,7 @@ class CountRow:
             self.low, self.high = min(self.low, value), value
 
     def show(self, *, except_for: UITextEntryLine | None = None) -> None:
-        """Update the fields, but not the one that the person types in."""
+        """Update the fields, but not the one that the driver types in."""
         for field, value in zip(self.fields, (self.low, self.high), strict=True):
             if field is not except_for and field.get_text() != str(value):
                 field.set_text(str(value))
@@ -129,7 +129,7 @@ class ScenePanel:
             self._problem.set_text(problem)
 
     def _take_over(self, field: UITextEntryLine, *, is_done: bool) -> None:
-        """Use a typed number; an empty field keeps the number before until the person has finished."""
+        """Use a typed number; an empty field keeps the number before until the driver has finished."""
         row, end = self._typed[field]
         if field.get_text().isdigit():
             row.change(end, int(field.get_text()))

@@ -56,8 +56,9 @@ class ViewScreen:
         files: the playlist.
         player: of the open run.
         exporter: draws and saves the moment on show.
-        saved: paths of the pictures that the person saved.
+        saved: paths of the pictures that the user saved.
         card: of the help or about page, while it is open.
+        timeline: of the open run; dragging it moves the position.
 
     Raises:
         RecordError: none of the files can be read.
@@ -92,8 +93,10 @@ class ViewScreen:
         self._bar = pygame.Rect(0, height - round(_BAR * s), width, round(_BAR * s))
         inner = self._bar.inflate(-round(28 * s), 0)
         row = pygame.Rect(inner.left, inner.top + round(40 * s), inner.width, round(36 * s))
+        words = {name: text(f"player.{name}") for name, _, _ in self._commands() if name}
+        words["pause"] = max(words["pause"], text("player.play"), key=len)  # the button has space for both texts
         specs = [
-            (text(f"player.{name}"), command, text(f"player.{'play' if name == 'pause' else name}_tip"))
+            (words[name], command, text(f"player.{'play' if name == 'pause' else name}_tip"))
             for name, command, _ in self._commands()
             if name and (width >= _NARROW * s or name not in _NOT_IN_NARROW)
         ]
@@ -105,7 +108,7 @@ class ViewScreen:
     def handle(self, event: pygame.Event) -> None:
         if self.card is not None and self.card.pressed(event):
             self._show_page("")
-        elif self._timeline.handle(event):
+        elif self.timeline.handle(event):
             self._rest = None
         elif event.type == pygame.QUIT:
             self._closing = True
@@ -135,7 +138,7 @@ class ViewScreen:
     def draw(self, surface: pygame.Surface) -> None:
         whole = surface.subsurface(self.picture)
         hud, scale, area = self._hud(), self._stage.scale, whole.get_rect()
-        if self._show_hud and self.exporter.view == "top":  # the room is drawn where the readings leave space
+        if self._show_hud:  # the scene is drawn where the readings leave space
             whole.fill(OUTSIDE)
             area = free_area(whole, hud, scale=scale)
         camera = self.exporter.draw(whole.subsurface(area))
@@ -147,7 +150,7 @@ class ViewScreen:
             shown = self.exporter
             draw_legend(whole, shown.moment, zones=shown.zones, paths=shown.trails, scale=scale)
         draw_panel(surface, self._bar, edge="top")
-        self._timeline.draw(surface)
+        self.timeline.draw(surface)
         self._draw_texts(surface)
 
     def leave(self) -> None:
@@ -219,7 +222,10 @@ class ViewScreen:
         if self._page:
             buttons = [(text("help.close"), Action.HELP)]
             title, stage = text(f"player.{self._page}"), self._stage
-            self.card = Card(stage.ui, stage.scale, title, self._page_lines(), buttons, bottom=self._card_end)
+            # The page about the run leaves the lower part free, in which the robot is in the view from behind it.
+            top = None if self._page == _HELP_PAGE else free_area(stage.surface, self._hud(), scale=stage.scale).top
+            lines, end = self._page_lines(), self._card_end
+            self.card = Card(stage.ui, stage.scale, title, lines, buttons, top=top, bottom=end)
 
     def _end_of_card(self) -> int:
         """Upper edge of what is below the card: of the legend with all layers, or of the lower bar, px."""
@@ -252,7 +258,7 @@ class ViewScreen:
     def _build_timeline(self) -> None:
         s, bar = self._stage.scale, self._bar
         box = pygame.Rect(bar.left + round(26 * s), bar.top + round(10 * s), bar.width - round(230 * s), round(24 * s))
-        self._timeline = Timeline(self.player, box, scale=s)
+        self.timeline = Timeline(self.player, box, scale=s)
 
     def _hud(self) -> Hud:
         record = self.files.record
@@ -272,7 +278,7 @@ class ViewScreen:
         player, s, bar, record = self.player, self._stage.scale, self._bar, self.files.record
         left, right = bar.left + round(16 * s), bar.right - round(16 * s)
         time = playing_time(player)
-        write(surface, time, (right, self._timeline.box.centery), size=text_size(TEXT, s), anchor="midright")
+        write(surface, time, (right, self.timeline.box.centery), size=text_size(TEXT, s), anchor="midright")
         label = frame_label(record, player.index)
         texts = [text("player.tick", number=player.snapshot.tick), *([label] if label and not self._show_hud else [])]
         texts += frame_summary(record, player.snapshot, player.index)

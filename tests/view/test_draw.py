@@ -10,10 +10,11 @@ import pytest
 from sonata2d.core.entities import Furniture, Human, Wall
 from sonata2d.core.geometry import Pose, Rectangle
 from sonata2d.errors import RenderError
-from sonata2d.view.annotations import Label, draw_labels
+from sonata2d.view.annotations import Label, draw_labels, value_text
 from sonata2d.view.camera import Camera
 from sonata2d.view.canvas import PixelCanvas
 from sonata2d.view.draw import Layers, backdrop, camera_for, picture
+from sonata2d.view.network import Panel, network_picture
 from sonata2d.view.palette import ACTIVITY, FLOOR, GOAL, PAPER, ROBOT, WALL, time_colour
 from sonata2d.view.stills import scene_picture, snapshot_of
 from sonata2d.view.trails import Trails
@@ -214,9 +215,32 @@ def test_labels_do_not_hide_each_other(scene):
 
     surface = pygame.Surface((300, 300), 0, 32)
     labels = [Label(str(k), (150.0, 150.0 + k), 8.0) for k in range(4)]
-    draw_labels(Canvas(surface), labels, 14)
+    unlabelled = pygame.Rect(130, 160, 60, 60)  # below the labels' entities
+    draw_labels(Canvas(surface), labels, 14, [unlabelled])
     assert len(boxes) == 4
     assert all(box.collidelist(boxes[k + 1 :]) < 0 for k, box in enumerate(boxes))
+    assert unlabelled.collidelist(boxes) < 0
+
+
+def test_ids_of_graph_nodes_at_the_same_place_do_not_hide_each_other(monkeypatch):
+    boxes = {}
+    write = PixelCanvas.text
+
+    def noted(canvas, colour, words, place, *arguments):
+        boxes[words] = write(canvas, colour, words, place, *arguments)
+        return boxes[words]
+
+    monkeypatch.setattr(PixelCanvas, "text", noted)
+    nodes = [("object", "100", (0.0, 0.0)), ("object", "101", (0.0, 0.0)), ("human", "102", (0.0, 0.4)),
+             ("wall", "", (5.0, 5.0))]  # fmt: skip
+    network_picture([Panel("now", nodes, [], [])], "graph")
+    ids = [boxes[words] for words in ("100", "101", "102")]
+    assert all(box.collidelist(ids[k + 1 :]) < 0 for k, box in enumerate(ids))
+
+
+def test_numbers_of_a_label_are_written_without_the_digits_of_rounding():
+    assert value_text([0.1 + 0.2, -0.0, 2.760199999999378]) == "[0.3, 0, 2.7602]"
+    assert value_text({"polite": True, "level": 3}) == "polite true, level 3"
 
 
 def test_only_a_piece_that_is_longer_than_wide_is_drawn_with_a_front(scene, camera):

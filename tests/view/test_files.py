@@ -168,6 +168,16 @@ def test_a_page_holds_the_episode(tmp_path, episode):
     assert data["clearance"][0] == pytest.approx(np.hypot(0.2, 1.1) - 0.5, abs=1e-3)
 
 
+def test_a_page_explains_its_symbols_in_the_words_of_the_pictures(tmp_path, scene, episode):
+    everything = Layers(legend=True, zones=True)
+    save_moment(tmp_path / "a.svg", snapshot_at(scene), layers=everything, trails=Trails.of(episode), size=(1200, 900))
+    render([snapshot_at(scene)], tmp_path / "a.html")
+    keys = re.findall(r'<span data-layer="(\w*)"><svg .*?</svg>(.*?)</span>', (tmp_path / "a.html").read_text())
+    assert [words for _, words in keys] == [words for words in legend_of(tmp_path / "a.svg") if words != "shared space"]
+    assert ("gaze", "field of view") in keys
+    assert ("", "using an object") in keys
+
+
 def test_an_unknown_suffix_lists_the_known_ones(tmp_path, episode):
     with pytest.raises(RenderError, match=r"\.png, \.gif, \.mp4, \.html"):
         render(episode, tmp_path / "a.jpeg")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pygame
 import pytest
@@ -12,7 +13,10 @@ from sonata2d_cli import main
 
 from sonata2d.datasets.verification import verify
 from sonata2d.record.reader import read_episode
+from sonata2d.view.camera import Camera
+from sonata2d.view.painter import Painter
 from sonata2d.window.collect_screen import CollectScreen
+from sonata2d.window.hud import Hud, free_area
 from sonata2d.window.input import InputDevices
 from sonata2d.window.name_screen import NameScreen
 
@@ -441,3 +445,27 @@ def test_counts_that_contradict_each_other_are_explained_in_the_panel(driver: Ca
     person.push("New scene")
     assert person.collect.panel is panel
     assert panel.problem
+
+
+@pytest.mark.parametrize("size", [(640, 480), (1280, 800)])
+def test_neither_readings_nor_the_card_of_an_ended_run_cover_the_scene(
+    size: tuple[int, int], driver: Callable[..., Driver], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    areas: list[pygame.Rect] = []
+    draw = Painter.draw
+
+    def noted(painter: Painter, surface: pygame.Surface, *values: Any, **settings: Any) -> Camera:
+        areas.append(pygame.Rect(surface.get_abs_offset(), surface.get_size()))
+        return draw(painter, surface, *values, **settings)
+
+    monkeypatch.setattr(Painter, "draw", noted)
+    person = driver(size=size, label={"kind": "yes_no", "question": "Was it polite?"})
+    person.drive_briefly()
+    free = free_area(person.stage.surface, Hud(keys=(("F1", "help"),)), scale=person.stage.scale)
+    assert areas[-1] == free
+    person.press(pygame.K_RETURN)
+    person.wait()
+    card = person.collect.card
+    assert card is not None
+    assert free.contains(areas[-1])
+    assert not card.box.colliderect(areas[-1])

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypeVar
 
 import pygame
 import pygame_gui
 import pytest
-from pygame_gui.elements import UIButton
+from pygame_gui.core import UIElement
+from pygame_gui.elements import UIButton, UIHorizontalSlider, UILabel
 
 from sonata2d.window.actions import Action
 from sonata2d.window.controls_screen import ControlsScreen
@@ -18,6 +20,7 @@ from sonata2d.window.stage import Stage
 from . import fake_devices as p
 from .volunteer import Person
 
+Widget = TypeVar("Widget", bound=UIElement)
 AHEAD, BACK, LEFT, _, SIDEWAYS, _, BRAKE = DRIVES
 KEYBOARD, PAD = Profile.default("keyboard"), Profile.default("pad")
 
@@ -111,22 +114,35 @@ class Editor(Person):
             pygame.event.post(event)
         self.wait()
 
-    def push(self, button: UIButton) -> None:
-        """Push a button, even if it is scrolled out of view."""
-        button.on_self_event(pygame_gui.UI_BUTTON_PRESSED)
-        self.wait()
-
     def plug(self, guid: str = p.XBOX, name: str = "Pad", *, named: bool = True) -> int:
         """Connect a pad; returns its instance."""
         instance = self.pads.plug(guid, name, named=named)
         self.post(p.plugged_in())
         return instance
 
+    def widgets(self, kind: type[Widget]) -> list[Widget]:
+        """The widgets of a kind on show."""
+        return [widget for widget in self.stage.ui.get_sprite_group().sprites() if isinstance(widget, kind)]
+
+    def row(self, target: Target) -> UIButton:
+        """The button beside the text of a target."""
+        (label,) = [label for label in self.widgets(UILabel) if label.text == target.text]
+        line = [button for button in self.widgets(UIButton) if button.rect.top == label.rect.top]
+        return min((button for button in line if button.rect.left >= label.rect.right), key=lambda b: b.rect.left)
+
     def choose(self, target: Target) -> None:
-        self.push(self.page._rows[target])
+        """Push the button of a target, even if it is scrolled out of view."""
+        self.row(target).on_self_event(pygame_gui.UI_BUTTON_PRESSED)
+        self.wait()
 
     def text(self, target: Target) -> str:
-        return str(self.page._rows[target].text)
+        return str(self.row(target).text)
+
+    @property
+    def tabs(self) -> list[str]:
+        """Names of the devices that can be chosen, from left to right."""
+        top = self.buttons["Keyboard"].top
+        return [name for name, rect in self.buttons.items() if rect.top == top]
 
 
 @pytest.fixture
@@ -135,13 +151,12 @@ def editor(tmp_path: Path) -> Editor:
 
 
 def test_a_key_pressed_after_a_click_is_assigned_and_saved(editor: Editor) -> None:
-    row = editor.page._rows[BRAKE]
-    editor.click(*row.rect.center)
+    editor.click(*editor.row(BRAKE).rect.center)
     assert editor.text(BRAKE).startswith("press")
     editor.post(p.key(pygame.K_b))
     assert editor.text(BRAKE) == "Space, B"
     assert "b" not in editor.profiles.of("keyboard").mapping.controls  # not before it is saved
-    editor.push(editor.page._save_button)
+    editor.push("Save")
     assert "b" in Profiles(editor.folder).of("keyboard").mapping.controls
     assert editor.is_back
 
@@ -160,30 +175,30 @@ def test_unsaved_changes_are_dropped_at_the_second_request(editor: Editor) -> No
     editor.choose(AHEAD)
     editor.post(p.key(pygame.K_DELETE))
     assert editor.text(AHEAD) == "–"
-    editor.push(editor.page._cancel_button)
+    editor.push("Cancel")
     assert editor.screen is editor.page
-    assert "Not saved" in editor.page._status
-    editor.push(editor.page._cancel_button)
+    assert "Not saved" in editor.page.status
+    editor.push("Cancel")
     assert editor.is_back
     assert editor.profiles.of("keyboard") == KEYBOARD
 
 
 def test_pads_appear_and_disappear_on_the_page(editor: Editor) -> None:
     instance = editor.plug()
-    assert [button.text for button in editor.page._tabs] == ["Keyboard", "Mouse", "Pad"]
-    editor.push(editor.page._tabs[2])
+    assert editor.tabs == ["Keyboard", "Mouse", "Pad"]
+    editor.push("Pad")
     editor.choose(SIDEWAYS)
     editor.post(p.axis(instance, "right_y", 0.3), p.axis(instance, "right_y", 0.9), p.axis(instance, "left_x", 1.0))
     assert editor.text(SIDEWAYS) == "right stick down"
     editor.pads.unplug(instance)
     editor.post(p.unplugged(instance))
-    assert len(editor.page._tabs) == 2
+    assert editor.tabs == ["Keyboard", "Mouse"]
     assert editor.text(AHEAD) == "W, Up"
 
 
 def test_a_click_for_a_device_that_was_just_disconnected_is_harmless(editor: Editor) -> None:
     instance = editor.plug(p.STICK, named=False)
-    editor.push(editor.page._tabs[2])
+    editor.push(editor.tabs[2])
     editor.pads.unplug(instance)
     editor.page.handle(p.unplugged(instance))
     editor.choose(AHEAD)
@@ -198,12 +213,12 @@ def test_a_device_that_is_not_on_show_assigns_nothing(editor: Editor) -> None:
 
 
 def test_sliders_change_the_mapping_and_reset_restores_the_defaults(editor: Editor) -> None:
-    editor.push(editor.page._tabs[1])
-    _, slider = editor.page._dead_zone
+    editor.push("Mouse")
+    slider = min(editor.widgets(UIHorizontalSlider), key=lambda slider: slider.rect.left)  # the dead zone's
     slider.set_current_value(0.25)
     editor.post(pygame.event.Event(pygame_gui.UI_HORIZONTAL_SLIDER_MOVED, ui_element=slider, value=0.25))
     assert editor.page.profile.mapping.dead_zone == pytest.approx(0.25, abs=0.01)
-    editor.push(editor.page._reset_button)
+    editor.push("Reset")
     assert editor.page.profile == Profile.default("mouse")
 
 
@@ -212,8 +227,8 @@ def test_a_folder_that_cannot_be_written_is_reported_on_the_page(tmp_path: Path)
     editor = Editor(tmp_path / "file")
     editor.choose(BRAKE)
     editor.post(p.key(pygame.K_DELETE))
-    editor.push(editor.page._save_button)
-    assert "cannot be written" in editor.page._status
+    editor.push("Save")
+    assert "cannot be written" in editor.page.status
     assert "space" not in editor.profiles.of("keyboard").mapping.controls  # the change holds for this session
 
 
@@ -230,11 +245,11 @@ def test_the_page_fits_every_size_for_every_device(size: tuple[int, int], device
     editor = Editor(tmp_path, size)
     editor.plug()
     editor.plug(p.STICK, "Flight stick with a very long name indeed (USB)", named=False)
-    editor.push(editor.page._tabs[device])
-    page, window = editor.page, editor.stage.surface.get_rect()
-    fixed = [*page._tabs, page._reset_button, page._save_button, page._cancel_button]
-    assert all(window.contains(button.rect) for button in fixed)
-    assert all(window.left < row.rect.left and row.rect.right < window.right for row in page._rows.values())
+    editor.push(editor.tabs[device])
+    window, buttons = editor.stage.surface.get_rect(), editor.buttons
+    assert all(window.contains(buttons[name]) for name in (*editor.tabs, "Reset", "Save", "Cancel"))
+    rows = [editor.row(target).rect for target in TARGETS]
+    assert all(window.left < rect.left and rect.right < window.right for rect in rows)
     assert editor.text(TARGETS[0])
-    page._wait_for(BRAKE)
-    editor.wait()
+    editor.choose(BRAKE)
+    assert editor.text(BRAKE).startswith("press")

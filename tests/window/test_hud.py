@@ -5,6 +5,7 @@ import pygame
 import pytest
 
 from sonata2d.core.geometry import Pose
+from sonata2d.core.snapshot import Contact
 from sonata2d.view.camera import Camera
 from sonata2d.view.palette import FLOOR, GOAL, shaded
 from sonata2d.window import hud as hud_module, question_panel, widgets
@@ -63,10 +64,25 @@ def test_each_light_has_its_own_sign_even_in_greyscale(scene, light):
         assert (np.abs(grey - pixels(shown(snapshot_at(scene), Hud(light=other))).mean(axis=2)) > 60).sum() > 20
 
 
-def test_zones_change_name_and_sign_at_halls_distances():
-    zones = [zone_of(gap) for gap in (0.44, 0.46, 1.19, 1.21)]
-    assert [word for word, _, _ in zones] == ["intimate", "personal", "personal", "clear"]
-    assert len({sign for _, sign, _ in zones}) == 3
+def test_zones_change_sign_and_colour_at_halls_distances():
+    intimate, near, far, clear = (zone_of(gap) for gap in (0.44, 0.46, 1.19, 1.21))
+    assert near == far
+    assert all(len({*values}) == 3 for values in zip(intimate, near, clear, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("kinds", "words"),
+    [
+        ((), "nearest person at 0.6 m"),
+        (("wall",), "touching a wall"),
+        (("wall", "object"), "touching an object"),
+        (("object", "human"), "touching a person"),
+    ],
+)
+def test_readings_say_what_is_near_or_touched(scene, drawn, kinds, words):
+    contacts = tuple(Contact(kind, 0, robot_at_fault=True, other_at_fault=False) for kind in kinds)
+    shown(replace(snapshot_at(scene), contacts=contacts))
+    assert words in [line.words for line in drawn]
 
 
 @pytest.mark.parametrize("size", [(640, 480), (1280, 800), (900, 1400), (2560, 1600)])
@@ -132,6 +148,10 @@ def test_the_free_area_is_free_of_readings(scene, size, question):
     changed = (pixels(shown(snapshot, hud, size, scale)) != pixels(floor(size))).any(axis=2)
     assert changed.any()
     assert changed[:, area.top : area.bottom].mean() < 0.02, "only the distance to the goal is drawn there"
+
+
+def test_in_a_tiny_window_readings_lie_over_the_scene():
+    assert free_area(floor((40, 30)), FULL, scale=1.0) == pygame.Rect(0, 0, 40, 30)
 
 
 def test_a_question_shows_its_answers_and_both_ends_in_full(scene, drawn):

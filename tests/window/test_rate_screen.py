@@ -99,7 +99,7 @@ def test_there_is_no_answer_before_the_run_was_watched_to_its_end(folder: Path) 
     rater.press(pygame.K_SPACE)
     rater.press(pygame.K_3, pygame.K_RETURN)
     assert rater.rating.answer is None
-    line = rater.rating._timeline.box
+    line = rater.rating.timeline.box
     rater.click(line.right - 2, line.centery)  # the timeline cannot be dragged yet
     assert rater.ratings == []
     assert rater.rating.player is not None
@@ -107,7 +107,7 @@ def test_there_is_no_answer_before_the_run_was_watched_to_its_end(folder: Path) 
     rater.watch(begin=False)
     rater.press(pygame.K_RETURN)
     assert rater.ratings == []
-    assert rater.rating._notice == text("rating.answer_first")
+    assert rater.rating.notice == text("rating.answer_first")
 
 
 def test_there_is_no_default_answer(folder: Path) -> None:
@@ -208,7 +208,7 @@ def test_a_full_disk_is_reported_and_the_answer_stays(folder: Path, monkeypatch:
 
     monkeypatch.setattr(rater.session, "rate", full)
     rater.press(pygame.K_RETURN)
-    assert "No space left" in rater.rating._notice
+    assert "No space left" in rater.rating.notice
     monkeypatch.undo()
     rater.press(pygame.K_RETURN)
     assert [rating.label for rating in rater.ratings] == [2]
@@ -233,7 +233,7 @@ def test_it_draws_in_every_size_with_long_texts(kind: Any, size: tuple[int, int]
     rater = Rater(folder, LabelSpec(kind, question=LONG[:200], classes=names, ends=("x" * 90, "y" * 90)), size=size)
     rater.watch()
     rater.frames(2)
-    screen = rater.rating
-    assert screen._picture.height > size[1] / 5
-    assert screen._head.bottom == screen._picture.top
-    assert screen._picture.bottom == screen._bar.top
+    picture = rater.rating.picture
+    assert picture.height > size[1] / 5
+    assert pygame.Rect((0, 0), size).contains(picture)
+    assert all(not rect.colliderect(picture) for rect in rater.buttons.values())

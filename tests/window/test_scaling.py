@@ -9,6 +9,7 @@ import pygame
 import pytest
 
 from sonata2d.view.fonts import EM
+from sonata2d.window.cards import Card
 from sonata2d.window.hud import legend_box
 from sonata2d.window.stage import fitting_size
 from sonata2d.window.texts import choose_language, languages
@@ -83,19 +84,23 @@ def test_the_help_does_not_cover_the_legend_in_any_language(
 
 
 @pytest.mark.parametrize("language", languages())
+@pytest.mark.parametrize("size", [(640, 480), (1024, 640)])
 def test_the_help_shows_keys_and_meanings_in_full(
-    language: str, driver: Callable[..., Driver], drawn: list[Line]
+    size: tuple[int, int], language: str, driver: Callable[..., Driver], drawn: list[Line]
 ) -> None:
     choose_language(language)
-    person = driver(size=(1024, 640))
+    person = driver(size=size)
     person.press(pygame.K_F1, pygame.K_h)
     drawn.clear()
     person.wait()
     assert [words for words, _ in drawn if words.endswith("…")] == []
+    card = person.collect.card
+    assert card is not None
+    assert person.stage.surface.get_rect().contains(card.box)
     person.press(pygame.K_F1)
     person.drive(person.session, seconds=1.0)
     person.press(pygame.K_RETURN, pygame.K_RETURN)
-    viewer = Person(lambda: ViewScreen([person.kept_file()]), (1024, 640))
+    viewer = Person(lambda: ViewScreen([person.kept_file()]), size)
     viewer.press(pygame.K_i, pygame.K_F1, pygame.K_h)
     drawn.clear()
     viewer.wait()
@@ -108,3 +113,14 @@ def test_keys_are_readable_in_small_windows(driver: Callable[..., Driver], drawn
     person.wait()
     (size,) = {size for words, size in drawn if words == "F1"}
     assert size * EM >= 13, "px of the em square"
+
+
+def test_long_keys_and_meanings_are_wrapped(driver: Callable[..., Driver], drawn: list[Line]) -> None:
+    person = driver(size=(640, 480))
+    pairs = [("wheel " * 8, "turn"), ("W", "drive " * 20), ("A", "brake")]
+    card = Card(person.stage.ui, person.stage.scale, "Keys", pairs)
+    drawn.clear()
+    card.draw(person.stage.surface)
+    words = " ".join(line.words for line in drawn)
+    assert [words.count(word) for word in ("wheel", "drive", "brake", "…")] == [8, 20, 1, 0]
+    assert person.stage.surface.get_rect().contains(card.box)

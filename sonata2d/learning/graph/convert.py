@@ -108,6 +108,7 @@ def save_graph(path: str | Path, graph: Graph, *, dt: float, title: str = "") ->
     Raises:
         RenderError: the graph has no nodes, or the file cannot be written.
     """
+    from ...view.annotations import value_text
     from ...view.network import Panel, network_picture
     from ...view.stills import save_surface
 
@@ -128,7 +129,7 @@ def save_graph(path: str | Path, graph: Graph, *, dt: float, title: str = "") ->
                 interactions=[pair for pair, kind in edges if kind in _INTERACTIONS],
             )
         )
-    label = np.asarray(graph.label).tolist() if graph.label is not None else "none"
+    label = value_text(None if graph.label is None else np.asarray(graph.label).tolist())
     picture = network_picture(panels, f"{title}   {len(graph.edges[0])} edges, label {label}".strip())
     save_surface(picture, path)
 
