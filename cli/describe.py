@@ -14,6 +14,7 @@ from .common import PATH, examples, json_option, show_json, show_table
 
 if TYPE_CHECKING:
     from sonata2d.collect.agreement import Agreement, RaterConsistency
+    from sonata2d.core.scene import Scene, Unmeasured
 
 Rows = list[tuple[str, object]]
 
@@ -118,6 +119,11 @@ def _answer_rows(folder: Path, files: list[dict[str, Any]]) -> Rows:
     return [(f"answers to {question!r}", dict(sorted(counts.items()))) for question, counts in answers.items()]
 
 
+def _measured(scene: Scene, name: Unmeasured, text: str) -> str:
+    """A description of what an episode has, unless the source of an imported one lacks it."""
+    return "not in the source" if name in scene.unmeasured else text
+
+
 def _episode_rows(path: Path) -> Rows:
     """What an episode file contains."""
     from sonata2d.datasets.summaries import contact_summary
@@ -143,8 +149,13 @@ def _episode_rows(path: Path) -> Rows:
         ("towards the robot", dict(sorted(Counter(human.reaction for human in scene.humans).items()))),
         ("objects", [thing.type for thing in scene.furniture]),
         ("interactions", [[i.src, i.relation, i.dst] for i in scene.interactions]),
-        ("robot", f"{scene.robot.kinematics}, radius {scene.robot.radius} m"),
-        ("goal", f"({scene.goal.x}, {scene.goal.y}), reached within {scene.goal.distance} m"),
+        ("robot", _measured(scene, "robot", f"{scene.robot.kinematics}, radius {scene.robot.radius:g} m")),
+        (
+            "goal",
+            _measured(
+                scene, "goal", f"({scene.goal.x:.6g}, {scene.goal.y:.6g}), reached within {scene.goal.distance:g} m"
+            ),
+        ),
         ("frames", f"{len(record)}, one each {scene.rules.dt} s"),
         ("outcome", f"{record.outcome.status}: {record.outcome.reason}"),
         ("contacts", contact_summary([counts])),

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from .command import Command, RenamedOption
 from .common import PATH, counted, examples, json_option, note, progress, show_json, workers_option
@@ -109,7 +110,7 @@ def command(
     from sonata2d.metrics.measurement import Evaluation, episode_files, measure_files
     from sonata2d.metrics.plots import check_picture_path
 
-    _check_arguments(paths, controllers, scenarios, out)
+    _check_arguments(paths, controllers, out)
     metrics = select_metrics(names) if names else headline_metrics()
     if picture is not None:
         check_picture_path(picture)
@@ -158,9 +159,7 @@ def _write_results(
         chart(picture, evaluations, metrics, title=_title(evaluations))
 
 
-def _check_arguments(
-    paths: Sequence[Path], controllers: Sequence[str], scenarios: Sequence[str], out: Path | None
-) -> None:
+def _check_arguments(paths: Sequence[Path], controllers: Sequence[str], out: Path | None) -> None:
     """Require either recorded episodes or controllers to run."""
     from sonata2d.datasets.manifest import MANIFEST
 
@@ -169,8 +168,12 @@ def _check_arguments(
         raise click.UsageError(f"give folders of recorded episodes, or --controller to run controllers: {problem}")
     if out is not None and (out / MANIFEST).exists():
         raise click.UsageError(f"{out} is a data set; give a folder for the data sets of the controllers")
-    if paths and (scenarios or out):
-        raise click.UsageError("--scenario and --output require --controller; recorded episodes have their own scenes")
+    given = click.get_current_context().get_parameter_source
+    is_set = {name: given(name) is not ParameterSource.DEFAULT for name in ("scenarios", "out", "episodes", "seed")}
+    if paths and any(is_set.values()):
+        raise click.UsageError(
+            "--scenario, --output, --episodes and --seed require --controller; recorded episodes have their own scenes"
+        )
 
 
 @contextmanager
@@ -200,8 +203,8 @@ def _sources(
                 for name, folder in zip(names, safe_texts(names), strict=True)
             }
         except Sonata2dError as error:
-            if out is None and temporary in str(error):
-                error.add_note("that folder was temporary; give --output DIR to keep it")
+            remedy = "keep the complete episodes with --output DIR" if out is None else "run the same command again"
+            error.__notes__ = [remedy]  # in place of the options of `generate`
             raise
         yield made
 

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 
 import click
 
-from sonata2d.core.interruption import exits_raised
+from sonata2d.core.interruption import exits_raised, interruption_in
 from sonata2d.core.wording import described, one_line
 from sonata2d.errors import Sonata2dError
 
@@ -85,14 +85,14 @@ class Commands(Group):
         try:
             with raising_terminated(), exits_raised():
                 return super().invoke(ctx)
-        except KeyboardInterrupt as error:
-            exit_interrupted(error)
         except BrokenPipeError:  # the reader of a pipe has ended, as in `sonata2d describe out | head`
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise SystemExit(141) from None
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except BaseException as error:  # SystemExit too: commands use click's Exit, and the code of others ends none
+            if (interruption := interruption_in(error)) is not None:
+                exit_interrupted(interruption)
             if has_flag("traceback"):
                 click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
             _exit_with(error)

@@ -36,8 +36,15 @@ def reraise(error: BaseException) -> None:
     ... except BaseException as error:
     ...     reraise(error)
     """
-    if isinstance(error, KeyboardInterrupt) and (not _ignores_signals or _is_stop_requested()):
-        raise error
+    interruption = interruption_in(error)
+    if interruption is not None and (not _ignores_signals or _is_stop_requested()):
+        raise interruption
+
+
+def interruption_in(error: BaseException) -> KeyboardInterrupt | None:
+    """The interruption that an error is or wraps: a signal during compiled code makes a SystemError of Python."""
+    found = error.__cause__ if isinstance(error, SystemError) else error
+    return found if isinstance(found, KeyboardInterrupt) else None
 
 
 def check() -> None:

@@ -26,9 +26,19 @@ from ..record.record import EpisodeRecord
 from .card_figure import EpisodeStatistics, collect_statistics, draw_statistics, require_matplotlib
 from .croissant import Publication, croissant_metadata, licence_lines, stored_publication
 from .executors import Advance
-from .manifest import CARD, CROISSANT, FIGURES, MANIFEST, SCENARIO, json_bytes, read_manifest, write_json
+from .manifest import (
+    CARD,
+    CROISSANT,
+    FIGURES,
+    MANIFEST,
+    SCENARIO,
+    json_bytes,
+    read_manifest,
+    warn_if_incomplete,
+    write_json,
+)
 from .markdown import cell, code, code_block, inline
-from .summaries import ContactSummary, contact_summary
+from .summaries import ContactSummary, contact_summary, excessive_commands
 
 _SEAL = re.compile(r"<!-- written by sonata2d, SHA-256 of the text above: ([0-9a-f]{64}) -->\n")
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
@@ -205,6 +215,7 @@ def write_card(
     """
     folder = Path(folder)
     manifest = _with_settings(folder, read_manifest(folder))
+    warn_if_incomplete(folder, manifest)
     if creator is not None:
         organisation = bool(organisation)  # what was stated of another creator does not hold for this one
     stored = stored_publication(folder)
@@ -400,7 +411,7 @@ def card_text(manifest: JsonDict, licence: str | None = None, figures: str = "")
         recorded=_recorded_section(manifest) if has_recorded else "",
         kept="".join(_kept_section(source) for source in originals),
         outcomes=_count_rows(counts["outcome"]),
-        contacts=_contact_section(contact_summary(files)),
+        contacts=_contact_section(contact_summary(files)) + _excess_sentence(files),
         families=_count_rows(counts["family"]),
         frames=sum(file["ticks"] for file in files),
         precision=manifest["precision"],
@@ -422,7 +433,10 @@ def _code_sentence(manifest: JsonDict) -> str:
     hashes = (manifest.get("controller_sha256") or {}).values()
     if not hashes:
         return ""
-    return f" The controller is the\nsame if its source file has the SHA-256 {' and '.join(hashes)}."
+    return (
+        f" The controller is the\nsame if its source file has the SHA-256 {' and '.join(hashes)},\nand the modules that"
+        " it imports are the same."
+    )
 
 
 def title_of(manifest: JsonDict) -> str:
@@ -491,6 +505,12 @@ def _source_table(sources: list[JsonDict]) -> str:
 
 def _count_rows(counts: dict[str, int]) -> str:
     return "\n".join(f"| {inline(key)} | {count} |" for key, count in counts.items())
+
+
+def _excess_sentence(files: list[JsonDict]) -> str:
+    """The commands beyond the limits of the robot's drive; empty if there are none."""
+    found = "; ".join(map(str, excessive_commands(files)))
+    return f"\n\nCommands exceed the limits of the robot's drive, which executes less: {found}." if found else ""
 
 
 def _contact_section(summary: ContactSummary) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -97,6 +98,7 @@ def check_manifest(folder: Path) -> list[Problem]:
     except RecordError as error:
         return [Problem(MANIFEST, "file", str(error))]
     return [
+        *_repetitions(folder / MANIFEST),
         *(Problem(MANIFEST, *finding) for finding in _manifest_findings(folder, manifest)),
         *(Problem(MANIFEST, *finding, is_warning=True) for finding in _unknown_keys(manifest)),
         *_scenario_problems(folder, manifest),
@@ -161,6 +163,20 @@ def open_to_check(file: Path | ListedFile) -> tuple[EpisodeRecord | None, list[P
         return None, [Problem(path.name, "file", str(error))]
 
 
+def _repetitions(path: Path) -> list[Problem]:
+    """A key that a JSON object has twice: parsers use one of the values, and do not say which."""
+    repeated: list[str] = []
+
+    def note(pairs: list[tuple[str, object]]) -> dict[str, object]:
+        content = dict(pairs)
+        if len(content) < len(pairs):
+            repeated.extend(_repeated(key for key, _ in pairs))
+        return content
+
+    json.loads(read_bytes(path), object_pairs_hook=note)
+    return [Problem(path.name, repeated[0], "is given twice; one of the values is ignored")] if repeated else []
+
+
 def _invalid_content(path: Path, error: InvalidFileError, entry: JsonDict | None) -> list[Problem]:
     """All that the reader found in a file; and whether it differs from its row in the manifest."""
     problems = [Problem(path.name, *finding) for finding in error.findings[:_MAXIMUM_FINDINGS]]
@@ -174,7 +190,7 @@ def _invalid_content(path: Path, error: InvalidFileError, entry: JsonDict | None
 def check_record(record: EpisodeRecord, file: ListedFile | None = None) -> list[Problem]:
     """Problems of an episode; if its file is listed in a manifest, also differences from the manifest."""
     implausible = [Problem(record.path.name, *finding) for finding in implausible_values(record)]
-    return (_differences(record, file) if file else []) + implausible
+    return (_differences(record, file) if file else []) + _repetitions(record.path) + implausible
 
 
 def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:

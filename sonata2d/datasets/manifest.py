@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import warnings
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -19,7 +20,7 @@ from ..core.geometry import PRECISION
 from ..core.snapshot import ControllerInfo, Status
 from ..core.whole_file import TEMPORARY_PREFIX
 from ..core.wording import shown
-from ..errors import NewerFormatError, RecordError
+from ..errors import DatasetWarning, NewerFormatError, RecordError
 from ..record.canonical import parse_header, to_json_value
 from ..record.files import SUFFIXES, compress, file_stem, read_bytes, read_stored, write_atomically
 from ..record.layout import JsonDict, software_versions
@@ -31,6 +32,7 @@ from .manifest_models import Manifest, ManifestFile
 
 DATASET_FORMAT, DATASET_VERSION = "sonata2d-dataset", 1
 MANIFEST, SCENARIO, CARD = "manifest.json", "scenario.json", "README.md"
+LOCK = f"{TEMPORARY_PREFIX}lock"  # held while a data set is generated
 CROISSANT, FIGURES = "croissant.json", "card.png"  # written by `sonata2d card`
 PREVIEW = "preview.png"  # drawn by `sonata2d generate`
 LOG = "run.jsonl"  # of generation runs
@@ -96,14 +98,20 @@ def files_of(path: Path) -> list[Path]:
 
     Raises:
         RecordError: the path does not exist or holds no episode, or its manifest is damaged.
+
+    Warns:
+        DatasetWarning: the data set is interrupted.
     """
     if path.is_file():
         return [path]
     if (path / MANIFEST).exists():
-        names = [entry["name"] for entry in read_manifest(path)["files"]]
+        manifest = read_manifest(path)
+        names = [entry["name"] for entry in manifest["files"]]
         first = names[:_FIRST]
         if len(names) > _FIRST and not any((path / name).exists() for name in first):
             raise RecordError(f"{path}: {MANIFEST} lists {len(names)} files, but {first[0]} to {first[-1]} are missing")
+        if names:  # without any, the caller says more
+            warn_if_incomplete(path, manifest)
         return [path / name for name in names]
     files = sorted(
         file
@@ -289,7 +297,22 @@ def new_folder(out: Path) -> Iterator[Path]:
 def remove_partial_files(folder: Path) -> None:
     """Remove what a killed run left of files that it was writing."""
     for partial_file in folder.glob(f"{TEMPORARY_PREFIX}*"):
-        partial_file.unlink(missing_ok=True)
+        if partial_file.name != LOCK:
+            partial_file.unlink(missing_ok=True)
+
+
+def warn_if_incomplete(folder: Path, manifest: JsonDict) -> None:
+    """Warn of episodes that an interrupted data set does not have yet.
+
+    Warns:
+        DatasetWarning: there are such.
+    """
+    if not manifest["complete"]:
+        message = (
+            f"{folder} is interrupted: it has {len(manifest['files'])} of {manifest['episodes']} episodes; complete it "
+            "with generate --resume"
+        )
+        warnings.warn(message, DatasetWarning, stacklevel=3)
 
 
 def store_episode(folder: Path, spec: DatasetSpec, episode: int, recorder: EpisodeRecorder) -> ManifestEntry:

@@ -24,7 +24,7 @@ from ..record.reader import read_episode, record_from_document
 from ..record.record import EpisodeRecord, wrap_read_errors
 from .card import licence_of, write_manifest_and_card
 from .executors import Advance
-from .manifest import SCENARIO, new_folder, read_listed_file, read_stored_manifest
+from .manifest import SCENARIO, new_folder, read_listed_file, read_stored_manifest, warn_if_incomplete
 from .motion import HEAD, OMEGA, THETA, VY, Y
 
 MARK = "-mirror"  # suffix of the id and the file name of a mirrored episode
@@ -97,6 +97,7 @@ def mirror_dataset(
     """
     folder, out = Path(folder), Path(out)
     manifest = read_stored_manifest(folder)
+    warn_if_incomplete(folder, manifest)
     names = {row["name"]: mirror_name(row["name"]) for row in manifest["files"]}
     if len(set(names.values())) < len(names):
         raise RecordError(f"{folder}: mirrored files would share a name; rename the files ending in {MARK}")

@@ -14,7 +14,7 @@ from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from .card import write_manifest_and_card
 from .executors import Advance
-from .manifest import read_listed_file, read_stored_manifest
+from .manifest import read_listed_file, read_stored_manifest, warn_if_incomplete
 from .mirror import mirrored
 
 FRACTIONS = {"train": 0.8, "dev": 0.1, "test": 0.1}
@@ -54,6 +54,7 @@ def split_dataset(
     if not fractions or any(not 0.0 < fraction < float("inf") for fraction in fractions.values()):
         raise ValueError(f"fractions must be positive, got {dict(fractions)}")
     manifest = read_stored_manifest(folder)
+    warn_if_incomplete(folder, manifest)
     families: dict[str, dict[str, list[str]]] = {}  # file names by family and scene
     family_of_scene: dict[str, str] = {}  # a scene of several families counts for the first one
     for row in manifest["files"]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock, Timeout
 
 from ..core.whole_file import TEMPORARY_PREFIX
 from ..core.wording import shown
@@ -19,6 +21,7 @@ from .manifest import (
     CROISSANT,
     FAILED,
     FIGURES,
+    LOCK,
     LOG,
     MANIFEST,
     METRICS,
@@ -55,8 +58,7 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
         RecordError: the folder holds other files, or a data set that can be neither continued nor replaced.
     """
     listed: dict[str, str] = {}
-    if folder.exists() and not folder.is_dir():
-        raise RecordError(f"{folder} is a file; choose another name for the folder")
+    _require_no_file(folder)
     if (folder / MANIFEST).exists():
         stored = read_manifest(folder)
         _require_replaceable(folder, stored)
@@ -81,6 +83,37 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
     if spec.settings is not None:
         write_json(folder / SCENARIO, spec.settings)
     return listed
+
+
+@contextmanager
+def sole_writer(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder, which is created: two programs that generate one data set would lose episodes.
+
+    The operating system releases the lock when the program ends, even after a crash.
+
+    Raises:
+        RecordError: another program holds the lock, or the folder cannot be written.
+    """
+    _require_no_file(folder)
+    lock = FileLock(folder / LOCK, timeout=0)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout:
+        raise RecordError(f"another program is generating {folder}; wait for it, or choose another folder") from None
+    except OSError as error:
+        raise RecordError(f"{folder} cannot be written: {error.strerror or error}") from error
+    try:
+        yield
+    finally:
+        lock.release()
+        (folder / LOCK).unlink(missing_ok=True)
+
+
+def _require_no_file(folder: Path) -> None:
+    """Raise RecordError if the path of a data set is that of a file."""
+    if folder.exists() and not folder.is_dir():
+        raise RecordError(f"{folder} is a file; choose another name for the folder")
 
 
 def remove_failed_episodes(folder: Path) -> None:

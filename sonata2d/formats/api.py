@@ -221,7 +221,12 @@ def import_from(
     folder = out.parent if is_single else out
     if (folder / MANIFEST).exists():  # its manifest would not list the episodes
         raise RecordError(f"{folder} holds a data set; choose another folder")
-    for file in _sources(source, chosen):
+    files = _sources(source, chosen)
+    if files != [source]:
+        others = [file.name for file in source.iterdir() if file.is_file() and not file.name.endswith(chosen.suffix)]
+        if others:
+            result.notes.append(f"{len(others)} files of {source} do not end in {chosen.suffix} and are not read")
+    for file in files:
         try:
             for document in read(file, options):
                 data = encode_episode(document, file)

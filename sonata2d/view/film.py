@@ -196,7 +196,7 @@ def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
     size = tuple(side - side % 2 for side in first.get_size())
     writer = ffmpeg.write_frames(
         str(path), size, fps=fps, codec="libx264", quality=None, macro_block_size=2, pix_fmt_in="bgr0",
-        output_params=["-crf", "17", "-preset", "veryfast", "-movflags", "+faststart"],
+        output_params=["-crf", "17", "-preset", "veryfast", "-movflags", "+faststart"], ffmpeg_log_level="quiet",
     )  # fmt: skip
     writer.send(None)
     even, count = pygame.Surface(size, 0, 32), 0  # of pictures
@@ -208,9 +208,11 @@ def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
                 drawn = even
             with _pixels(drawn) as pixels:
                 writer.send(pixels)
+    except OSError as error:  # its text has many lines
+        raise OSError(f"ffmpeg ended after {count} pictures; is the disk full?") from error
     finally:
         writer.close()
-    # ffmpeg says on standard error only that the disk is full
+    # ffmpeg ends as if nothing had happened if the disk is full at the end
     try:
         written, _ = ffmpeg.count_frames_and_secs(str(path))
     except RuntimeError:

@@ -146,3 +146,22 @@ def test_the_scenes_over_which_differences_are_taken_are_counted(sonata2d: Run) 
     line = "differences are over the scenes in common with a: 2 of b"
     assert line in sonata2d("evaluate a b --workers 1 --no-rerun").output.splitlines()
     assert "differences are over" not in sonata2d("evaluate a a/ --workers 1 --no-rerun").output
+
+
+@pytest.mark.parametrize("option", ["--seed 3", "--episodes 9", "--scenario quick.yaml", "-o x"])
+def test_settings_of_controllers_are_refused_for_recorded_episodes(sonata2d: Run, here: Path, option: str) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
+    assert "require --controller" in sonata2d(f"evaluate out {option}", code=2).output
+
+
+@pytest.mark.parametrize(("option", "remedy"), [("", "keep the complete episodes with"), ("-o kept", "run the same")])
+def test_an_error_of_a_controller_names_a_remedy_that_evaluate_has(
+    sonata2d: Run, here: Path, option: str, remedy: str
+) -> None:
+    (here / "bad.py").write_text(
+        "import sonata2d as s2\nclass Bad(s2.Controller):\n    def act(self, snapshot): raise ValueError('no')\n"
+    )
+    line = f"evaluate --controller ./bad.py --scenario quick.yaml --episodes 2 --workers 1 {option}"
+    output = sonata2d(line, code=1).output
+    assert remedy in output
+    assert "--resume" not in output

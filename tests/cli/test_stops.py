@@ -298,3 +298,16 @@ def test_episodes_that_a_controller_removes_are_counted_and_can_be_generated_aga
     assert "2 of 6 episodes in out were removed while it was generated; continue with the same command and" in output
     sonata2d(f"{line} --resume")
     assert verify(here / "out") == []
+
+
+def test_a_data_set_is_generated_by_one_program_at_a_time(sonata2d: Run, here: Path) -> None:
+    waits = "[__import__('time').sleep(0.01) for _ in iter(lambda: os.path.exists('go on'), True)]"
+    (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=waits))
+    with started("generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 3") as process:
+        wait_until((here / "out/000001.json").exists, process)
+        output = one_line(sonata2d("generate out --scenario quick.yaml --overwrite --episodes 1", code=1).output)
+        assert "another program is generating out; wait for it, or choose another folder" in output
+        (here / "go on").touch()
+        process.communicate(timeout=100)
+    assert verify(here / "out") == []
+    assert not [path for path in (here / "out").iterdir() if path.name.startswith(".")]

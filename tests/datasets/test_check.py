@@ -198,3 +198,11 @@ def test_an_id_that_differs_from_the_name_of_the_file_is_found(folder: Path) -> 
     _rewrite(folder / "manifest.json", change)
     (problem,) = check_dataset(folder)
     assert str(problem) == "000001x.json: id: is '000001', but the file's name says '000001x'"
+
+
+@pytest.mark.parametrize("name", ["000000.json", "manifest.json"])
+def test_a_key_that_is_given_twice_is_found(folder: Path, name: str) -> None:
+    path = folder / name
+    path.write_bytes(path.read_bytes().replace(b"{", b'{"seed":999,', 1))
+    messages = [str(problem) for problem in check_dataset(folder)]
+    assert f"{name}: seed: is given twice; one of the values is ignored" in messages

@@ -19,6 +19,7 @@ from sonata2d.formats import trajnet
 from sonata2d.formats.api import TransferResult, export_to, import_from
 from sonata2d.formats.base import Format, Options
 from sonata2d.formats.imported import POSITION, VELOCITY, VX, X
+from sonata2d.learning.graph import paper_graphs
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord
 from sonata2d.record.recorder import JsonRecorder
@@ -96,6 +97,18 @@ def test_four_columns_without_header_are_read(tmp_path: Path, row: str) -> None:
     derived = set(record.document["imported"]["derived"])
     assert {"frames.humans.theta", "frames.humans.velocity", "frames.activity"} <= derived
     assert check_episode(record.path) == []
+    with pytest.raises(RecordError, match="graphs need a robot and a goal; not in its source: goal, robot"):
+        paper_graphs(record)
+
+
+def test_files_of_a_folder_that_are_not_imported_are_counted(tmp_path: Path) -> None:
+    folder = tmp_path / "tracks"
+    folder.mkdir()
+    for name in ("a.csv", "b.txt", "c.dat"):
+        written(folder / name, "\n".join("{},{},{},{}".format(*cells) for cells in COMING_AND_GOING))
+    result = import_from(folder, "csv", tmp_path / "out", Options(frame_time=0.04))
+    assert [path.name for path in result.files] == ["a.json"]
+    assert result.notes == [f"2 files of {folder} do not end in .csv and are not read"]
 
 
 def test_named_columns_give_time_groups_walls_and_speed(tmp_path: Path) -> None:

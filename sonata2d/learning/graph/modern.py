@@ -16,7 +16,7 @@ from ...record.layout import ROW_THETA
 from ...record.record import EpisodeRecord
 from .features import INPUTS, MODERN_FEATURES
 from .graph import INTERVAL, NODE_TYPES, Graph, Nodes
-from .source import Observation, SceneNodes, recorded_observation
+from .source import Observation, SceneNodes, recorded_observation, require_task
 
 FRAMES = ("world", "robot", "goal")
 _X, _GOAL = MODERN_FEATURES.index("x"), NODE_TYPES.index("goal")
@@ -45,7 +45,9 @@ def modern_graph(
 
     Raises:
         ValueError: tick, frame, instants or interval is out of range.
+        RecordError: the source of an imported episode has no robot or no goal.
     """
+    require_task(record)
     if frame not in FRAMES:
         raise ValueError(f"frame must be one of {', '.join(FRAMES)}, got {frame!r}")
     observations = [recorded_observation(record, at) for at in _ticks(record, tick, instants, interval)]

@@ -19,7 +19,7 @@ from ...core.scene import Scene
 from ...record.record import EpisodeRecord
 from .features import FEATURES, INSTANTS
 from .graph import INTERVAL, ROUNDING, Graph, Nodes
-from .source import Observation, SceneNodes, recorded_observation
+from .source import Observation, SceneNodes, recorded_observation, require_task
 
 LABEL_SIGNS = np.array([1.0, -1.0, -1.0])  # labels point right and clockwise, twists left and counter-clockwise
 
@@ -49,7 +49,11 @@ def paper_graphs(record: EpisodeRecord, *, skip_first: bool = False) -> list[Gra
         record: an episode; one that is shorter than a second gives no graphs.
         skip_first: leave the first kept tick out of all graphs, so that graph j has min(j + 1, 3) instants. This is
             what `GraphPolicy` reads while it drives, and what the networks of examples/use_case are trained on.
+
+    Raises:
+        RecordError: the source of an imported episode has no robot or no goal.
     """
+    require_task(record)
     kept, scene, labels = kept_ticks(record.time), record.scene(), record.labels
     scene_nodes, observation = SceneNodes(scene), cache(lambda tick: recorded_observation(record, tick))
     first, graphs = int(skip_first), []

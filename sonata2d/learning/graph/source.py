@@ -16,6 +16,7 @@ from ...core.portable_math import Array, BoolArray, IntArray, arctan2, unit_vect
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.vectors import lengths
+from ...errors import RecordError
 from ...record.layout import HUMAN_NAMES, ROBOT_NAMES, ROW_HEAD, ROW_THETA, ROW_X, interactions_from_rows
 from ...record.record import EpisodeRecord
 from .graph import Nodes, wall_pieces
@@ -72,6 +73,17 @@ def recorded_observation(record: EpisodeRecord, tick: int) -> Observation:
         present=states.present[tick],
         interactions=interactions_from_rows(frame["interactions"]),
     )
+
+
+def require_task(record: EpisodeRecord) -> None:
+    """Require a recorded robot and goal: graphs describe the task of the robot.
+
+    Raises:
+        RecordError: the source of an imported episode has none.
+    """
+    missing = sorted({"robot", "goal"} & record.scene().unmeasured)
+    if missing:
+        raise RecordError(f"{record.path}: graphs need a robot and a goal; not in its source: {', '.join(missing)}")
 
 
 class SceneNodes:

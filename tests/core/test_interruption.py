@@ -1,0 +1,22 @@
+"""Interruptions are told apart from errors of the code of others."""
+
+from __future__ import annotations
+
+import pytest
+
+from sonata2d.core.interruption import interruption_in, reraise
+
+
+def test_an_interruption_of_compiled_code_is_found_in_the_error_of_python() -> None:
+    stop = KeyboardInterrupt()
+    wrapping = SystemError("returned a result with an exception set")
+    wrapping.__cause__ = stop
+    assert interruption_in(wrapping) is stop
+    with pytest.raises(KeyboardInterrupt):
+        reraise(wrapping)
+
+
+@pytest.mark.parametrize("error", [SystemError("of an extension"), SystemExit(0), GeneratorExit(), ValueError("no")])
+def test_other_errors_are_no_interruptions(error: BaseException) -> None:
+    assert interruption_in(error) is None
+    reraise(error)
