@@ -89,7 +89,7 @@ size_option = click.option(
     "--size",
     type=(click.IntRange(640), click.IntRange(480)),
     metavar="WIDTH HEIGHT",
-    help="Size of the window, pixels.  [default: fits the screen]",
+    help="Size of the window, pixels; at least 640 x 480.  [default: fits the screen]",
 )
 language_option = click.option(
     "--language",

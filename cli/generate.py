@@ -115,7 +115,10 @@ def _hint_at_resume(out: Path, overwrite: bool) -> Iterator[None]:
         yield
     except KeyboardInterrupt as error:
         from sonata2d.datasets.generate import how_to_continue
+        from sonata2d.datasets.start import episode_files
 
+        if not episode_files(out):
+            exit_interrupted(error, "; no episode is complete, run the same command again")
         exit_interrupted(error, f"; complete episodes are in {out}, {how_to_continue(overwrite=overwrite)}")
 
 

@@ -65,7 +65,7 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
         if resume and not (differences := _differences(stored, spec)):
             _require_same_suffix(folder, spec)
             listed = {entry["name"]: entry["sha256"] for entry in stored["files"]}
-        elif overwrite or not (stored["files"] or _episode_files(folder)):
+        elif overwrite or not (stored["files"] or episode_files(folder)):
             _remove_dataset(folder)
         elif resume:
             remedy = "replace it with generate --overwrite, or choose another folder"
@@ -121,15 +121,17 @@ def remove_failed_episodes(folder: Path) -> None:
     failed = folder / FAILED
     if failed.is_dir():
         remove_partial_files(failed)
-        for path in _episode_files(failed):
+        for path in episode_files(failed):
             path.unlink(missing_ok=True)
         with suppress(OSError):
             failed.rmdir()
 
 
-def _episode_files(folder: Path) -> list[Path]:
-    """The files of a folder that are named as generated episodes are."""
-    return [path for path in folder.iterdir() if is_episode_name(path.name) and path.is_file()]
+def episode_files(folder: Path) -> list[Path]:
+    """The files of a folder, if it exists, that are named as generated episodes are."""
+    return [
+        path for path in (folder.iterdir() if folder.is_dir() else ()) if is_episode_name(path.name) and path.is_file()
+    ]
 
 
 def unlisted_episodes(folder: Path, manifest: JsonDict) -> str:
@@ -138,7 +140,7 @@ def unlisted_episodes(folder: Path, manifest: JsonDict) -> str:
     A run that was killed leaves such a manifest.
     """
     listed = {row["name"] for row in manifest["files"]}
-    count = 0 if manifest["complete"] else sum(path.name not in listed for path in _episode_files(folder))
+    count = 0 if manifest["complete"] else sum(path.name not in listed for path in episode_files(folder))
     if not count:
         return ""
     files = "1 episode file is" if count == 1 else f"{count} episode files are"
@@ -152,7 +154,7 @@ def _remove_dataset(folder: Path) -> None:
     """
     own = (FIGURES, CROISSANT, METRICS, PREVIEW, LOG, SCENARIO) + (() if has_edited_card(folder) else (CARD,))
     try:
-        for path in (*(folder / name for name in own), *_episode_files(folder)):
+        for path in (*(folder / name for name in own), *episode_files(folder)):
             path.unlink(missing_ok=True)
         remove_failed_episodes(folder)
         (folder / MANIFEST).unlink()

@@ -173,7 +173,8 @@ def read_walls(path: Path) -> Array:
     with parsing(path, "walls"):
         names, cells = _read(path)
     if names != list(WALL_COLUMNS) or not (np.abs(cells) < MAX_MAGNITUDE).all():
-        raise RecordError(f"{path} must hold numbers in the columns {', '.join(WALL_COLUMNS)}")
+        columns = ",".join(WALL_COLUMNS)
+        raise RecordError(f"{path} must begin with the line {columns!r}, and hold numbers in these columns")
     return cells
 
 
