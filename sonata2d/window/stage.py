@@ -37,6 +37,7 @@ _LENGTHS = (  # of the theme, px at scale 1
     ("horizontal_slider", "sliding_button_width", 20),
     ("tool_tip", "rect_width", 260),
 )
+_MIN_DRAWN = 160, 120  # px; a window that was dragged to a smaller size keeps its last picture
 _MIN_SIZE, _MAX_SHARE = (1024, 640), (0.86, 0.82)  # of the desktop: title bar and panels need the rest
 
 
@@ -137,8 +138,9 @@ class Stage:
             self._reset_ui(self.size)
             following.enter(self)
         self.ui.update(seconds)
-        following.draw(self.surface)
-        self.ui.draw_ui(self.surface)
+        if self.size[0] >= _MIN_DRAWN[0] and self.size[1] >= _MIN_DRAWN[1]:
+            following.draw(self.surface)
+            self.ui.draw_ui(self.surface)
         pygame.display.flip()
         return following
 

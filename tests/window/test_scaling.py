@@ -124,3 +124,15 @@ def test_long_keys_and_meanings_are_wrapped(driver: Callable[..., Driver], drawn
     words = " ".join(line.words for line in drawn)
     assert [words.count(word) for word in ("wheel", "drive", "brake", "…")] == [8, 20, 1, 0]
     assert person.stage.surface.get_rect().contains(card.box)
+
+
+@pytest.mark.parametrize("size", [(120, 90), (300, 60), (1, 1)])
+def test_a_window_that_is_dragged_to_a_tiny_size_stays_open(
+    driver: Callable[..., Driver], size: tuple[int, int]
+) -> None:
+    person = driver(size=size)
+    person.drive(person.session, seconds=1.0)
+    person.press(pygame.K_RETURN, pygame.K_RETURN)
+    viewer = Person(lambda: ViewScreen([person.kept_file()]), size)
+    viewer.press(pygame.K_v, pygame.K_F1)
+    viewer.wait()
