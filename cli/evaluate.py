@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from sonata2d.datasets.executors import Workers
     from sonata2d.metrics.definition import Metric
     from sonata2d.metrics.measurement import Evaluation, Measured
+    from sonata2d.scenegen.scenario.config import ScenarioConfig
 
 COMPARISON = "evaluation.json"
 DEFAULT_SCENARIO = "sonata-2020"
@@ -189,17 +190,19 @@ def _sources(
     if paths:
         yield {str(path): [path] for path in paths}
         return
+    from sonata2d.agents.controllers.loading import load_controller
     from sonata2d.errors import Sonata2dError
     from sonata2d.record.files import safe_texts
+    from sonata2d.scenegen.scenario.load import load_scenario
 
+    configs = [load_scenario(scenario) for scenario in dict.fromkeys(scenarios)]
+    for name in controllers:  # before any episode is generated
+        load_controller(name)
     with TemporaryDirectory(prefix="sonata2d-", ignore_cleanup_errors=True) as temporary:
         root, names = out or Path(temporary), list(dict.fromkeys(controllers))
         try:
             made = {
-                name: [
-                    _generate(root / folder, name, scenario, *settings, workers)
-                    for scenario in dict.fromkeys(scenarios)
-                ]
+                name: [_generate(root / folder, name, config, *settings, workers) for config in configs]
                 for name, folder in zip(names, safe_texts(names), strict=True)
             }
         except Sonata2dError as error:
@@ -209,14 +212,14 @@ def _sources(
         yield made
 
 
-def _generate(parent: Path, controller: str, scenario: str, episodes: int, seed: int, workers: Workers) -> Path:
+def _generate(
+    parent: Path, controller: str, config: ScenarioConfig, episodes: int, seed: int, workers: Workers
+) -> Path:
     """Generate, or continue, the data set of a controller in a scenario, and return its folder."""
     from sonata2d.datasets.generate import generate_dataset
     from sonata2d.datasets.manifest import MANIFEST
     from sonata2d.record.files import safe_text
-    from sonata2d.scenegen.scenario.load import load_scenario
 
-    config = load_scenario(scenario)
     folder = parent / safe_text(config.name)
     resume = (folder / MANIFEST).exists()
     with progress(episodes, f"episodes of {controller}") as advance:
@@ -283,6 +286,10 @@ def _show_table(evaluations: Sequence[Evaluation], metrics: Sequence[Metric]) ->
     if any(one.scenes != first.scenes for one in others):
         common = ", ".join(f"{len(one.scenes & first.scenes)} of {one.label}" for one in others)
         note(f"differences are over the scenes in common with {first.label}: {common}")
+    for one in evaluations if len(evaluations) > 1 else ():
+        failed = sum(not episode.values.get("success") for episode in one.episodes)
+        if failed:
+            note(f"means of {one.label} include {counted(failed, 'episode')} of {len(one.episodes)} without success")
     for one in evaluations:
         # path_length and others are defined in every episode with a robot
         if not any(value is not None for episode in one.episodes for value in episode.values.values()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import sys
 from collections.abc import Iterator
@@ -149,4 +150,4 @@ def _show_summary(out: Path, first: Path, manifest: dict[str, Any], picture: boo
     if not has_flag("quiet"):
         show_table(rows, indent="  ")
     program = "sonata2d" if shutil.which("sonata2d") else sys.argv[0]
-    note(f"next:  {program} render {first} -o {first.name.split('.')[0]}.html")
+    note(f"next:  {program} render {shlex.quote(str(first))} -o {first.name.split('.')[0]}.html")

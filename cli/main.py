@@ -42,7 +42,7 @@ SECTIONS = {
         "export": ("convert:export_command", "Export episodes to a format of another program."),
     },
     "Set up": {
-        "scenarios": ("scenarios:command", "List, show, draw, check and create scenarios."),
+        "scenarios": ("scenarios:command", "List, show and draw scenarios; make them from tracks."),
         "controllers": ("controllers:command", "List the available controllers."),
         "doctor": ("doctor:command", "Check that the installation works."),
     },

@@ -183,7 +183,7 @@ def check_scenario(
     if situation is None and config.name not in SITUATIONS:
         raise ConfigError(
             f"the scenario's name {config.name!r} is not a situation; give one with --situation NAME;"
-            f" situations are {', '.join(SITUATIONS)}"
+            f" situations are {', '.join(SITUATIONS)}; `sonata2d scenarios draw` shows whether a file is valid"
         )
     situation = situation or config.name
     check_situation(situation)

@@ -295,9 +295,9 @@ def _announce(is_kept: bool) -> None:
         is_said = parent_process() is not None  # the workers compile the same as their parent, or as each other
     else:
         is_said = _is_start_announced(folder / STAMP)
-    how = "once per installed copy" if is_kept and folder else "in every process"
+    how = "once per installed copy and feature" if is_kept and folder else "in every process"
     if not is_said:
-        _say(f"sonata2d is compiled for this processor, {how}; this may take half a minute ...")
+        _say(f"sonata2d is compiled for this processor, {how}; this may take a minute ...")
 
 
 def _say(message: str) -> None:

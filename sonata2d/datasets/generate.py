@@ -6,6 +6,7 @@ import logging
 import os
 import platform
 import sys
+import sysconfig
 import time
 import traceback
 import warnings
@@ -328,13 +329,13 @@ def _message(error: BaseException) -> str:
         return "; ".join([one_line(text_of(error) or type(error).__name__, 1000), *notes])
     text = "; ".join([described(error), *notes])
     places = traceback.extract_tb(error.__traceback__)
+    libraries = {_PACKAGE_FOLDER, *(Path(path) for path in sysconfig.get_paths().values())}
     foreign = [
         place
         for place in places
-        if place.filename != "<string>" and _PACKAGE_FOLDER not in Path(place.filename).resolve().parents
+        if place.filename != "<string>" and libraries.isdisjoint(Path(place.filename).resolve().parents)
     ]
-    last = (foreign or places)[-1]
-    return f"{text} ({Path(last.filename).name}, line {last.lineno})"
+    return f"{text} ({Path(foreign[-1].filename).name}, line {foreign[-1].lineno})" if foreign else text
 
 
 def _failure_message(failure: FailedEpisode, out: Path, spec: DatasetSpec) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+import orjson
 from pydantic import ValidationError
 
 from ..agents.controllers.base import Controller
@@ -223,12 +224,14 @@ def _first_difference(name: str, place: str, recorded: bytes, again: bytes) -> l
     """The first line in which two documents differ, apart from their software blocks."""
     if recorded == again:
         return []
-    recorded_lines, new_lines = recorded.splitlines(), again.splitlines()
+    canonical = serialise(orjson.loads(recorded))  # an edited file may be formatted otherwise
+    recorded_lines, new_lines = canonical.splitlines(), again.splitlines()
     for number, (old, new) in enumerate(zip(recorded_lines, new_lines, strict=False), 1):
         if old != new and not old.startswith(b'"software"'):
             return [Problem(name, place, f"line {number} differs: {_excerpts(old, new)}")]
     if len(recorded_lines) == len(new_lines):
-        return []
+        same = "the content is the same, but the file is not formatted as sonata2d writes it"
+        return [Problem(name, place, same)] if canonical != recorded else []
     return [Problem(name, place, f"has {len(recorded_lines)} lines, should have {len(new_lines)}")]
 
 

@@ -68,7 +68,7 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
         elif overwrite or not (stored["files"] or episode_files(folder)):
             _remove_dataset(folder)
         elif resume:
-            remedy = "replace it with generate --overwrite, or choose another folder"
+            remedy = "repeat the options with which it was begun, choose another folder, or replace it with --overwrite"
             raise RecordError(f"{folder} holds another data set: {differences}; {remedy}")
         else:
             raise RecordError(

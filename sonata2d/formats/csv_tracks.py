@@ -21,7 +21,7 @@ from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
 from .base import Format, Options, require_even_times
 from .parse import load_json, numbers, parsing
-from .tracks import Tracks, positions_of_present, tracks_document
+from .tracks import Tracks, lost_robot, positions_of_present, tracks_document
 
 NAME = "csv"
 COLUMNS = ("frame", "ped", "x", "y")
@@ -194,5 +194,10 @@ def desired_speed_beside(path: Path) -> float | None:
 
 
 FORMAT = Format(
-    "pedestrian tracks: frame, ped, x, y, t", ".csv", import_, export=export, options=frozenset({"frame_time", "walls"})
+    "pedestrian tracks: frame, ped, x, y, t",
+    ".csv",
+    import_,
+    export=export,
+    options=frozenset({"frame_time", "walls"}),
+    note=lost_robot,
 )

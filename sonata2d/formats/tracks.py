@@ -17,6 +17,8 @@ from ..core.limits import MAX_CELLS, MAX_CELLS_PER_OBSERVATION, MAX_CELLS_WITHOU
 from ..core.portable_math import Array, IntArray
 from ..core.vectors import wrap_angles
 from ..record.layout import JsonDict
+from ..record.record import EpisodeRecord
+from .base import Options
 from .imported import (
     POSITION,
     ROBOT,
@@ -179,3 +181,10 @@ def positions_of_present(humans: Array, ids: list[int]) -> tuple[IntArray, IntAr
     """
     rows, column = np.nonzero(~np.isnan(humans[..., X]))
     return rows, np.array(ids, dtype=np.int64)[column], humans[rows, column, POSITION]
+
+
+def lost_robot(record: EpisodeRecord, options: Options) -> str | None:
+    """That the robot is not in exported tracks; None for episodes without a recorded robot."""
+    if "robot" in record.scene().unmeasured:
+        return None
+    return "the files hold the positions of pedestrians only, not the robot; npz and parquet hold everything"

@@ -21,7 +21,7 @@ from .base import Format, Options, require_even_times
 from .csv_tracks import read_walls
 from .imported import X
 from .parse import numbers, parsing
-from .tracks import Tracks, positions_of_present, tracks_document
+from .tracks import Tracks, lost_robot, positions_of_present, tracks_document
 
 NAME = "trajnet"
 INTERVAL = 0.4  # s between frames
@@ -144,4 +144,5 @@ FORMAT = Format(
     import_,
     export=export,
     options=frozenset({"frame_time", "walls"}),
+    note=lost_robot,
 )

@@ -18,6 +18,7 @@ from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, S
 from ..core.vectors import wrap_angle
 from ..core.wording import described, shown, text_of
 from ..errors import ControllerError, Sonata2dError
+from ..registry import did_you_mean
 from .world import World
 
 ANY_HEADING = 3.14  # rad; a goal whose angle tolerance is at least this accepts every heading
@@ -282,6 +283,7 @@ class Episode:
             label = controller.label(snapshot, command)
             if label is not None:
                 label = deepcopy(label)  # the controller may reuse the object
+                self._require_declared(label)
             return TickInput(command, label, snapshot.events)
         except BaseException as error:
             interruption.reraise(error)
@@ -302,6 +304,21 @@ class Episode:
         self.past.append(tick_input)
         self._observed = None
         return frame
+
+    def _require_declared(self, label: Any) -> None:
+        """Require that a label has only the keys that the controller declares: files explain only these.
+
+        Raises:
+            ControllerError: it has another key.
+        """
+        declared = self._controller_info.labels
+        if declared and isinstance(label, Mapping):
+            for key in label:
+                if key not in declared:
+                    hint = did_you_mean(str(key), declared) or f"; they explain {', '.join(declared)}"
+                    raise ControllerError(
+                        f"label() returned the key {shown(key)}, which the controller's `labels` do not explain{hint}"
+                    )
 
     def _close_after(self, error: BaseException, snapshot: Snapshot) -> None:
         """Close the episode because an exception was raised; the exception gets tick, episode and seed as a note."""

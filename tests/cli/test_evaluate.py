@@ -165,3 +165,10 @@ def test_an_error_of_a_controller_names_a_remedy_that_evaluate_has(
     output = sonata2d(line, code=1).output
     assert remedy in output
     assert "--resume" not in output
+
+
+def test_a_controller_that_does_not_exist_is_an_error_before_any_episode(sonata2d: Run, here: Path) -> None:
+    line = "evaluate --controller straight-to-goal --controller social-planer --scenario quick.yaml -o kept"
+    output = sonata2d(line, code=1).output
+    assert output == "Error: ControllerError: no controller is named 'social-planer'; did you mean 'social-planner'?\n"
+    assert not (here / "kept").exists()

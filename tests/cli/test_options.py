@@ -119,7 +119,7 @@ def test_ctrl_c_during_the_compilation_is_answered_at_once_and_ends_after_one_ke
     assert "sonata2d is compiled for this processor" in process.stderr.readline()
     process.send_signal(signal.SIGINT)
     assert "stopping: the worker processes have 5 s to finish their episodes" in process.stderr.readline()
-    assert process.communicate()[1].splitlines()[-1].startswith("interrupted; complete episodes are in out")
+    assert process.communicate()[1].splitlines()[-1].startswith("interrupted; no episode is complete")
     assert process.returncode == 130
     assert len([*(tmp_path / "cache").rglob("*.kernel")]) <= 2  # an episode needs a dozen
 

@@ -121,6 +121,19 @@ def test_a_changed_number_is_reported_with_its_line(tmp_path: Path, busy: Scene)
     assert f"[{x}" in problem.message
 
 
+def test_an_edited_file_that_is_formatted_otherwise_is_compared_by_its_content(tmp_path: Path, busy: Scene) -> None:
+    path = recorded(tmp_path / "a.json", busy, Labelling())
+    document = json.loads(path.read_bytes())
+    path.write_text(json.dumps(document, indent=1))
+    assert [problem.message for problem in check_replay(path)] == [
+        "the content is the same, but the file is not formatted as sonata2d writes it"
+    ]
+    document["frames"][3]["robot"][0] += 0.5
+    path.write_text(json.dumps(document, indent=1))
+    (problem,) = check_replay(path)
+    assert f"{document['frames'][3]['robot'][0]:.4f}".rstrip("0") in problem.message
+
+
 def test_a_scene_that_differs_from_seed_and_settings_is_reported(tmp_path: Path) -> None:
     scene = s2.generate(s2.ScenarioConfig(standing=2, rules={"time_limit": 1.0}), seed=2)
     path = recorded(tmp_path / "one.json", replace(scene, seed=3), s2.StraightToGoal())

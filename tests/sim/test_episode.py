@@ -184,6 +184,20 @@ def test_a_label_object_that_the_controller_reuses_is_recorded_by_value() -> Non
     assert [tick_input.label["tick"] for tick_input in episode.past] == [0, 1, 2, 3, 4]
 
 
+def test_a_label_has_only_the_keys_that_the_controller_declares() -> None:
+    class Mistyping(s2.Controller):
+        labels = {"near": "a person is near"}  # noqa: RUF012
+
+        def act(self, snapshot: Snapshot) -> Twist:
+            return Twist()
+
+        def label(self, snapshot: Snapshot, twist: Twist) -> dict[str, bool]:
+            return {"naer": True}
+
+    with pytest.raises(ControllerError, match=r"the key 'naer', .* do not explain; did you mean 'near'"):
+        s2.Episode(short_scene(), Mistyping()).run()
+
+
 def test_a_branch_equals_its_episode_up_to_its_tick_and_differs_afterwards(busy: Scene) -> None:
     scene, ticks = replace(busy, rules=Rules(time_limit=4.0)), 15
     episode, log = run(scene, s2.StraightToGoal())

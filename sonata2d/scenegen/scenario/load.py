@@ -92,6 +92,12 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
             f"{path.name}{line_of(path, ['groups', 'places'])}: groups.places: there are {places} places for at most "
             f"{groups} talking groups; raise talking_groups, or remove places"
         )
+    room = config.room
+    if room.kinds.get("rectangle") and room.polygon is None and room.length.max < room.breadth.min:
+        raise ConfigError(
+            f"{path.name}{line_of(path, ['room', 'length'])}: room.length: no length up to {room.length.max:g} m is at "
+            f"least the breadth, {room.breadth.min:g} m; exchange them"
+        )
     return config, settings
 
 
@@ -133,7 +139,10 @@ def _error_message(path: Path, settings: dict[str, Any], error: ValidationError)
         hint = did_you_mean(str(value), re.findall(r"'([^']*)'", first["ctx"]["expected"]))
     key_path = f"{one_line('.'.join(map(str, keys)), 200)}: " if keys else ""
     got = f" (got {shown(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
-    more = f" (and {len(others)} more)" if others else ""
+    # errors at the same place are those of the other members of a union
+    places = (_follow(settings, other["loc"])[0] for other in others)
+    further = sorted({".".join(map(str, place)) for place in places if place[: len(keys)] != keys})
+    more = f" (and more in {one_line(', '.join(further), 100)})" if further else ""
     return f"{path.name}{line_of(path, keys)}: {key_path}{one_line(first['msg'], 300)}{got}{hint}{more}"
 
 
