@@ -7,6 +7,7 @@ import signal
 from collections.abc import Sequence
 from dataclasses import replace
 
+import hypothesis
 import pytest
 
 from sonata2d.core import compiled
@@ -15,6 +16,8 @@ from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
 from sonata2d.core.scene import Rules, Scene
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+hypothesis.settings.register_profile("sonata2d", deadline=None)  # the first call of a kernel may compile it
+hypothesis.settings.load_profile("sonata2d")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job; programs under test would inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 

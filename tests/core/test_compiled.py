@@ -37,7 +37,7 @@ if compiled.IS_COMPILED:
 
 PACKAGE = Path(sonata2d.__file__).parent
 ONE_LINE = re.compile(
-    r"sonata2d is compiled for this processor, once per installed copy; this may take half a minute \.\.\.\n"
+    r"sonata2d is compiled for this processor, once per installed copy and feature; this may take a minute \.\.\.\n"
 )
 WAITING = "another process compiles sonata2d; waiting for it ...\n"
 

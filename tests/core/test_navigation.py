@@ -167,7 +167,7 @@ def test_distance_is_symmetric():
     assert room.distance(a, b) == pytest.approx(room.distance(b, a))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(0.01, 7.99), st.floats(0.01, 7.99))
 def test_the_nearest_free_position_is_free_and_near(x, y):
     room = space(objects=[(Disc(0.2), Pose(2.0, 2.0)), (Rectangle(0.8, 0.8), Pose(5.0, 5.0))])

@@ -89,7 +89,7 @@ def differing(first: dict[str, float | None], second: dict[str, float | None]) -
     return [name for name in first if not is_same(name)]
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.integers(0, 10_000), ANGLES, METRES, METRES)
 def test_metrics_are_invariant_under_rotation_and_translation(seed: int, angle: float, dx: float, dy: float) -> None:
     scene, tracks = random_walks(seed)
@@ -103,7 +103,7 @@ def test_metrics_are_invariant_under_rotation_and_translation(seed: int, angle: 
     assert differing(measured(scene, tracks), measured(moved_scene, moved)) == []
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.integers(0, 10_000))
 def test_metrics_are_invariant_under_reflection_except_asymmetric_variants(seed: int) -> None:
     scene, tracks = random_walks(seed)

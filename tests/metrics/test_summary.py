@@ -31,7 +31,7 @@ def test_interval_of_many_values_is_that_of_the_normal_distribution() -> None:
     assert interval == pytest.approx((values.mean() - half, values.mean() + half), abs=0.03)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(NUMBERS, st.floats(-10.0, 10.0).map(lambda v: round(v, 2)))
 def test_interval_lies_within_the_values_and_shifts_with_them(numbers: list[float], shift: float) -> None:
     interval = bootstrap_interval(np.array(numbers), resamples=300)

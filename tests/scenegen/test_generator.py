@@ -384,7 +384,7 @@ def test_every_example_scenario_generates_scenes(name):
     assert all(generate(config, seed).family == f"{name}/given" for seed in range(51))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     standing=st.integers(0, 6),
     wandering=st.integers(0, 6),
