@@ -209,7 +209,8 @@ def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
             with _pixels(drawn) as pixels:
                 writer.send(pixels)
     except OSError as error:  # its text has many lines
-        raise OSError(f"ffmpeg ended after {count} pictures; is the disk full?") from error
+        _require_space(path)
+        raise OSError(f"ffmpeg ended after {count} pictures") from error
     finally:
         writer.close()
     # ffmpeg ends as if nothing had happened if the disk is full at the end
@@ -218,7 +219,14 @@ def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
     except RuntimeError:
         written = 0
     if written != count:
-        raise OSError(f"ffmpeg wrote {written} of {count} pictures; is the disk full?")
+        _require_space(path)
+        raise OSError(f"ffmpeg wrote {written} of {count} pictures")
+
+
+def _require_space(path: Path) -> None:
+    """Raise the error of the system, which ffmpeg does not pass on, if no more can be written to a file."""
+    with path.open("ab") as file:
+        file.write(bytes(1 << 20))
 
 
 def _pillow_image(image: Any, drawn: pygame.Surface) -> Any:
