@@ -62,6 +62,12 @@ class Commands(Group):
             exit_despite_threads(error.code if isinstance(error, SystemExit) else 1)
             raise
 
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        try:
+            return super().make_context(*args, **kwargs)
+        except KeyboardInterrupt as error:  # while options of the program are parsed
+            exit_interrupted(error)
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
 

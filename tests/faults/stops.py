@@ -75,6 +75,8 @@ def _stopped(
     with suppress(ProcessLookupError):
         (os.killpg if to_group else os.kill)(process.pid, number)
     result = _ended(process)
+    if "Fatal Python error: init_import_site" in result.errors:
+        return "Python had not started", ""
     if result.code not in (0, EXIT_CODES[number], -number):  # -number: before Python could handle the signal
         return "", f"exit code {result.code}: {result.errors[-300:]!r}"
     left = unexpected_files(output, before, whole, partial_allowed=number == signal.SIGKILL)
