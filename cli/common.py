@@ -7,9 +7,11 @@ import signal
 import sys
 import threading
 import time
+from _thread import interrupt_main
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from types import FrameType
 from typing import Any, NoReturn
 
 import click
@@ -158,21 +160,47 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM was received, as from a cluster that needs the machine."""
 
 
-@contextmanager
-def raising_terminated() -> Iterator[None]:
-    """Raise `Terminated` on SIGTERM, so that work in progress ends in an orderly way, as on Ctrl-C."""
+_IMPORT_GRACE = 2.0  # s, after which an interruption does not wait for an import any more
 
-    def stop(number: int, frame: object) -> None:
-        raise Terminated
+
+@contextmanager
+def raising_interruptions() -> Iterator[None]:
+    """Raise `Terminated` on SIGTERM, so that work in progress ends in an orderly way, as on Ctrl-C.
+
+    Both wait for the end of an import: some extension modules crash if an exception is raised while they are loaded.
+    """
+    first: list[float] = []  # time at which the program was first interrupted
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        now = time.monotonic()
+        first.append(now)
+        if _is_importing(frame) and now < first[0] + _IMPORT_GRACE:
+            again = threading.Timer(0.01, interrupt_main, [number])
+            again.daemon = True
+            again.start()
+            return
+        first.clear()
+        raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
 
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, stop)
+    numbers = [signal.SIGTERM]
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # a background job of a shell ignores it
+        numbers.append(signal.SIGINT)
+    before = {number: signal.signal(number, stop) for number in numbers}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    """Whether a module is being loaded."""
+    while frame is not None and frame.f_code.co_filename != "<frozen importlib._bootstrap>":
+        frame = frame.f_back
+    return frame is not None
 
 
 def exit_interrupted(error: KeyboardInterrupt, hint: str = "") -> NoReturn:

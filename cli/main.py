@@ -18,7 +18,8 @@ from sonata2d.core.wording import described, one_line
 from sonata2d.errors import Sonata2dError
 
 from .command import SETTINGS, Group, has_flag
-from .common import EXIT_BUG, examples, exit_despite_threads, exit_interrupted, raising_terminated
+from .common import EXIT_BUG, examples, exit_despite_threads, exit_interrupted, raising_interruptions
+from .start import ended_by_ctrl_c
 
 # section of the overview: name of the command: (module and attribute, description)
 SECTIONS = {
@@ -57,16 +58,11 @@ class Commands(Group):
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Run the program. Tests call `main`, and stay alive."""
         try:
-            return super().__call__(*args, **kwargs)
+            with ended_by_ctrl_c():  # until `invoke`
+                return super().__call__(*args, **kwargs)
         except BaseException as error:  # SystemExit, or an error of a closed or full stream
             exit_despite_threads(error.code if isinstance(error, SystemExit) else 1)
             raise
-
-    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        try:
-            return super().make_context(*args, **kwargs)
-        except KeyboardInterrupt as error:  # while options of the program are parsed
-            exit_interrupted(error)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -89,7 +85,7 @@ class Commands(Group):
             if isinstance(stream, TextIOWrapper):  # names of files may hold bytes that are no text
                 stream.reconfigure(errors="backslashreplace")
         try:
-            with raising_terminated(), exits_raised():
+            with raising_interruptions(), exits_raised():
                 return super().invoke(ctx)
         except BrokenPipeError:  # the reader of a pipe has ended, as in `sonata2d describe out | head`
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -311,3 +311,16 @@ def test_a_data_set_is_generated_by_one_program_at_a_time(sonata2d: Run, here: P
         process.communicate(timeout=100)
     assert verify(here / "out") == []
     assert not [path for path in (here / "out").iterdir() if path.name.startswith(".")]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+@pytest.mark.parametrize(("number", "word"), [("SIGINT", "interrupted"), ("SIGTERM", "terminated")])
+def test_a_signal_waits_for_the_end_of_an_import(here: Path, number: str, word: str) -> None:
+    stop = f"os.kill(os.getpid(), signal.{number})\nopen('loaded', 'w').close()"
+    (here / "fatal.py").write_text(FATAL.format(at_import=stop, in_act="pass"))
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 2000 --workers 1"
+    with started(line) as process:
+        _, output = process.communicate(timeout=100)
+    assert process.returncode == 128 + getattr(signal, number)
+    assert one_line(output).startswith(word)
+    assert (here / "loaded").exists()
