@@ -296,6 +296,7 @@ def test_episodes_that_a_controller_removes_are_counted_and_can_be_generated_aga
     line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 1"
     output = one_line(sonata2d(line, code=1).output)
     assert "2 of 6 episodes in out were removed while it was generated; continue with the same command and" in output
+    assert len(json.loads((here / "out/manifest.json").read_bytes())["files"]) == 4
     sonata2d(f"{line} --resume")
     assert verify(here / "out") == []
 
