@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
@@ -169,17 +170,18 @@ def raising_interruptions() -> Iterator[None]:
 
     Both wait for the end of an import: some extension modules crash if an exception is raised while they are loaded.
     """
-    first: list[float] = []  # time at which the program was first interrupted
+    deadline = math.inf
 
     def stop(number: int, frame: FrameType | None) -> None:
+        nonlocal deadline
         now = time.monotonic()
-        first.append(now)
-        if _is_importing(frame) and now < first[0] + _IMPORT_GRACE:
+        deadline = min(deadline, now + _IMPORT_GRACE)
+        if _is_importing(frame) and now < deadline:
             again = threading.Timer(0.01, interrupt_main, [number])
             again.daemon = True
             again.start()
             return
-        first.clear()
+        deadline = math.inf
         raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
 
     if threading.current_thread() is not threading.main_thread():

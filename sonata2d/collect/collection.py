@@ -13,6 +13,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from ..core.geometry import PRECISION
+from ..core.locking import acquired_lock
 from ..core.whole_file import sync_folder
 from ..core.wording import shown
 from ..datasets.card import write_manifest_and_card
@@ -249,16 +250,8 @@ def _require_collection_folder(folder: Path) -> None:
 
 
 def _lock(path: Path, contributor: str) -> FileLock:
-    """An acquired lock, which the operating system releases when the program ends, even after a crash."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(path, timeout=0)
-        lock.acquire()
-    except Timeout:
-        raise RecordError(f"another window of {contributor} uses {path.parent.parent}; close it first") from None
-    except OSError as error:
-        raise RecordError(f"{path.parent} cannot be written: {error.strerror or error}") from error
-    return lock
+    """The acquired lock of a contributor's runs."""
+    return acquired_lock(path, f"another window of {contributor} uses {path.parent.parent}; close it first")
 
 
 def _read_rows(folder: Path, known: dict[str, JsonDict]) -> Iterator[JsonDict]:

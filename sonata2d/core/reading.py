@@ -1,4 +1,4 @@
-"""Reading of files whose size is not trusted."""
+"""Reads files of any size within limits."""
 
 from __future__ import annotations
 

@@ -7,8 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
-
+from ..core.locking import acquired_lock
 from ..core.whole_file import TEMPORARY_PREFIX
 from ..core.wording import shown
 from ..errors import RecordError
@@ -89,20 +88,13 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
 def sole_writer(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder, which is created: two programs that generate one data set would lose episodes.
 
-    The operating system releases the lock when the program ends, even after a crash.
-
     Raises:
         RecordError: another program holds the lock, or the folder cannot be written.
     """
     _require_no_file(folder)
-    lock = FileLock(folder / LOCK, timeout=0)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock.acquire()
-    except Timeout:
-        raise RecordError(f"another program is generating {folder}; wait for it, or choose another folder") from None
-    except OSError as error:
-        raise RecordError(f"{folder} cannot be written: {error.strerror or error}") from error
+    lock = acquired_lock(
+        folder / LOCK, f"another program is generating {folder}; wait for it, or choose another folder"
+    )
     try:
         yield
     finally:

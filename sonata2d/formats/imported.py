@@ -127,7 +127,7 @@ def polygon_of(walls: Array) -> Array | None:
 
 
 def _cell(point: tuple[float, ...]) -> tuple[int, int]:
-    """The square of a grid, whose cells are as large as the tolerance, in which a point lies."""
+    """The cell of a grid in which a point lies; cells are as large as the tolerance."""
     return math.floor(point[0] / _CORNER_TOLERANCE), math.floor(point[1] / _CORNER_TOLERANCE)
 
 
