@@ -1,6 +1,7 @@
 """Versions of the package, of the physics and of the file format."""
 
-__version__ = "0.2.0"
-PHYSICS_VERSION = 2  # increases whenever the same seed, settings and commands give other frames
+__version__ = "0.3.0"
+PHYSICS_VERSION = 3  # increases whenever the same seed, settings and commands give other frames
+LAST_RELEASE = {2: "0.2.0"}  # the last release with each earlier physics version, which can replay its files
 FORMAT = "sonata2d-episode"
 FORMAT_VERSION = 1

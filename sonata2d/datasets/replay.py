@@ -26,7 +26,7 @@ from ..registry import CONTROLLERS
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, TickInput, controller_info_of, renderer_for
-from ..version import PHYSICS_VERSION
+from ..version import LAST_RELEASE, PHYSICS_VERSION
 from .check import Problem
 from .mirror import mirrored
 
@@ -48,18 +48,30 @@ def branch(path: str | Path, tick: int, controller: Controller, *, observers: It
         observers: receive the frames of the branch from tick 0.
 
     Raises:
-        RecordError: the file cannot be read, or is a mirror image, which cannot be run.
+        RecordError: the file cannot be read, is of another physics version, or is a mirror image, which cannot be run.
         ValueError: the recording has fewer ticks.
     """
     record = read_episode(path)
     if record.document.get("mirrored_from"):
         # The random choices of pedestrians follow the seed, so a mirror image would diverge at the first choice.
         raise RecordError(f"{path} is a mirror image, which cannot be run; branch its original and mirror the branch")
+    if refusal := other_physics(record):
+        raise RecordError(f"{path} is {refusal}")
     past = recorded_inputs(record)
     if not 0 <= tick <= len(past):
         raise ValueError(f"tick must be 0..{len(past)}, the ticks in {path}, got {tick}")
     renderer = renderer_for(controller)
     return Episode(record.scene(), controller, observers=observers, past=past[:tick], renderer=renderer).replay_past()
+
+
+def other_physics(record: EpisodeRecord) -> str:
+    """Why an episode cannot be run again, if another version of the physics made it; else empty."""
+    physics = record.document["physics"]
+    if physics == PHYSICS_VERSION:
+        return ""
+    last = LAST_RELEASE.get(physics)
+    remedy = f"; sonata2d {last} is the last release that can" if last else ""
+    return f"of physics version {physics}, which this sonata2d (physics version {PHYSICS_VERSION}) cannot run{remedy}"
 
 
 def recorded_inputs(record: EpisodeRecord) -> list[TickInput]:
@@ -136,10 +148,8 @@ def check_replay(path: Path, *, record: EpisodeRecord | None = None) -> list[Pro
     record, problems = _original(read_episode(path) if record is None else record)
     if record.document.get("imported"):
         return [Problem(path.name, "replay", "imported: there is no simulation to replay")]
-    physics = record.document["physics"]
-    if physics != PHYSICS_VERSION:
-        message = f"made by physics version {physics}, this sonata2d has {PHYSICS_VERSION}; it cannot be replayed"
-        return [Problem(path.name, "physics", message)]
+    if refusal := other_physics(record):
+        return [Problem(path.name, "physics", refusal)]
     problems += _check_scene(path, record)
     try:
         replayed = replay_document(record)
@@ -161,6 +171,8 @@ def check_rerun(path: Path, name: str | None = None, *, record: EpisodeRecord | 
     """
     stored = read_episode(path) if record is None else record
     record, _ = _original(stored)
+    if refusal := other_physics(record):
+        return [Problem(path.name, "physics", refusal)]
     if record is not stored and stored.document["mirrored_from"]["labels"]:
         message = "its labels were mirrored by an unknown function; mirror it back (--labels twist) and check that"
         return [Problem(path.name, "rerun", message)]

@@ -15,6 +15,7 @@ from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets.replay import branch, check_replay, check_rerun
 from sonata2d.datasets.verification import verify
+from sonata2d.errors import RecordError
 from sonata2d.record.reader import read_episode
 from sonata2d.sim.episode import controller_info_of
 from sonata2d.version import PHYSICS_VERSION
@@ -145,6 +146,9 @@ def test_a_file_of_another_physics_version_is_not_replayed(tmp_path: Path, busy:
     path.write_text(path.read_text().replace(f'"physics":{PHYSICS_VERSION}', '"physics":99'))
     (problem,) = check_replay(path)
     assert "physics version 99" in problem.message
+    assert check_rerun(path) == [problem]
+    with pytest.raises(RecordError, match="physics version 99"):
+        branch(path, 0, s2.StraightToGoal())
 
 
 def test_a_branch_from_a_file_equals_a_branch_from_the_episode(tmp_path: Path, busy: Scene) -> None:
