@@ -8,11 +8,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import hypothesis
+import numpy as np
 import pytest
 
 from sonata2d.core import compiled
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
 from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
+from sonata2d.core.portable_math import Array, IntArray
 from sonata2d.core.scene import Rules, Scene
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
@@ -74,6 +76,17 @@ def room(
 def walker(number: int, x: float, y: float, theta: float = 0.0, **fields: object) -> Human:
     """A wandering pedestrian with the id `number`; `fields` replace its other fields."""
     return replace(Human(number, Pose(x, y, theta), 0.2, behaviour="wandering"), **fields)  # type: ignore[arg-type]
+
+
+def neighbour_lists(attention: Array) -> dict[str, Array | IntArray]:
+    """Fields of `Walkers` for agents that are all neighbours of each other, with the given attention, (M, M)."""
+    count = len(attention)
+    others = ~np.eye(count, dtype=bool)
+    return {
+        "neighbour_start": np.arange(count + 1) * (count - 1),
+        "neighbour": np.flatnonzero(others) % max(count, 1),
+        "attention": attention[others],
+    }
 
 
 @pytest.fixture

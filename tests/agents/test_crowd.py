@@ -14,6 +14,7 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.pedestrians.crowd import Crowd
+from sonata2d.agents.pedestrians.models.base import attention_to
 from sonata2d.agents.pedestrians.wayfinding import point_ahead
 from sonata2d.core.entities import AT_LAPTOP, TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction, Wall
 from sonata2d.core.geometry import Pose, Rectangle, Twist
@@ -190,11 +191,13 @@ def views(scene: Scene) -> tuple[Array, BoolArray]:
     """Who attends to whom, (N, N), and who has the robot in sight, (N,), at the start."""
     crowd = Crowd(scene)
     crowd.act(World(scene).snapshot())
-    return crowd._walkers.attention, crowd._plan.robot_in_sight
+    count = len(scene.humans)
+    attention = [[attention_to(crowd._walkers, i, j) for j in range(count)] for i in range(count)]
+    return np.array(attention), crowd._plan.robot_in_sight
 
 
 def test_walls_block_the_line_of_sight() -> None:
-    position = [(-3.0, 3.0), (3.0, -0.5), (-3.0, -1.0), (-3.0, -3.0)]
+    position = [(-3.0, 3.0), (0.8, -0.5), (-3.0, -1.0), (-3.0, -3.0)]
     scene = room(
         [walker(k + 1, x, y) for k, (x, y) in enumerate(position)],
         polygon=L_SHAPE,
@@ -210,7 +213,7 @@ def test_walls_block_the_line_of_sight() -> None:
 
 
 def test_the_walls_of_a_square_room_block_no_view() -> None:
-    attention, robot_in_sight = views(room([walker(1, -3.0, -3.0), walker(2, 3.0, 3.0)]))
+    attention, robot_in_sight = views(room([walker(1, -3.9, -1.0), walker(2, 1.0, -1.0)]))
     assert attention.tolist() == [[0.0, 1.0], [1.0, 0.0]]
     assert robot_in_sight.all()
 

@@ -13,6 +13,8 @@ from sonata2d.agents.pedestrians.models.moussaid2009 import excess_radius_of, in
 from sonata2d.core.geometry import Barriers
 from sonata2d.core.portable_math import Array
 
+from ..conftest import neighbour_lists
+
 WALL = Barriers.of([((-5.0, 0.0), (5.0, 0.0), 0.0)]).table
 EAST, WEST = (1.0, 0.0), (-1.0, 0.0)
 MOUSSAID, HELBING = moussaid2009.PARAMETERS, helbing2000.PARAMETERS
@@ -23,8 +25,7 @@ def agents(
 ) -> Walkers:
     """Agents that head and face east and attend to each other; the first ones are a group."""
     count = len(position)
-    east, member = np.tile([EAST], (count, 1)), np.zeros((count, count))
-    member[:group, :group] = 1.0 - np.eye(group)
+    east = np.tile([EAST], (count, 1))
     return Walkers(
         position=np.array(position),
         velocity=np.zeros((count, 2)) if velocity is None else np.array(velocity),
@@ -33,8 +34,8 @@ def agents(
         desired_speed=np.full(count, 1.3),
         radius=np.full(count, radius),
         walks=np.ones(count, dtype=bool),
-        attention=1.0 - np.eye(count),
-        member=member,
+        **neighbour_lists(1.0 - np.eye(count)),
+        group=np.where(np.arange(count) < group, 0, -1),
         bond=np.ones(count),
     )
 

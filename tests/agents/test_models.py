@@ -20,7 +20,7 @@ from sonata2d.core.scene import Rules, Scene
 from sonata2d.registry import PEDESTRIAN_MODELS
 from sonata2d.sim.episode import Episode
 
-from ..conftest import room, walker
+from ..conftest import neighbour_lists, room, walker
 from .test_crowd import head_on_scene, positions, simulate
 
 MODELS = list(PEDESTRIAN_MODELS.built_in)
@@ -35,8 +35,6 @@ def random_walkers(seed: int = 0) -> Walkers:
     angle, turn = rng.uniform(-3.0, 3.0, (2, COUNT))
     direction = np.stack((np.cos(angle), np.sin(angle)), axis=1)
     direction[-1] = 0.0
-    member = np.zeros((COUNT, COUNT))
-    member[0, 1] = member[1, 0] = 1.0
     return Walkers(
         position=rng.uniform(-2.0, 2.0, (COUNT, 2)),
         velocity=rng.uniform(-1.0, 1.0, (COUNT, 2)),
@@ -45,10 +43,15 @@ def random_walkers(seed: int = 0) -> Walkers:
         desired_speed=np.array([1.3] * (COUNT - 1) + [0.0]),
         radius=np.array([0.2] * (COUNT - 1) + [0.3]),
         walks=np.arange(COUNT) < COUNT - 1,
-        attention=1.0 - np.eye(COUNT),
-        member=member,
+        **neighbour_lists(1.0 - np.eye(COUNT)),
+        group=np.array([0, 0] + [-1] * (COUNT - 2)),
         bond=np.full(COUNT, 0.5),
     )
+
+
+def with_attention(walkers: Walkers, attention: Array) -> Walkers:
+    """The walkers with another attention, (M, M), to the same neighbours."""
+    return walkers._replace(attention=attention[~np.eye(len(attention), dtype=bool)])
 
 
 def accelerations(model: str, walkers: Walkers, *, side: int = 1, walls: bool = True) -> Array:
@@ -66,8 +69,11 @@ def transformed(walkers: Walkers, matrix: Array) -> Walkers:
 
 def selected(walkers: Walkers, rows: list[int]) -> Walkers:
     """Some of the agents, without the others."""
-    pairs = {name: getattr(walkers, name)[np.ix_(rows, rows)] for name in ("attention", "member")}
-    return Walkers(**{name: pairs.get(name, array[rows]) for name, array in walkers._asdict().items()})
+    count = len(walkers.position)
+    attention = np.zeros((count, count))
+    attention[~np.eye(count, dtype=bool)] = walkers.attention
+    lists = neighbour_lists(attention[np.ix_(rows, rows)])
+    return Walkers(**{name: lists[name] if name in lists else array[rows] for name, array in walkers._asdict().items()})
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -90,12 +96,12 @@ def test_forces_mirror_with_the_walkers_and_the_side(model: str) -> None:
 @pytest.mark.parametrize("model", MODELS)
 def test_walkers_without_attention_for_another_one_are_not_affected_by_it(model: str) -> None:
     walkers = random_walkers()
-    attention = walkers.attention.copy()
+    attention = np.ones((COUNT, COUNT))
     attention[:, 2] = 0.0
     moved = walkers.position.copy()
     moved[2] = walkers.position[0] + 0.1
     before, after = (
-        accelerations(model, walkers._replace(attention=attention, position=position))
+        accelerations(model, with_attention(walkers, attention)._replace(position=position))
         for position in (walkers.position, moved)
     )
     others = [k for k in range(COUNT - 1) if k != 2]
@@ -106,13 +112,12 @@ def test_walkers_without_attention_for_another_one_are_not_affected_by_it(model:
 @pytest.mark.parametrize("model", MODELS)
 def test_attention_is_ego_first(model: str) -> None:
     """Two pedestrians approach each other, and only the first attends to the second."""
-    position, attention = np.array([[0.0, 0.0], [1.2, 0.1]]), np.zeros((2, 2))
-    direction, walks, none = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.ones(2, dtype=bool), np.zeros((0, 0))
-    speed, radius = np.array([1.3, 1.3]), np.array([0.2, 0.2])
-    walkers = Walkers(position, direction, direction, direction, speed, radius, walks, attention, none, np.ones(2))
-    alone = accelerations(model, walkers)
-    attention[0, 1] = 1.0
-    attending = accelerations(model, walkers)
+    position, direction = np.array([[0.0, 0.0], [1.2, 0.1]]), np.array([[1.0, 0.0], [-1.0, 0.0]])
+    pair = selected(random_walkers(), [0, 1])._replace(
+        position=position, velocity=direction, desired_direction=direction, group=np.full(2, -1)
+    )
+    alone = accelerations(model, with_attention(pair, np.zeros((2, 2))))
+    attending = accelerations(model, with_attention(pair, np.array([[0.0, 1.0], [0.0, 0.0]])))
     assert not np.allclose(attending[0], alone[0])
     assert np.array_equal(attending[1], alone[1])
 
@@ -130,10 +135,9 @@ def test_agents_that_do_not_walk_are_skipped(model: str) -> None:
 @pytest.mark.parametrize("model", MODELS)
 def test_a_scene_may_have_one_agent_or_none(model: str) -> None:
     walkers = random_walkers()
-    unaware = walkers._replace(attention=np.zeros((COUNT, COUNT)), member=np.zeros((COUNT, COUNT)))
-    alone = accelerations(model, selected(unaware, [4]))
+    unaware = with_attention(walkers, np.zeros((COUNT, COUNT)))
+    alone = accelerations(model, selected(walkers, [4]))
     assert np.array_equal(alone[0], accelerations(model, unaware)[4])
-    assert np.array_equal(alone, accelerations(model, selected(unaware, [4])._replace(member=np.zeros((0, 0)))))
     assert accelerations(model, selected(walkers, [])).shape == (0, 2)
 
 
@@ -141,9 +145,9 @@ def test_a_scene_may_have_one_agent_or_none(model: str) -> None:
 def test_an_agent_to_which_no_other_attends_may_be_left_out(model: str) -> None:
     """So `Crowd` leaves the robot out."""
     walkers = random_walkers()
-    attention = walkers.attention.copy()
+    attention = np.ones((COUNT, COUNT))
     attention[:, -1] = 0.0
-    unseen = walkers._replace(attention=attention)
+    unseen = with_attention(walkers, attention)
     assert np.array_equal(accelerations(model, unseen), accelerations(model, selected(unseen, list(range(COUNT - 1)))))
 
 
@@ -188,7 +192,7 @@ def test_helbing1995_walls_by_hand() -> None:
     position = walkers.position.copy()
     position[0] = (0.0, -3.5)
     still = {"velocity": np.zeros((COUNT, 2)), "desired_direction": np.zeros((COUNT, 2))}
-    walkers = walkers._replace(position=position, attention=np.zeros((COUNT, COUNT)), **still)
+    walkers = with_attention(walkers, np.zeros((COUNT, COUNT)))._replace(position=position, **still)
     by_hand = 10.0 / 0.2 * (math.exp(-0.5 / 0.2) - math.exp(-7.5 / 0.2))
     assert accelerations("helbing1995", walkers)[0] == pytest.approx((0.0, by_hand), abs=1e-5)
 

@@ -34,7 +34,7 @@ from sonata2d.core.geometry import Pose
 from sonata2d.core.portable_math import Array
 from sonata2d.core.scene import Rules, Scene
 
-from ..conftest import room
+from ..conftest import neighbour_lists, room
 from .test_crowd import positions, rotated, simulate, two_rooms
 
 STEERING = PARAMETERS._replace(
@@ -190,11 +190,12 @@ def test_pedestrians_start_at_once_and_follow_smoothly() -> None:
 
 def test_group_members_behind_accelerate_as_much_as_members_ahead_slow_down() -> None:
     parameters = PARAMETERS._replace(cohesion=0.2, spacing=0.9, abreast=0.1)
-    east, none, pair = np.tile([1.0, 0.0], (2, 1)), np.zeros((2, 2)), 1.0 - np.eye(2)
+    east, none, lists = np.tile([1.0, 0.0], (2, 1)), np.zeros((2, 2)), neighbour_lists(1.0 - np.eye(2))
 
     def cohesion(x: float, y: float, i: int) -> tuple[float, float]:
         position, ones = np.array([[0.0, 0.0], [x, y]]), np.ones(2)
-        walkers = Walkers(position, none, east, east, ones, ones, ones > 0.0, pair, pair, ones)
+        group = np.zeros(2, dtype=np.int64)
+        walkers = Walkers(position, none, east, east, ones, ones, ones > 0.0, **lists, group=group, bond=ones)
         return group_cohesion_acceleration(walkers, i, parameters)
 
     assert cohesion(0.6, 0.5, 0) == pytest.approx((0.06, 0.0))

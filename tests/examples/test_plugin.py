@@ -80,16 +80,20 @@ class Circular:
         self.barriers = scene.barriers
 
     def acceleration(self, w):
-        x, y = (w.position[None, :, k] - w.position[:, None, k] for k in (0, 1))  # from row j to column i
-        distance = np.maximum(np.sqrt(x * x + y * y), 1e-6)
-        gap = np.maximum(distance - (w.radius[:, None] + w.radius), 0.0)
-        push = np.ascontiguousarray(w.attention.T) * (3.0 * exp(-gap / 0.3) / distance)
+        i = np.repeat(np.arange(len(w.position)), np.diff(w.neighbour_start))
+        j, attention = w.neighbour[: len(i)], w.attention[: len(i)]
+        offset = w.position[i] - w.position[j]
+        distance = np.maximum(np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1]), 1e-6)
+        gap = np.maximum(distance - (w.radius[i] + w.radius[j]), 0.0)
+        push = 3.0 * exp(-gap / 0.3) / distance
+        others = np.zeros_like(w.position)
+        np.add.at(others, i, attention[:, None] * (push[:, None] * offset))  # one by one, in ascending order
         drive = (w.desired_direction * w.desired_speed[:, None] - w.velocity) / 0.5
         wall_x, wall_y = self.barriers.towards(w.position)
         distance = np.maximum(np.sqrt(wall_x * wall_x + wall_y * wall_y), 1e-6)
         gap = np.maximum(distance - self.barriers.radius[:, None] - w.radius, 0.0)
         wall = exp(gap * (-1.0 / 0.1)) * -3.0 / distance
-        return total(push, x, y) + drive + total(wall, wall_x, wall_y)
+        return others + drive + total(wall, wall_x, wall_y)
 """
 
 

@@ -15,6 +15,7 @@ from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...registry import PEDESTRIAN_MODELS
 from ..pedestrians.models.base import Walkers, checked_acceleration, evaluations_per_tick, pedestrian_model
+from ..pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE
 from .base import Controller
 
 REPLANNING_INTERVAL = 5  # ticks
@@ -114,10 +115,15 @@ class SocialForce(Controller):
         walkers.velocity[:-1], walkers.velocity[-1] = humans.velocity, robot.velocity
         walkers.body_direction[:-1], walkers.body_direction[-1] = humans.direction, robot.direction
         walkers.radius[:-1], walkers.desired_direction[-1] = humans.radius, direction
+        offset = walkers.position[:-1] - walkers.position[-1]
+        distance = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
+        near = np.flatnonzero(distance < INTERACTION_RANGE)
+        walkers.neighbour_start[-1], walkers.neighbour[: len(near)] = len(near), near
+        walkers.attention[: len(near)] = np.minimum((INTERACTION_RANGE - distance[near]) / FADING_DISTANCE, 1.0)
 
 
 def _robot_among(count: int, radius: float, speed: float) -> Walkers:
-    """The model's input for a robot, the last row, that walks among humans and attends to all of them.
+    """The model's input for a robot, the last row, that walks among humans and attends to those within the range.
 
     Args:
         count: number of humans.
@@ -125,8 +131,6 @@ def _robot_among(count: int, radius: float, speed: float) -> Walkers:
         speed: desired speed of the robot, m/s.
     """
     vectors, is_robot = np.zeros((4, count + 1, 2)), np.arange(count + 1) == count
-    attention = np.zeros((count + 1, count + 1))
-    attention[-1, :-1] = 1.0
     return Walkers(
         position=vectors[0],
         velocity=vectors[1],
@@ -135,8 +139,10 @@ def _robot_among(count: int, radius: float, speed: float) -> Walkers:
         desired_speed=np.where(is_robot, speed, 0.0),
         radius=np.full(count + 1, float(radius)),
         walks=is_robot,
-        attention=attention,
-        member=np.zeros((0, 0)),
+        neighbour_start=np.zeros(count + 2, dtype=np.int64),
+        neighbour=np.zeros(count, dtype=np.int64),
+        attention=np.zeros(count),
+        group=np.full(count + 1, -1),
         bond=np.ones(count + 1),
     )
 

@@ -13,8 +13,8 @@ from ...core.entities import DEFAULT_MODEL
 from ...core.geometry import Barriers, Point
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.packing import Bools, Floats, Floats2, Packed, unpack
-from ...core.portable_math import Array, BoolArray
-from ...core.scalar import crosses, unit_or
+from ...core.portable_math import Array, BoolArray, IntArray
+from ...core.scalar import unit_or
 from ...core.scene import Scene
 from ...core.snapshot import CrowdCommands, Snapshot
 from ...registry import PEDESTRIAN_MODELS
@@ -25,6 +25,7 @@ from .models.base import (
     pedestrian_model,
     standing_acceleration,
 )
+from .neighbours import find_neighbours, is_hidden
 from .orientation import (
     HEAD_LEAD_TIME,
     MINIMUM_HEAD_LEAD,
@@ -121,8 +122,9 @@ class People(NamedTuple):
 class Crowd:
     """All pedestrians of a scene: one pedestrian model, wayfinding, social behaviour, reactions and orientation.
 
-    A tick is three calls of compiled code: `plan` (targets, reactions to the robot, orientation), the pedestrian model,
-    and `total_acceleration`. Where `plan` comes upon a decision, it returns to ordinary Python, and is called again.
+    A tick is four calls of compiled code: `observe` (neighbours), `plan` (targets, reactions to the robot,
+    orientation), the pedestrian model, and `total_acceleration`. Where `plan` comes upon a decision, it returns to
+    ordinary Python, and is called again.
 
     Args:
         scene: the pedestrians and their initial states; its seed determines where they wander.
@@ -157,7 +159,6 @@ class Crowd:
             acceleration=np.zeros((count, 2)),
         )
         self._walkers = _walkers(scene)
-        self._member = self._walkers.member  # among all pedestrians, present or not
         self._is_present, self._all_present = np.ones(count, dtype=bool), True
         self._evaluations = min(evaluations_per_tick(self._model.evaluations, self._dt), scene.rules.substeps)
         self._interval = self._dt / self._evaluations
@@ -175,7 +176,8 @@ class Crowd:
         if len(humans) != len(self._is_present):
             raise ValueError(f"a crowd of {len(self._is_present)} got a snapshot of {len(humans)} pedestrians")
         self._set_presence(state.is_present)
-        self._social_dynamics.update(tick, humans[:, X : Y + 1])
+        self._find_neighbours(humans)
+        self._social_dynamics.update(tick, humans[:, X : Y + 1], self._walkers)
         wayfinding.begin_tick(tick, humans, self._is_present)
         if self._surroundings.obstacles is not wayfinding.space.barriers.table:
             self._surroundings = self._look_around()
@@ -191,6 +193,17 @@ class Crowd:
             evaluations=self._evaluations,
             leaving=wayfinding.leaving,
         )
+
+    def _find_neighbours(self, humans: Array) -> None:
+        """Fill the neighbour lists; make them longer if necessary."""
+        while True:
+            self._repack()
+            total = observe(self._people.argument, humans, self._is_present)
+            if total <= len(self._walkers.neighbour):
+                return
+            self._walkers = self._walkers._replace(
+                neighbour=np.zeros(2 * total, dtype=np.int64), attention=np.zeros(2 * total)
+            )
 
     def _run_plan(self, tick: int, robot: Array, humans: Array) -> None:
         """Run `plan` to its end; make the decisions that it asks for."""
@@ -236,9 +249,6 @@ class Crowd:
         present = np.ones_like(self._is_present) if is_present is None else is_present
         if (present != self._is_present).any():
             self._is_present = present.copy()
-            if self._member.size:
-                pairs = present[:, None] & present[None, :]
-                self._walkers = self._walkers._replace(member=np.where(pairs, self._member, 0.0))
         self._social.set_presence(is_present)
 
     def _repack(self) -> None:
@@ -275,6 +285,27 @@ class Crowd:
             self._side,
             self._dt,
         )
+
+
+@kernel
+def observe(packed_people: Any, humans: Array, is_present: BoolArray) -> int:
+    """Find the neighbours of all pedestrians at the beginning of a tick.
+
+    Args:
+        packed_people: packed `People`; the state and the neighbour lists of `walkers` are filled.
+        humans: columns of `core.humans`, one row for each pedestrian of the scene.
+        is_present: (N,), pedestrians that are in the room.
+
+    Returns:
+        Number of neighbours, see `find_neighbours`.
+    """
+    people = unpack(packed_people, People)
+    walkers = people.walkers
+    for k in range(len(humans)):
+        walkers.position[k, 0], walkers.position[k, 1] = humans[k, X], humans[k, Y]
+        walkers.velocity[k, 0], walkers.velocity[k, 1] = humans[k, VX], humans[k, VY]
+        walkers.body_direction[k, 0], walkers.body_direction[k, 1] = humans[k, BODY_X], humans[k, BODY_Y]
+    return find_neighbours(walkers, is_present, people.surroundings.view_blocks)
 
 
 @kernel
@@ -316,8 +347,11 @@ def plan(
             return _NEEDS_PATHS, 0
     if step <= _TARGET:
         set_targets(routes, humans, is_present)
-        _fill_walkers(walkers, routes, social, result, humans, is_present)
-        _find_visible(walkers, result, robot, humans, is_present, around.view_blocks)
+        _set_desires(walkers, routes, social, result, humans, is_present)
+        for k in range(len(humans)):
+            result.robot_in_sight[k] = is_present[k] and not is_hidden(
+                humans[k, X], humans[k, Y], robot[X], robot[Y], around.view_blocks
+            )
         _react(walkers, social, reactions, result, robot, humans, is_present, around)
     for k in range(len(humans)):
         if not has_draws(glances, k) and (social.partner_count[k] > 0 or reactions.notices[k]):
@@ -327,15 +361,12 @@ def plan(
 
 
 @subroutine
-def _fill_walkers(
+def _set_desires(
     walkers: Walkers, routes: Routes, social: SocialArrays, result: Plan, humans: Array, is_present: BoolArray
 ) -> None:
-    """Fill the input of the model, as far as it does not depend on the robot."""
+    """Set where the pedestrians want to walk, as far as it does not depend on the robot."""
     for k in range(len(humans)):
         walkers.walks[k] = social.is_walking[k] and is_present[k]
-        walkers.position[k, 0], walkers.position[k, 1] = humans[k, X], humans[k, Y]
-        walkers.velocity[k, 0], walkers.velocity[k, 1] = humans[k, VX], humans[k, VY]
-        walkers.body_direction[k, 0], walkers.body_direction[k, 1] = humans[k, BODY_X], humans[k, BODY_Y]
         dx, dy = routes.target[k, 0] - humans[k, X], routes.target[k, 1] - humans[k, Y]
         ux, uy = 0.0, 0.0
         if social.is_walking[k]:
@@ -345,31 +376,6 @@ def _fill_walkers(
         if routes.is_final[k]:
             speed = min(speed, math.sqrt(dx * dx + dy * dy) / ARRIVAL_TIME)
         walkers.desired_speed[k] = speed
-
-
-@subroutine
-def _find_visible(
-    walkers: Walkers, result: Plan, robot: Array, humans: Array, is_present: BoolArray, view_blocks: Array
-) -> None:
-    """Find which pedestrians see each other and the robot: social forces do not act through walls."""
-    count = len(humans)
-    for i in range(count):
-        x, y = humans[i, X], humans[i, Y]
-        result.robot_in_sight[i] = is_present[i] and not _is_hidden(x, y, robot[X], robot[Y], view_blocks)
-        walkers.attention[i, i] = 0.0
-        for j in range(i + 1, count):
-            attention = 1.0
-            if not (is_present[i] and is_present[j]) or _is_hidden(x, y, humans[j, X], humans[j, Y], view_blocks):
-                attention = 0.0
-            walkers.attention[i, j] = walkers.attention[j, i] = attention
-
-
-@subroutine
-def _is_hidden(x: float, y: float, other_x: float, other_y: float, view_blocks: Array) -> bool:
-    for b in range(len(view_blocks)):
-        if crosses(view_blocks, b, x, y, other_x, other_y):
-            return True
-    return False
 
 
 @subroutine
@@ -468,8 +474,10 @@ def _walkers(scene: Scene) -> Walkers:
         desired_speed=np.zeros(count),
         radius=np.array([human.radius for human in scene.humans], dtype=float),
         walks=np.zeros(count, dtype=bool),
-        attention=np.zeros((count, count)),
-        member=_walking_groups(scene),
+        neighbour_start=np.zeros(count + 1, dtype=np.int64),
+        neighbour=np.zeros(0, dtype=np.int64),
+        attention=np.zeros(0),
+        group=_walking_groups(scene),
         bond=np.array([OWN_GOALS_BOND if human.goals else 1.0 for human in scene.humans], dtype=float),
     )
 
@@ -484,17 +492,13 @@ def _group_speeds(scene: Scene) -> Array:
     return np.array([speed[human.id] for human in scene.humans], dtype=float)
 
 
-def _walking_groups(scene: Scene) -> Array:
-    """`Walkers.member` of a scene."""
+def _walking_groups(scene: Scene) -> IntArray:
+    """`Walkers.group` of a scene."""
     index = {human.id: k for k, human in enumerate(scene.humans)}
-    groups = [[index[m] for m in group.members] for group in scene.groups if group.kind == "walking"]
-    if not any(len(rows) > 1 for rows in groups):
-        return np.zeros((0, 0))
-    member = np.zeros((len(index), len(index)))
-    for rows in groups:
-        member[np.ix_(rows, rows)] = 1.0
-    np.fill_diagonal(member, 0.0)
-    return member
+    group = np.full(len(index), -1)
+    for rows in ([index[m] for m in g.members] for g in scene.groups if g.kind == "walking" and len(g.members) > 1):
+        group[rows] = rows[0]
+    return group
 
 
 def _blocking_walls(scene: Scene) -> Iterator[tuple[Point, Point, float]]:

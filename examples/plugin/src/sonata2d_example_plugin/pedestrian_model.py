@@ -51,12 +51,12 @@ def _accelerations(walkers: Walkers, parameters: Circular, barriers: Array, acce
         if not walkers.walks[i]:
             continue
         total_x, total_y = 0.0, 0.0
-        for j in range(len(position)):
-            if walkers.attention[i, j] > 0.0:  # also excludes the agent itself
-                dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
-                x, y = circular_acceleration(dx, dy, radius[i] + radius[j], p)
-                total_x += walkers.attention[i, j] * x
-                total_y += walkers.attention[i, j] * y
+        for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+            j, attention = walkers.neighbour[n], walkers.attention[n]
+            dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+            x, y = circular_acceleration(dx, dy, radius[i] + radius[j], p)
+            total_x += attention * x
+            total_y += attention * y
         direction = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
         drive = desired_acceleration(walkers, i, direction, p.relaxation_time)
         wall = wall_acceleration(

@@ -1,7 +1,7 @@
 """What the pedestrian models share: input, interface, driving force, side bias, and walls.
 
 The models are kernels (`core.compiled`). A kernel computes the acceleration of one agent i after the other and calls a
-subroutine for each term. Forces of other agents j and of barriers are added one by one in the scene's order: the order
+subroutine for each term. Forces of neighbours j and of barriers are added one by one in the scene's order: the order
 of a floating-point sum decides its last bits. Terms of a pair take numbers, and only terms of an agent take `Walkers`:
 compiled code passes every array of a tuple, which would take longer than the term.
 """
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ....core.compiled import subroutine
-from ....core.packing import Bools, Floats, Floats2, Packed, pack
+from ....core.packing import Bools, Floats, Floats2, Ints, Packed, pack
 from ....core.portable_math import Array
 from ....core.scalar import RADIUS, Vector, exp, length, towards
 from ....core.scene import Scene
@@ -23,7 +23,9 @@ from ....registry import PEDESTRIAN_MODELS
 class Walkers(NamedTuple):
     """Input of a pedestrian model: M agents, world frame.
 
-    All arrays are contiguous and writeable: numba compiles a kernel anew for other kinds of arrays.
+    All arrays are contiguous and writeable: numba compiles a kernel anew for other kinds of arrays. The neighbours of
+    agent i are `neighbour[n]` with n from `neighbour_start[i]` to before `neighbour_start[i + 1]`, in ascending order:
+    the agents within the interaction range (`neighbours.INTERACTION_RANGE`) and the members of its walking group.
 
     Attributes:
         position: (M, 2), m.
@@ -34,10 +36,11 @@ class Walkers(NamedTuple):
         radius: (M,), m.
         walks: (M,) of bool, the agents whose accelerations are used. The others are there to be avoided; a model may
             skip their rows.
-        attention: (M, M), how much agent i attends to agent j, in [0, 1]: `attention[i, j]`, ego first. Zero on the
-            diagonal, for absent agents and where a wall blocks the line of sight.
-        member: (M, M), symmetric: 1 where two agents walk in one group, else 0 (0 on the diagonal); (0, 0) if there is
-            no walking group.
+        neighbour_start: (M + 1,) of int, where the neighbours of each agent begin; the last item is their total number.
+        neighbour: (K,) of int, the neighbours of agent 0, of agent 1, and so on; K may exceed the total number.
+        attention: (K,), how much the agent attends to each neighbour, in [0, 1]. Zero where a wall blocks the line of
+            sight and for members of the group beyond the interaction range.
+        group: (M,) of int, the same number for the members of a walking group, less than M; -1 without a group.
         bond: (M,), in [0, 1], how closely each agent keeps to its group: less for members with goals of their own.
     """
 
@@ -48,8 +51,10 @@ class Walkers(NamedTuple):
     desired_speed: Floats
     radius: Floats
     walks: Bools
-    attention: Floats2
-    member: Floats2
+    neighbour_start: Ints
+    neighbour: Ints
+    attention: Floats
+    group: Ints
     bond: Floats
 
 
@@ -262,9 +267,27 @@ def offset_of_group(walkers: Walkers, i: int) -> tuple[float, float, float]:
         The sum of the vectors from agent i to them (x, y), m, and their number.
     """
     x, y, count = 0.0, 0.0, 0.0
-    for j in range(len(walkers.member)):  # (0, 0) if there is no group
-        if walkers.member[i, j] != 0.0:
+    if walkers.group[i] < 0:
+        return x, y, count
+    for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        j = walkers.neighbour[n]
+        if walkers.group[j] == walkers.group[i]:
             x += walkers.position[j, 0] - walkers.position[i, 0]
             y += walkers.position[j, 1] - walkers.position[i, 1]
             count += 1.0
     return x, y, count
+
+
+@subroutine
+def attention_to(walkers: Walkers, i: int, j: int) -> float:
+    """How much agent i attends to agent j, in [0, 1]; 0 if j is not among its neighbours."""
+    low, high = walkers.neighbour_start[i], walkers.neighbour_start[i + 1]
+    while low < high:  # binary search in the ascending list
+        middle = (low + high) // 2
+        if walkers.neighbour[middle] == j:
+            return float(walkers.attention[middle])
+        if walkers.neighbour[middle] < j:
+            low = middle + 1
+        else:
+            high = middle
+    return 0.0

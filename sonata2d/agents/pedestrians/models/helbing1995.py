@@ -102,11 +102,12 @@ def _accelerations(
             continue
         sight_direction = step_direction(walkers, i)
         total_x, total_y = 0.0, 0.0
-        for j in range(len(position)):
-            if walkers.attention[i, j] != 0.0:
+        for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+            if walkers.attention[n] != 0.0:
+                j = walkers.neighbour[n]
                 rx, ry = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
                 x, y = elliptical_acceleration(
-                    rx, ry, step[j, 0], step[j, 1], step[j, 2], sight_direction, walkers.attention[i, j], p
+                    rx, ry, step[j, 0], step[j, 1], step[j, 2], sight_direction, walkers.attention[n], p
                 )
                 total_x += x
                 total_y += y

@@ -67,8 +67,8 @@ def contact_acceleration(walkers: Walkers, i: int, parameters: Helbing2000) -> V
     """
     position, velocity, radius = walkers.position, walkers.velocity, walkers.radius
     total_x, total_y = 0.0, 0.0
-    for j in range(len(position)):
-        weight = walkers.attention[i, j]
+    for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        j, weight = walkers.neighbour[n], walkers.attention[n]
         if weight != 0.0:
             nx, ny = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
             d = length(nx, ny)

@@ -53,8 +53,9 @@ def group_acceleration(walkers: Walkers, i: int, parameters: Moussaid2010) -> Ve
     is_far = distance * others / (others + 1.0) > others / 2.0
     pull = parameters.cohesion if is_far else 0.0
     push_x, push_y = 0.0, 0.0
-    for j in range(len(walkers.member)):
-        if walkers.member[i, j] != 0.0:
+    for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        j = walkers.neighbour[n]
+        if walkers.group[j] == walkers.group[i]:
             dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
             d = length(dx, dy)
             if d < parameters.repulsion_distance:
@@ -151,12 +152,13 @@ def _accelerations(
         if not walkers.walks[i]:
             continue
         total_x, total_y = 0.0, 0.0
-        for j in range(len(position)):
-            if walkers.attention[i, j] != 0.0:
+        for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+            if walkers.attention[n] != 0.0:
+                j = walkers.neighbour[n]
                 dx, dy = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1]
                 ux, uy = velocity[i, 0] - velocity[j, 0], velocity[i, 1] - velocity[j, 1]
                 excess_radius = excess_radius_of(walkers.radius[i], walkers.radius[j])
-                x, y = interaction_acceleration(dx, dy, ux, uy, excess_radius, walkers.attention[i, j], side, p)
+                x, y = interaction_acceleration(dx, dy, ux, uy, excess_radius, walkers.attention[n], side, p)
                 total_x += x
                 total_y += y
         wall = wall_acceleration(

@@ -14,7 +14,7 @@ from ....core.compiled import kernel, subroutine
 from ....core.packing import unpack
 from ....core.portable_math import Array, BoolArray
 from ....core.scalar import RADIUS, Vector, clipped, length, towards
-from .base import KernelModel, Walkers, biased_direction
+from .base import KernelModel, Walkers, attention_to, biased_direction
 
 HalfPlane = tuple[float, float, float]  # a, b, c of a x + b y >= c, m/s
 
@@ -255,8 +255,7 @@ def _half_planes(
     Returns:
         The number of half-planes of walls and furniture, and of all.
     """
-    p, attention = parameters, walkers.attention
-    position, velocity, radius = walkers.position, walkers.velocity, walkers.radius
+    p, position, velocity, radius = parameters, walkers.position, walkers.velocity, walkers.radius
     maximum_speed = p.maximum_speed_ratio * walkers.desired_speed[i]
     x, y, own_velocity = position[i, 0], position[i, 1], (velocity[i, 0], velocity[i, 1])
     hard = 0
@@ -266,9 +265,10 @@ def _half_planes(
             planes[hard, 0], planes[hard, 1], planes[hard, 2] = plane
             hard += 1
     count = hard
-    for j in range(len(position)):
-        if attention[i, j] > 0.0:
-            evasion = (0.5 if evades[j] and attention[j, i] > 0.0 else 1.0) * attention[i, j]
+    for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        j, attention = walkers.neighbour[n], walkers.attention[n]
+        if attention > 0.0:
+            evasion = (0.5 if evades[j] and attention_to(walkers, j, i) > 0.0 else 1.0) * attention
             plane = reciprocal_half_plane(
                 position[j, 0] - x, position[j, 1] - y, own_velocity, (velocity[j, 0], velocity[j, 1]),
                 radius[j] + radius[i], evasion, p.horizon, dt,

@@ -338,7 +338,7 @@ def _accelerations(
     """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Sonata2026)
     p, position, velocity, radius = parameters, walkers.position, walkers.velocity, walkers.radius
-    direction, desired_speed, has_groups = walkers.desired_direction, walkers.desired_speed, len(walkers.member) > 0
+    direction, desired_speed, group = walkers.desired_direction, walkers.desired_speed, walkers.group
     path, value, pace = np.empty((len(position), 7)), np.empty(len(ANGLES)), np.empty(len(position))
     for i in range(len(position)):
         pace[i] = length(velocity[i, 0], velocity[i, 1])
@@ -352,10 +352,10 @@ def _accelerations(
         reduction = (1.0 - p.group_attention) * (1.0 - walkers.bond[i])
         anticipation_x, anticipation_y, proximity_x, proximity_y = 0.0, 0.0, 0.0, 0.0
         count = 0
-        for j in range(len(position)):
-            weight = walkers.attention[i, j]
-            if has_groups:
-                weight = weight * (1.0 - reduction * walkers.member[i, j])
+        for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+            j, weight = walkers.neighbour[n], walkers.attention[n]
+            if group[i] >= 0 and group[j] == group[i]:
+                weight = weight * (1.0 - reduction)
             if weight == 0.0:
                 continue
             dx, dy, contact = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1], radius[j] + radius[i]
@@ -382,12 +382,12 @@ def _accelerations(
         facing = walkers.body_direction[i, 0] * x + walkers.body_direction[i, 1] * y
         speed = speed * clipped(1.0 + facing, BACKWARDS_SPEED, 1.0)
         drive = adaptive_acceleration(own_velocity, (x, y), speed, desired_speed[i], p)
-        group = group_cohesion_acceleration(walkers, i, p)
+        cohesion = group_cohesion_acceleration(walkers, i, p)
         wall = wall_acceleration(
             barriers, position[i, 0], position[i, 1], radius[i], p.wall_strength, p.wall_decay_length
         )
-        acceleration[i, 0] = drive[0] + group[0] + anticipation_x + proximity_x + wall[0]
-        acceleration[i, 1] = drive[1] + group[1] + anticipation_y + proximity_y + wall[1]
+        acceleration[i, 0] = drive[0] + cohesion[0] + anticipation_x + proximity_x + wall[0]
+        acceleration[i, 1] = drive[1] + cohesion[1] + anticipation_y + proximity_y + wall[1]
 
 
 @subroutine

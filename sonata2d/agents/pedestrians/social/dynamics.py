@@ -12,6 +12,7 @@ from ....core.geometry import Disc, Point, Rectangle
 from ....core.portable_math import Array
 from ....core.rng import AgentStreams
 from ....core.scene import Scene
+from ..models.base import Walkers
 from ..wayfinding import Wayfinding
 from .f_formations import MAXIMUM_MEMBERS, PAIR_DISTANCE, distance, joining_positions, widen
 from .state import SocialState
@@ -72,18 +73,19 @@ class SocialDynamics:
         ]
         self._tasks: dict[int, _Task] = {}
         self._has_walked = set(range(len(humans)))  # no task since the last walk: may take one on the next arrival
-        self._have_met = np.ones((len(humans), len(humans)), dtype=bool)  # since they were last SEPARATION apart
+        self._have_met: set[tuple[int, int]] | None = None  # pairs, since they were last SEPARATION apart
         self._tick, self._position = 0, social.standing_position
         if self._settings.is_lively:
             wayfinding.choose_task = self._choose_task
             self._plan_initial_departures()
 
-    def update(self, tick: int, position: Array) -> None:
+    def update(self, tick: int, position: Array, walkers: Walkers) -> None:
         """Advance by one tick: arrivals, ends of tasks and meetings. Call it before `Wayfinding.update`.
 
         Args:
             tick: that begins.
             position: (N, 2), m, of all pedestrians of the scene; arbitrary for absent ones.
+            walkers: their neighbours.
         """
         if not self._settings.is_lively:
             return
@@ -92,7 +94,7 @@ class SocialDynamics:
         for k, task in list(self._tasks.items()):
             self._advance_task(k, task)
         if self._settings.meets > 0.0:
-            self._start_meetings(position)
+            self._start_meetings(walkers)
         if (was_walking != self._social.is_walking).any():
             self._wayfinding.set_obstacles(self._social.standing_humans(), self._social.shared_spaces())
 
@@ -231,24 +233,27 @@ class SocialDynamics:
         on_the_way = [task for task in self._tasks.values() if not task.has_arrived]
         return all(distance(position, task.position) > POSITION_SPACING for task in on_the_way)
 
-    def _start_meetings(self, position: Array) -> None:
+    def _start_meetings(self, walkers: Walkers) -> None:
         """Let pairs of wandering pedestrians that come near each other stop and talk."""
         walking = np.flatnonzero(self._social.is_walking).tolist()
         candidates = [k for k in walking if self._may_take_part[k] and k not in self._tasks]
         if len(candidates) < 2:
             return
-        x, y = (position[:, None, axis] - position[None, :, axis] for axis in (0, 1))
-        square = x * x + y * y
-        self._have_met &= square < SEPARATION * SEPARATION
-        meets = (square < MEETING_DISTANCE * MEETING_DISTANCE) & ~self._have_met
-        self._have_met |= meets
-        stopped: set[int] = set()
-        for i in candidates:
-            for j in np.flatnonzero(meets[i, i + 1 :]).tolist():
-                j += i + 1
-                is_possible = j in candidates and not {i, j} & stopped
-                if is_possible and self._rng[i].uniform() < self._settings.meets and self._stop_to_talk(i, j):
-                    stopped |= {i, j}
+        first = np.repeat(np.arange(len(walkers.position)), np.diff(walkers.neighbour_start))
+        second = walkers.neighbour[: len(first)]
+        offset = walkers.position[second] - walkers.position[first]
+        square = offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1]
+        near, meeting = (
+            list(zip(first[is_near].tolist(), second[is_near].tolist(), strict=True))
+            for is_near in ((first < second) & (square < limit * limit) for limit in (SEPARATION, MEETING_DISTANCE))
+        )
+        have_met = set(near) if self._have_met is None else self._have_met.intersection(near)
+        self._have_met = have_met.union(meeting)
+        able, stopped = set(candidates), set[int]()
+        for i, j in meeting:
+            is_possible = (i, j) not in have_met and {i, j} <= able and not {i, j} & stopped
+            if is_possible and self._rng[i].uniform() < self._settings.meets and self._stop_to_talk(i, j):
+                stopped |= {i, j}
 
     def _stop_to_talk(self, i: int, j: int) -> bool:
         """Let two pedestrians stop where they meet and talk; False if there is no room."""

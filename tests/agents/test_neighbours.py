@@ -1,0 +1,103 @@
+"""The interaction range: which pedestrians are neighbours, and what those beyond it do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sonata2d.agents.pedestrians.crowd import Crowd
+from sonata2d.agents.pedestrians.models.base import Walkers
+from sonata2d.agents.pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE, find_neighbours
+from sonata2d.core.compiled import kernel
+from sonata2d.core.entities import Group, Human
+from sonata2d.core.geometry import Pose
+from sonata2d.core.packing import pack, unpack
+from sonata2d.core.portable_math import Array, BoolArray, IntArray
+from sonata2d.registry import PEDESTRIAN_MODELS
+from sonata2d.sim.world import World
+
+from ..conftest import room, walker
+
+HALL = ((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0))
+NO_WALLS = np.zeros((0, 8))
+
+
+@kernel
+def compiled_search(packed_walkers: Any, is_present: BoolArray, view_blocks: Array) -> int:
+    return find_neighbours(unpack(packed_walkers, Walkers), is_present, view_blocks)
+
+
+def walkers_at(position: Array, group: IntArray, capacity: int) -> Walkers:
+    count = len(position)
+    vectors, numbers = np.zeros((count, 2)), np.zeros(count)
+    lists = np.zeros(count + 1, dtype=np.int64), np.zeros(capacity, dtype=np.int64), np.full(capacity, np.nan)
+    return Walkers(position, vectors, vectors, vectors, numbers, numbers, numbers > 0.0, *lists, group, numbers)
+
+
+def positions(rng: np.random.Generator, count: int) -> Array:
+    """Random positions in areas of all sizes and shapes, some of them on the edges of cells."""
+    size = 10.0 ** rng.uniform(-1.0, 3.0, 2)
+    found: Array = rng.uniform(-size, size, (count, 2))
+    if rng.random() < 0.3:
+        found = np.round(found / INTERACTION_RANGE) * INTERACTION_RANGE
+    return found
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_neighbours_are_those_of_a_search_through_all_pairs(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(0, 60))
+    position, group = positions(rng, count), rng.integers(-1, max(count // 4, 1), count)
+    is_present = rng.random(count) < rng.choice([0.0, 0.7, 1.0], p=[0.05, 0.45, 0.5])
+    x, y = (position[:, None, axis] - position[None, :, axis] for axis in (0, 1))
+    distance = np.sqrt(x * x + y * y)
+    is_neighbour = (distance < INTERACTION_RANGE) | ((group[:, None] == group) & (group >= 0))
+    is_neighbour &= is_present[:, None] & is_present & ~np.eye(count, dtype=bool)
+    attention = np.clip((INTERACTION_RANGE - distance) / FADING_DISTANCE, 0.0, 1.0)
+
+    for is_compiled in (False, True):
+        walkers = walkers_at(position, group, count * count)
+        if is_compiled:
+            total = compiled_search(pack(walkers), is_present, NO_WALLS)
+        else:
+            total = find_neighbours(walkers, is_present, NO_WALLS)
+        assert total == is_neighbour.sum() == walkers.neighbour_start[-1]
+        for i in range(count):
+            row = slice(*walkers.neighbour_start[i : i + 2])
+            assert walkers.neighbour[row].tolist() == np.flatnonzero(is_neighbour[i]).tolist()
+            assert walkers.attention[row].tolist() == attention[i, is_neighbour[i]].tolist()
+
+
+def test_lists_that_are_too_short_are_left_alone_and_their_length_is_returned() -> None:
+    walkers = walkers_at(np.zeros((3, 2)), np.full(3, -1), 5)
+    assert find_neighbours(walkers, np.ones(3, dtype=bool), NO_WALLS) == 6
+    assert not walkers.neighbour.any()
+
+
+def accelerations(*humans: Human, groups: tuple[Group, ...] = ()) -> Array:
+    """Of the pedestrians in a large hall, in the first tick."""
+    scene = room(humans, polygon=HALL, robot=Pose(-35.0, -35.0), groups=groups)
+    return Crowd(scene).act(World(scene).snapshot()).acceleration
+
+
+@pytest.mark.parametrize("model", PEDESTRIAN_MODELS.built_in)
+def test_pedestrians_beyond_the_range_have_no_effect(model: str) -> None:
+    kind = {"model": model, "behaviour": "walking", "velocity": (1.3, 0.0), "goals": ((30.0, 0.0),)}
+    first = walker(1, 0.0, 0.0, **kind)
+
+    def with_another(distance: float) -> Array:
+        other = walker(2, distance, 0.1, **{**kind, "velocity": (-1.3, 0.0), "goals": ((-30.0, 0.0),)})
+        return accelerations(first, other)[0]
+
+    alone = accelerations(first)[0]
+    assert np.array_equal(with_another(INTERACTION_RANGE), alone)
+    assert not np.array_equal(with_another(1.5), alone)
+
+
+@pytest.mark.parametrize("model", ["sonata2026", "moussaid2009", "farina2017"])
+def test_members_of_a_group_keep_together_beyond_the_range(model: str) -> None:
+    pair = [walker(k + 1, 8.0 * k, 0.0, model=model, group=1) for k in range(2)]
+    alone = accelerations(*(walker(k + 1, 8.0 * k, 0.0, model=model) for k in range(2)))
+    assert not np.array_equal(accelerations(*pair, groups=(Group(1, "walking", (1, 2)),))[1], alone[1])
