@@ -3,7 +3,9 @@
     python benchmarks/throughput.py [--people 5 10 20 ...] [--model sonata2026 ...] [--repeats 5] [--json]
 
 Episodes of 200 frames in a room of 8 walls and 8 pieces of furniture, 4 m2 or more a person: scene, snapshot,
-controller, crowd, physics, recording and the JSON file on disk are included; compiling is not. "engine" is the sum,
+controller, crowd, physics, recording and the JSON file on disk are included; compiling is not. "tick" leaves out what
+comes before the first tick: generating the scene and building the episode. "human-step" is the time of a frame per
+person, and "relative" this time relative to that at 10 people. "engine" is the sum,
 over the steps of the same run, of the shortest time that the engine's C function `cpSpaceStep` took in any repeat;
 "Space.step" is the same for pymunk's Python method, which calls it. "planner" is what `social-planner` takes, its
 preparation at the start of the episode included.
@@ -47,13 +49,16 @@ def scenario(people: int, model: str) -> s2.ScenarioConfig:
     )  # fmt: skip
 
 
-def run(config: s2.ScenarioConfig, controller: s2.Controller, path: Path) -> float:
-    """CPU seconds of one episode, from its settings to its file."""
+def run(config: s2.ScenarioConfig, controller: s2.Controller, path: Path) -> tuple[float, float]:
+    """CPU seconds of one episode, from its settings to its file, and from its first tick to its file."""
     start = time.process_time()
     scene = s2.generate(config, seed=1)
     with s2.JsonRecorder(path) as recorder:
-        s2.Episode(scene, controller, observers=[recorder]).run()
-    return time.process_time() - start
+        episode = s2.Episode(scene, controller, observers=[recorder])
+        first_tick = time.process_time()
+        episode.run()
+    end = time.process_time()
+    return end - start, end - first_tick
 
 
 def timed(function: Callable[..., Any], into: list[float]) -> Callable[..., Any]:
@@ -127,7 +132,7 @@ def measure(people: int, model: str, repeats: int, folder: Path) -> dict[str, fl
     run(config, s2.SocialPlanner(), path)
     total, planner, c_steps, python_steps = [], [], [], []
 
-    def straight() -> float:
+    def straight() -> tuple[float, float]:
         return run(config, s2.StraightToGoal(), path)
 
     for _ in range(repeats):  # interleaved, so that a busy machine slows all of them
@@ -136,16 +141,19 @@ def measure(people: int, model: str, repeats: int, folder: Path) -> dict[str, fl
         c_steps.append(engine_steps(straight, through_pymunk=False))
         python_steps.append(engine_steps(straight, through_pymunk=True))
     engine, space_step = shortest(c_steps), shortest(python_steps)
-    frame, best, extra = statistics.median(total), min(total), statistics.median(planner)
+    frame, tick = (statistics.median(seconds) for seconds in zip(*total, strict=True))
+    best, extra = min(total)[0], statistics.median(planner)
     return {
         "people": people,
         "model": model,
         "frames per CPU second": round(FRAMES / frame),
         "frame (us)": round(frame / FRAMES * 1e6, 1),
         "best frame (us)": round(best / FRAMES * 1e6, 1),
+        "tick (us)": round(tick / FRAMES * 1e6, 1),
         "engine (us)": round(engine / FRAMES * 1e6, 1),
         "Space.step (us)": round(space_step / FRAMES * 1e6, 1),
         "frame / engine": round(frame / engine, 1),
+        "tick / engine": round(tick / engine, 1),
         "frame / Space.step": round(frame / space_step, 1),
         "planner (us)": round(extra / FRAMES * 1e6, 1),
         "planner / engine": round(extra / engine, 1),
@@ -166,6 +174,9 @@ def main() -> None:
             for people in arguments.people
             for model in arguments.model
         ]
+    at_10 = {row["model"]: row["human-step (us)"] for row in rows if row["people"] == 10}
+    for row in rows:
+        row["relative"] = round(float(row["human-step (us)"]) / float(at_10.get(row["model"], math.nan)), 2)
     if arguments.json:
         print(json.dumps(rows, indent=2))
         return

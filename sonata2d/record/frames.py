@@ -79,7 +79,7 @@ def frame_lines(
         "command": _items(rounded(command)),
         "executed": _items(executed[1:]),  # what was executed after a frame is part of the next state
         "guarded": [b"true" if guarded else b"false" for guarded in table[1:, GUARDED].tolist()],
-        "humans": [item.replace(_NULL_ROW, b"null") for item in _items(humans)],
+        "humans": _items(humans) if present.all() else [item.replace(_NULL_ROW, b"null") for item in _items(humans)],
         "activity": _items(np.where(present, activity, ABSENT)),
         "interactions": _changing_items(interactions, interaction_rows),
         "contacts": _changing_items(contacts, list),
@@ -125,6 +125,8 @@ def _items(column: Array | IntArray) -> list[bytes]:
     """Serialise each item of an array of numbers; NaN becomes null."""
     if column.size == 0:
         return [b"[]"] * len(column)
+    if column.ndim > 2:  # long items: faster one by one
+        return [dumps(np.ascontiguousarray(item)) for item in column]
     opening, closing = b"[" * (column.ndim - 1), b"]" * (column.ndim - 1)
     text = dumps(np.ascontiguousarray(column))[1:-1]
     return text.replace(closing + b"," + opening, closing + b"\n" + opening).split(b"\n")

@@ -20,8 +20,8 @@ from .canonical import rounded, serialise, to_json_value
 from .counts import run_counts
 from .files import compress, file_stem, write_atomically
 from .frames import Answer, Observation, frame_lines, observation
-from .layout import JsonDict, columns, scene_to_json, software_versions
-from .validate import require_consistent
+from .layout import JsonDict, columns, software_versions
+from .validate import consistent_scene
 
 
 class EpisodeRecorder:
@@ -64,6 +64,7 @@ class EpisodeRecorder:
         self._label_spec = label_spec or LabelSpec()
         self.id, self._contributor, self._context, self._branched_from = id, contributor, context, branched_from
         self.scene: Scene | None = None
+        self._scene_json: JsonDict = {}
         self._controller_info = ControllerInfo("")
         self.outcome: Outcome | None = None
         self._last: Snapshot | None = None
@@ -80,7 +81,7 @@ class EpisodeRecorder:
             raise RecordError(
                 f"this recorder already holds an episode of {self.scene.name}; use a new recorder for each episode"
             )
-        require_consistent(scene)  # before the run, not after it
+        self._scene_json = consistent_scene(scene)  # before the run, not after it
         self.scene, self._controller_info = scene, controller_info
 
     def note(self, frame: Frame) -> None:
@@ -146,7 +147,7 @@ class EpisodeRecorder:
             "episode": scene.episode,
             "physics": PHYSICS_VERSION,
             "precision": PRECISION,
-            **scene_to_json(scene),
+            **self._scene_json,
             "controller": {
                 "path": controller_info.path,
                 "version": controller_info.version,

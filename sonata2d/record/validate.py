@@ -48,14 +48,16 @@ def require_valid(document: Any, path: Path) -> None:
         raise InvalidFileError(f"{path} is not a valid episode: {place}: {message}{more}", found)
 
 
-def require_consistent(scene: Scene) -> None:
-    """Require a scene whose file can be read.
+def consistent_scene(scene: Scene) -> JsonDict:
+    """`scene_to_json` of a scene whose file can be read.
 
     Raises:
         RecordError: ids are not unique, references refer to nothing, or a number is not finite.
     """
-    for place, message in _id_findings(scene_to_json(scene)):
+    document = scene_to_json(scene)
+    for place, message in _id_findings(document):
         raise RecordError(f"the scene {scene.name} cannot be recorded: {place}: {message}")
+    return document
 
 
 def findings_of(document: Any) -> Iterator[Finding]:

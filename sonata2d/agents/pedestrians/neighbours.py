@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from ...core.compiled import subroutine
 from ...core.portable_math import Array, BoolArray, IntArray
-from ...core.scalar import clipped, crosses, length
+from ...core.scalar import clipped, crosses, length, towards
 from .models.base import Walkers
 
 INTERACTION_RANGE = 6.0  # m, between centres; pedestrians that are farther apart do not affect each other
@@ -28,32 +29,71 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Array)
         view_blocks: rows of the walls that can block a view.
 
     Returns:
-        Number of neighbours in all lists together. If it exceeds the length of `neighbour`, the lists are not valid.
+        Number of neighbours in all lists together, as far as they were found before `neighbour` was full. If it exceeds
+        the length of `neighbour`, the lists are not valid.
     """
-    start, neighbour = walkers.neighbour_start, walkers.neighbour
-    # Of each pedestrian the neighbours before and after it in the scene's order: first their number, later the place
-    # of the next one in the lists.
-    before, after = np.zeros(len(is_present), np.int64), np.zeros(len(is_present), np.int64)
-    cells = _cells(walkers.position, is_present)
-    _visit_pairs(walkers, is_present, cells, before, after, False)
-    total = 0
-    for i in range(len(is_present)):
-        start[i] = total
-        total += before[i] + after[i]
-        before[i], after[i] = start[i], start[i] + before[i]
-    start[len(is_present)] = total
-    if total > len(neighbour):
-        return total
+    position, start, neighbour = walkers.position, walkers.neighbour_start, walkers.neighbour
+    count, capacity = len(position), len(neighbour) // 2  # pairs
+    # The pairs: of each pedestrian the neighbours before it in the scene's order, and the attention to them.
+    earlier, weight = np.empty(capacity + count, np.int64), np.empty(capacity + count)
+    first_pair, later = np.empty(count + 1, np.int64), np.zeros(count, np.int64)
+    grid = _empty_grid(position, is_present)
+    last_of_group, previous_member = np.full(count, -1, np.int64), np.empty(count, np.int64)
+    near_walls = np.empty(len(view_blocks), np.int64)
+    pairs = 0
+    for i in range(count):
+        first_pair[i] = pairs
+        if not is_present[i]:
+            continue
+        x, y, group = position[i, 0], position[i, 1], walkers.group[i]
+        pairs = _append_near(grid, x, y, earlier, pairs)
+        _insert(grid, i, x, y)
+        near = pairs
+        if group >= 0:
+            j = last_of_group[group]
+            while j >= 0:
+                earlier[pairs] = j
+                pairs += not _is_within_range(position[j, 0] - x, position[j, 1] - y)
+                j = previous_member[j]
+            previous_member[i], last_of_group[group] = last_of_group[group], i
+        if pairs > capacity:
+            return 2 * pairs
+        walls = _find_walls(view_blocks, x, y, near_walls)
+        for n in range(first_pair[i], pairs):
+            j = earlier[n]
+            later[j] += 1
+            weight[n] = 0.0
+            if n < near and not _is_hidden_by(view_blocks, near_walls, walls, x, y, position[j, 0], position[j, 1]):
+                distance = length(position[j, 0] - x, position[j, 1] - y)
+                weight[n] = clipped((INTERACTION_RANGE - distance) / FADING_DISTANCE, 0.0, 1.0)
+    first_pair[count] = pairs
+
     # Later neighbours arrive in ascending order. Reading them row by row gives the earlier ones in that order.
-    _visit_pairs(walkers, is_present, cells, before, after, True)
-    for i in range(len(is_present)):
-        for n in range(before[i], start[i + 1]):
-            j = neighbour[n]
-            attention = _attention(walkers.position, i, j, view_blocks)
-            neighbour[before[j]] = i
-            walkers.attention[n] = walkers.attention[before[j]] = attention
-            before[j] += 1
+    total = 0
+    for i in range(count):
+        start[i] = total
+        before = first_pair[i + 1] - first_pair[i]
+        total += before + later[i]
+        later[i] = start[i] + before  # from now on, where the next one goes
+    start[count] = total
+    for i in range(count):
+        for n in range(first_pair[i], first_pair[i + 1]):
+            place = later[earlier[n]]
+            neighbour[place], walkers.attention[place] = i, weight[n]
+            later[earlier[n]] = place + 1
+    for i in range(count):
+        later[i] = start[i]
+    for i in range(count):
+        for n in range(later[i], start[i + 1]):
+            place = later[neighbour[n]]
+            neighbour[place], walkers.attention[place] = i, walkers.attention[n]
+            later[neighbour[n]] = place + 1
     return total
+
+
+@subroutine
+def _is_within_range(dx: float, dy: float) -> bool:
+    return dx * dx + dy * dy < INTERACTION_RANGE * INTERACTION_RANGE
 
 
 @subroutine
@@ -66,72 +106,104 @@ def is_hidden(x: float, y: float, other_x: float, other_y: float, view_blocks: A
 
 
 @subroutine
-def _attention(position: Array, i: int, j: int, view_blocks: Array) -> float:
-    """How much two pedestrians attend to each other: less near the range, not at all through walls."""
-    x, y, other_x, other_y = position[i, 0], position[i, 1], position[j, 0], position[j, 1]
-    distance = length(other_x - x, other_y - y)
-    if distance >= INTERACTION_RANGE or is_hidden(x, y, other_x, other_y, view_blocks):
-        return 0.0
-    return clipped((INTERACTION_RANGE - distance) / FADING_DISTANCE, 0.0, 1.0)
-
-
-# West and south edge, m; width and depth of a cell, m; numbers of columns and rows.
-Cells = tuple[float, float, float, float, int, int]
+def _find_walls(view_blocks: Array, x: float, y: float, near_walls: IntArray) -> int:
+    """The walls within the interaction range of a point, into `near_walls`; returns their number."""
+    count = 0
+    for b in range(len(view_blocks)):
+        wall_x, wall_y = towards(view_blocks, b, x, y)
+        near_walls[count] = b
+        count += _is_within_range(wall_x, wall_y)
+    return count
 
 
 @subroutine
-def _cells(position: Array, is_present: BoolArray) -> Cells:
-    """Cells that cover the pedestrians; neighbours are in the same cell or in adjacent ones."""
+def _is_hidden_by(
+    view_blocks: Array, walls: IntArray, count: int, x: float, y: float, other_x: float, other_y: float
+) -> bool:
+    """`is_hidden` by the first `count` of some walls."""
+    for n in range(count):
+        if crosses(view_blocks, walls[n], x, y, other_x, other_y):
+            return True
+    return False
+
+
+class Grid(NamedTuple):
+    """Square cells that cover the pedestrians; neighbours are in the same cell or in adjacent ones.
+
+    Attributes:
+        west, south: edges, m.
+        width, depth: of a cell, m.
+        columns, rows: their numbers.
+        begin: (C,) of int, where the pedestrians of each cell begin.
+        end: (C,) of int, where those that were inserted end.
+        pedestrian: (N,) of int, their indices, cell by cell.
+        x, y: (N,), their positions, m.
+    """
+
+    west: float
+    south: float
+    width: float
+    depth: float
+    columns: int
+    rows: int
+    begin: IntArray
+    end: IntArray
+    pedestrian: IntArray
+    x: Array
+    y: Array
+
+
+@subroutine
+def _empty_grid(position: Array, is_present: BoolArray) -> Grid:
+    """A grid with space for the pedestrians that are present."""
     west, south, east, north = math.inf, math.inf, -math.inf, -math.inf
     for i in range(len(position)):
         if is_present[i]:
             west, east = min(west, position[i, 0]), max(east, position[i, 0])
             south, north = min(south, position[i, 1]), max(north, position[i, 1])
-    if not west < math.inf:
-        return 0.0, 0.0, _CELL, _CELL, 1, 1
-    most = int(math.sqrt(len(position))) + 1  # in each direction: not more cells than needed for few people far apart
-    columns, rows = min(int((east - west) / _CELL) + 1, most), min(int((north - south) / _CELL) + 1, most)
-    return west, south, max((east - west) / columns, _CELL), max((north - south) / rows, _CELL), columns, rows
+    width, depth, columns, rows = _CELL, _CELL, 1, 1
+    if west < math.inf:
+        most = int(math.sqrt(len(position))) + 1  # in each direction: few people far apart need no more cells
+        columns, rows = min(int((east - west) / _CELL) + 1, most), min(int((north - south) / _CELL) + 1, most)
+        width, depth = max((east - west) / columns, _CELL), max((north - south) / rows, _CELL)
+    begin, end = np.zeros(columns * rows, np.int64), np.zeros(columns * rows, np.int64)
+    pedestrian, xs, ys = np.empty(len(position), np.int64), np.empty(len(position)), np.empty(len(position))
+    grid = Grid(west, south, width, depth, columns, rows, begin, end, pedestrian, xs, ys)
+    for i in range(len(position)):
+        if is_present[i]:
+            column, row = _cell(grid, position[i, 0], position[i, 1])
+            end[column * rows + row] += 1
+    total = 0
+    for c in range(len(begin)):
+        begin[c] = total
+        total += end[c]
+        end[c] = begin[c]
+    return grid
 
 
 @subroutine
-def _visit_pairs(
-    walkers: Walkers, is_present: BoolArray, cells: Cells, before: IntArray, after: IntArray, is_filling: bool
-) -> None:
-    """Count the neighbours before and after each pedestrian, or fill those after it into the lists."""
-    position, group, neighbour = walkers.position, walkers.group, walkers.neighbour
-    west, south, width, depth, columns, rows = cells
-    square_range = INTERACTION_RANGE * INTERACTION_RANGE
-    # Each cell and each group is a chain of the pedestrians that were visited before: the last one, and its precursors.
-    in_cell, cell_chain = np.full(columns * rows, -1, np.int64), np.empty(len(position), np.int64)
-    in_group, group_chain = np.full(len(position), -1, np.int64), np.empty(len(position), np.int64)
-    for i in range(len(position)):
-        if not is_present[i]:
-            continue
-        x, y, own_group = position[i, 0], position[i, 1], group[i]
-        column, row = min(int((x - west) / width), columns - 1), min(int((y - south) / depth), rows - 1)
-        for c in range(max(column - 1, 0), min(column + 2, columns)):
-            for r in range(max(row - 1, 0), min(row + 2, rows)):
-                j = in_cell[c * rows + r]
-                while j >= 0:
-                    dx, dy = position[j, 0] - x, position[j, 1] - y
-                    if dx * dx + dy * dy < square_range:
-                        if is_filling:
-                            neighbour[after[j]] = i
-                        else:
-                            before[i] += 1
-                        after[j] += 1
-                    j = cell_chain[j]
-        cell_chain[i], in_cell[column * rows + row] = in_cell[column * rows + row], i
-        if own_group >= 0:
-            j = in_group[own_group]
-            while j >= 0:
-                dx, dy = position[j, 0] - x, position[j, 1] - y
-                if not dx * dx + dy * dy < square_range:
-                    if is_filling:
-                        neighbour[after[j]] = i
-                    else:
-                        before[i] += 1
-                    after[j] += 1
-                j = group_chain[j]
-            group_chain[i], in_group[own_group] = in_group[own_group], i
+def _cell(grid: Grid, x: float, y: float) -> tuple[int, int]:
+    """Column and row of a position."""
+    column, row = int((x - grid.west) / grid.width), int((y - grid.south) / grid.depth)
+    return min(column, grid.columns - 1), min(row, grid.rows - 1)
+
+
+@subroutine
+def _insert(grid: Grid, i: int, x: float, y: float) -> None:
+    """Add pedestrian i at (x, y)."""
+    column, row = _cell(grid, x, y)
+    n = grid.end[column * grid.rows + row]
+    grid.pedestrian[n], grid.x[n], grid.y[n] = i, x, y
+    grid.end[column * grid.rows + row] = n + 1
+
+
+@subroutine
+def _append_near(grid: Grid, x: float, y: float, found: IntArray, count: int) -> int:
+    """Append the pedestrians within the range of (x, y) to the first `count` found ones; returns their new number."""
+    column, row = _cell(grid, x, y)
+    for c in range(max(column - 1, 0), min(column + 2, grid.columns)):
+        for r in range(max(row - 1, 0), min(row + 2, grid.rows)):
+            for n in range(grid.begin[c * grid.rows + r], grid.end[c * grid.rows + r]):
+                found[count] = grid.pedestrian[n]  # without a branch, which would cost more: the next one overwrites it
+                count += _is_within_range(grid.x[n] - x, grid.y[n] - y)
+    return count

@@ -82,7 +82,7 @@ FAST_WALK = 1.0  # m/s, from which the starting time has no effect
 FOLLOWING_FRACTION = 0.8  # of the desired speed; at lower permitted speeds the following time applies in full
 MAXIMUM_SPEED_CHANGE = 4.0  # m/s^2, limit of acceleration and braking along the path
 LONGEST_PREDICTION = 10.0  # s, limit of the time to the closest approach
-EXPONENT = 61.0  # `exp` is 0 below -60
+EXPONENT = 12.0  # terms of a pair are left out where their decay is below e^-12 = 6e-6
 ROUNDING = 1e-3  # m, more than the rounding errors of a distance
 
 
@@ -360,7 +360,7 @@ def _accelerations(
                 continue
             dx, dy, contact = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1], radius[j] + radius[i]
             square = dx * dx + dy * dy
-            # Neighbours out of reach contribute exactly 0, or permit the desired speed in every direction.
+            # Neighbours out of reach contribute next to nothing, or permit the desired speed in every direction.
             if not _is_beyond(square, anticipation_reach(contact, pace[i] + pace[j], p)):
                 ux, uy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
                 x, y = anticipation_acceleration(dx, dy, ux, uy, weight, contact, side, p)
@@ -392,13 +392,13 @@ def _accelerations(
 
 @subroutine
 def proximity_reach(contact_distance: float, parameters: Sonata2026) -> float:
-    """Distance of centres beyond which `proximity_acceleration` is 0, m."""
+    """Distance of centres beyond which `proximity_acceleration` is left out, m."""
     return contact_distance + EXPONENT * parameters.proximity_decay_length
 
 
 @subroutine
 def anticipation_reach(contact_distance: float, relative_speed: float, parameters: Sonata2026) -> float:
-    """Distance of centres beyond which `anticipation_acceleration` is 0 at a relative speed, or a lower one, m."""
+    """Distance of centres beyond which `anticipation_acceleration` is left out up to a relative speed, m."""
     p = parameters
     gap = EXPONENT * p.anticipation_decay_length + p.anticipation_offset
     return contact_distance + gap + LONGEST_PREDICTION * relative_speed
