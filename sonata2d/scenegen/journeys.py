@@ -66,27 +66,31 @@ def plan_journeys(
         SceneError: there is no space.
     """
     taken = list(occupied)
-    doors: list[Door] = []
-    queues: list[Queue] = []
-    waiting: list[int] = []
-    for number, door_config in enumerate(config.doors, 1):
-        door = _place_door(number, door_config, plan, doors, taken, config.max_attempts, rng)
-        doors.append(door)
-        taken.append(_door_zone(door))
-    for number, queue_config in enumerate(config.queues, 1):
-        count = queue_config.waiting.draw(rng) if queue_config.waiting.max else 0
-        queue = _place_queue(number, queue_config, count, plan, taken, config.max_attempts, rng)
-        queues.append(queue)
-        waiting.append(count)
-        taken.append(_queue_zone(queue))
+    doors: dict[int, Door] = {}
+    queues: dict[int, Queue] = {}
+    waiting = [queue.waiting.draw(rng) if queue.waiting.max else 0 for queue in config.queues]
+    for is_given in (True, False):  # what is given keeps its place, and what is drawn finds another one
+        for k, door in enumerate(config.doors):
+            if (door.x is not None) == is_given:
+                doors[k] = _place_door(k + 1, door, plan, [*doors.values()], taken, config.max_attempts, rng)
+                taken.append(_door_zone(doors[k]))
+        for k, queue in enumerate(config.queues):
+            if (queue.x is not None) == is_given:
+                queues[k] = _place_queue(k + 1, queue, waiting[k], plan, taken, config.max_attempts, rng)
+                taken.append(_queue_zone(queues[k]))
     places = []
     for number, p in enumerate(config.places, 1):
         if not inside_polygon(np.array([[p.x, p.y]]), plan.outline).all():
             raise SceneError(f"the place ({p.x:g}, {p.y:g}) is outside the room; move it (places)")
         stay = quantised(p.stay.min), quantised(p.stay.max)
         places.append(Place(number, quantised(p.x), quantised(p.y), quantised(p.radius), quantised(p.weight), stay))
-    zones = tuple(taken[len(occupied) :])
-    return Journeys(tuple(doors), tuple(queues), tuple(places), tuple(waiting), zones)
+    return Journeys(
+        tuple(doors[k] for k in sorted(doors)),
+        tuple(queues[k] for k in sorted(queues)),
+        tuple(places),
+        tuple(waiting),
+        tuple(taken[len(occupied) :]),
+    )
 
 
 # Doors

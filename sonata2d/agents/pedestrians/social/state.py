@@ -97,6 +97,10 @@ class SocialState:
             self._absent = absent
             self._update()
 
+    def is_absent(self, k: int) -> bool:
+        """Whether pedestrian k is not present now."""
+        return k in self._absent
+
     def start_standing(
         self,
         k: int,
