@@ -27,6 +27,7 @@ STUCK = 0.5  # m
 JERK = 3.1416  # rad/s, of a walking person's body
 WALKING = 0.3  # m/s
 WALKING_ACTIVITIES = [ACTIVITIES.index("walking"), ACTIVITIES.index("walking together")]
+SITTING = ACTIVITIES.index("sitting")
 DEEP = 0.01  # m, depth from which an overlap is counted
 
 
@@ -77,7 +78,7 @@ class Meter:
         self._update(
             "robot-person", humans.radius + robot.radius - np.linalg.norm(position[:-1] - position[-1], axis=1)
         )
-        self._update("person-solid", solid[:-1])
+        self._update("person-solid", solid[:-1][humans.activity_index != SITTING])  # who sits overlaps the seat
         self._update("robot-solid", solid[-1:])
         self._positions.append(humans.position[self._wandering])
         self._is_walking.append(np.isin(humans.activity_index[self._wandering], WALKING_ACTIVITIES))

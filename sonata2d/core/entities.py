@@ -1,4 +1,4 @@
-"""Entities of a scene: walls, furniture, pedestrians, groups, interactions, robot and goal.
+"""Entities of a scene: walls, furniture, doors, queues, places, pedestrians, groups, interactions, robot and goal.
 
 All are frozen values, at the precision of files.
 """
@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from .geometry import Point, Pose, Shape
+from .geometry import Disc, Point, Pose, Rectangle, Shape
 
 Behaviour = Literal["standing", "wandering", "walking", "recorded"]
 Reaction = Literal["ignores", "avoids", "stops", "curious", "scared"]
@@ -44,6 +44,7 @@ class Furniture:
 
     Attributes:
         on: id of the object that carries this one; a carried object has no physical body. None: it is on the floor.
+        seat: whether one pedestrian can sit on it, above its centre and facing its front; None: if it is a chair.
     """
 
     id: int
@@ -51,6 +52,96 @@ class Furniture:
     pose: Pose
     shape: Shape
     on: int | None = None
+    seat: bool | None = None
+
+    @property
+    def front(self) -> Point:
+        """Unit vector from the centre to the front, world frame: along -y if it is longer (x) than wide, else +x."""
+        x, y = self.pose.direction
+        is_oblong = isinstance(self.shape, Rectangle) and self.shape.length > self.shape.width
+        return (y, -x) if is_oblong else (x, y)
+
+    @property
+    def is_seat(self) -> bool:
+        """Whether pedestrians can sit on it; nothing that another object carries is a seat."""
+        return self.on is None and (self.type == "chair" if self.seat is None else self.seat)
+
+    def approaches(self, clearance: float) -> list[Point]:
+        """Where a pedestrian can stand before it sits down, m: in front of the object, to its left, to its right.
+
+        Args:
+            clearance: of these places from the object, m.
+        """
+        shape, (x, y), (fx, fy) = self.shape, self.pose.position, self.front
+        half = (shape.radius, shape.radius) if isinstance(shape, Disc) else (shape.length / 2, shape.width / 2)
+        ahead, aside = min(half) + clearance, max(half) + clearance
+        return [(x + fx * ahead, y + fy * ahead), (x - fy * aside, y + fx * aside), (x + fy * aside, y - fx * aside)]
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """An opening in the outline of the room, through which pedestrians enter and leave.
+
+    The wall stays solid: pedestrians appear just inside the opening, and disappear just before it.
+
+    Attributes:
+        id: unique among doors.
+        pose: middle of the opening, on the wall; theta points into the room.
+        width: m.
+        share: weight with which pedestrians that leave choose this door.
+    """
+
+    id: int
+    pose: Pose
+    width: float = 1.0
+    share: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Queue:
+    """A place where pedestrians stand in line, straight back from the first one.
+
+    Attributes:
+        id: unique among queues.
+        pose: where the first pedestrian stands, and what it faces.
+        spacing: distance of neighbours, m.
+        service: shortest and longest time that the first pedestrian needs, s.
+        capacity: largest number of pedestrians.
+    """
+
+    id: int
+    pose: Pose
+    spacing: float = 0.75
+    service: tuple[float, float] = (5.0, 15.0)
+    capacity: int = 8
+
+    def slot(self, number: int) -> Point:
+        """Where the pedestrian with this number stands, the first being 0; m."""
+        return self.pose.to_world((-self.spacing * number, 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place of interest: if a scene has any, wandering pedestrians go to them instead of anywhere.
+
+    Attributes:
+        id: unique among places.
+        x, y: centre, m.
+        radius: m; pedestrians go to a random point within it.
+        weight: with which the place is chosen.
+        stay: shortest and longest time that a pedestrian stands there, s.
+    """
+
+    id: int
+    x: float
+    y: float
+    radius: float = 1.0
+    weight: float = 1.0
+    stay: tuple[float, float] = (5.0, 20.0)
+
+    @property
+    def position(self) -> Point:
+        return self.x, self.y
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +168,9 @@ class Human:
         leaves: tick from which the pedestrian is absent; None: never.
         track: position of a recorded pedestrian at each tick from `enters` on, m, world frame; it stays at the last.
         exits: whether a walking pedestrian leaves the scene at the last of its goals instead of staying there.
+        stays: time that a walking pedestrian stands at each of its goals but the last, s; missing ones are 0.
+        seat: id of the object that a wandering pedestrian sits on at the start.
+        queue: id of the queue in which a wandering pedestrian stands at the start; the nearer one to its head is first.
     """
 
     id: int
@@ -95,10 +189,18 @@ class Human:
     leaves: int | None = None
     track: tuple[Point, ...] = ()
     exits: bool = False
+    stays: tuple[float, ...] = ()
+    seat: int | None = None
+    queue: int | None = None
+
+    @property
+    def walks_at_start(self) -> bool:
+        """Whether the pedestrian walks when the episode begins, or when it enters."""
+        return self.behaviour != "standing" and self.seat is None and self.queue is None
 
     @property
     def is_always_present(self) -> bool:
-        """Whether the pedestrian is present from start to end, unless it exits at a goal."""
+        """Whether the pedestrian is present from start to end, unless it exits at a goal or through a door."""
         return self.enters == 0 and self.leaves is None
 
     def track_position(self, tick: int) -> Point:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Interaction
+from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Human, Interaction
 from .geometry import Point, Pose
 from .portable_math import Array, IntArray, angle_of, arctan2
 from .scene import Scene
@@ -18,7 +18,8 @@ from .scene import Scene
 # Columns of the (N, 9) state of the pedestrians, world frame: position, velocity, unit vectors of the body's heading
 # and of the gaze, turn rate. Arrays of bodies that hold position and velocity only have the first four of them.
 X, Y, VX, VY, BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA = range(9)
-ACTIVITIES = ("standing", "walking", "walking together", "talking", "using", "looking")
+# Files list the names in this order: append only.
+ACTIVITIES = ("standing", "walking", "walking together", "talking", "using", "looking", "sitting", "queueing")
 
 _ACTIVITY_OF_RELATION = {
     TALKING: "talking",
@@ -176,7 +177,14 @@ def human_ids(scene: Scene) -> IntArray:
 
 def initial_activities(scene: Scene) -> IntArray:
     """Activities at the start, from interactions and behaviours; (N,) of int, into `ACTIVITIES`, read-only."""
-    return activity_indices({human.id: human.behaviour != "standing" for human in scene.humans}, scene.interactions)
+    return activity_indices({human.id: _activity_at_start(human) for human in scene.humans}, scene.interactions)
+
+
+def _activity_at_start(human: Human) -> str:
+    """What a pedestrian without interactions does at the start."""
+    if human.walks_at_start:
+        return "walking"
+    return "standing" if human.seat is None and human.queue is None else "queueing" if human.seat is None else "sitting"
 
 
 def activities_of_present(activity: IntArray, ids: IntArray, interactions: Iterable[Interaction]) -> IntArray:
@@ -195,19 +203,21 @@ def activities_of_present(activity: IntArray, ids: IntArray, interactions: Itera
     return frozen(np.where(is_alone, _ACTIVITY_ALONE[activity], activity))
 
 
-def activity_indices(is_walking: Mapping[int, bool], interactions: Iterable[Interaction]) -> IntArray:
-    """Activities by interaction, and for pedestrians without one by whether they walk.
+def activity_indices(alone: Mapping[int, str], interactions: Iterable[Interaction]) -> IntArray:
+    """Activities by interaction.
 
     Args:
-        is_walking: whether each pedestrian walks, by id; in the order of the result.
+        alone: activities of the pedestrians if they had no interaction, by id; in the order of the result. Members of
+            a walking group have it while they do not walk.
         interactions: their current interactions.
 
     Returns:
         (N,) of int, into `ACTIVITIES`, read-only.
     """
-    activity = {id: "walking" if walks else "standing" for id, walks in is_walking.items()}
+    activity = dict(alone)
     for interaction in interactions:
-        activity[interaction.src] = _ACTIVITY_OF_RELATION[interaction.relation]
-        if interaction.dst in activity:  # else it is an object
-            activity[interaction.dst] = _ACTIVITY_OF_RELATION[interaction.relation]
+        for id in (interaction.src, interaction.dst):
+            # an object has no activity, and a group that pauses does not walk
+            if id in alone and (interaction.relation != WALKING_TOGETHER or alone[id] == "walking"):
+                activity[id] = _ACTIVITY_OF_RELATION[interaction.relation]
     return frozen(np.array([ACTIVITIES.index(name) for name in activity.values()], dtype=np.int64))

@@ -15,11 +15,14 @@ import numpy as np
 from .portable_math import Array, exp_of
 
 T = TypeVar("T")
-StreamName = Literal["scene", "people", "noise", "controller", "company", "glances", "manners"]
+StreamName = Literal["scene", "people", "noise", "controller", "company", "glances", "manners", "journeys"]
 # Append only: a stream is seeded by the index of its name, so a new order would change every recorded episode.
-_STREAM_NAMES: tuple[StreamName, ...] = ("scene", "people", "noise", "controller", "company", "glances", "manners")
+_STREAM_NAMES: tuple[StreamName, ...] = (
+    "scene", "people", "noise", "controller", "company", "glances", "manners", "journeys"
+)  # fmt: skip
 _ULP = 1.0 / 9007199254740992.0  # 2 ** -53, the spacing of 53-bit fractions
 _MAX_DRAWS = 10_000
+_POISSON_STEP = 30.0  # largest mean that is drawn at once: exp(-mean) must not vanish
 
 
 class RandomStream:
@@ -79,6 +82,23 @@ class RandomStream:
         """The items in random order."""
         pool = list(items)
         return [pool.pop(self.integer(0, len(pool) - 1)) for _ in items]
+
+    def poisson(self, mean: float) -> int:
+        """A count from the Poisson distribution.
+
+        Args:
+            mean: 0 or more.
+
+        Source: D. E. Knuth, The Art of Computer Programming 2 (1969), 3.4.1: uniform numbers are multiplied until the
+        product is below exp(-mean). A large mean is split into parts, whose counts are added.
+        """
+        count = 0
+        while mean > 0.0:
+            part = min(mean, _POISSON_STEP)
+            mean, limit, product = mean - part, exp_of(-part), self.uniform()
+            while product >= limit:
+                count, product = count + 1, product * self.uniform()
+        return count
 
     def normal(self, mean: float, sd: float, low: float, high: float) -> float:
         """A float from the normal distribution, truncated to [low, high] by rejection.

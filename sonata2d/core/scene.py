@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .entities import EndsOn, Furniture, Goal, Group, Human, Interaction, Robot, Wall
+from .entities import Door, EndsOn, Furniture, Goal, Group, Human, Interaction, Place, Queue, Robot, Wall
 from .geometry import Barriers, Disc, Edge, Point
 from .portable_math import Array
 
@@ -49,16 +49,23 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class Social:
-    """How pedestrians start and end interactions during an episode.
+    """What pedestrians do besides walking, and for how long.
+
+    On arrival, and on entering, a wandering pedestrian chooses what to do next; with the probability that is left, it
+    goes to another place.
 
     Attributes:
-        visits: probability that a wandering pedestrian, on arrival, goes to a free plant, laptop or other object and
-            attends to it.
-        joins: probability that a wandering pedestrian, on arrival, joins a standing pedestrian or a talking group.
+        visits: probability that it goes to a free plant, laptop or other object and attends to it.
+        joins: probability that it joins a standing pedestrian or a talking group.
+        sits: probability that it sits down on a free seat.
+        queues: probability that it goes to a queue that is not full, and stays until it was served.
+        exits: probability that it, or the group that it leads, leaves through a door.
         meets: probability that two wandering pedestrians that come near each other stop and talk.
         leaves: probability that a pedestrian that attends to another one or to an object at the start goes away once
             its talk or visit time is over.
-        visit_time, talk_time: shortest and longest duration, s.
+        visit_time, talk_time, sit_time: shortest and longest duration, s.
+        pause: shortest and longest time that a wandering pedestrian stands at its destination, s, unless that is in a
+            place of interest, which has a time of its own.
     """
 
     visits: float = 0.0
@@ -67,11 +74,16 @@ class Social:
     leaves: float = 0.0
     visit_time: tuple[float, float] = (5.0, 20.0)
     talk_time: tuple[float, float] = (10.0, 40.0)
+    sits: float = 0.0
+    queues: float = 0.0
+    exits: float = 0.0
+    sit_time: tuple[float, float] = (20.0, 90.0)
+    pause: tuple[float, float] = (0.0, 0.0)
 
     @property
     def is_lively(self) -> bool:
-        """Whether interactions can change during an episode."""
-        return max(self.visits, self.joins, self.meets, self.leaves) > 0.0
+        """Whether pedestrians do more during an episode than they began with, and pauses."""
+        return max(self.visits, self.joins, self.meets, self.leaves, self.sits, self.queues, self.exits) > 0.0
 
 
 Unmeasured = Literal["robot", "goal", "headings", "heads", "seed", "outcome"]
@@ -87,6 +99,7 @@ class Scene:
         family: scenario and kind of room; data sets are split by family.
         polygon: outline of the room, counter-clockwise, m; pedestrians and robot stay inside.
         walls: all walls, starting with the edges of the outline.
+        doors, queues, places: where pedestrians enter and leave, stand in line, and like to go.
         seed, episode: what the scene was generated from; they also seed the choices that pedestrians make.
         settings: resolved scenario settings as JSON values; None for a scene that was not generated.
         dropped: requested entities that could not be placed.
@@ -110,6 +123,9 @@ class Scene:
     settings: dict[str, Any] | None = None
     dropped: tuple[str, ...] = ()
     unmeasured: frozenset[Unmeasured] = frozenset()
+    doors: tuple[Door, ...] = ()
+    queues: tuple[Queue, ...] = ()
+    places: tuple[Place, ...] = ()
 
     @cached_property
     def barriers(self) -> Barriers:

@@ -220,7 +220,9 @@ class CrowdCommands(NamedTuple):
         refresh: for a pedestrian model so stiff that it must be evaluated several times in a tick: computes the (N, 2)
             accelerations, m/s^2, from the current (N + 1, 4) rows x, y, vx, vy with the robot last. Else None.
         evaluations: number of evaluations of the model in a tick.
-        leaving: rows of pedestrians that have reached the goal at which they leave the scene.
+        leaving: rows of pedestrians that have reached the goal or the door at which they leave the scene.
+        seats: pairs of a pedestrian's row and the index in `scene.furniture` of the seat that it sits on, sits down on
+            or gets up from: the two do not collide.
     """
 
     acceleration: Array
@@ -231,6 +233,7 @@ class CrowdCommands(NamedTuple):
     refresh: Callable[[Array], Array] | None = None
     evaluations: int = 1
     leaving: tuple[int, ...] = ()
+    seats: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..core.entities import Furniture
 from ..core.geometry import Barriers, Disc, inside_polygon
+from ..core.humans import ACTIVITIES
 from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
 from ..core.vectors import wrap_angle
@@ -28,6 +29,8 @@ ROBOT_SPEED_TOLERANCE = 0.05  # m/s above the robot's limits
 MOTION_TOLERANCE = 0.5
 PUSH_RANGE = 0.1  # m, clearance to a recorded pedestrian within which a push in the last tick is possible
 TURN_TOLERANCE = 0.05  # rad, between the rotation in a tick and the executed turn rate times dt
+
+_SITTING = ACTIVITIES.index("sitting")  # also while a pedestrian sits down and gets up
 
 Finding = tuple[str, str]  # place, message
 
@@ -160,6 +163,8 @@ def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Findin
         for thing in scene.furniture:
             if thing.on is None:  # bodies do not collide with things on a table
                 depth = minimum_distance - _distance_to_outline(position, thing)
+                if thing.is_seat and k < len(scene.humans):
+                    depth[record.states.activity[:, k] == _SITTING] = np.nan
                 yield from _worst_tick(depth, "objects", name, f"m too deep in {thing.type} {thing.id}")
         offset = positions[:, k + 1 :] - position[:, None]
         depths = minimum_distance + radii[k + 1 :] - np.hypot(offset[..., 0], offset[..., 1])

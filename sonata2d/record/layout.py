@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from functools import cache
 from typing import Any, TypeVar
 
-from ..core.entities import Furniture, Goal, Group, Human, Interaction, Limits, Robot, Wall
+from ..core.entities import Door, Furniture, Goal, Group, Human, Interaction, Limits, Place, Queue, Robot, Wall
 from ..core.geometry import Disc, Pose, Rectangle, Shape
 from ..core.scene import Rules, Scene, Social, Unmeasured
 from ..version import __version__
@@ -60,12 +60,15 @@ def scene_to_json(scene: Scene) -> JsonDict:
         "objects": [
             _with_flat_pose(piece) | {"shape": _shape_to_json(piece.shape), "on": piece.on} for piece in scene.furniture
         ],
+        "doors": [_with_flat_pose(door) for door in scene.doors],
+        "queues": [_with_flat_pose(queue) for queue in scene.queues],
+        "places": [_fields_of(place) for place in scene.places],
         "humans": [_with_flat_pose(human) for human in scene.humans],
         "groups": [_fields_of(group) for group in scene.groups],
         "interactions": interaction_rows(scene.interactions),
         "robot": _with_flat_pose(scene.robot) | {"limits": _fields_of(scene.robot.limits)},
         "goal": _fields_of(scene.goal),
-        "social": _fields_of(scene.social) if scene.social.is_lively else None,
+        "social": _fields_of(scene.social) if scene.social != Social() else None,
         "dropped": scene.dropped,
     }
     return {key: to_json_value(value, f"{key} of the scene", exact=True) for key, value in values.items()}
@@ -84,7 +87,8 @@ def scene_from_json(document: JsonDict) -> Scene:
         polygon=tuple((x, y) for x, y in document["room"]["polygon"]),
         walls=tuple(Wall((x1, y1), (x2, y2)) for x1, y1, x2, y2 in document["walls"]),
         furniture=tuple(
-            Furniture(o["id"], o["type"], _pose(o), _shape_from_json(o["shape"]), o["on"]) for o in document["objects"]
+            Furniture(o["id"], o["type"], _pose(o), _shape_from_json(o["shape"]), o["on"], o.get("seat"))
+            for o in document["objects"]
         ),
         humans=tuple(_human(h) for h in document["humans"]),
         robot=_restore(Robot, robot, pose=_pose(robot), limits=_restore(Limits, robot["limits"])),
@@ -98,6 +102,12 @@ def scene_from_json(document: JsonDict) -> Scene:
         settings=document["settings"],
         dropped=tuple(document["dropped"]),
         unmeasured=_unmeasured(document.get("imported") or {}),
+        # files of earlier versions lack these keys
+        doors=tuple(_restore(Door, d, pose=_pose(d)) for d in document.get("doors", ())),
+        queues=tuple(
+            _restore(Queue, q, pose=_pose(q), service=tuple(q["service"])) for q in document.get("queues", ())
+        ),
+        places=tuple(_restore(Place, p, stay=tuple(p["stay"])) for p in document.get("places", ())),
     )
 
 
@@ -127,7 +137,7 @@ def interactions_from_rows(rows: list[list[Any]]) -> tuple[Interaction, ...]:
     return tuple(Interaction(src, relation, dst) for src, relation, dst in rows)
 
 
-def _with_flat_pose(entity: Furniture | Human | Robot) -> JsonDict:
+def _with_flat_pose(entity: Furniture | Human | Robot | Door | Queue) -> JsonDict:
     """Return the fields of an entity, with x, y and theta instead of the pose."""
     fields_: JsonDict = {}
     for key, value in _fields_of(entity).items():
@@ -160,14 +170,17 @@ def _human(values: JsonDict) -> Human:
     converted: JsonDict = {"pose": _pose(values)}
     converted |= {key: tuple((x, y) for x, y in values.get(key, ())) for key in ("goals", "track")}
     converted["velocity"] = tuple(values.get("velocity", (0.0, 0.0)))
-    newer = ("enters", "leaves", "exits", "reaction", "robot_clearance")  # files of earlier versions lack these keys
+    converted["stays"] = tuple(values.get("stays", ()))
+    newer = ("enters", "leaves", "exits", "reaction", "robot_clearance", "seat", "queue")  # not in files of 0.1.0
     return _restore(Human, values, [key for key in newer if key not in values], **converted)
 
 
 def _social(values: JsonDict | None) -> Social:
     if values is None:
         return Social()
-    return _restore(Social, values, visit_time=tuple(values["visit_time"]), talk_time=tuple(values["talk_time"]))
+    times = {key: tuple(values[key]) for key in ("visit_time", "talk_time", "sit_time", "pause") if key in values}
+    newer = ("sits", "queues", "exits", "sit_time", "pause")  # files of earlier versions lack these keys
+    return _restore(Social, values, [key for key in newer if key not in values], **times)
 
 
 def _group(values: JsonDict) -> Group:

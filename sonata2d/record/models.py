@@ -99,6 +99,42 @@ class Object(Placed):
     type: str = Field(description="table, laptop, plant, chair, shelf, tv, …")
     shape: Annotated[DiscShape | RectangleShape, Field(discriminator="type")] = Field(description="the solid outline")
     on: Id | None = Field(description="id of the object that it lies on; then it has no solid outline of its own")
+    seat: bool | None = Field(
+        default=None,
+        description="whether one person can sit on it, above its centre and facing its front; null: if it is a chair",
+    )
+
+
+class Door(Placed):
+    """An opening in the outline of the room: its middle, with theta into the room."""
+
+    id: Id = Field(description="unique among doors")
+    width: Positive = Field(description="m")
+    share: NotNegative = Field(description="weight with which pedestrians that leave choose this door")
+
+
+class Queue(Placed):
+    """A place where pedestrians stand in line: pose of the first one; the others stand straight behind it."""
+
+    id: Id = Field(description="unique among queues")
+    spacing: Positive = Field(description="m, distance of neighbours")
+    service: Annotated[tuple[NotNegative, NotNegative], LIST] = Field(
+        description="s, shortest and longest time that the first pedestrian needs"
+    )
+    capacity: Count = Field(description="largest number of pedestrians")
+
+
+class Place(Part):
+    """A place of interest; if there are any, wandering pedestrians go to them instead of anywhere."""
+
+    id: Id = Field(description="unique among places")
+    x: Number = Field(description="m, to the right")
+    y: Number = Field(description="m, up")
+    radius: Positive = Field(description="m; pedestrians go to a random point within it")
+    weight: NotNegative = Field(description="with which the place is chosen")
+    stay: Annotated[tuple[NotNegative, NotNegative], LIST] = Field(
+        description="s, shortest and longest time that a pedestrian stands there"
+    )
 
 
 class Human(Placed):
@@ -125,6 +161,11 @@ class Human(Placed):
         default=[], description="m, world frame: position of a recorded pedestrian at each tick from `enters` on"
     )
     exits: bool = Field(default=False, description="whether a walking pedestrian leaves the scene at its last goal")
+    stays: ListOf[NotNegative] = Field(
+        default=[], description="s: how long a walking pedestrian stands at each of its goals but the last"
+    )
+    seat: Id | None = Field(default=None, description="id of the object that it sits on at the start")
+    queue: Id | None = Field(default=None, description="id of the queue in which it stands at the start")
 
 
 class Social(Part):
@@ -142,6 +183,21 @@ class Social(Part):
     )
     visit_time: Annotated[tuple[Positive, Positive], LIST] = Field(description="s, minimum and maximum")
     talk_time: Annotated[tuple[Positive, Positive], LIST] = Field(description="s, minimum and maximum")
+    sits: Probability = Field(
+        default=0.0, description="that a wandering pedestrian, on reaching its goal, sits down on a free seat"
+    )
+    queues: Probability = Field(
+        default=0.0, description="that a wandering pedestrian, on reaching its goal, goes to a queue"
+    )
+    exits: Probability = Field(
+        default=0.0, description="that a wandering pedestrian, on reaching its goal, leaves through a door"
+    )
+    sit_time: Annotated[tuple[Positive, Positive], LIST] = Field(
+        default=(20.0, 90.0), description="s, minimum and maximum"
+    )
+    pause: Annotated[tuple[NotNegative, NotNegative], LIST] = Field(
+        default=(0.0, 0.0), description="s, minimum and maximum: how long a wandering pedestrian stands at its goal"
+    )
 
 
 class Group(Part):
@@ -375,6 +431,9 @@ class Episode(Part):
         description="x1, y1, x2, y2, m, world frame"
     )
     objects: ListOf[Object]
+    doors: ListOf[Door] = Field(default=[], description="through which pedestrians enter and leave")
+    queues: ListOf[Queue] = Field(default=[], description="in which pedestrians stand in line")
+    places: ListOf[Place] = Field(default=[], description="of interest, to which wandering pedestrians go")
     humans: ListOf[Human] = Field(description="in the order of the rows in frames")
     groups: ListOf[Group]
     interactions: ListOf[Interaction] = Field(description="at the start: [src, relation, dst]")

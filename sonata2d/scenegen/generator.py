@@ -15,6 +15,7 @@ from ..core.scene import Rules, Scene, standing_throughout
 from ..core.wording import shown
 from ..errors import SceneError
 from .floor_plans import FloorPlan, draw_floor_plan
+from .journeys import Journeys, plan_journeys, with_visitors
 from .placed import (
     apply_jitter,
     check_placed_positions,
@@ -64,15 +65,19 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
         plan, given = plan.mirrored(), mirror_config(config)
     fixed = fixed_furniture(given)
     _check_furniture(fixed, plan)
+    furniture = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
+    own_rng = RandomStream(seed, episode, "journeys")  # so that scenes without journeys stay the same
+    journeys = plan_journeys(given, plan, reserved_outlines(given) + furniture, own_rng)
     clusters = sample_entities(given, rng)
     manners = Manners(config.person, seed, episode)
     scene = None
     for _ in range(config.max_layouts - 1):
         with suppress(SceneError):
-            scene = _try_layout(given, plan, fixed, clusters, manners, rng)
+            scene = _try_layout(given, plan, fixed, clusters, journeys, manners, rng)
             break
     if scene is None:
-        scene = _try_layout(given, plan, fixed, clusters, manners, rng)  # the last error is raised
+        scene = _try_layout(given, plan, fixed, clusters, journeys, manners, rng)  # the last error is raised
+    scene = with_visitors(scene, given, journeys, manners, own_rng)
     return replace(scene, seed=seed, episode=episode, settings=config.settings())
 
 
@@ -95,6 +100,7 @@ def _try_layout(
     plan: FloorPlan,
     fixed: tuple[Furniture, ...],
     clusters: list[EntityCluster],
+    journeys: Journeys,
     manners: Manners,
     rng: RandomStream,
 ) -> Scene:
@@ -111,6 +117,7 @@ def _try_layout(
     furniture_outlines = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     layout = Layout(plan, config, reserved_outlines(config), furniture_outlines)
     place_given(config, given, layout)
+    layout.occupy(list(journeys.zones))
     placed: dict[int, list[Pose]] = {}
     for k in sorted(range(len(clusters)), key=lambda k: (clusters[k].fixed is None, -cluster_radius(clusters[k]))):
         poses = layout.place(clusters[k], fixed, rng)
@@ -140,6 +147,9 @@ def _try_layout(
         rules=Rules(**dict(config.rules)),
         social=config.social.social(),
         dropped=tuple(_label(clusters, k) for k in range(len(clusters)) if k not in placed),
+        doors=journeys.doors,
+        queues=journeys.queues,
+        places=journeys.places,
     )
 
 

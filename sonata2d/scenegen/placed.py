@@ -19,7 +19,7 @@ from .placement import Layout
 from .scenario.base import Jitter
 from .scenario.config import ScenarioConfig
 from .scenario.people import PersonSpec, Track
-from .scenario.sections import PersonConfig
+from .scenario.sections import FurnitureConfig, PersonConfig
 
 _SLOW = 0.1  # m/s, below which a velocity does not determine where a pedestrian faces
 _TOLERANCE = 1e-6  # ticks, rounding error of a time divided by the tick
@@ -67,17 +67,32 @@ def mirror_config(config: ScenarioConfig) -> ScenarioConfig:
         robot = robot.model_copy(update={"pose": (x, -y, -theta)})
     goal_theta = None if goal.theta is None else -goal.theta
     goal_position = None if goal.position is None else _mirror_point(goal.position)
-    # the front of furniture is its -y side, so that its mirror image is turned by pi - theta, not by -theta
-    furniture = (p.model_copy(update={"y": -p.y, "theta": PI - p.theta}) for p in config.furniture)
+    # the front of furniture is its -y side, so that its mirror image is turned by pi - theta, not by -theta as a chair
+    furniture = (
+        p.model_copy(update={"y": -p.y, "theta": -p.theta if _faces_ahead(p, config) else PI - p.theta})
+        for p in config.furniture
+    )
     return config.model_copy(
         update={
             "robot": robot,
             "goal": goal.model_copy(update={"position": goal_position, "theta": goal_theta}),
             "furniture": tuple(furniture),
+            "doors": tuple(d.model_copy(update={"y": None if d.y is None else -d.y}) for d in config.doors),
+            "queues": tuple(
+                q.model_copy(update={"y": None if q.y is None else -q.y, "theta": -q.theta}) for q in config.queues
+            ),
+            "places": tuple(p.model_copy(update={"y": -p.y}) for p in config.places),
             "people": tuple(_mirror_person(person) for person in config.people),
             "groups": groups.model_copy(update={"places": tuple(_mirror_point(place) for place in groups.places)}),
         }
     )
+
+
+def _faces_ahead(piece: FurnitureConfig, config: ScenarioConfig) -> bool:
+    """Whether the front of a piece is its +x side: that of a seat that is not longer than wide."""
+    size = piece.size or config.sizes[piece.type]
+    is_seat = piece.type == "chair" if piece.seat is None else piece.seat
+    return is_seat and not (isinstance(size, tuple) and size[0] > size[1])
 
 
 def _mirror_person(person: PersonSpec) -> PersonSpec:
@@ -184,6 +199,7 @@ def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, 
         enters=enters,
         leaves=None if spec.leaves is None else max(int(spec.leaves / dt + 1.0 - _TOLERANCE), enters + 1),
         exits=spec.exits,
+        stays=tuple(quantised(spec.stay.draw(rng)) for _ in spec.goals[1:]) if spec.stay.max > 0.0 else (),
     )
     if spec.track is not None:
         human = _with_track(human, spec.track, dt)

@@ -175,10 +175,12 @@ def shape_of(entity: Entity) -> Shape:
 def fixed_furniture(config: ScenarioConfig) -> tuple[Furniture, ...]:
     """Create the furniture at fixed positions, numbered from 0; a laptop that overlaps a table lies on it."""
     pieces = [
-        Furniture(k, p.type, Pose(p.x, p.y, p.theta).rounded(), shape_of_size(p.size or config.sizes[p.type]))
+        Furniture(
+            k, p.type, Pose(p.x, p.y, p.theta).rounded(), shape_of_size(p.size or config.sizes[p.type]), seat=p.seat
+        )
         for k, p in enumerate(config.furniture)
     ]
-    return tuple(Furniture(p.id, p.type, p.pose, p.shape, _supporting_table(p, pieces)) for p in pieces)
+    return tuple(replace(p, on=_supporting_table(p, pieces)) for p in pieces)
 
 
 def _supporting_table(piece: Furniture, pieces: list[Furniture]) -> int | None:
@@ -320,17 +322,21 @@ class _Sampler:
 
     def _draw_human(self, behaviour: Behaviour, pose: Pose) -> Human:
         """Draw a pedestrian by the section `person`; `number_entities` sets its id."""
-        person, rng = self.config.person, self.rng
-        speed = person.desired_speed
-        return Human(
-            id=0,
-            pose=pose,
-            radius=quantised(person.radius.draw(rng)),
-            desired_speed=quantised(speed.draw(rng)),
-            behaviour=behaviour,
-            model=person.model,
-            reacts_to_robot=0.0 if rng.uniform() < person.ignores_robot else 1.0,
-        )
+        return draw_human(self.config.person, behaviour, pose, self.rng)
+
+
+def draw_human(person: PersonConfig, behaviour: Behaviour, pose: Pose, rng: RandomStream) -> Human:
+    """Draw a pedestrian by the section `person`; its id is 0."""
+    speed = person.desired_speed
+    return Human(
+        id=0,
+        pose=pose,
+        radius=quantised(person.radius.draw(rng)),
+        desired_speed=quantised(speed.draw(rng)),
+        behaviour=behaviour,
+        model=person.model,
+        reacts_to_robot=0.0 if rng.uniform() < person.ignores_robot else 1.0,
+    )
 
 
 def _draw_human_counts(config: ScenarioConfig, rng: RandomStream) -> tuple[int, int]:
@@ -418,7 +424,7 @@ def number_entities(
             for key, (human, pose) in humans.items()
         ),
         tuple(
-            Furniture(ids[key], piece.type, pose, piece.shape, _support_id(key, piece, ids))
+            replace(piece, id=ids[key], pose=pose, on=_support_id(key, piece, ids))
             for key, (piece, pose) in furniture.items()
         ),
         tuple(

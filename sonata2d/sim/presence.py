@@ -48,6 +48,7 @@ class Presence:
         self.has_recorded = bool(self._recorded)
         self._to_enter = [k for k, human in enumerate(scene.humans) if human.enters > 0]
         self._to_leave = [k for k, human in enumerate(scene.humans) if human.leaves is not None]
+        self._parties = _parties(scene)
         self.is_absent = is_absent
         for k in self._recorded:
             self._place(k, self._humans[k].enters)
@@ -96,12 +97,17 @@ class Presence:
         """Place a pedestrian in the room if it is due and there is room; whether it was placed."""
         human = self._humans[k]
         is_late = human.leaves is not None and tick >= human.leaves
-        if tick < human.enters or is_late or (human.behaviour != "recorded" and not self._has_room(k, rows)):
+        if tick < human.enters or is_late or (human.behaviour != "recorded" and not self._party_has_room(k, rows)):
             return False
         self._place(k, tick)
         # Pedestrians that enter later in the same tick keep off this one.
         rows[k] = (*self._bodies[k].position, *self._bodies[k].velocity)
         return True
+
+    def _party_has_room(self, k: int, rows: Array) -> bool:
+        """Whether a pedestrian, and those that enter together with it, can enter."""
+        waiting = (other for other in self._parties.get(k, ()) if self.is_absent[other])
+        return self._has_room(k, rows) and all(self._has_room(other, rows) for other in waiting)
 
     def _has_room(self, k: int, rows: Array) -> bool:
         """Whether a pedestrian can enter without overlapping a body that is present."""
@@ -128,6 +134,17 @@ class Presence:
         is_absent = self.is_absent.tolist()
         self.all_present = True not in is_absent
         self.absent_ids = frozenset(human.id for human, away in zip(self._humans, is_absent, strict=True) if away)
+
+
+def _parties(scene: Scene) -> dict[int, list[int]]:
+    """Rows of the pedestrians that enter together with each one: the wandering members of a group."""
+    entering = [k for k, human in enumerate(scene.humans) if human.enters > 0 and human.behaviour == "wandering"]
+    by_group: dict[tuple[int, int], list[int]] = {}
+    for k in entering:
+        human = scene.humans[k]
+        if human.group is not None:
+            by_group.setdefault((human.group, human.enters), []).append(k)
+    return {k: party for party in by_group.values() for k in party}
 
 
 def _recorded_rows(scene: Scene) -> list[int]:

@@ -91,6 +91,10 @@ class World:
         self._read_bodies()
         self._check_order()
         self._presence = Presence(scene, bodies[:-1], self._matter.is_absent)
+        self._bodies = bodies
+        index = {piece.id: k for k, piece in enumerate(scene.furniture)}
+        self._seats: tuple[tuple[int, int], ...] = ()
+        self._set_seats(tuple((k, index[h.seat]) for k, h in enumerate(scene.humans) if h.seat is not None))
         self._read_bodies()
 
     def snapshot(self, events: tuple[DeviceEvent, ...] = ()) -> Snapshot:
@@ -134,6 +138,8 @@ class World:
         """Move the world by one tick."""
         matter = self._matter
         matter.facing[:], matter.gaze[:] = crowd.facing, crowd.gaze
+        if crowd.seats != self._seats:
+            self._set_seats(crowd.seats)
         if self._presence.has_recorded:
             self._presence.follow_tracks(self.tick)
         substeps = self._substeps
@@ -171,6 +177,14 @@ class World:
             Contact(kind, id, bool(found[kind, id] & ROBOT_AT_FAULT), bool(found[kind, id] & OTHER_AT_FAULT))
             for kind, id in sorted(found, key=lambda key: (_CONTACT_ORDER[key[0]], key[1]))
         )
+
+    def _set_seats(self, seats: tuple[tuple[int, int], ...]) -> None:
+        """Let pedestrians collide with all seats but their own, which `CrowdCommands.seats` lists."""
+        own = dict(seats)
+        for k in {k for k, _ in self._seats + seats}:
+            for shape in self._bodies[k].shapes:
+                shape.filter = pymunk.ShapeFilter(group=_seat_group(own[k]) if k in own else 0)
+        self._seats = seats
 
     def _update_presence(self, leaving: tuple[int, ...]) -> None:
         """Let pedestrians enter, at their initial headings, and leave."""
@@ -216,9 +230,22 @@ def _space_with_obstacles(scene: Scene) -> pymunk.Space:
     space = pymunk.Space()
     space.iterations, space.collision_slop = scene.rules.iterations, 0.001  # pymunk's default slop is 0.1 m
     shapes: list[pymunk.Shape] = [pymunk.Segment(space.static_body, w.start, w.end, 0.0) for w in scene.walls]
-    shapes += [_static_shape(space.static_body, f) for f in scene.furniture if f.on is None]
+    for k, piece in enumerate(scene.furniture):
+        if piece.on is None:
+            shapes.append(_static_shape(space.static_body, piece))
+            if piece.is_seat:
+                shapes[-1].filter = pymunk.ShapeFilter(group=_seat_group(k))
     space.add(*shapes)
     return space
+
+
+def _seat_group(index: int) -> int:
+    """The group of a seat and of the pedestrian on it: shapes of one group do not collide; 0 is no group.
+
+    Args:
+        index: of the seat in the scene's furniture.
+    """
+    return index + 1
 
 
 def _static_shape(ground: pymunk.Body, furniture: Furniture) -> pymunk.Shape:

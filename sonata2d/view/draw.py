@@ -20,6 +20,7 @@ from .camera import DEFAULT_SIDE, Camera
 from .canvas import Canvas, PixelCanvas
 from .figures import goal_part, human_parts, robot_part
 from .furniture import draw_furniture, half_size
+from .landmarks import draw_landmarks
 from .layers import draw_gazes, draw_interactions, draw_velocities, draw_zones, thin_walls
 from .legend import Legend
 from .palette import FAINT, PAPER, WALL, Colour
@@ -80,6 +81,7 @@ def backdrop(
     surface.fill(outside if outside is not None else (*WALL, 0))
     brush = Brush(PixelCanvas(surface, fine), supersampled, fine)
     draw_room(brush, FloorPlan.of(scene), grid=layers.grid)
+    draw_landmarks(brush, scene)
     draw_furniture(brush, scene)
     return surface
 

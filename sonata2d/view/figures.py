@@ -1,7 +1,8 @@
 """Pedestrians, the robot and the goal, seen from above.
 
 An activity shows in colour and in pose: a walking pedestrian strides, a talking one gestures with a hand, one that uses
-an object reaches for it with both hands, and one that looks at something holds its hands behind its back.
+an object reaches for it with both hands, one that looks at something holds its hands behind its back, and one that
+queues folds its arms. Of a sitting pedestrian the thighs and feet are visible.
 """
 
 from __future__ import annotations
@@ -94,6 +95,12 @@ def _draw_limbs(brush: Brush, activity: str, r: float, swing: float) -> None:
         for side in (-1, 1):
             arm = [(0.1 * r, side * 0.78 * r), (0.5 * r, side * 0.7 * r), (0.85 * r, side * 0.25 * r)]
             brush.stroke(sleeve, arm, 0.2 * r)
+    elif activity == "sitting":
+        for side in (-1, 1):
+            brush.ellipse(shaded(colour, 0.6), (1.75 * r, side * 0.42 * r), (0.42 * r, 0.2 * r))
+            brush.stroke(sleeve, [(0.2 * r, side * 0.42 * r), (1.5 * r, side * 0.42 * r)], 0.46 * r)
+    elif activity == "queueing":
+        brush.stroke(sleeve, [(0.0, 0.78 * r), (0.5 * r, 0.4 * r), (0.5 * r, -0.4 * r), (0.0, -0.78 * r)], 0.24 * r)
     elif activity == "looking":
         brush.stroke(sleeve, [(0.0, 0.75 * r), (-0.6 * r, 0.35 * r), (-0.6 * r, -0.35 * r), (0.0, -0.75 * r)], 0.22 * r)
 

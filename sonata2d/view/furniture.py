@@ -40,11 +40,11 @@ _LINE = 0.025  # m, outlines
 def draw_furniture(brush: Brush, scene: Scene) -> None:
     """Draw all furniture of a scene; pieces that stand on others come last."""
     for item in sorted(scene.furniture, key=lambda item: item.on is not None):
-        brush.stamp(item.pose.position, (("thing", item.id), partial(_draw_item, item=item), front_of(item)))
+        brush.stamp(item.pose.position, (("thing", item.id), partial(_draw_item, item=item), item.front))
 
 
 def _draw_item(brush: Brush, item: Furniture) -> None:
-    """Draw a piece of furniture centred on the brush, its front ahead; see `front_of`."""
+    """Draw a piece of furniture centred on the brush, its front ahead."""
     depth, breadth = sorted(half_size(item))
     is_round = isinstance(item.shape, Disc)
     draw = _DRAWINGS.get(item.type)
@@ -53,15 +53,6 @@ def _draw_item(brush: Brush, item: Furniture) -> None:
     else:
         length, width = half_size(item)
         _draw_unknown(brush, depth, breadth, is_round, item.type, has_front=length > width)
-
-
-def front_of(item: Furniture) -> Point:
-    """Unit vector from the centre of a piece of furniture to its front, world frame.
-
-    This is +x of pieces that are not longer than wide; of these, only a chair is drawn with a front.
-    """
-    (x, y), (length, width) = item.pose.direction, half_size(item)
-    return (y, -x) if length > width else (x, y)
 
 
 def half_size(item: Furniture) -> tuple[float, float]:

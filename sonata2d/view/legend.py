@@ -15,6 +15,7 @@ from .camera import Camera
 from .canvas import Canvas
 from .figures import draw_body, draw_chassis, draw_head, draw_plain_body, draw_target
 from .fonts import width_of
+from .landmarks import draw_door, draw_place, draw_queue
 from .layers import draw_fan, draw_link_between, draw_shared_space, draw_zones_of
 from .palette import ACTIVITY, INK
 from .trails import MARK_INTERVAL, draw_mark_sample, draw_path_samples
@@ -34,11 +35,16 @@ TEXTS = {  # English meaning of each symbol
     "talking": "talking",
     "using": "using an object",
     "looking": "looking at an object",
+    "sitting": "sitting",
+    "queueing": "queueing",
     "ignores": "ignores the robot",
     "gaze": "field of view",
     "robot": "robot",
     "contact": "robot in contact",
     "goal": "goal",
+    "door": "door",
+    "queue": "queue",
+    "place": "place of interest",
     "paths": "paths",
     "time_mark": "every {seconds} s",
     "interaction": "interaction",
@@ -182,6 +188,13 @@ def _entries(
             yield entry("contact", partial(_turned, partial(draw_chassis, r=_RADIUS, touches=True)))
     if layers.goal and "goal" not in unmeasured:
         yield entry("goal", partial(draw_target, radius=_RADIUS))
+    for name, shown, draw in (
+        ("door", scene.doors, partial(draw_door, width=0.5)),
+        ("queue", scene.queues, partial(draw_queue, spacing=0.2, capacity=3)),
+        ("place", scene.places, partial(draw_place, radius=_RADIUS)),
+    ):
+        if shown:
+            yield entry(name, draw, 0.5)
     if paths:
         yield entry("paths", partial(draw_path_samples, robot="robot" not in unmeasured), 0.4)
     if time_marks and "robot" not in unmeasured:

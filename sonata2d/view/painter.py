@@ -18,6 +18,7 @@ from .camera import MAX_SIDE, MIN_SIDE, Camera
 from .canvas import PixelCanvas
 from .draw import Layers, backdrop, camera_for, draw_annotations, draw_moving
 from .furniture import draw_furniture
+from .landmarks import draw_landmarks
 from .palette import OUTSIDE
 from .room import FloorPlan, draw_room
 from .sprites import SpriteCache
@@ -80,6 +81,7 @@ class Painter:
         else:
             surface.fill(OUTSIDE)
             draw_room(brush, self._plan, grid=layers.grid)
+            draw_landmarks(brush, self._scene)
             draw_furniture(brush, self._scene)
         draw_paths = partial(draw_fast_trails, surface=surface, trails=trails)
         draw_moving(brush, snapshot, layers, draw_paths, cut_zones=False)

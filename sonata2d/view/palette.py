@@ -1,5 +1,7 @@
 """Colours of the pictures: Okabe and Ito's palette, which colour-blind readers can distinguish, on a pale floor.
 
+Okabe and Ito have no more colours for sitting and queueing people, which have two of P. Tol's (see `PATHS`).
+
 Activities differ in pose as well (see `figures`), so that they can be distinguished in a greyscale print.
 
 Source: M. Okabe & K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/.
@@ -17,6 +19,8 @@ BLUE: Colour = (0, 114, 178)
 VERMILLION: Colour = (213, 94, 0)
 PURPLE: Colour = (204, 121, 167)
 GREY: Colour = (150, 155, 163)
+OLIVE: Colour = (153, 153, 51)
+WINE: Colour = (136, 34, 85)
 
 ACTIVITY: dict[str, Colour] = {
     "standing": GREY,
@@ -25,6 +29,8 @@ ACTIVITY: dict[str, Colour] = {
     "talking": PURPLE,
     "using": ORANGE,
     "looking": YELLOW,
+    "sitting": OLIVE,
+    "queueing": WINE,
 }
 ROBOT, GOAL = VERMILLION, GREEN
 HAIR: Colour = (72, 60, 54)

@@ -28,6 +28,7 @@ from .canvas import PixelCanvas
 from .draw import QUICK, Layers, annotate, backdrop, camera_for, draw_moving, draw_on_backdrop, height_below, picture
 from .fonts import shortened
 from .furniture import draw_furniture
+from .landmarks import draw_landmarks
 from .legend import Legend
 from .palette import FAINT, PAPER
 from .room import FloorPlan, draw_room
@@ -175,6 +176,7 @@ def _vectors(
     brush = Brush(canvas, camera)
     with canvas.clip(camera.size):
         draw_room(brush, FloorPlan.of(snapshot.scene), grid=layers.grid)
+        draw_landmarks(brush, snapshot.scene)
         draw_furniture(brush, snapshot.scene)
         draw_moving(brush, snapshot, layers, partial(draw_trails, trails=trails))
     annotate(canvas, camera, snapshot, layers, trails, caption, outcome)

@@ -49,7 +49,7 @@ def _move(frames: slice, human: int, x: float, y: float) -> Callable[[Any], None
         (set_value("objects", 1, "on", 77), "objects", "object 11 lies on 77"),
         (set_value("frames", 3, "tick", 4), "frames.3", "tick should be 3, is 4"),
         (set_value("frames", 3, "time", 0.4), "frames.3", "time should be 0.3000 s, is 0.4 s"),
-        (set_value("frames", 3, "activity", 0, 6), "frames.3.activity.0", "6 is not in the list"),
+        (set_value("frames", 3, "activity", 0, 8), "frames.3.activity.0", "8 is not in the list"),
         (set_value("frames", 3, "interactions", [[9, "a", 1]]), "frames.3.interactions", "a of 9 and 1"),
         (set_value("frames", 3, "executed", [2.0, 0.0, 0.0]), "frames.3.executed", "1.007 m/s faster"),
         (set_value("frames", 3, "executed", [0.5, 0.0, 3.0]), "frames.3.executed", "rad/s of turning"),

@@ -36,7 +36,6 @@ from sonata2d.record.canonical import serialise, to_json_value
 from sonata2d.record.files import read_bytes
 from sonata2d.record.reader import read_episode, record_from_document
 from sonata2d.record.record import EpisodeRecord
-from sonata2d.view.furniture import front_of
 
 from ..conftest import room
 from .conftest import QUICK, odd_scene, recorded
@@ -123,7 +122,7 @@ def test_the_room_stays_counter_clockwise_and_walls_keep_indices_and_hand(odd: E
 def test_outlines_and_fronts_of_objects_are_mirrored(odd: EpisodeRecord, generated: EpisodeRecord) -> None:
     for record in (odd, generated):
         for thing, image in zip(record.scene().furniture, mirrored(record).scene().furniture, strict=True):
-            (x, y), (x2, y2) = front_of(thing), front_of(image)
+            (x, y), (x2, y2) = thing.front, image.front
             assert (x2, y2) == pytest.approx((x, -y), abs=2e-5)
             edges, seen = (np.array([[*a, *b] for a, b, _ in f.shape.edges(f.pose)]) for f in (thing, image))
             corners, image_corners = edges[:, :2] * [1, -1], seen[:, :2]

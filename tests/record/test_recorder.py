@@ -28,9 +28,9 @@ from sonata2d.record.recorder import EpisodeRecorder, JsonRecorder
 from .samples import CONTROLLER_INFO, people, robot_state, run, scene, snapshot
 
 KEYS = (
-    "format version id name family seed episode physics precision settings rules room walls objects humans groups"
-    " interactions robot goal social dropped controller labels contributor context branched_from columns activities"
-    " outcome frames final software"
+    "format version id name family seed episode physics precision settings rules room walls objects doors queues places"
+    " humans groups interactions robot goal social dropped controller labels contributor context branched_from columns"
+    " activities outcome frames final software"
 )
 INTERACTIONS = (Interaction(1, AT_LAPTOP, 11), Interaction(2, TALKING, 3))
 CONTACTS = (Contact("human", 1, True, False), Contact("wall", 0, False, False))

@@ -40,7 +40,7 @@ def test_social_behaviour_is_off_by_default_and_recorded() -> None:
     assert not s2.generate(s2.ScenarioConfig(), 1).social.is_lively
     config = s2.ScenarioConfig(social={"visits": 0.5, "meets": 0.1, "talk_time": [5, 8]})
     scene = s2.generate(config, 1)
-    assert scene.social == Social(visits=0.5, meets=0.1, talk_time=(5.0, 8.0))
+    assert scene.social == Social(visits=0.5, meets=0.1, talk_time=(5.0, 8.0), pause=(1.0, 6.0))
     document = scene_to_json(scene) | {"name": scene.name, "family": scene.family, "seed": scene.seed, "episode": 0}
     assert scene_from_json(document) == scene
 
@@ -60,8 +60,17 @@ def test_documents_without_reactions_and_social_behaviour_are_read() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"social": {"visits": 0.7, "joins": 0.6}}, "visits \\+ joins is 1.3"),
+        ({"social": {"visits": 0.7, "joins": 0.6}}, "joins \\+ .* is 1.3"),
         ({"social": {"visit_time": 0}}, "above 0"),
+        ({"social": {"pause": -1}}, "social.pause: a time must not be negative"),
+        ({"social": {"exits": 0.5}}, "social.exits: social.exits needs doors; add some"),
+        ({"social": {"queues": 0.5}}, "social.queues: social.queues needs queues; add some"),
+        ({"doors": [{"share": 0}], "social": {"exits": 0.5}}, "doors: at least one door needs a share above 0"),
+        ({"doors": [{"inflow": 1e6}]}, "doors: 1000000 people would enter .* lower the inflow"),
+        ({"doors": [{"x": 1}]}, "doors.0.y: give x and y, or neither"),
+        ({"queues": [{"waiting": 9}]}, "queues.0.waiting: 9 people do not fit into a queue of 8"),
+        ({"places": [{"x": 0, "y": 0, "stay": -1}]}, "places.0.stay: a time must not be negative"),
+        ({"people": [{"x": 0, "y": 0, "goals": [[1, 1]], "stay": 2}]}, "people.0.stay: stay needs two goals"),
         ({"social": {"vists": 0.7}}, "did you mean 'visits'"),
         ({"person": {"reactions": {"avoids": 0}}}, "at least one reaction"),
         ({"person": {"robot_clearance": {"mean": 2.0}}}, "mean 2.0 is not within"),

@@ -191,7 +191,8 @@ class Crowd:
             interactions=social.interactions,
             refresh=self._refresh if self._evaluations > 1 else None,
             evaluations=self._evaluations,
-            leaving=wayfinding.leaving,
+            leaving=wayfinding.leaving + self._social_dynamics.leaving,
+            seats=self._social_dynamics.seats,
         )
 
     def _find_neighbours(self, humans: Array) -> None:

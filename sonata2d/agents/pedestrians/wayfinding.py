@@ -1,7 +1,8 @@
 """Wayfinding: destinations of walking pedestrians and the paths to them.
 
-Wandering pedestrians choose a random place in the room, and another one on arrival; `walking` ones have a list of
-goals; recorded ones follow their tracks; assigned ones go where `SocialDynamics` sends them.
+Wandering pedestrians choose a random place in the room, or in one of its places of interest, and another one on
+arrival, or after a pause; `walking` ones have a list of goals; recorded ones follow their tracks; assigned ones go
+where `SocialDynamics` sends them.
 
 What happens in every tick, along the paths, is compiled; `Wayfinding` makes the rare decisions in ordinary Python and
 writes their results into `Routes`.
@@ -16,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.compiled import subroutine
-from ...core.entities import PERSON_RADIUS
+from ...core.entities import PERSON_RADIUS, Place
 from ...core.geometry import Barriers, Point
 from ...core.humans import X, Y
 from ...core.navigation import FreeSpace
@@ -30,6 +31,7 @@ from ...core.visibility import is_clear
 CLEARANCE = 0.10  # m, of paths from walls, furniture and standing people
 WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
 ARRIVAL_DISTANCE = 0.5  # m from the goal
+STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is to stand there has arrived
 TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
 WAYPOINT_DISTANCE = 0.35  # m from a waypoint at which the next one becomes the target
 MINIMUM_TRIP = 2.0  # m; random destinations nearer than this are rejected
@@ -55,7 +57,8 @@ class Routes(NamedTuple):
         copied: (N,) of int, version of the leader's path that a follower copied last.
         goals_left: (N,) of int, goals of the scene that are still to be visited; -1 for pedestrians without goals.
         is_assigned: (N,) of bool, the destination is set from outside.
-        is_exiting: (N,) of bool, the pedestrian leaves the scene at its last goal.
+        is_stopping: (N,) of bool, the pedestrian will stand at its destination for a time.
+        is_exiting: (N,) of bool, the pedestrian leaves the scene at its destination.
         is_abreast: (N,) of bool, followers with room to walk beside their leader.
         checkpoint: (N, 2), m, position at the last progress check; NaN before the first.
         target: (N, 2), m, the present waypoint.
@@ -73,6 +76,7 @@ class Routes(NamedTuple):
     copied: Ints
     goals_left: Ints
     is_assigned: Bools
+    is_stopping: Bools
     is_exiting: Bools
     is_abreast: Bools
     checkpoint: Floats2
@@ -96,6 +100,8 @@ class Wayfinding:
         passable: free space that is narrower by a tolerance: a path that leaves it is blocked.
         choose_task: called with index and position when a wandering pedestrian needs a destination; returns True if
             it has set one with `send_to`. None: always choose at random.
+        start_stay: called with index, place (m) and duration (s) when a pedestrian is to stand where it has arrived.
+            None: it goes on.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -106,6 +112,9 @@ class Wayfinding:
         self._track_look_ahead = int(TRACK_LOOK_AHEAD / scene.rules.dt + 0.5)  # ticks
         self._rng = AgentStreams(scene.seed, scene.episode, "people", [human.id for human in humans])
         self._goals = {k: list(humans[k].goals) for k in walking if humans[k].behaviour == "walking"}
+        self._stays = {k: list(humans[k].stays) for k in self._goals}  # at these goals, s
+        self._stay = [0.0] * count  # at the present destination, s
+        self._place: list[Place | None] = [None] * count  # of interest, of the present destination
         self._has_groups = any(group.kind == "walking" for group in scene.groups)
         self._has_exits = any(human.exits for human in humans)
         self._versions = 0
@@ -121,6 +130,7 @@ class Wayfinding:
                 [len(self._goals[k]) if k in self._goals else -1 for k in range(count)], dtype=np.int64
             ),
             is_assigned=np.zeros(count, dtype=bool),
+            is_stopping=np.zeros(count, dtype=bool),
             is_exiting=np.array([human.exits for human in humans], dtype=bool),
             is_abreast=np.zeros(count, dtype=bool),
             checkpoint=np.full((count, 2), math.nan),
@@ -131,6 +141,7 @@ class Wayfinding:
         )
         self._choose_leaders(walking)
         self.choose_task: Callable[[int, Point], bool] | None = None
+        self.start_stay: Callable[[int, Point, float], None] | None = None
         may_walk = range(count) if scene.social.is_lively else walking
         self._clearance = max((humans[k].radius for k in may_walk), default=PERSON_RADIUS) + CLEARANCE
         self.space: FreeSpace
@@ -154,6 +165,13 @@ class Wayfinding:
 
     def choose_destination(self, k: int, position: Point) -> None:
         """Give pedestrian k, at a position, m, its next destination and the path to it; without a path it stays."""
+        if self.routes.is_stopping[k]:
+            self.routes.is_stopping[k] = False
+            x, y = self.routes.path[k, self.routes.length[k] - 1].tolist()
+            # A pedestrian without progress is somewhere else on its path.
+            if self.start_stay is not None and _near(position[0], position[1], x, y, STOPPING_DISTANCE):
+                self.start_stay(k, (x, y), self._stay[k])
+                return
         if k in self._goals:
             # Goals of the scene are always approached, straight if there is no free path.
             goal = self._pop_goal(k)
@@ -162,13 +180,13 @@ class Wayfinding:
             return
         if self.choose_task is not None and self.choose_task(k, position):
             return
-        x0, y0, x1, y1 = self._bounding_box
         rng = self._rng[k]
         followers = int(np.count_nonzero(self.routes.leader == k)) if self._has_groups else 1
         group_half_width = MEMBER_HALF_WIDTH * followers
         for attempt in range(_ATTEMPTS):
-            goal = (rng.uniform(x0, x1), rng.uniform(y0, y1))
-            if _near(position[0], position[1], goal[0], goal[1], MINIMUM_TRIP):
+            place = self._choose_place(k) if attempt < _ATTEMPTS // 2 else None
+            goal = self._draw_goal(k, place)
+            if place is None and _near(position[0], position[1], goal[0], goal[1], MINIMUM_TRIP):
                 continue
             if not self.space.is_free_at(goal):
                 continue
@@ -179,8 +197,33 @@ class Wayfinding:
             path = self.space.path(position, goal)
             if path is not None:
                 self._set_path(k, path)
+                self._place[k] = place
+                low, high = self._scene.social.pause if place is None else place.stay
+                self._plan_stay(k, rng.uniform(low, high) if high > 0.0 else 0.0)
                 return
         self._set_path(k, np.array([position]), 0)
+
+    def _choose_place(self, k: int) -> Place | None:
+        """A place of interest, by weight, other than the one where the pedestrian is; None if there is none."""
+        places = self._scene.places
+        others = [place for place in places if place is not self._place[k]] or places
+        return self._rng[k].choice(others, [place.weight for place in others]) if others else None
+
+    def _draw_goal(self, k: int, place: Place | None) -> Point:
+        """A random point in a place of interest, or in the bounding box of the room; m."""
+        rng = self._rng[k]
+        if place is None:
+            x0, y0, x1, y1 = self._bounding_box
+            return rng.uniform(x0, x1), rng.uniform(y0, y1)
+        while True:
+            x, y = rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0)
+            if x * x + y * y <= 1.0:
+                return place.x + place.radius * x, place.y + place.radius * y
+
+    def _plan_stay(self, k: int, duration: float) -> None:
+        """Let pedestrian k stand at its destination for a time, s."""
+        self._stay[k] = duration
+        self.routes.is_stopping[k] = duration > 0.0
 
     def find_new_path(self, k: int, position: Point) -> None:
         """Find a new path to the same destination for a pedestrian that was pushed off its path."""
@@ -204,28 +247,39 @@ class Wayfinding:
         path = self.space.path(position, destination)
         if path is not None:
             self._set_path(k, path)
-            self.routes.is_assigned[k] = True
+            self.routes.is_assigned[k], self.routes.is_stopping[k] = True, False
         return path is not None
 
     def stop(self, k: int) -> None:
         """Let pedestrian k stay where it is until `send_to` or `start_wandering`."""
-        self.routes.is_assigned[k] = True
+        self.routes.is_assigned[k], self.routes.is_stopping[k] = True, False
         if self.routes.leader[k] >= 0:
             self._set_path(k, np.zeros((0, 2)), 0)
 
     def start_wandering(self, k: int, position: Point) -> None:
-        """Let pedestrian k, which is at a position, m, wander from now on, even if it stood from the start."""
+        """Let pedestrian k, which is at a position, m, go on, or wander if it stood from the start."""
         routes = self.routes
-        routes.is_assigned[k] = False
+        routes.is_assigned[k] = routes.is_stopping[k] = False
+        routes.checkpoint[k] = math.nan  # it makes progress from now on
         if routes.leader[k] < 0:
             self.routes = routes._replace(order=np.append(routes.order, k))
-        routes.leader[k] = k
+            routes.leader[k] = k
         # A path that ends where the pedestrian is: it chooses a destination in the next tick.
         self._set_path(k, np.array([position, position]), 1)
 
+    def followers(self, k: int) -> list[int]:
+        """The pedestrians that follow pedestrian k."""
+        if not self._has_groups:
+            return []
+        return [int(other) for other in np.flatnonzero(self.routes.leader == k) if other != k]
+
+    def lead_itself(self, k: int) -> None:
+        """Let pedestrian k follow no other one any more."""
+        self.routes.leader[k] = k
+
     @property
     def leaving(self) -> tuple[int, ...]:
-        """Pedestrians that have reached the place where they leave the scene."""
+        """Walking pedestrians that have reached the goal where they leave the scene."""
         return tuple(np.flatnonzero(self.routes.is_leaving).tolist()) if self._has_exits else ()
 
     def _choose_leaders(self, walking: list[int]) -> None:
@@ -242,6 +296,7 @@ class Wayfinding:
 
     def _pop_goal(self, k: int) -> Point:
         goal = self._goals[k].pop(0)
+        self._plan_stay(k, self._stays[k].pop(0) if self._stays[k] else 0.0)
         self.routes.goals_left[k] = len(self._goals[k])
         return goal
 
@@ -304,7 +359,7 @@ def next_without_destination(routes: Routes, first: int, tick: int, humans: Arra
         if leader == k:
             if _needs_destination(routes, k, tick, humans) or _is_stuck(routes, k, tick, humans):
                 return n
-        elif routes.copied[k] != routes.version[leader]:
+        elif routes.copied[k] != routes.version[leader] and not routes.is_assigned[k]:
             routes.copied[k] = routes.version[k] = routes.version[leader]
             count = routes.length[leader]
             for w in range(count):
@@ -419,12 +474,16 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
             for axis in range(2):
                 shifted = routes.target[leader, axis] + humans[k, X + axis] - humans[leader, X + axis]
                 routes.target[k, axis] = shifted
-        stays = routes.is_assigned[k] or routes.goals_left[k] == 0
+        stays = routes.is_assigned[k] or routes.is_stopping[k] or routes.goals_left[k] == 0
         is_last = stays and routes.next[k] == routes.length[k] - 1
         routes.is_final[k] = routes.length[k] > 0 and is_last and not routes.is_exiting[k]
         x, y = routes.target[k, 0], routes.target[k, 1]
         routes.is_leaving[k] = (
-            routes.is_exiting[k] and is_last and _near(humans[k, X], humans[k, Y], x, y, ARRIVAL_DISTANCE)
+            # those that leave through doors are found by `SocialDynamics`
+            routes.is_exiting[k]
+            and routes.goals_left[k] == 0
+            and is_last
+            and _near(humans[k, X], humans[k, Y], x, y, ARRIVAL_DISTANCE)
         )
 
 

@@ -10,18 +10,21 @@ from pydantic_core import PydanticCustomError
 
 from ...core.entities import Limits, Robot
 from ...core.geometry import MAX_MAGNITUDE, Pose
-from ...core.limits import MAX_NAME
+from ...core.limits import MAX_COUNT, MAX_NAME
 from ...errors import ConfigError
 from ...registry import did_you_mean
 from .base import Entities, Fraction, IntRange, Range, Settings
 from .people import PersonSpec, check_people
 from .sections import (
     SIZES,
+    DoorConfig,
     FurnitureConfig,
     GoalConfig,
     GroupConfig,
     LabelConfig,
     PersonConfig,
+    PlaceConfig,
+    QueueConfig,
     RobotConfig,
     RoomConfig,
     RulesConfig,
@@ -57,6 +60,8 @@ class ScenarioConfig(Settings):
         talking_groups, walking_groups: number of additional groups; see `groups`.
         at_laptop, at_plant, at_object: number of additional pedestrians that attend to a laptop, plant or other object.
         furniture: pieces at fixed positions.
+        doors, queues, places: see the sections of these names.
+        seated: number of additional pedestrians that sit on seats at the start, or fewer where too few are free.
         people: pedestrians that are specified one by one, each with a start, goals or a track.
         sizes: m, by type of furniture: replaces the default sizes or adds types. One number is the radius of a disc,
             two are the length and width of a rectangle.
@@ -98,6 +103,10 @@ class ScenarioConfig(Settings):
     at_plant: IntRange = IntRange(0, 0)
     at_object: IntRange = IntRange(0, 0)
     furniture: Entities[FurnitureConfig] = ()
+    doors: Entities[DoorConfig] = ()
+    queues: Entities[QueueConfig] = ()
+    places: Entities[PlaceConfig] = ()
+    seated: IntRange = IntRange(0, 0)
     people: Entities[PersonSpec] = ()
     sizes: dict[str, Size] = Field(default_factory=lambda: dict(SIZES))
     furniture_yaw: Range = Range(0, 0)
@@ -178,6 +187,21 @@ class ScenarioConfig(Settings):
         return self
 
     @model_validator(mode="after")
+    def _check_journeys(self) -> Self:
+        for key, needed in (("exits", "doors"), ("queues", "queues")):
+            if getattr(self.social, key) > 0.0 and not getattr(self, needed):
+                context: dict[str, Any] = {"key": key, "needed": needed, "path": ("social", key)}
+                raise PydanticCustomError("social", "social.{key} needs {needed}; add some, or set it to 0", context)
+        if self.social.exits > 0.0 and not any(door.share > 0.0 for door in self.doors):
+            raise PydanticCustomError("doors", "at least one door needs a share above 0", {"path": ("doors",)})
+        arrivals = sum(door.inflow for door in self.doors) * self.rules.time_limit / 60.0
+        if arrivals > MAX_COUNT:
+            context = {"arrivals": f"{arrivals:.0f}", "limit": MAX_COUNT, "path": ("doors",)}
+            message = "{arrivals} people would enter until rules.time_limit, at most {limit} may; lower the inflow"
+            raise PydanticCustomError("doors", message, context)
+        return self
+
+    @model_validator(mode="after")
     def _check_start_and_goal(self) -> Self:
         if self.robot.pose is not None and self.goal.position is not None:
             dx, dy = (a - b for a, b in zip(self.robot.pose, self.goal.position, strict=False))
@@ -214,7 +238,8 @@ class ScenarioConfig(Settings):
             return ScenarioConfig(**{**self.settings(), **settings})
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            raise ConfigError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+            place = (*first["loc"], *first.get("ctx", {}).get("path", ()))
+            raise ConfigError(f"{'.'.join(map(str, place))}: {first['msg']}") from None
 
     def settings(self) -> dict[str, Any]:
         """Return all settings, with defaults, as JSON values; `ScenarioConfig(**settings)` restores the scenario."""

@@ -30,6 +30,7 @@ class PersonSpec(Settings):
         behaviour: `standing`, `wandering`, `walking` (to `goals`) or `recorded` (moved along `track`). Default:
             recorded with a track, walking with goals, else standing.
         goals: x, y, m; visited in order.
+        stay: s; how long the pedestrian stands at each goal but the last before it goes on, drawn for each goal.
         exits: whether the pedestrian leaves the scene at its last goal instead of staying there.
         enters, leaves: s. The pedestrian enters at `enters`, or as soon after it as there is free space, and is removed
             at `leaves`. With a track, it is present from the first to the last track point.
@@ -50,6 +51,7 @@ class PersonSpec(Settings):
     velocity: Point | None = None
     behaviour: Behaviour | None = None
     goals: TupleOf[Point] = ()
+    stay: Range = Range(0, 0)
     exits: bool = False
     enters: NonNegativeFloat = 0.0
     leaves: PositiveFloat | None = None
@@ -98,6 +100,10 @@ class PersonSpec(Settings):
         ):
             message = "reacts_to_robot must be 0 with reaction ignores, and above 0 with any other reaction"
             raise PydanticCustomError("reaction", message, {"path": ("reaction",)})
+        if not self.stay.min >= 0.0:
+            raise PydanticCustomError("stay", "a time must not be negative", {"path": ("stay",)})
+        if self.stay.max > 0.0 and len(self.goals) < 2:
+            raise PydanticCustomError("stay", "stay needs two goals or more", {"path": ("stay",)})
         if self.exits and not self.goals:
             raise PydanticCustomError("exits", "exits needs goals to leave at", {"path": ("exits",)})
         if self.desired_speed is not None and not self.desired_speed.min > 0.0:

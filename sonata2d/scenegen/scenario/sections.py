@@ -37,12 +37,15 @@ from .rooms import RoomConfig
 
 __all__ = [  # every section, as docs/scenario.md lists them
     "ClearanceConfig",
+    "DoorConfig",
     "FurnitureConfig",
     "GoalConfig",
     "GroupConfig",
     "LabelConfig",
     "LimitsConfig",
     "PersonConfig",
+    "PlaceConfig",
+    "QueueConfig",
     "RobotConfig",
     "RoomConfig",
     "RulesConfig",
@@ -84,6 +87,8 @@ class FurnitureConfig(Settings):
         size: m; default: the size of its type.
         attracts: whether `at_laptop`, `at_plant` or `at_object` may place a pedestrian at its right side (-y), facing
             it.
+        seat: whether one pedestrian can sit on it, above its centre and facing its front: +x, or -y of a piece that is
+            longer (x) than wide (y). Default: if it is a chair.
     """
 
     type: str
@@ -92,6 +97,107 @@ class FurnitureConfig(Settings):
     theta: float = 0.0
     size: Size | None = None
     attracts: bool = True
+    seat: bool | None = None
+
+
+class DoorConfig(Settings):
+    """A door in the outline of the room, through which pedestrians enter and leave.
+
+    The wall stays solid for the robot and for all pedestrians: they appear just inside the door, and disappear just
+    before it. Those that enter wander; arrivals are independent of each other (a Poisson process over
+    `rules.time_limit`), and wait while there is no space at the door.
+
+    Attributes:
+        x, y: m, world frame: the middle of the door is at the nearest place of the outline with space for it. Default:
+            drawn.
+        width: m.
+        inflow: mean number of arrivals, 1/min; a pair is one arrival.
+        pairs: probability that an arrival is a group of two that walks together.
+        share: weight with which pedestrians that leave (`social.exits`) choose this door.
+    """
+
+    x: float | None = None
+    y: float | None = None
+    width: Annotated[float, Field(ge=0.7)] = 1.0
+    inflow: NonNegativeFloat = 0.0
+    pairs: Fraction = 0.0
+    share: NonNegativeFloat = 1.0
+
+    @model_validator(mode="after")
+    def _check_position(self) -> Self:
+        _require_both_or_none(self.x, self.y)
+        return self
+
+
+class QueueConfig(Settings):
+    """A queue: pedestrians stand in line, straight back from the first one, and leave it when they were served.
+
+    Attributes:
+        x, y: m, world frame: where the first pedestrian stands. Default: drawn, at a wall that it faces.
+        theta: rad, world frame: what the first pedestrian faces, if x and y are given.
+        spacing: distance of neighbours, m.
+        service: time that the first pedestrian needs, s.
+        capacity: largest number of pedestrians; less where a wall or furniture is in the way.
+        waiting: number of pedestrians that stand in the queue at the start, in addition to all others.
+    """
+
+    x: float | None = None
+    y: float | None = None
+    theta: float = 0.0
+    spacing: Annotated[float, Field(ge=0.5)] = 0.75
+    service: Range = Range(5, 15)
+    capacity: PositiveInt = 8
+    waiting: IntRange = IntRange(0, 0)
+
+    @model_validator(mode="after")
+    def _check_position(self) -> Self:
+        _require_both_or_none(self.x, self.y)
+        return self
+
+    @field_validator("service", mode="after")
+    @classmethod
+    def _check_service(cls, time: Range) -> Range:
+        return _require_not_negative(time)
+
+    @model_validator(mode="after")
+    def _check_waiting(self) -> Self:
+        if self.waiting.max > self.capacity:
+            context = {"waiting": self.waiting.max, "capacity": self.capacity, "path": ("waiting",)}
+            raise PydanticCustomError("queue", "{waiting} people do not fit into a queue of {capacity}", context)
+        return self
+
+
+class PlaceConfig(Settings):
+    """A place of interest; if there are any, wandering pedestrians go to them instead of anywhere in the room.
+
+    Attributes:
+        x, y: m, world frame.
+        radius: m; pedestrians go to a random point within it.
+        weight: with which pedestrians choose this place.
+        stay: time that a pedestrian stands there, s.
+    """
+
+    x: float
+    y: float
+    radius: PositiveFloat = 1.0
+    weight: PositiveFloat = 1.0
+    stay: Range = Range(5, 20)
+
+    @field_validator("stay", mode="after")
+    @classmethod
+    def _check_stay(cls, time: Range) -> Range:
+        return _require_not_negative(time)
+
+
+def _require_both_or_none(x: float | None, y: float | None) -> None:
+    if (x is None) != (y is None):
+        raise PydanticCustomError("place", "give x and y, or neither", {"path": ("x" if x is None else "y",)})
+
+
+def _require_not_negative(time: Range) -> Range:
+    if not time.min >= 0.0:
+        raise PydanticCustomError("time", "a time must not be negative")
+    return time
 
 
 class SpeedConfig(Normal):
@@ -237,34 +343,55 @@ class GroupConfig(Settings):
 
 
 class SocialConfig(Settings):
-    """Social behaviour during the episode; off by default. `visits` + `joins` must not exceed 1.
+    """What pedestrians do during the episode. By default they wander, and pause at their destinations.
+
+    On reaching its goal, and on entering, a wandering pedestrian chooses what to do next, with the first five
+    probabilities; their sum must not exceed 1. With what is left, and where its choice is not possible, it goes to one
+    of `places`, or anywhere if there are none.
 
     Attributes:
-        visits: probability that a wandering pedestrian, on reaching its goal, goes to a free plant, laptop, shelf, TV
-            or other object and attends to it for `visit_time`.
-        joins: probability that a wandering pedestrian, on reaching its goal, joins a standing pedestrian or a talking
-            group for `talk_time`.
+        visits: probability that it goes to a free plant, laptop, shelf, TV or other object and attends to it for
+            `visit_time`.
+        joins: probability that it joins a standing pedestrian or a talking group for `talk_time`.
+        sits: probability that it sits down on a free seat for `sit_time`.
+        queues: probability that it goes to one of `queues` that is not full, and stays until it was served.
+        exits: probability that it leaves through one of `doors`, together with its group if it leads one; not through
+            the door by which it came if there is another one.
         meets: probability that two wandering pedestrians that approach each other stop and talk for `talk_time`.
         leaves: probability that a pedestrian that attends to a pedestrian or an object at the start leaves after that
             time.
-        visit_time, talk_time: s.
+        visit_time, talk_time, sit_time: s.
+        pause: time that a wandering pedestrian, or a walking group, stands at its goal before it goes on, s; in a place
+            of interest the time of that place.
     """
 
     visits: Fraction = 0.0
     joins: Fraction = 0.0
     meets: Fraction = 0.0
     leaves: Fraction = 0.0
+    sits: Fraction = 0.0
+    queues: Fraction = 0.0
+    exits: Fraction = 0.0
     visit_time: Range = Range(5, 20)
     talk_time: Range = Range(10, 40)
+    sit_time: Range = Range(20, 90)
+    pause: Range = Range(1, 6)
 
     @model_validator(mode="after")
     def _check_sum(self) -> SocialConfig:
-        if self.visits + self.joins > 1.0:
-            context = {"sum": round(self.visits + self.joins, 4)}
-            raise PydanticCustomError("social", "visits + joins is {sum}; the sum must not exceed 1", context)
+        total = self.visits + self.joins + self.sits + self.queues + self.exits
+        if total > 1.0 + 1e-9:
+            context = {"sum": round(total, 4)}
+            message = "visits + joins + sits + queues + exits is {sum}; the sum must not exceed 1"
+            raise PydanticCustomError("social", message, context)
         return self
 
-    @field_validator("visit_time", "talk_time", mode="after")
+    @field_validator("pause", mode="after")
+    @classmethod
+    def _check_pause(cls, time: Range) -> Range:
+        return _require_not_negative(time)
+
+    @field_validator("visit_time", "talk_time", "sit_time", mode="after")
     @classmethod
     def _require_positive(cls, time: Range) -> Range:
         if not time.min > 0.0:
@@ -273,8 +400,9 @@ class SocialConfig(Settings):
 
     def social(self) -> Social:
         """Convert to the `Social` of a scene."""
-        times = {key: (getattr(self, key).min, getattr(self, key).max) for key in ("visit_time", "talk_time")}
-        return Social(self.visits, self.joins, self.meets, self.leaves, **times)
+        values: dict[str, Any] = {key: getattr(self, key) for key in Social.__dataclass_fields__}
+        ranges = {key: (value.min, value.max) for key, value in values.items() if isinstance(value, Range)}
+        return Social(**(values | ranges))
 
 
 class LimitsConfig(Settings):

@@ -1,9 +1,8 @@
-"""`SocialDynamics`: pedestrians visit objects, join groups, stop to talk, and leave again."""
+"""`SocialDynamics`: what pedestrians do besides walking: visits, conversations, pauses, seats, queues, exits."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,10 +11,15 @@ from ....core.geometry import Disc, Point, Rectangle
 from ....core.portable_math import Array
 from ....core.rng import AgentStreams
 from ....core.scene import Scene
+from ....core.vectors import length
 from ..models.base import Walkers
 from ..wayfinding import Wayfinding
+from .exits import Exits
 from .f_formations import MAXIMUM_MEMBERS, PAIR_DISTANCE, distance, joining_positions, widen
+from .queue_line import QueueLine
+from .sitting import RISING, Seats
 from .state import SocialState
+from .tasks import Kind, Task
 
 OBJECT_RELATIONS = {"laptop": AT_LAPTOP, "plant": AT_PLANT}  # AT_OBJECT for all other types
 NOT_VISITED = ("table", "chair")
@@ -24,40 +28,23 @@ ARRIVAL_DISTANCE = 0.4  # m, from the position of a task
 APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
 MEETING_DISTANCE, SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
 POSITION_SPACING = 0.7  # m, between the positions of two tasks
+MEMBER_SPACING, MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
 LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
-
-
-@dataclass(slots=True)
-class _Task:
-    """An object visit or a conversation of one pedestrian, from its choice to its end.
-
-    Attributes:
-        position: where to stand, m.
-        facing_point: what to face, m.
-        object_id: the object to attend to, if any.
-        partner: index of a pedestrian to join, if any.
-        until: tick at which the task ends, or, on the way there, at which it is given up.
-        has_arrived: False on the way to the position.
-    """
-
-    position: Point
-    facing_point: Point
-    object_id: int | None = None
-    partner: int | None = None
-    until: int = 0
-    has_arrived: bool = False
 
 
 class SocialDynamics:
     """Changes the social state from tick to tick, with the probabilities of `Scene.social`.
 
-    Positions are never set: pedestrians walk to where they will stand. Each pedestrian's choices are drawn from its own
-    random stream. Members of walking groups stay with their group.
+    Positions are never set: pedestrians walk to where they will stand or leave. Each pedestrian's choices are drawn
+    from its own random stream. Members of walking groups stay with their group, pause with it, and leave with it.
 
     Args:
-        scene: the probabilities, objects and pedestrians.
+        scene: the probabilities, objects, doors, queues and pedestrians.
         social: the social state, which is updated.
         wayfinding: receives the destinations of pedestrians with a task.
+
+    Attributes:
+        leaving: indices of the pedestrians that have reached the door through which they leave, in this tick.
     """
 
     def __init__(self, scene: Scene, social: SocialState, wayfinding: Wayfinding) -> None:
@@ -66,18 +53,32 @@ class SocialDynamics:
         self._settings, self._dt = scene.social, scene.rules.dt
         self._rng = AgentStreams(scene.seed, scene.episode, "company", [human.id for human in humans])
         grouped = {member for group in scene.groups if group.kind == "walking" for member in group.members}
+        self._is_grouped = [human.id in grouped for human in humans]
         has_own_path = ("walking", "recorded")
         self._may_take_part = [
-            h.id not in grouped and h.behaviour not in has_own_path and is_always_present
-            for h, is_always_present in zip(humans, social.is_always_present, strict=True)
+            not is_grouped and human.behaviour not in has_own_path and stays
+            for human, is_grouped, stays in zip(humans, self._is_grouped, social.stays, strict=True)
         ]
-        self._tasks: dict[int, _Task] = {}
+        self._tasks: dict[int, Task] = {}
+        self._last: dict[int, Kind] = {}  # kind of the last task
         self._has_walked = set(range(len(humans)))  # no task since the last walk: may take one on the next arrival
         self._have_met: set[tuple[int, int]] | None = None  # pairs, since they were last SEPARATION apart
         self._tick, self._position = 0, social.standing_position
+        self._seats = Seats(scene, social, wayfinding, self._dt)
+        self._lines = [QueueLine(queue, social, self._rng, self._dt) for queue in scene.queues]
+        self._exits = Exits(scene, wayfinding)
+        self.leaving: tuple[int, ...] = ()
+        self._is_changed = False  # who stands where, since the last update of the obstacles
+        wayfinding.start_stay = self._start_stay
         if self._settings.is_lively:
             wayfinding.choose_task = self._choose_task
             self._plan_initial_departures()
+        self._start_seated_and_waiting()
+
+    @property
+    def seats(self) -> tuple[tuple[int, int], ...]:
+        """See `CrowdCommands.seats`."""
+        return self._seats.pairs
 
     def update(self, tick: int, position: Array, walkers: Walkers) -> None:
         """Advance by one tick: arrivals, ends of tasks and meetings. Call it before `Wayfinding.update`.
@@ -87,15 +88,18 @@ class SocialDynamics:
             position: (N, 2), m, of all pedestrians of the scene; arbitrary for absent ones.
             walkers: their neighbours.
         """
-        if not self._settings.is_lively:
-            return
-        self._tick, self._position = tick, position
-        was_walking = self._social.is_walking.copy()
-        for k, task in list(self._tasks.items()):
-            self._advance_task(k, task)
+        self._tick, self._position, self.leaving = tick, position, ()
+        if self._tasks:
+            for k, task in list(self._tasks.items()):
+                self._advance_task(k, task)
+            for line in self._lines:
+                served = line.advance(tick, position)
+                if served is not None:
+                    self._leave(served)
         if self._settings.meets > 0.0:
             self._start_meetings(walkers)
-        if (was_walking != self._social.is_walking).any():
+        if self._is_changed:
+            self._is_changed = False
             self._wayfinding.set_obstacles(self._social.standing_humans(), self._social.shared_spaces())
 
     def _plan_initial_departures(self) -> None:
@@ -106,39 +110,100 @@ class SocialDynamics:
             # Pedestrians with a limited presence draw nothing: they arrive and leave by their own schedule.
             if has_interaction and self._social.is_always_present[k] and self._rng[k].uniform() < self._settings.leaves:
                 position = _point(self._social.standing_position[k])
-                until = self._draw_end(k, is_talk=not has_object)
-                self._tasks[k] = _Task(position, position, until=until, has_arrived=True)
+                kind: Kind = "visit" if has_object else "talk"
+                self._tasks[k] = Task(kind, position, position, until=self._draw_end(k, kind), has_arrived=True)
 
-    def _draw_end(self, k: int, *, is_talk: bool) -> int:
-        """The tick until which pedestrian k stays."""
-        low, high = self._settings.talk_time if is_talk else self._settings.visit_time
-        return self._tick + int(self._rng[k].uniform(low, high) / self._dt)
+    def _start_seated_and_waiting(self) -> None:
+        """Begin the tasks of the pedestrians that sit or stand in a queue at the start."""
+        humans = self._scene.humans
+        for k, human in enumerate(humans):
+            if human.seat is not None:
+                self._wayfinding.stop(k)
+                # It has been sitting for a while: a random part of its time is over.
+                until = int(self._draw_end(k, "sit") * self._rng[k].uniform())
+                self._tasks[k], self._is_changed = self._seats.initial_task(k, human.seat, until), True
+        for line in self._lines:
+            waiting = [k for k, human in enumerate(humans) if human.queue == line.queue.id]
+            x, y = line.queue.pose.position
+            for k in sorted(waiting, key=lambda k: distance(humans[k].pose.position, (x, y))):
+                self._wayfinding.stop(k)
+                line.join(k)
+                self._tasks[k] = Task("queue", (x, y), (x, y), line=line, has_arrived=True)
+                self._is_changed = True
 
-    def _advance_task(self, k: int, task: _Task) -> None:
+    def _draw_end(self, k: int, kind: Kind) -> int:
+        """The tick until which pedestrian k stays at a visit, a conversation or on a seat."""
+        settings = self._settings
+        times = {"visit": settings.visit_time, "talk": settings.talk_time, "sit": settings.sit_time}
+        return self._tick + int(self._rng[k].uniform(*times[kind]) / self._dt)
+
+    def _advance_task(self, k: int, task: Task) -> None:
         """End the task of pedestrian k if it is over or has become impossible; start its activity on arrival."""
-        if task.has_arrived:
+        if task.kind == "exit":
+            self._advance_exit(k, task)
+        elif task.kind == "queue" and task.has_arrived:
+            pass  # the queue tells when it is over
+        elif task.kind == "sit" and task.has_arrived:
+            if self._seats.advance(k, task, self._tick):
+                task.until = self._draw_end(k, "sit")
+            elif task.phase == RISING and self._seats.is_over(task, _point(self._position[k])):
+                self._leave(k)
+        elif task.has_arrived:
             if self._tick >= task.until:
                 self._leave(k)
-            return
+        else:
+            self._advance_approach(k, task)
+
+    def _advance_approach(self, k: int, task: Task) -> None:
+        """Let pedestrian k arrive at the position of its task, or give it up."""
         partner_left = task.partner is not None and self._social.is_walking[task.partner]
-        if partner_left or self._tick >= task.until:
+        if partner_left or self._tick >= task.until or not self._follow_tail(k, task):
             self._leave(k)
         elif distance(_point(self._position[k]), task.position) < ARRIVAL_DISTANCE:
             self._arrive(k, task)
 
+    def _follow_tail(self, k: int, task: Task) -> bool:
+        """Send pedestrian k to the end of its queue if that has moved; False if it cannot join any more."""
+        if task.line is None:
+            return True
+        if task.line.is_full:
+            return False
+        place, facing_point = task.line.slot(task.line.tail)
+        if place == task.position:
+            return True
+        task.position, task.facing_point = place, facing_point
+        return self._wayfinding.send_to(k, _point(self._position[k]), place)
+
     def _leave(self, k: int) -> None:
-        """Pedestrian k wanders off; newcomers that are left alone by this leave soon after."""
+        """Pedestrian k goes on; newcomers to a conversation that are left alone by this leave soon after."""
         partners = self._social.partners[k]
-        del self._tasks[k]
-        self._social.start_walking(k)
+        task = self._tasks.pop(k)
+        if task.kind != "stay":
+            self._last[k] = task.kind
+        self._seats.release(k)
+        if not self._social.is_walking[k]:
+            self._social.start_walking(k)
+            self._is_changed = True
         self._wayfinding.start_wandering(k, _point(self._position[k]))
-        for partner in partners:
+        for partner in partners if task.kind == "talk" else ():
             if partner in self._tasks and not self._social.partners[partner]:
                 end = self._tick + int(LEFT_ALONE_TIME / self._dt)
                 self._tasks[partner].until = min(self._tasks[partner].until, end)
 
-    def _arrive(self, k: int, task: _Task) -> None:
-        """Pedestrian k has reached the position of its task: its interactions begin."""
+    def _arrive(self, k: int, task: Task) -> None:
+        """Pedestrian k has reached the position of its task: its activity begins."""
+        self._wayfinding.stop(k)
+        self._is_changed = True
+        if task.kind == "sit":
+            self._seats.arrive(k, task, self._tick)
+            return
+        task.has_arrived = True
+        if task.line is not None:
+            task.line.join(k)
+            return
+        if task.kind == "stay":
+            self._social.start_standing(k, task.position, task.facing_point)
+            return
         own_id = self._scene.humans[k].id
         if task.partner is None:
             thing = next(thing for thing in self._scene.furniture if thing.id == task.object_id)
@@ -147,9 +212,78 @@ class SocialDynamics:
             members = sorted([task.partner, *self._social.partners[task.partner]])
             interactions = self._social.talking_interactions(k, members)
             self._widen_formation(members, task.facing_point, len(members) + 1)
-        self._wayfinding.stop(k)
         self._social.start_standing(k, task.position, task.facing_point, interactions)
-        task.has_arrived, task.until = True, self._draw_end(k, is_talk=task.partner is not None)
+        task.until = self._draw_end(k, task.kind)
+
+    # Pauses
+
+    def _start_stay(self, k: int, place: Point, duration: float) -> None:
+        """Pedestrian k, which has arrived at a place, m, stands there for a time, s, and its followers beside it."""
+        until = self._tick + int(duration / self._dt)
+        self._stand(k, place, until)
+        followers = [other for other in self._wayfinding.followers(k) if not self._social.is_absent(other)]
+        taken = [place]
+        for follower in followers:
+            spot = self._spot_beside(follower, k, place, taken)
+            taken.append(spot)
+            position = _point(self._position[follower])
+            if distance(position, spot) < ARRIVAL_DISTANCE or not self._wayfinding.send_to(follower, position, spot):
+                self._stand(follower, spot if distance(position, spot) < ARRIVAL_DISTANCE else position, until)
+            else:
+                self._tasks[follower] = Task("stay", spot, place, until=until)
+
+    def _stand(self, k: int, place: Point, until: int) -> None:
+        """Pedestrian k stands at a place, m, until a tick, and faces where it was going."""
+        (x, y), (px, py) = place, _point(self._position[k])
+        dx, dy = x - px, y - py
+        scale = 3.0 / max(length(dx, dy), 1e-6)
+        facing_point = x + dx * scale, y + dy * scale
+        self._wayfinding.stop(k)
+        self._social.start_standing(k, place, facing_point)
+        self._tasks[k] = Task("stay", place, facing_point, until=until, has_arrived=True)
+        self._is_changed = True
+
+    def _spot_beside(self, k: int, leader: int, place: Point, taken: list[Point]) -> Point:
+        """Where a follower stands beside its leader, m: on its present side of it, or opposite, or where it is."""
+        position, (lx, ly) = _point(self._position[k]), _point(self._position[leader])
+        dx, dy = position[0] - lx, position[1] - ly
+        gap = max(length(dx, dy), 1e-6)
+        scale = min(max(gap, POSITION_SPACING), MEMBER_DISTANCE) / gap
+        side = self._scene.rules.side  # so that a mirrored scene gives the mirrored place
+        for x, y in ((dx, dy), (dy * side, -dx * side), (-dy * side, dx * side), (-dx, -dy)):
+            spot = place[0] + x * scale, place[1] + y * scale
+            if all(distance(spot, other) > MEMBER_SPACING for other in taken) and self._wayfinding.is_open(place, spot):
+                return spot
+        return position
+
+    # Doors
+
+    def _advance_exit(self, k: int, task: Task) -> None:
+        """Let pedestrian k leave if it has reached its door; those that follow it then go there by themselves."""
+        assert task.door is not None
+        if self._social.is_absent(k):
+            del self._tasks[k]
+        elif self._exits.has_reached(task.door, _point(self._position[k])):
+            self.leaving += (k,)
+            del self._tasks[k]
+            for follower in self._wayfinding.followers(k):
+                self._wayfinding.lead_itself(follower)
+                if follower in self._tasks:
+                    self._wayfinding.send_to(follower, _point(self._position[follower]), self._tasks[follower].position)
+
+    def _start_exit(self, k: int, position: Point) -> bool:
+        """Send pedestrian k, and those that follow it, to a door; False if there is none that they can reach."""
+        door = self._exits.choose(self._rng[k], self._scene.humans[k])
+        if door is None:
+            return False
+        place = self._exits.place_before(door, position)
+        if not self._wayfinding.send_to(k, position, place):
+            return False
+        for member in [k, *self._wayfinding.followers(k)]:
+            if not self._social.is_absent(member):
+                self._tasks[member] = Task("exit", place, door.pose.position, door=door)
+                self._wayfinding.routes.is_exiting[member] = True
+        return True
 
     def _widen_formation(self, members: list[int], centre: Point, count: int) -> None:
         """Move members outwards to the radius of a formation of `count`, as far as there is room."""
@@ -161,19 +295,21 @@ class SocialDynamics:
     def _choose_task(self, k: int, position: Point) -> bool:
         """Called when wandering pedestrian k needs a destination: whether it is sent to a task instead.
 
-        After a task a pedestrian wanders to another place before it may take the next one.
+        After a visit or a conversation, a pedestrian wanders to another place before it may take the next one; it does
+        not sit, queue or try to leave twice in a row either.
         """
-        if not self._may_take_part[k] or self._tick == 0 or k not in self._has_walked:
-            self._has_walked.add(k)
+        has_walked = k in self._has_walked
+        self._has_walked.add(k)
+        if self._tick == 0 or not (self._may_take_part[k] or self._may_lead_out(k)):
             return False
-        draw = self._rng[k].uniform()
-        if draw < self._settings.visits:
-            found = self._object_tasks(k, position)
-        elif draw < self._settings.visits + self._settings.joins:
-            found = self._joining_tasks(position)
-        else:
+        kind = self._draw_kind(k)
+        if kind is None or (kind == self._last.get(k) and not has_walked):
             return False
-        tasks = [task for task in found if self._is_unclaimed(task.position)]
+        if kind == "exit":
+            return self._start_exit(k, position)
+        if not self._may_take_part[k] or (kind in ("visit", "talk") and not has_walked):
+            return False
+        tasks = [task for task in self._tasks_of(kind, k, position) if self._is_unclaimed(task.position, kind)]
         if not tasks:
             return False
         task = self._rng[k].choice(tasks)
@@ -184,15 +320,51 @@ class SocialDynamics:
         self._has_walked.discard(k)
         return True
 
-    def _object_tasks(self, k: int, position: Point) -> Iterator[_Task]:
+    def _may_lead_out(self, k: int) -> bool:
+        """Whether pedestrian k leads a walking group that may leave."""
+        return self._is_grouped[k] and self._scene.humans[k].behaviour == "wandering" and self._social.stays[k]
+
+    def _draw_kind(self, k: int) -> Kind | None:
+        """What pedestrian k wants to do next; None: walk to another place."""
+        settings, draw = self._settings, self._rng[k].uniform()
+        chances: tuple[tuple[Kind, float], ...] = (
+            ("visit", settings.visits), ("talk", settings.joins), ("sit", settings.sits), ("queue", settings.queues),
+            ("exit", settings.exits),
+        )  # fmt: skip
+        for kind, chance in chances:
+            if draw < chance:
+                return kind
+            draw -= chance
+        return None
+
+    def _tasks_of(self, kind: Kind, k: int, position: Point) -> Iterator[Task]:
+        """The possible tasks of a kind for pedestrian k, which is at a position, m."""
+        if kind == "visit":
+            yield from self._object_tasks(k, position)
+        elif kind == "talk":
+            yield from self._joining_tasks(position)
+        elif kind == "sit":
+            yield from self._seats.tasks({task.object_id for task in self._tasks.values()})
+        else:
+            for line in self._lines:
+                coming = sum(task.line is line and not task.has_arrived for task in self._tasks.values())
+                if line.tail + coming < line.queue.capacity:
+                    yield Task("queue", *line.slot(line.tail), line=line)
+
+    def _object_tasks(self, k: int, position: Point) -> Iterator[Task]:
         """A task for each object that is worth a visit and that no other pedestrian attends to or goes to."""
         claimed = {task.object_id for task in self._tasks.values()}
         for thing in self._scene.furniture:
-            if thing.type in NOT_VISITED or thing.id in claimed or not self._social.is_unattended(thing.id):
+            if (
+                thing.type in NOT_VISITED
+                or thing.is_seat
+                or thing.id in claimed
+                or not self._social.is_unattended(thing.id)
+            ):
                 continue
             target = self._position_at(thing, position, self._scene.humans[k].radius)
             if self._wayfinding.is_open(target, target):
-                yield _Task(target, thing.pose.position, object_id=thing.id)
+                yield Task("visit", target, thing.pose.position, object_id=thing.id)
 
     def _position_at(self, thing: Furniture, position: Point, radius: float) -> Point:
         """Where to stand at an object, m: in front of its right side (-y), at a disc on the side of the pedestrian.
@@ -214,22 +386,27 @@ class SocialDynamics:
         offset = dx * hy - dy * hx + depth + OBJECT_CLEARANCE + radius
         return thing.pose.x + hy * offset, thing.pose.y - hx * offset
 
-    def _joining_tasks(self, position: Point) -> Iterator[_Task]:
+    def _joining_tasks(self, position: Point) -> Iterator[Task]:
         """A task for each formation with room: the best open position beside pedestrians that stand or talk."""
+        busy = ("stay", "sit", "queue")
         for k in np.flatnonzero(~self._social.is_walking & ~self._social.has_object).tolist():
+            if self._social.is_absent(k) or (k in self._tasks and self._tasks[k].kind in busy):
+                continue
             members = [k, *self._social.partners[k]]
             coming = sum(task.partner in members and not task.has_arrived for task in self._tasks.values())
             # Each formation is considered once, by its first member.
-            if not self._social.is_always_present[k] or k != min(members) or len(members) + coming >= MAXIMUM_MEMBERS:
+            if not self._social.stays[k] or k != min(members) or len(members) + coming >= MAXIMUM_MEMBERS:
                 continue
             places = [_point(self._social.standing_position[member]) for member in members]
             for centre, target in joining_positions(places, _point(self._social.facing_point[k]), position):
                 if self._wayfinding.is_open(centre, target) and self._is_unclaimed(target):
-                    yield _Task(target, centre, partner=k)
+                    yield Task("talk", target, centre, partner=k)
                     break
 
-    def _is_unclaimed(self, position: Point) -> bool:
-        """Whether no other pedestrian is on its way to a position near this one."""
+    def _is_unclaimed(self, position: Point, kind: Kind = "visit") -> bool:
+        """Whether no other pedestrian is on its way to a position near this one; several may be to a queue."""
+        if kind == "queue":
+            return True
         on_the_way = [task for task in self._tasks.values() if not task.has_arrived]
         return all(distance(position, task.position) > POSITION_SPACING for task in on_the_way)
 
@@ -263,12 +440,13 @@ class SocialDynamics:
         positions = (middle[0] + ux, middle[1] + uy), (middle[0] - ux, middle[1] - uy)
         if not all(self._wayfinding.is_open(middle, position) for position in positions):
             return False
-        until = self._draw_end(i, is_talk=True)
+        until = self._draw_end(i, "talk")
         for k, position in zip((i, j), positions, strict=True):
             self._wayfinding.stop(k)
-            self._tasks[k] = _Task(position, middle, until=until, has_arrived=True)
+            self._tasks[k] = Task("talk", position, middle, until=until, has_arrived=True)
             self._has_walked.discard(k)
-        self._social.start_standing(i, positions[0], middle, [])
+        self._is_changed = True
+        self._social.start_standing(i, positions[0], middle)
         self._social.start_standing(j, positions[1], middle, self._social.talking_interactions(j, [i]))
         return True
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ....core.entities import TALKING, Interaction
+from ....core.entities import TALKING, WALKING_TOGETHER, Interaction
 from ....core.geometry import Barriers, Disc, Point, Pose
 from ....core.humans import activity_indices
 from ....core.packing import Bools, Floats2, Ints, Ints2
 from ....core.portable_math import BoolArray, IntArray
 from ....core.scene import Scene, closed_outlines
+
+Posture = Literal["standing", "sitting", "queueing"]  # activity of a pedestrian that neither walks nor interacts
 
 
 class SocialArrays(NamedTuple):
@@ -48,7 +50,9 @@ class SocialState:
         activity: (N,) of int, into `humans.ACTIVITIES`.
         partners: for each pedestrian, the indices of the present pedestrians that it talks or walks with.
         arrays: the state for kernels.
-        is_always_present: for each pedestrian, whether it is present from the start to the end.
+        is_always_present: for each pedestrian, whether it is present from the start to the end, unless it exits.
+        stays: for each pedestrian, whether it is present from the start, or from entering as a wandering one, to the
+            end, unless it exits.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -57,7 +61,11 @@ class SocialState:
         self._ids = [human.id for human in humans]
         self._radius = [human.radius for human in humans]
         self._object_positions = {thing.id: thing.pose.position for thing in scene.furniture}
-        self.is_walking = np.array([human.behaviour != "standing" for human in humans], dtype=bool)
+        self.is_walking = np.array([human.walks_at_start for human in humans], dtype=bool)
+        self._posture = [
+            "standing" if h.seat is None and h.queue is None else "queueing" if h.seat is None else "sitting"
+            for h in humans
+        ]
         self.standing_position = np.array([human.pose.position for human in humans], dtype=float).reshape(-1, 2)
         direction = np.array([human.pose.direction for human in humans], dtype=float).reshape(-1, 2)
         self.facing_point = self.standing_position + 3.0 * direction
@@ -68,6 +76,7 @@ class SocialState:
         self.keeps_facing = np.zeros(len(humans), dtype=bool)
         self.keeps_facing[[k for formation in self._formations for k in formation]] = True
         self.is_always_present = [human.is_always_present for human in humans]
+        self.stays = [h.is_always_present or (h.leaves is None and h.behaviour == "wandering") for h in humans]
         self._absent: frozenset[int] = frozenset()
         self.interactions = scene.interactions
         self.partners: list[list[int]] = []
@@ -88,21 +97,35 @@ class SocialState:
             self._absent = absent
             self._update()
 
-    def start_standing(self, k: int, position: Point, facing_point: Point, interactions: Iterable[Interaction]) -> None:
-        """Pedestrian k stands at a position from now on, m, with the given additional interactions."""
+    def is_absent(self, k: int) -> bool:
+        """Whether pedestrian k is not present now."""
+        return k in self._absent
+
+    def start_standing(
+        self,
+        k: int,
+        position: Point,
+        facing_point: Point,
+        interactions: Iterable[Interaction] = (),
+        posture: Posture = "standing",
+    ) -> None:
+        """Pedestrian k stands, or sits, at a position from now on, m, with the given additional interactions."""
         self.is_walking[k], self.standing_position[k], self.facing_point[k] = False, position, facing_point
+        self._posture[k] = posture
         interactions = tuple(interactions)
         self.keeps_facing[[self._index[interaction.src] for interaction in interactions]] = False
         self.interactions += interactions
         self._update()
 
     def start_walking(self, k: int) -> None:
-        """Pedestrian k walks from now on; its interactions end."""
+        """Pedestrian k walks from now on; its interactions end, except with those that it walks with."""
         own_id = self._ids[k]
         self.is_walking[k] = True
         self.keeps_facing[[k, *self.partners[k]]] = False
         self._formations = [[member for member in formation if member != k] for formation in self._formations]
-        self.interactions = tuple(i for i in self.interactions if own_id not in (i.src, i.dst))
+        self.interactions = tuple(
+            i for i in self.interactions if own_id not in (i.src, i.dst) or i.relation == WALKING_TOGETHER
+        )
         self._update()
 
     def talking_interactions(self, k: int, others: Iterable[int]) -> list[Interaction]:
@@ -114,8 +137,8 @@ class SocialState:
         return all(interaction.dst != object_id for interaction in self.interactions)
 
     def standing_humans(self) -> Barriers:
-        """Discs of all pedestrians that stand now and stay to the end."""
-        standing = [k for k in np.flatnonzero(~self.is_walking).tolist() if self.is_always_present[k]]
+        """Discs of the pedestrians that are present and do not walk now; without those that leave by a schedule."""
+        standing = [k for k in np.flatnonzero(~self.is_walking).tolist() if self.stays[k] and k not in self._absent]
         return Barriers.of(
             [Disc(self._radius[k]).edges(Pose(*self.standing_position[k].tolist()))[0] for k in standing]
         )
@@ -129,8 +152,8 @@ class SocialState:
 
     def _update(self) -> None:
         """Derive activities, partners and attended objects from the interactions."""
-        is_walking = dict(zip(self._ids, self.is_walking.tolist(), strict=True))
-        self.activity = activity_indices(is_walking, self.interactions)
+        alone = ("walking" if walks else posture for walks, posture in zip(self.is_walking, self._posture, strict=True))
+        self.activity = activity_indices(dict(zip(self._ids, alone, strict=True)), self.interactions)
         self.partners = [[] for _ in self._ids]
         self.has_object[:] = False
         for interaction in self.interactions:

@@ -1,0 +1,320 @@
+"""Doors, queues and places of interest, and the pedestrians that sit, wait or arrive: where people come and go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ..core.entities import WALKING_TOGETHER, Door, Group, Human, Interaction, Place, Queue
+from ..core.geometry import Disc, Point, Pose, Rectangle, canonical_angle, inside_polygon, quantised
+from ..core.navigation import FreeSpace
+from ..core.outlines import COLUMNS, outline_row
+from ..core.portable_math import PI, angle_of
+from ..core.rng import RandomStream
+from ..core.scene import Scene
+from ..core.vectors import length
+from ..errors import SceneError
+from .floor_plans import FloorPlan
+from .placement import PlacedShape
+from .sampling import Manners, draw_human, free_ids
+from .scenario.config import ScenarioConfig
+from .scenario.sections import DoorConfig, QueueConfig
+
+ENTRY_DEPTH = 0.35  # m, from a door to where pedestrians appear
+_HALF_BODY = 0.25  # m, from the side of a door to the centre of a pedestrian
+_PAIR_SPACING = 0.6  # m, between the members of a pair at a door
+_WIDE_DOOR = 1.0  # m, width from which a pair enters side by side
+_JAMB, _CORNER = 0.1, 0.4  # m, from a door to the end of its wall, at least: of given doors, and of drawn ones
+_DOOR_SPACING = 0.2  # m, between doors
+_DOOR_ZONE = 0.8  # m, in front of a door, which is kept free of other entities
+_SLOT_RADIUS = 0.3  # m, space that a pedestrian in a queue, or in front of a seat, needs
+_GAP = 0.001  # m, between outlines that must not overlap
+_WALL_GAP = 0.6  # m, from a wall to the first pedestrian of a drawn queue
+
+
+@dataclass(frozen=True, slots=True)
+class Journeys:
+    """Doors, queues and places of a scene, and the space that must stay free for them.
+
+    Attributes:
+        waiting: number of pedestrians in each queue at the start.
+        zones: outlines in which no other entity is placed.
+    """
+
+    doors: tuple[Door, ...]
+    queues: tuple[Queue, ...]
+    places: tuple[Place, ...]
+    waiting: tuple[int, ...]
+    zones: tuple[PlacedShape, ...]
+
+
+def plan_journeys(
+    config: ScenarioConfig, plan: FloorPlan, occupied: Sequence[PlacedShape], rng: RandomStream
+) -> Journeys:
+    """Place the doors, queues and places of a scenario; positions that are not given are drawn.
+
+    Args:
+        config: its sections `doors`, `queues` and `places`.
+        plan: the room.
+        occupied: outlines of the fixed furniture, and of given starts and goals of the robot.
+        rng: random stream of the journeys.
+
+    Raises:
+        SceneError: there is no space.
+    """
+    taken = list(occupied)
+    doors: dict[int, Door] = {}
+    queues: dict[int, Queue] = {}
+    waiting = [queue.waiting.draw(rng) if queue.waiting.max else 0 for queue in config.queues]
+    for is_given in (True, False):  # what is given keeps its place, and what is drawn finds another one
+        for k, door in enumerate(config.doors):
+            if (door.x is not None) == is_given:
+                doors[k] = _place_door(k + 1, door, plan, [*doors.values()], taken, config.max_attempts, rng)
+                taken.append(_door_zone(doors[k]))
+        for k, queue in enumerate(config.queues):
+            if (queue.x is not None) == is_given:
+                queues[k] = _place_queue(k + 1, queue, waiting[k], plan, taken, config.max_attempts, rng)
+                taken.append(_queue_zone(queues[k]))
+    places = []
+    for number, p in enumerate(config.places, 1):
+        if not inside_polygon(np.array([[p.x, p.y]]), plan.outline).all():
+            raise SceneError(f"the place ({p.x:g}, {p.y:g}) is outside the room; move it (places)")
+        stay = quantised(p.stay.min), quantised(p.stay.max)
+        places.append(Place(number, quantised(p.x), quantised(p.y), quantised(p.radius), quantised(p.weight), stay))
+    return Journeys(
+        tuple(doors[k] for k in sorted(doors)),
+        tuple(queues[k] for k in sorted(queues)),
+        tuple(places),
+        tuple(waiting),
+        tuple(taken[len(occupied) :]),
+    )
+
+
+# Doors
+
+
+def _place_door(
+    number: int,
+    config: DoorConfig,
+    plan: FloorPlan,
+    others: Sequence[Door],
+    taken: Sequence[PlacedShape],
+    attempts: int,
+    rng: RandomStream,
+) -> Door:
+    """Place a door at the nearest place of the outline that is long enough, or draw its place."""
+
+    def door_at(pose: Pose) -> Door:
+        return Door(number, pose, quantised(config.width), quantised(config.share))
+
+    if config.x is not None and config.y is not None:
+        pose = _nearest_on_outline((config.x, config.y), config.width, plan)
+        if pose is None:
+            raise SceneError(f"no wall is long enough for a door of {config.width:g} m; make it narrower")
+        if not _fits(door_at(pose), plan, others, taken):
+            raise SceneError(
+                f"the door at ({pose.x:g}, {pose.y:g}) is too near to another one, or to furniture, a wall, or the "
+                "robot; move it"
+            )
+        return door_at(pose)
+    walls = [wall for wall in _edges(plan) if wall[2] > config.width + 2 * _CORNER]
+    for _ in range(attempts if walls else 0):
+        start, end, size = rng.choice(walls, [wall[2] - config.width - 2 * _CORNER for wall in walls])
+        margin = _CORNER + config.width / 2
+        door = door_at(_pose_on(start, end, rng.uniform(margin, size - margin)))
+        if _fits(door, plan, others, taken):
+            return door
+    raise SceneError(
+        f"no space for a door of {config.width:g} m in a {plan.size_text} room after {attempts} attempts; "
+        "give its place (x, y), or widen the room"
+    )
+
+
+def _edges(plan: FloorPlan) -> list[tuple[Point, Point, float]]:
+    """The edges of the outline, counter-clockwise, and their lengths, m."""
+    return [(a, b, length(b[0] - a[0], b[1] - a[1])) for a, b in pairwise((*plan.polygon, plan.polygon[0]))]
+
+
+def _pose_on(start: Point, end: Point, along: float) -> Pose:
+    """The pose at a distance from the start of an edge, m, that faces into the room."""
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    size = length(dx, dy)
+    x, y = start[0] + dx * (along / size), start[1] + dy * (along / size)
+    return Pose(quantised(x), quantised(y), canonical_angle(angle_of(dx, -dy)))
+
+
+def _nearest_on_outline(point: Point, width: float, plan: FloorPlan) -> Pose | None:
+    """The place for the middle of a door that is nearest to a point; None if no wall is long enough."""
+    found: list[tuple[float, Pose]] = []
+    for start, end, size in _edges(plan):
+        margin = width / 2 + _JAMB
+        if size >= 2 * margin:
+            dx, dy = (end[0] - start[0]) / size, (end[1] - start[1]) / size
+            along = (point[0] - start[0]) * dx + (point[1] - start[1]) * dy
+            pose = _pose_on(start, end, min(max(along, margin), size - margin))
+            found.append((length(pose.x - point[0], pose.y - point[1]), pose))
+    return min(found, key=lambda item: item[0])[1] if found else None
+
+
+def _fits(door: Door, plan: FloorPlan, others: Sequence[Door], taken: Sequence[PlacedShape]) -> bool:
+    """Whether a door keeps its distance from others, and the space in front of it is free."""
+    spacings = (
+        length(door.pose.x - other.pose.x, door.pose.y - other.pose.y) - (door.width + other.width) / 2
+        for other in others
+    )
+    return all(spacing > _DOOR_SPACING for spacing in spacings) and _is_free(plan, [_door_zone(door)], taken)
+
+
+def _is_free(plan: FloorPlan, outlines: Sequence[PlacedShape], taken: Sequence[PlacedShape]) -> bool:
+    """Whether outlines lie in the room, and overlap neither a wall nor an outline that is taken."""
+    others = np.array([outline_row(*item) for item in taken]) if taken else np.empty((0, COLUMNS))
+    return plan.has_space([outline_row(shape, pose, _GAP) for shape, pose in outlines], others, _GAP)
+
+
+def _door_zone(door: Door) -> PlacedShape:
+    x, y = door.pose.to_world((0.02 + _DOOR_ZONE / 2, 0.0))
+    return Rectangle(_DOOR_ZONE, door.width), Pose(x, y, door.pose.theta)
+
+
+# Queues
+
+
+def _place_queue(
+    number: int,
+    config: QueueConfig,
+    waiting: int,
+    plan: FloorPlan,
+    taken: Sequence[PlacedShape],
+    attempts: int,
+    rng: RandomStream,
+) -> Queue:
+    """Place a queue where it is given, or at a random wall; its capacity is the number of slots with space."""
+    service = quantised(config.service.min), quantised(config.service.max)
+
+    def queue_at(pose: Pose) -> Queue | None:
+        queue = Queue(number, pose.rounded(), quantised(config.spacing), service, config.capacity)
+        free = 0
+        while free < queue.capacity and _is_free(plan, [(Disc(_SLOT_RADIUS), Pose(*queue.slot(free)))], taken):
+            free += 1
+        return replace(queue, capacity=free) if free >= max(waiting, 1) else None
+
+    people = "1 person" if waiting < 2 else f"{waiting} people"
+    if config.x is not None and config.y is not None:
+        given = queue_at(Pose(config.x, config.y, config.theta))
+        if given is None:
+            raise SceneError(
+                f"the queue at ({config.x:g}, {config.y:g}) has no space for {people}; move it, or turn it (theta)"
+            )
+        return given
+    best: Queue | None = None
+    for _ in range(attempts):
+        start, end, size = rng.choice(walls := _edges(plan), [wall[2] for wall in walls])
+        wall = _pose_on(start, end, rng.uniform(0.0, size))
+        x, y = wall.to_world((_WALL_GAP, 0.0))
+        found = queue_at(Pose(x, y, wall.theta + PI))
+        if found is not None and (best is None or found.capacity > best.capacity):
+            best = found
+        if best is not None and best.capacity == config.capacity:
+            return best
+    if best is None:
+        raise SceneError(
+            f"no space for a queue of {people} in a {plan.size_text} room after {attempts} attempts; "
+            "give its place (x, y, theta), or widen the room"
+        )
+    return best
+
+
+def _queue_zone(queue: Queue) -> PlacedShape:
+    extent = (queue.capacity - 1) * queue.spacing + 2 * _SLOT_RADIUS
+    x, y = queue.pose.to_world((_SLOT_RADIUS - extent / 2, 0.0))
+    return Rectangle(extent, 2 * _SLOT_RADIUS), Pose(x, y, queue.pose.theta)
+
+
+# People
+
+
+def with_visitors(
+    scene: Scene, config: ScenarioConfig, journeys: Journeys, manners: Manners, rng: RandomStream
+) -> Scene:
+    """Add the pedestrians that sit or wait at the start, and those that enter through doors.
+
+    Args:
+        scene: with everything else.
+        config: its sections `doors` and `person`, and `seated`.
+        journeys: of the scene.
+        manners: reactions to the robot by id.
+        rng: random stream of the journeys.
+    """
+    visitors = [*_seated(scene, config, rng), *_waiting(config, journeys, rng)]
+    parties = [[visitor] for visitor in visitors] + _arrivals(config, journeys.doors, scene.rules.last_tick, rng)
+    taken = {human.id for human in scene.humans} | {piece.id for piece in scene.furniture}
+    ids = iter(free_ids(taken, sum(len(party) for party in parties)))
+    group_ids = iter(free_ids({group.id for group in scene.groups}, len(parties)))
+    humans, groups, interactions = list(scene.humans), list(scene.groups), list(scene.interactions)
+    for party in parties:
+        members = tuple(next(ids) for _ in party)
+        group = next(group_ids) if len(party) > 1 else None
+        humans += [manners.given_to(h, id=id, group=group) for h, id in zip(party, members, strict=True)]
+        if group is not None:
+            groups.append(Group(group, "walking", members))
+            interactions.append(Interaction(members[0], WALKING_TOGETHER, members[1]))
+    return replace(scene, humans=tuple(humans), groups=tuple(groups), interactions=tuple(interactions))
+
+
+def _seated(scene: Scene, config: ScenarioConfig, rng: RandomStream) -> Iterator[Human]:
+    """Pedestrians on random seats with free space beside them."""
+    count = config.seated.draw(rng) if config.seated.max else 0
+    if not count:
+        return
+    space = FreeSpace(scene.outline, scene.barriers.joined(scene.standing_humans), _SLOT_RADIUS)
+    seats = [
+        piece for piece in scene.furniture
+        if piece.is_seat and any(space.is_free_at(point) for point in piece.approaches(_SLOT_RADIUS))
+    ]  # fmt: skip
+    for piece in rng.shuffled(seats)[:count]:
+        x, y = piece.front
+        pose = Pose(*piece.pose.position, canonical_angle(angle_of(y, x)))
+        yield replace(draw_human(config.person, "wandering", pose, rng), seat=piece.id)
+
+
+def _waiting(config: ScenarioConfig, journeys: Journeys, rng: RandomStream) -> Iterator[Human]:
+    """Pedestrians that stand in the queues, the first one first."""
+    for queue, count in zip(journeys.queues, journeys.waiting, strict=True):
+        for number in range(count):
+            pose = Pose(*queue.slot(number), queue.pose.theta).rounded()
+            yield replace(draw_human(config.person, "wandering", pose, rng), queue=queue.id)
+
+
+def _arrivals(config: ScenarioConfig, doors: Sequence[Door], last_tick: int, rng: RandomStream) -> list[list[Human]]:
+    """Pedestrians that enter through the doors, alone or in pairs, in the order of time.
+
+    Source: the arrivals of a Poisson process are, given their number, independent and uniformly distributed.
+    """
+    parties: list[list[Human]] = []
+    for door, settings in zip(doors, config.doors, strict=True):
+        minutes = config.rules.time_limit / 60.0
+        for _ in range(rng.poisson(settings.inflow * minutes)):
+            tick = 1 + int(rng.uniform() * max(last_tick - 1, 0))
+            spots = [(ENTRY_DEPTH, 0.0)]
+            if settings.pairs and rng.uniform() < settings.pairs:
+                half = _PAIR_SPACING / 2
+                is_wide = door.width >= _WIDE_DOOR
+                spots = [(ENTRY_DEPTH, half), (ENTRY_DEPTH, -half)] if is_wide else [
+                    (ENTRY_DEPTH + _PAIR_SPACING, 0.0), (ENTRY_DEPTH, 0.0)
+                ]  # fmt: skip
+            room = max(door.width / 2 - _HALF_BODY - max(y for _, y in spots), 0.0)
+            aside = rng.uniform(-room, room)
+            parties.append([_entering(config, door, (x, y + aside), tick, rng) for x, y in spots])
+    return sorted(parties, key=lambda party: party[0].enters)
+
+
+def _entering(config: ScenarioConfig, door: Door, spot: Point, tick: int, rng: RandomStream) -> Human:
+    """A pedestrian that walks in through a door, at a place relative to the door's pose."""
+    pose = Pose(*door.pose.to_world(spot), door.pose.theta).rounded()
+    human = draw_human(config.person, "wandering", pose, rng)
+    x, y = door.pose.direction
+    velocity = quantised(human.desired_speed * x), quantised(human.desired_speed * y)
+    return replace(human, enters=tick, velocity=velocity)

@@ -1,0 +1,60 @@
+"""Doors, queues and places of interest, on the floor and in the walls of a room."""
+
+from __future__ import annotations
+
+from ..core.geometry import Pose
+from ..core.scene import Scene
+from .brush import Brush
+from .palette import FAINT, FLOOR, INK, WOOD, WOOD_EDGE, mixed
+
+_WALL_WIDTH = 0.12  # m, as drawn by `room`: outward only
+_JAMB, _LINE = 0.05, 0.02  # m, width of the door frame, and of lines
+_SLOT_RADIUS = 0.13  # m, of the mark where a pedestrian in a queue stands
+_QUEUE, _PLACE = mixed(FLOOR, FAINT, 0.45), mixed(FLOOR, INK, 0.3)
+_DOT_SPACING = 0.16  # m, around a place
+
+
+def draw_landmarks(brush: Brush, scene: Scene) -> None:
+    """Draw the doors, queues and places of a scene."""
+    for door in scene.doors:
+        draw_door(_at(brush, door.pose), door.width)
+    for queue in scene.queues:
+        draw_queue(_at(brush, queue.pose), queue.spacing, queue.capacity)
+    for place in scene.places:
+        draw_place(brush.at(place.position), place.radius)
+
+
+def _at(brush: Brush, pose: Pose) -> Brush:
+    return brush.at(pose.position, pose.direction)
+
+
+def draw_door(brush: Brush, width: float) -> None:
+    """Draw an opening of a wall that lies behind the brush, with its frame and two leaves that are slid open.
+
+    Args:
+        width: m, across the brush's direction.
+    """
+    half = width / 2
+    brush.box(FLOOR, (-_WALL_WIDTH, -half), (0.01, half))
+    brush.box(mixed(FLOOR, WOOD, 0.6), (-_WALL_WIDTH, -half), (-0.3 * _WALL_WIDTH, half))
+    for side in (-1, 1):
+        low, high = sorted((side * half, side * (half + _JAMB)))
+        brush.box(WOOD_EDGE, (-_WALL_WIDTH, low), (0.02, high))
+        low, high = sorted((side * half, side * 0.62 * half))
+        brush.box(WOOD, (-0.75 * _WALL_WIDTH, low), (-0.45 * _WALL_WIDTH, high), WOOD_EDGE, 0.012)
+
+
+def draw_queue(brush: Brush, spacing: float, capacity: int) -> None:
+    """Draw a faint line backwards from the first pedestrian, and a mark where each one stands; spacing in m."""
+    for number in range(capacity):
+        x, radius = -spacing * number, min(_SLOT_RADIUS, 0.4 * spacing)
+        brush.ring(_QUEUE, (x, 0.0), radius, _LINE)
+        if number + 1 < capacity:
+            brush.stroke(_QUEUE, [(x - radius, 0.0), (x - spacing + radius, 0.0)], _LINE)
+    tip = _SLOT_RADIUS + 0.12
+    brush.stroke(_QUEUE, [(tip - 0.07, 0.07), (tip, 0.0), (tip - 0.07, -0.07)], _LINE)  # where they look
+
+
+def draw_place(brush: Brush, radius: float) -> None:
+    """Draw a dotted circle; radius in m."""
+    brush.dashed_ring(_PLACE, (0.0, 0.0), radius, _LINE, max(round(6.2832 * radius / _DOT_SPACING), 8))
