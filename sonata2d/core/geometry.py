@@ -138,7 +138,30 @@ class Rectangle:
         return [(a, b, 0.0) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
 
 
-Shape = Disc | Rectangle
+@dataclass(frozen=True, slots=True)
+class Stadium:
+    """The outline of a person: all points within `radius` of a line across the heading; m.
+
+    Attributes:
+        shoulder: half the length of the line, m; 0 gives a disc.
+    """
+
+    radius: float
+    shoulder: float
+
+    @property
+    def circumradius(self) -> float:
+        """Radius of the smallest circle around the centre that contains the shape, m."""
+        return self.radius + self.shoulder
+
+    def edges(self, pose: Pose) -> list[Edge]:
+        """The outline at a pose as one thick segment, from the left end of the line to the right one."""
+        c, s = pose.direction
+        dx, dy = -s * self.shoulder, c * self.shoulder
+        return [((pose.x + dx, pose.y + dy), (pose.x - dx, pose.y - dy), self.radius)]
+
+
+Shape = Disc | Rectangle  # of furniture
 
 
 _START, _END, _RADIUS, _ALONG, _INVERSE = slice(0, 2), slice(2, 4), 4, slice(5, 7), 7  # columns of `Barriers.table`

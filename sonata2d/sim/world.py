@@ -58,12 +58,13 @@ class World:
         self.scene, self.tick = scene, 0
         count, rules = len(scene.humans), scene.rules
         space = _space_with_obstacles(scene)
-        discs = [_disc(h.pose.position, h.radius, h.velocity, _body_type(h)) for h in scene.humans]
-        discs.append(_disc(scene.robot.pose.position, scene.robot.radius))
-        bodies = [body for body, _ in discs]
-        space.add(*bodies, *(shape for _, shape in discs))
+        bodies = [_body(h.pose.position, h.velocity, _body_type(h)) for h in scene.humans]
+        torsos = [_torso(body, human) for body, human in zip(bodies, scene.humans, strict=True)]
+        bodies.append(_body(scene.robot.pose.position))
+        space.add(*bodies, *torsos, pymunk.Circle(bodies[-1], scene.robot.radius))
         self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
-        self._engine = EngineMemory(space)
+        shoulder = np.array([human.shoulder for human in scene.humans], dtype=float)
+        self._engine = EngineMemory(space, torsos, shoulder)
         self._matter = Matter(
             engine=self._engine.engine,
             guard=_guard(scene),
@@ -254,13 +255,16 @@ def _static_shape(ground: pymunk.Body, furniture: Furniture) -> pymunk.Shape:
     return pymunk.Poly(ground, furniture.shape.corners(furniture.pose))
 
 
-def _disc(
-    position: Point, radius: float, velocity: Point = (0.0, 0.0), body_type: int = pymunk.Body.DYNAMIC
-) -> tuple[pymunk.Body, pymunk.Shape]:
-    """A disc that slides but does not rotate: headings of pedestrians and robot are not kept by the engine."""
+def _body(position: Point, velocity: Point = (0.0, 0.0), body_type: int = pymunk.Body.DYNAMIC) -> pymunk.Body:
+    """A body that slides but does not rotate: headings of pedestrians and robot are not kept by the engine."""
     body = pymunk.Body(MASS, math.inf, body_type)
     body.position, body.velocity = position, velocity
-    return body, pymunk.Circle(body, radius)
+    return body
+
+
+def _torso(body: pymunk.Body, human: Human) -> pymunk.Segment:
+    """The outline of a pedestrian; `kernel.chipmunk.turn_torso` turns it in every tick."""
+    return pymunk.Segment(body, (0.0, human.shoulder), (0.0, -human.shoulder), human.radius)
 
 
 def _body_type(human: Human) -> int:

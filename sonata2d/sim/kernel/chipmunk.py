@@ -5,6 +5,8 @@ Compiled kernels call them by their addresses, the interpreter calls them throug
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -14,10 +16,10 @@ from pymunk import batch
 from pymunk._chipmunk_cffi import ffi, lib
 
 from ...core.compiled import IS_COMPILED, subroutine
-from ...core.packing import Floats2, Ints
+from ...core.packing import Floats, Floats2, Ints
 
 # Items of `Engine.handle`, addresses: of C functions, of the space, and of the requests for reading and writing.
-_STEP, _EACH_BODY, _GET, _SET, _SPACE, _READ, _WRITE = range(7)
+_STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SPACE, _READ, _WRITE = range(8)
 _READ_COUNT, _WRITE_COUNT = 0, 4  # items of `Engine.counts`: the fields `num` of the two buffers
 
 
@@ -29,6 +31,7 @@ _FUNCTIONS = [
         "cpSpaceEachBody",
         "pmSpaceBodyGetIteratorFuncBatched",
         "pmSpaceBodySetIteratorFuncBatched",
+        "cpSegmentShapeSetEndpoints",
     )
 ]
 
@@ -43,12 +46,16 @@ class Engine(NamedTuple):
         counts: memory of the engine's buffer headers.
         bodies: (M, 4), x, y, vx, vy, m and m/s: what `read_bodies` reads.
         forces: (M, 2), N: what `apply_forces` writes.
+        torsos: (N,), addresses of the pedestrians' shapes.
+        shoulder: (N,), half the length of their shoulder lines, m.
     """
 
     handle: Ints
     counts: Counts
     bodies: Floats2
     forces: Floats2
+    torsos: Ints
+    shoulder: Floats
 
 
 class EngineMemory:
@@ -56,12 +63,14 @@ class EngineMemory:
 
     Args:
         space: with all its bodies.
+        torsos: segments, the shapes of the pedestrians.
+        shoulder: (N,), half the length of their shoulder lines, m.
 
     Attributes:
         engine: the space for kernels.
     """
 
-    def __init__(self, space: pymunk.Space) -> None:
+    def __init__(self, space: pymunk.Space, torsos: Sequence[pymunk.Segment], shoulder: NDArray[Any]) -> None:
         count = len(space.bodies)
         # The engine would move a buffer with fewer than two free places, so that both are longer than needed.
         numbers = np.zeros(4 * count + 8), np.zeros(2 * count + 8)
@@ -81,7 +90,8 @@ class EngineMemory:
         addresses = [*_FUNCTIONS, *(int(ffi.cast("intptr_t", item)) for item in (space._space, *self._requests))]
         counts = np.frombuffer(ffi.buffer(self._headers), dtype=np.int32)
         bodies, forces = numbers[0][: 4 * count].reshape(count, 4), numbers[1][: 2 * count].reshape(count, 2)
-        self.engine = Engine(np.array(addresses, dtype=np.int64), counts, bodies, forces)
+        shapes = np.array([int(ffi.cast("intptr_t", torso._shape)) for torso in torsos], dtype=np.int64)
+        self.engine = Engine(np.array(addresses, dtype=np.int64), counts, bodies, forces, shapes, shoulder)
 
 
 def _pointer(kind: str, address: int) -> Any:
@@ -97,9 +107,14 @@ def _interpreted_each_body(function: int, space: int, visit: int, request: int) 
     lib.cpSpaceEachBody(_pointer("cpSpace *", space), visitor, _pointer("void *", request))
 
 
+def _interpreted_set_ends(function: int, shape: int, ax: float, ay: float, bx: float, by: float) -> None:
+    lib.cpSegmentShapeSetEndpoints(_pointer("cpShape *", shape), (float(ax), float(ay)), (float(bx), float(by)))
+
+
 if IS_COMPILED:
     from llvmlite import ir
     from numba import types
+    from numba.core import cgutils
     from numba.extending import intrinsic
 
     @intrinsic  # type: ignore[untyped-decorator]
@@ -124,11 +139,32 @@ if IS_COMPILED:
 
         return types.void(types.int64, types.int64, types.int64, types.int64), generate
 
+    @intrinsic  # type: ignore[untyped-decorator]
+    def _compiled_set_ends(typing_context: Any, function: Any, shape: Any, ax: Any, ay: Any, bx: Any, by: Any) -> Any:
+        """Call the C function at an address with an address and two vectors of two numbers."""
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64), *[ir.DoubleType()] * 4])
+            passed = list(arguments[1:])
+            if sys.platform == "win32":  # which passes addresses of the vectors, others their numbers
+                pair = ir.ArrayType(ir.DoubleType(), 2)
+                places = [cgutils.alloca_once(builder, pair) for _ in range(2)]
+                for n, number in enumerate(passed[1:]):
+                    builder.store(number, cgutils.gep_inbounds(builder, places[n // 2], 0, n % 2))
+                function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64), *[pair.as_pointer()] * 2])
+                passed = [passed[0], *places]
+            builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), passed)
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.int64, *[types.float64] * 4), generate
+
     _call_step: Any = _compiled_step
     _call_each_body: Any = _compiled_each_body
+    _call_set_ends: Any = _compiled_set_ends
 else:
     _call_step = _interpreted_step
     _call_each_body = _interpreted_each_body
+    _call_set_ends = _interpreted_set_ends
 
 
 @subroutine
@@ -151,3 +187,13 @@ def apply_forces(engine: Engine) -> None:
     handle = engine.handle
     engine.counts[_WRITE_COUNT] = 0
     _call_each_body(handle[_EACH_BODY], handle[_SPACE], handle[_SET], handle[_WRITE])
+
+
+@subroutine
+def turn_torso(engine: Engine, k: int, x: float, y: float) -> None:
+    """Lay the shoulder line of pedestrian k across its heading, a unit vector.
+
+    The engine's bodies do not rotate: it would compute sines and cosines, whose last bits depend on the C library.
+    """
+    half = engine.shoulder[k]
+    _call_set_ends(engine.handle[_SET_ENDS], engine.torsos[k], -y * half, x * half, y * half, -x * half)

@@ -11,7 +11,7 @@ from ...core.packing import Bools, Floats, Floats2, unpack
 from ...core.portable_math import Array
 from ...core.scalar import clipped, rotation
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED
-from .chipmunk import Engine, apply_forces, read_bodies, step_space
+from .chipmunk import Engine, apply_forces, read_bodies, step_space, turn_torso
 from .posture import turn
 from .rules import (
     ACCELERATION,
@@ -119,6 +119,8 @@ def advance(
         drive[_COS], drive[_SIN] = rotation(omega * h)
         robot[GUARDED] = 0.0
         find_near(guard, engine.bodies, barriers, rules)
+        for k in range(count):
+            turn_torso(engine, k, humans[k, BODY_X], humans[k, BODY_Y])
     for k in range(count):
         for axis in range(2):
             engine.forces[k, axis] = 0.0 if matter.is_absent[k] else matter.acceleration[k, axis] * MASS
