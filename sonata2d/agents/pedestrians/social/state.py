@@ -172,8 +172,9 @@ class SocialState:
         )
 
     def _interacts(self, k: int) -> bool:
-        """Whether pedestrian k attends to anything that is present, or is attended to."""
-        return bool(self.partners[k]) or bool(self.has_object[k])
+        """Whether pedestrian k attends to anything, or is attended to."""
+        own_id = self._ids[k]
+        return any(own_id in (interaction.src, interaction.dst) for interaction in self.interactions)
 
     def _alone(self, k: int) -> str:
         """The activity of pedestrian k if it had no interactions."""
