@@ -1,10 +1,10 @@
 """The physical world: a scene in pymunk. The only mutable object of the simulation.
 
 Reasons for the design: a tick is one call of a compiled kernel (`kernel.step.advance`), which calls the engine's own C
-functions; pedestrians and robot are moved by forces, never by setting velocities. Chipmunk moves bodies first and
-detects contacts afterwards, without a swept test, so a tick has several substeps and the robot has a safety guard. A
-space is built anew for every episode, in a fixed order, before its first step: only then does the same input give the
-same bits.
+functions. Pedestrians are moved by forces, never by setting velocities. The robot moves as its drive does, and nothing
+pushes it aside: wheels do not slip. Chipmunk moves bodies first and detects contacts afterwards, without a swept test,
+so a tick has several substeps, and the kernel itself stops the robot at outlines (`kernel/safety.py`). A space is built
+anew for every episode, in a fixed order, before its first step: only then does the same input give the same bits.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
 from .kernel.chipmunk import EngineMemory
 from .kernel.rules import rules_of
 from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
-from .kernel.step import DRIVE_SIZE, MASS, Matter, advance, read_state
+from .kernel.step import DRIVE_SIZE, MASS, ROBOT_MASS, Matter, advance, read_state
 from .presence import Presence
 
 _CONTACT_ORDER = {"human": 0, "object": 1, "wall": 2}
@@ -60,11 +60,11 @@ class World:
         space = _space_with_obstacles(scene)
         bodies = [_body(h.pose.position, h.velocity, _body_type(h)) for h in scene.humans]
         torsos = [_torso(body, human) for body, human in zip(bodies, scene.humans, strict=True)]
-        bodies.append(_body(scene.robot.pose.position))
+        bodies.append(_body(scene.robot.pose.position, mass=ROBOT_MASS))
         space.add(*bodies, *torsos, pymunk.Circle(bodies[-1], scene.robot.radius))
         self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
         shoulder = np.array([human.shoulder for human in scene.humans], dtype=float)
-        self._engine = EngineMemory(space, torsos, shoulder)
+        self._engine = EngineMemory(space, bodies[-1], torsos, shoulder)
         self._matter = Matter(
             engine=self._engine.engine,
             guard=_guard(scene),
@@ -222,7 +222,7 @@ def _guard(scene: Scene) -> Guard:
         barrier_contact=np.zeros(barriers, dtype=np.int64),
         near=np.zeros(humans + barriers, dtype=np.int64),
         counts=np.zeros(3, dtype=np.int64),
-        separation=np.zeros((humans + barriers, 3)),
+        separation=np.zeros((humans + barriers, 4)),
     )
 
 
@@ -255,9 +255,14 @@ def _static_shape(ground: pymunk.Body, furniture: Furniture) -> pymunk.Shape:
     return pymunk.Poly(ground, furniture.shape.corners(furniture.pose))
 
 
-def _body(position: Point, velocity: Point = (0.0, 0.0), body_type: int = pymunk.Body.DYNAMIC) -> pymunk.Body:
+def _body(
+    position: Point,
+    velocity: Point = (0.0, 0.0),
+    body_type: int = pymunk.Body.DYNAMIC,
+    mass: float = MASS,
+) -> pymunk.Body:
     """A body that slides but does not rotate: headings of pedestrians and robot are not kept by the engine."""
-    body = pymunk.Body(MASS, math.inf, body_type)
+    body = pymunk.Body(mass, math.inf, body_type)
     body.position, body.velocity = position, velocity
     return body
 
