@@ -26,8 +26,8 @@ from ..core.humans import (
     GAZE_Y,
     OMEGA,
     activities_of_present,
+    constant_of,
     frozen,
-    human_ids,
     initial_activities,
 )
 from ..core.packing import Packed
@@ -87,7 +87,7 @@ class World:
         self._last_contacts: tuple[bytes, tuple[Contact, ...]] = b"", ()
         self._activity = initial_activities(scene)
         self._interactions = scene.interactions
-        self._constant = human_ids(scene), frozen(np.array([h.radius for h in scene.humans], dtype=float))
+        self._constant = constant_of(scene)
         self._substeps = rules.substeps
         self._read_bodies()
         self._check_order()

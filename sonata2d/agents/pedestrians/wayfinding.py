@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -22,15 +23,21 @@ from ...core.geometry import Barriers, Point
 from ...core.humans import X, Y
 from ...core.navigation import FreeSpace
 from ...core.packing import Bools, Floats2, Floats3, Ints
-from ...core.portable_math import Array, BoolArray
+from ...core.portable_math import PI, Array, BoolArray
 from ...core.rng import AgentStreams
 from ...core.scalar import Vector
 from ...core.scene import Scene
+from ...core.vectors import length
 from ...core.visibility import is_clear
 
-CLEARANCE = 0.10  # m, of paths from walls, furniture and standing people
+CLEARANCE = 0.05  # m, of shoulders from walls, furniture and standing people, where there is room
+TIGHT_CLEARANCE = 0.03  # m, of a body that passes sideways, where there is none
+DETOUR = 1.3  # length of a path with room over that of one without, up to which the first is preferred
 WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
 ARRIVAL_DISTANCE = 0.5  # m from the goal
+EXIT_DISTANCE = 0.3  # m from the goal at which a pedestrian leaves
+CLUSTER_AREA = 0.5  # m^2, of each pedestrian in a cluster that stands at one goal
+LARGEST_CLUSTER = 3.0  # m, radius
 SPOT_SPACING = 0.7  # m, between the places at which pedestrians stand for a time
 STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is to stand there has arrived
 TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
@@ -98,11 +105,12 @@ class Wayfinding:
     Attributes:
         routes: targets and paths.
         space: free space of paths.
-        passable: free space that is narrower by a tolerance: a path that leaves it is blocked.
+        tight: free space of bodies that pass sideways.
+        passable: free space that is wider by a tolerance: a path that leaves it is blocked.
         choose_task: called with index and position when a wandering pedestrian needs a destination; returns True if
             it has set one with `send_to`. None: always choose at random.
-        start_stay: called with index, place (m) and duration (s) when a pedestrian is to stand where it has arrived.
-            None: it goes on.
+        start_stay: called with index, place (m) and duration (s, or infinite) when a pedestrian is to stand where it has
+            arrived. None: it goes on.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -117,6 +125,7 @@ class Wayfinding:
         self._stay = [0.0] * count  # at the present destination, s
         self._place: list[Place | None] = [None] * count  # of interest, of the present destination
         self._spots = np.full((count, 2), math.nan)  # where pedestrians stand for a time, or will, m
+        self._position = self._spots  # of all pedestrians, m
         self._has_groups = any(group.kind == "walking" for group in scene.groups)
         self._has_exits = any(human.exits for human in humans)
         self._versions = 0
@@ -145,9 +154,12 @@ class Wayfinding:
         self.choose_task: Callable[[int, Point], bool] | None = None
         self.start_stay: Callable[[int, Point, float], None] | None = None
         may_walk = range(count) if scene.social.is_lively else walking
-        self._clearance = max((humans[k].radius for k in may_walk), default=PERSON_RADIUS) + CLEARANCE
+        self._depth = max((humans[k].radius for k in may_walk), default=PERSON_RADIUS)
+        self._breadth = max((humans[k].shape.circumradius for k in may_walk), default=PERSON_RADIUS)
         self.space: FreeSpace
+        self.tight: FreeSpace
         self.passable: FreeSpace
+        self._robot = Barriers.of(())
         self.set_obstacles(scene.standing_humans, scene.shared_spaces)
         xs, ys = zip(*scene.polygon, strict=True)
         self._bounding_box = min(xs), min(ys), max(xs), max(ys)
@@ -160,6 +172,7 @@ class Wayfinding:
             humans: (N, 9), columns of `core.humans`.
             is_present: (N,).
         """
+        self._position = humans[:, X : Y + 1]
         for k in self._recorded:
             self.routes.target[k] = self._scene.humans[k].track_position(tick + self._track_look_ahead)
         if tick == 0:
@@ -174,10 +187,17 @@ class Wayfinding:
             if self.start_stay is not None and _near(position[0], position[1], x, y, STOPPING_DISTANCE):
                 self.start_stay(k, (x, y), self._stay[k])
                 return
+        if self.routes.goals_left[k] == 0:
+            x, y = self.routes.path[k, self.routes.length[k] - 1].tolist()
+            goal = position if self._is_taken(k, (x, y)) else (x, y)
+            self._spots[k] = goal
+            if self.start_stay is not None:
+                self.start_stay(k, goal, math.inf)
+            return
         if k in self._goals:
             # Goals of the scene are always approached, straight if there is no free path.
             goal = self._pop_goal(k)
-            path = self.space.path(position, goal)
+            path = self.find_path(position, goal)
             self._set_path(k, np.array([position, goal]) if path is None else path, 1)
             return
         if self.choose_task is not None and self.choose_task(k, position):
@@ -192,11 +212,14 @@ class Wayfinding:
                 continue
             if not self.space.is_free_at(goal) or self._is_taken(k, goal):
                 continue
-            # The first half of the attempts looks for a place with room for all members.
+            # The first half of the attempts looks for a place to which the group can walk abreast as it stands, and
+            # with room for all members.
+            if attempt < _ATTEMPTS // 2 and self._is_in_file(k, position, goal):
+                continue
             needs_room = group_half_width > MEMBER_HALF_WIDTH and attempt < _ATTEMPTS // 2
             if needs_room and self._scene.barriers.gaps(np.array([goal])).min() < group_half_width:
                 continue
-            path = self.space.path(position, goal)
+            path = self.find_path(position, goal)
             if path is not None:
                 self._set_path(k, path)
                 self._place[k] = place
@@ -204,6 +227,15 @@ class Wayfinding:
                 self._plan_stay(k, rng.uniform(low, high) if high > 0.0 else 0.0, goal)
                 return
         self._set_path(k, np.array([position]), 0)
+
+    def _is_in_file(self, k: int, position: Point, goal: Point) -> bool:
+        """Whether a follower of pedestrian k is more ahead or behind than beside it on the way to a goal, m."""
+        ahead, left = goal[0] - position[0], goal[1] - position[1]
+        for other in self.followers(k):
+            x, y = self._position[other, 0] - position[0], self._position[other, 1] - position[1]
+            if abs(x * ahead + y * left) > abs(x * left - y * ahead):
+                return True
+        return False
 
     def _choose_place(self, k: int) -> Place | None:
         """A place of interest, by weight, other than the one where the pedestrian is; None if there is none."""
@@ -238,15 +270,44 @@ class Wayfinding:
     def find_new_path(self, k: int, position: Point) -> None:
         """Find a new path to the same destination for a pedestrian that was pushed off its path."""
         x, y = self.routes.path[k, self.routes.length[k] - 1].tolist()
-        path = self.space.path(position, (x, y))
+        path = self.find_path(position, (x, y))
         if path is not None:
             self._set_path(k, path)
 
     def set_obstacles(self, standing: Barriers, shared_spaces: Barriers) -> None:
         """Replace the obstacles that paths avoid besides walls and furniture: standing people and their o-spaces."""
-        solids = self._scene.barriers.joined(standing)
-        self.space = FreeSpace(self._scene.outline, solids.joined(shared_spaces), self._clearance)
-        self.passable = FreeSpace(self._scene.outline, solids, self._clearance - CLEARANCE - WALL_TOLERANCE)
+        self._standing, self._shared_spaces = standing, shared_spaces
+        self._update_spaces()
+
+    def set_robot(self, robot: Barriers) -> None:
+        """Replace the outline of the robot that paths avoid: one that stands; empty while it moves."""
+        self._robot = robot
+        self._update_spaces()
+
+    def _update_spaces(self) -> None:
+        solids = self._scene.barriers.joined(self._standing).joined(self._robot)
+        shared_spaces = self._shared_spaces
+        obstacles, outline = solids.joined(shared_spaces), self._scene.outline
+        self.space = FreeSpace(outline, obstacles, self._breadth + CLEARANCE)
+        self.tight = FreeSpace(outline, obstacles, self._depth + TIGHT_CLEARANCE)
+        self.passable = FreeSpace(outline, solids, self._depth - WALL_TOLERANCE)
+
+    def find_path(self, start: Point, goal: Point) -> Array | None:
+        """The path to a goal with room for the shoulders, or a shorter one on which they must turn.
+
+        Args:
+            start, goal: m.
+
+        Returns:
+            (K, 2), m; None if there is no path.
+        """
+        path = self.space.path(start, goal)
+        if path is not None and len(path) == 2:
+            return path  # straight
+        tight = self.tight.path(start, goal)
+        if path is None or tight is None:
+            return tight if path is None else path
+        return tight if _length(path) > DETOUR * _length(tight) else path
 
     def is_open(self, start: Point, end: Point) -> bool:
         """Whether a pedestrian can stand at the end, and walk there straight from the start; m."""
@@ -254,7 +315,7 @@ class Wayfinding:
 
     def send_to(self, k: int, position: Point, destination: Point) -> bool:
         """Send pedestrian k from its position to a destination, m, where it stays; False if there is no path."""
-        path = self.space.path(position, destination)
+        path = self.find_path(position, destination)
         if path is not None:
             self._set_path(k, path)
             self.routes.is_assigned[k], self.routes.is_stopping[k] = True, False
@@ -348,7 +409,9 @@ class Wayfinding:
 
 
 @subroutine
-def next_without_destination(routes: Routes, first: int, tick: int, humans: Array, is_present: BoolArray) -> int:
+def next_without_destination(
+    routes: Routes, first: int, tick: int, humans: Array, is_present: BoolArray, is_walking: BoolArray
+) -> int:
     """Follow the leaders' paths, up to the first pedestrian that needs a destination.
 
     Args:
@@ -356,7 +419,7 @@ def next_without_destination(routes: Routes, first: int, tick: int, humans: Arra
         first: item of `Routes.order` to begin with.
         tick: that begins.
         humans: (N, 9), columns of `core.humans`.
-        is_present: (N,).
+        is_present, is_walking: (N,).
 
     Returns:
         Item of `Routes.order` whose pedestrian needs a destination; the number of items if there is none.
@@ -370,6 +433,8 @@ def next_without_destination(routes: Routes, first: int, tick: int, humans: Arra
             leader = k  # followers of an absent leader lead themselves
         if leader == k:
             if _needs_destination(routes, k, tick, humans) or _is_stuck(routes, k, tick, humans):
+                return n
+            if routes.goals_left[k] == 0 and _has_settled(routes, k, humans, is_present, is_walking):
                 return n
         elif routes.copied[k] != routes.version[leader] and not routes.is_assigned[k]:
             routes.copied[k] = routes.version[k] = routes.version[leader]
@@ -390,6 +455,22 @@ def _needs_destination(routes: Routes, k: int, tick: int, humans: Array) -> bool
         return bool(count == 0 or tick % CHECK_INTERVAL == 0)
     last = routes.path[k, count - 1]
     return bool(routes.next[k] == count - 1 and _near(humans[k, X], humans[k, Y], last[0], last[1], ARRIVAL_DISTANCE))
+
+
+@subroutine
+def _has_settled(routes: Routes, k: int, humans: Array, is_present: BoolArray, is_walking: BoolArray) -> bool:
+    """Whether a pedestrian has arrived at its last goal, an area that grows with those who stand there."""
+    count = routes.length[k]
+    if routes.is_assigned[k] or routes.is_exiting[k] or count == 0 or routes.next[k] < count - 1:
+        return False
+    x, y = routes.path[k, count - 1, 0], routes.path[k, count - 1, 1]
+    if not _near(humans[k, X], humans[k, Y], x, y, LARGEST_CLUSTER):
+        return False
+    standing = 1
+    for j in range(len(humans)):
+        standing += is_present[j] and not is_walking[j] and _near(humans[j, X], humans[j, Y], x, y, LARGEST_CLUSTER)
+    radius = max(ARRIVAL_DISTANCE, math.sqrt(standing * CLUSTER_AREA / PI))
+    return _near(humans[k, X], humans[k, Y], x, y, radius)
 
 
 @subroutine
@@ -495,7 +576,7 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
             routes.is_exiting[k]
             and routes.goals_left[k] == 0
             and is_last
-            and _near(humans[k, X], humans[k, Y], x, y, ARRIVAL_DISTANCE)
+            and _near(humans[k, X], humans[k, Y], x, y, EXIT_DISTANCE)
         )
 
 
@@ -517,6 +598,14 @@ def point_ahead(routes: Routes, k: int, x: float, y: float, distance: float) -> 
         x, y = routes.path[k, n, 0], routes.path[k, n, 1]
         ahead_x, ahead_y, distance = x, y, distance - length
     return ahead_x, ahead_y
+
+
+def _length(path: Array) -> float:
+    """Length of a path (K, 2), m."""
+    total = 0.0
+    for (x, y), (next_x, next_y) in pairwise(path.tolist()):
+        total += length(next_x - x, next_y - y)
+    return total
 
 
 @subroutine

@@ -227,8 +227,6 @@ def turn_torso(engine: Engine, k: int, x: float, y: float) -> None:
     _call_set_ends(engine.handle[_SET_ENDS], engine.torsos[k], -y * half, x * half, y * half, -x * half)
 
 
-
-
 @subroutine
 def place_robot(engine: Engine) -> None:
     """Set position and velocity of the robot's body from `Engine.robot`."""

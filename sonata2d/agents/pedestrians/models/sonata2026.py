@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....core.compiled import kernel, subroutine
-from ....core.packing import Floats2, Ints, pack, unpack
+from ....core.packing import Floats, Ints, Packed, pack, unpack
 from ....core.portable_math import PI, Array, unit_vectors
 from ....core.rng import AgentStreams
 from ....core.scalar import Vector, clipped, exp, length, rotation
@@ -218,7 +218,9 @@ def group_velocity(walkers: Walkers, i: int, parameters: Sonata2026) -> Vector:
     cx, cy = cx / count, cy / count
     ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
     lag, tolerance = cx * ex + cy * ey, p.spacing / 3.0
-    lag = walkers.bond[i] * p.cohesion * clipped(lag - clipped(lag, -tolerance, tolerance), -limit, limit)
+    lag = p.cohesion * clipped(lag - clipped(lag, -tolerance, tolerance), -limit, limit)
+    if not walkers.is_abreast[i]:  # where there is no room beside each other, members walk in file
+        lag = 0.0
     distance, width = length(cx, cy), p.spacing * 0.5 * (count + 1.0)
     pull = p.cohesion * clipped(distance - width, 0.0, limit) / max(distance, 1e-6)
     return lag * ex + pull * cx, lag * ey + pull * cy
@@ -348,7 +350,7 @@ class Deviations(NamedTuple):
     """
 
     state: Ints
-    angle: Floats2
+    angle: Floats
 
 
 _MULTIPLIER, _INCREMENT, _MASK = 1664525, 1013904223, 0xFFFFFFFF  # of the generator, modulo 2^32
@@ -375,8 +377,8 @@ def deviate(deviations: Deviations, i: int, keep: float) -> float:
         total += state / 2147483648.0 - 1.0  # uniform in [-1, 1), of variance 1/3
     deviations.state[i] = state
     kick = math.sqrt((1.0 - keep * keep) * 3.0 / _DRAWS)
-    deviations.angle[i, 0] = keep * deviations.angle[i, 0] + kick * total
-    return float(deviations.angle[i, 0])
+    deviations.angle[i] = keep * deviations.angle[i] + kick * total
+    return float(deviations.angle[i])
 
 
 @kernel
@@ -468,11 +470,11 @@ class Sonata2026Model(KernelModel):
         ids = [human.id for human in scene.humans]
         streams = AgentStreams(scene.seed, scene.episode, "deviations", [*ids, 0])  # a controller can be one more agent
         state = np.array([streams[k].integer(0, _MASK) for k in range(len(ids) + 1)], dtype=np.int64)
-        self._deviations = pack(Deviations(state, np.zeros((len(state), 1))))
+        self._deviations = Packed(Deviations(state, np.zeros(len(state))))
 
     def acceleration(self, walkers: Walkers) -> Array:
         acceleration = self._output(walkers)
         _accelerations(
-            self._packed(walkers), self._parameters, self._deviations, self._side, self._dt, acceleration
+            self._packed(walkers), self._parameters, self._deviations.argument, self._side, self._dt, acceleration
         )
         return acceleration

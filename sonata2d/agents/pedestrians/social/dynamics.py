@@ -30,6 +30,7 @@ MEETING_DISTANCE, SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop 
 POSITION_SPACING = 0.7  # m, between the positions of two tasks
 MEMBER_SPACING, MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
 LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
+FOREVER = 1e6  # s
 LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
 
 
@@ -220,7 +221,7 @@ class SocialDynamics:
 
     def _start_stay(self, k: int, place: Point, duration: float) -> None:
         """Pedestrian k, which has arrived at a place, m, stands there for a time, s, and its followers beside it."""
-        until = self._tick + int(duration / self._dt)
+        until = self._tick + int(min(duration, FOREVER) / self._dt)
         self._stand(k, place, until)
         followers = [other for other in self._wayfinding.followers(k) if not self._social.is_absent(other)]
         taken = [place]
