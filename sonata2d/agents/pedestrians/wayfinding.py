@@ -32,6 +32,7 @@ CLEARANCE = 0.10  # m, of paths from walls, furniture and standing people
 WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
 ARRIVAL_DISTANCE = 0.5  # m from the goal
 SPOT_SPACING = 0.7  # m, between the places at which pedestrians stand for a time
+DOORWAY_DEPTH = 0.4  # m, in front of a door, where pedestrians neither stand nor wander to
 STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is to stand there has arrived
 TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
 WAYPOINT_DISTANCE = 0.35  # m from a waypoint at which the next one becomes the target
@@ -117,6 +118,7 @@ class Wayfinding:
         self._stay = [0.0] * count  # at the present destination, s
         self._place: list[Place | None] = [None] * count  # of interest, of the present destination
         self._spots = np.full((count, 2), math.nan)  # where pedestrians stand for a time, or will, m
+        self._kept_free = _discs_kept_free(scene)
         self._has_groups = any(group.kind == "walking" for group in scene.groups)
         self._has_exits = any(human.exits for human in humans)
         self._versions = 0
@@ -229,11 +231,11 @@ class Wayfinding:
         self._spots[k] = goal if duration > 0.0 else math.nan
 
     def _is_taken(self, k: int, goal: Point) -> bool:
-        """Whether another pedestrian stands for a time, or will stand, where pedestrian k would."""
+        """Whether pedestrian k would stand where another one stands for a time, or will, or in front of a door."""
         offset = self._spots - goal
         near = offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1] < SPOT_SPACING * SPOT_SPACING
         near[k] = False
-        return bool(near.any())
+        return bool(near.any()) or any(_near(x, y, *goal, radius) for x, y, radius in self._kept_free)
 
     def find_new_path(self, k: int, position: Point) -> None:
         """Find a new path to the same destination for a pedestrian that was pushed off its path."""
@@ -345,6 +347,12 @@ class Wayfinding:
         clear = self.space.is_clear(start, goal) | (~self.space.is_free(start) & self.passable.is_clear(start, goal))
         for k in np.array(going)[clear].tolist():
             self._set_path(k, np.array([position[k], self._pop_goal(k)]), 1)
+
+
+def _discs_kept_free(scene: Scene) -> list[tuple[float, float, float]]:
+    """Discs in which no random destination lies, x, y and radius, m: in front of doors, and along queues."""
+    discs = [(*door.pose.to_world((DOORWAY_DEPTH, 0.0)), door.width / 2 + DOORWAY_DEPTH) for door in scene.doors]
+    return discs + [(*q.slot(number), SPOT_SPACING) for q in scene.queues for number in range(q.capacity)]
 
 
 @subroutine
