@@ -145,8 +145,10 @@ def _journey_findings(document: JsonDict) -> Iterator[Finding]:
             yield "humans", f"human {human['id']} sits on {seat}, which is not a seat"
         if queue is not None and queue not in queues:
             yield "humans", f"human {human['id']} stands in queue {queue}, which does not exist"
-        if (seat is not None or queue is not None) and human["behaviour"] != "wandering":
-            yield "humans", f"human {human['id']} has a seat or a queue, but is {human['behaviour']}, not wandering"
+        if seat is None and queue is None:
+            continue
+        if human["behaviour"] != "wandering" or human.get("enters", 0) > 0:
+            yield "humans", f"human {human['id']} has a seat or a queue, but does not wander from the start"
     seats = Counter(human["seat"] for human in document["humans"] if human.get("seat") is not None)
     for seat, count in seats.items():
         if count > 1:
