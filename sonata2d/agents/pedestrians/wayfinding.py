@@ -188,14 +188,15 @@ class Wayfinding:
         followers = int(np.count_nonzero(self.routes.leader == k)) if self._has_groups else 1
         group_half_width = MEMBER_HALF_WIDTH * followers
         for attempt in range(_ATTEMPTS):
-            place = self._choose_place(k) if attempt < _ATTEMPTS // 2 else None
+            # The first half of the attempts looks for an untaken place of interest with room for all members.
+            is_choosy = attempt < _ATTEMPTS // 2
+            place = self._choose_place(k) if is_choosy else None
             goal = self._draw_goal(k, place)
             if place is None and _near(position[0], position[1], goal[0], goal[1], MINIMUM_TRIP):
                 continue
-            if not self.space.is_free_at(goal) or self._is_taken(k, goal):
+            if not self.space.is_free_at(goal) or (is_choosy and self._is_taken(k, goal)):
                 continue
-            # The first half of the attempts looks for a place with room for all members.
-            needs_room = group_half_width > MEMBER_HALF_WIDTH and attempt < _ATTEMPTS // 2
+            needs_room = group_half_width > MEMBER_HALF_WIDTH and is_choosy
             if needs_room and self._scene.barriers.gaps(np.array([goal])).min() < group_half_width:
                 continue
             path = self.space.path(position, goal)
