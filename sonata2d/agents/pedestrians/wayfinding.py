@@ -39,6 +39,7 @@ EXIT_DISTANCE = 0.3  # m from the goal at which a pedestrian leaves
 CLUSTER_AREA = 0.5  # m^2, of each pedestrian in a cluster that stands at one goal
 LARGEST_CLUSTER = 3.0  # m, radius
 SPOT_SPACING = 0.7  # m, between the places at which pedestrians stand for a time
+DOORWAY_DEPTH = 0.4  # m, in front of a door, where pedestrians neither stand nor wander to
 STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is to stand there has arrived
 TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
 WAYPOINT_DISTANCE = 0.35  # m from a waypoint at which the next one becomes the target
@@ -126,6 +127,7 @@ class Wayfinding:
         self._place: list[Place | None] = [None] * count  # of interest, of the present destination
         self._spots = np.full((count, 2), math.nan)  # where pedestrians stand for a time, or will, m
         self._position = self._spots  # of all pedestrians, m
+        self._kept_free = _discs_kept_free(scene)
         self._has_groups = any(group.kind == "walking" for group in scene.groups)
         self._has_exits = any(human.exits for human in humans)
         self._versions = 0
@@ -206,17 +208,18 @@ class Wayfinding:
         followers = int(np.count_nonzero(self.routes.leader == k)) if self._has_groups else 1
         group_half_width = MEMBER_HALF_WIDTH * followers
         for attempt in range(_ATTEMPTS):
-            place = self._choose_place(k) if attempt < _ATTEMPTS // 2 else None
+            # The first half of the attempts looks for an untaken place of interest with room for all members.
+            is_choosy = attempt < _ATTEMPTS // 2
+            place = self._choose_place(k) if is_choosy else None
             goal = self._draw_goal(k, place)
             if place is None and _near(position[0], position[1], goal[0], goal[1], MINIMUM_TRIP):
                 continue
-            if not self.space.is_free_at(goal) or self._is_taken(k, goal):
+            if not self.space.is_free_at(goal) or (is_choosy and self._is_taken(k, goal)):
                 continue
-            # The first half of the attempts looks for a place to which the group can walk abreast as it stands, and
-            # with room for all members.
-            if attempt < _ATTEMPTS // 2 and self._is_in_file(k, position, goal):
+            # A choosy leader goes where the group can walk abreast as it stands, and where all members have room.
+            if is_choosy and self._is_in_file(k, position, goal):
                 continue
-            needs_room = group_half_width > MEMBER_HALF_WIDTH and attempt < _ATTEMPTS // 2
+            needs_room = group_half_width > MEMBER_HALF_WIDTH and is_choosy
             if needs_room and self._scene.barriers.gaps(np.array([goal])).min() < group_half_width:
                 continue
             path = self.find_path(position, goal)
@@ -261,11 +264,11 @@ class Wayfinding:
         self._spots[k] = goal if duration > 0.0 else math.nan
 
     def _is_taken(self, k: int, goal: Point) -> bool:
-        """Whether another pedestrian stands for a time, or will stand, where pedestrian k would."""
+        """Whether pedestrian k would stand where another one stands for a time, or will, or in front of a door."""
         offset = self._spots - goal
         near = offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1] < SPOT_SPACING * SPOT_SPACING
         near[k] = False
-        return bool(near.any())
+        return bool(near.any()) or any(_near(x, y, *goal, radius) for x, y, radius in self._kept_free)
 
     def find_new_path(self, k: int, position: Point) -> None:
         """Find a new path to the same destination for a pedestrian that was pushed off its path."""
@@ -406,6 +409,12 @@ class Wayfinding:
         clear = self.space.is_clear(start, goal) | (~self.space.is_free(start) & self.passable.is_clear(start, goal))
         for k in np.array(going)[clear].tolist():
             self._set_path(k, np.array([position[k], self._pop_goal(k)]), 1)
+
+
+def _discs_kept_free(scene: Scene) -> list[tuple[float, float, float]]:
+    """Discs in which no random destination lies, x, y and radius, m: in front of doors, and along queues."""
+    discs = [(*door.pose.to_world((DOORWAY_DEPTH, 0.0)), door.width / 2 + DOORWAY_DEPTH) for door in scene.doors]
+    return discs + [(*q.slot(number), SPOT_SPACING) for q in scene.queues for number in range(q.capacity)]
 
 
 @subroutine
