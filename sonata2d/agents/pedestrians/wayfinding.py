@@ -110,8 +110,8 @@ class Wayfinding:
         passable: free space that is wider by a tolerance: a path that leaves it is blocked.
         choose_task: called with index and position when a wandering pedestrian needs a destination; returns True if
             it has set one with `send_to`. None: always choose at random.
-        start_stay: called with index, place (m) and duration (s, or infinite) when a pedestrian is to stand where it has
-            arrived. None: it goes on.
+        start_stay: called with index, place (m) and duration (s, or infinite) when a pedestrian is to stand where it
+            has arrived. None: it goes on.
     """
 
     def __init__(self, scene: Scene) -> None:
