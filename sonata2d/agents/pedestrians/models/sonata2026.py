@@ -13,7 +13,7 @@ from ....core.portable_math import PI, Array, unit_vectors
 from ....core.rng import AgentStreams
 from ....core.scalar import Vector, clipped, exp, length, rotation
 from ....core.scene import Scene
-from .base import KernelModel, Walkers, offset_of_group
+from .base import KernelModel, Walkers
 
 
 class Sonata2026(NamedTuple):
@@ -198,18 +198,20 @@ def anticipation_acceleration(
     return push * fx, push * fy
 
 
-MAXIMUM_GROUP_DISTANCE = 1.0  # m; a larger lag, or a larger excess distance from the group, pulls no harder
+MAXIMUM_GROUP_DISTANCE = 1.0  # m; a larger deviation from the formation pulls no harder
+FORMATION_TOLERANCE = 1.0 / 3.0  # of the spacing: real groups are not exactly abreast, and not exactly spaced
 
 
 @subroutine
-def group_velocity(walkers: Walkers, i: int, parameters: Sonata2026) -> Vector:
+def group_velocity(walkers: Walkers, i: int, side: float, parameters: Sonata2026) -> Vector:
     """Keep walking groups abreast and together: members that lag walk faster, those ahead slower.
 
-    A formation within a third of the spacing is good enough: real groups are not exactly abreast either.
+    Where there is no room beside each other, members walk in file.
 
     Args:
         walkers: all agents.
         i: index of the agent.
+        side: of the rules, +1 or -1: to which members that walk exactly in file give way.
         parameters: cohesion and spacing.
 
     Returns:
@@ -218,18 +220,34 @@ def group_velocity(walkers: Walkers, i: int, parameters: Sonata2026) -> Vector:
     Source: the aims are those of Moussaïd et al., PLoS ONE 5 (2010) e10047; the formula is ours.
     """
     p, limit = parameters, MAXIMUM_GROUP_DISTANCE
-    cx, cy, count = offset_of_group(walkers, i)
+    if walkers.group[i] < 0:
+        return 0.0, 0.0
+    ex, ey, tolerance = (
+        walkers.desired_direction[i, 0],
+        walkers.desired_direction[i, 1],
+        FORMATION_TOLERANCE * p.spacing,
+    )
+    cx, cy, left, count = 0.0, 0.0, 0.0, 0.0
+    for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        j = walkers.neighbour[n]
+        if walkers.group[j] == walkers.group[i]:
+            dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
+            cx, cy, count = cx + dx, cy + dy, count + 1.0
+            aside = ex * dy - ey * dx  # to the left
+            missing = clipped(p.spacing - tolerance - abs(aside), 0.0, limit)
+            # the one behind goes to the side of the rules, the one ahead to the other
+            is_left = aside > 0.0 if abs(aside) > ROUNDING else side * (ex * dx + ey * dy) > 0.0
+            left += -missing if is_left else missing
     if count == 0.0:
         return 0.0, 0.0
     cx, cy = cx / count, cy / count
-    ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
-    lag, tolerance = cx * ex + cy * ey, p.spacing / 3.0
-    lag = p.cohesion * clipped(lag - clipped(lag, -tolerance, tolerance), -limit, limit)
-    if not walkers.is_abreast[i]:  # where there is no room beside each other, members walk in file
-        lag = 0.0
+    lag, left = cx * ex + cy * ey, clipped(left, -limit, limit)
+    lag = clipped(lag - clipped(lag, -tolerance, tolerance), -limit, limit)
+    if not walkers.is_abreast[i]:
+        lag = left = 0.0
     distance, width = length(cx, cy), p.spacing * 0.5 * (count + 1.0)
-    pull = p.cohesion * clipped(distance - width, 0.0, limit) / max(distance, 1e-6)
-    return lag * ex + pull * cx, lag * ey + pull * cy
+    pull = clipped(distance - width, 0.0, limit) / max(distance, 1e-6)
+    return p.cohesion * (lag * ex - left * ey + pull * cx), p.cohesion * (lag * ey + left * ex + pull * cy)
 
 
 @subroutine
@@ -444,7 +462,7 @@ def _accelerations(
             walking = clipped((ahead - STREAM_PACE) / (BRISK_PACE - STREAM_PACE), 0.0, 1.0)
             tau += (p.following_time - tau) * walking * stream / (1.0 + stream)
         drive = desired_change(own_velocity, (x, y), speed, tau, p.turning_time)
-        group = group_velocity(walkers, i, p)
+        group = group_velocity(walkers, i, side, p)
         acceleration[i, 0] = drive[0] + group[0] / p.relaxation_time + push_x
         acceleration[i, 1] = drive[1] + group[1] / p.relaxation_time + push_y
 
