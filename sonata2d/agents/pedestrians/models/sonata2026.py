@@ -203,14 +203,16 @@ FORMATION_TOLERANCE = 1.0 / 3.0  # of the spacing: real groups are not exactly a
 
 
 @subroutine
-def group_velocity(walkers: Walkers, i: int, side: float, parameters: Sonata2026) -> Vector:
+def group_velocity(walkers: Walkers, i: int, looseness: Array, side: float, parameters: Sonata2026) -> Vector:
     """Keep walking groups abreast and together: members that lag walk faster, those ahead slower.
 
-    Where there is no room beside each other, members walk in file.
+    Where there is no room beside each other, members walk in file. A group that comes in a looser formation than that
+    of the parameters keeps to that one.
 
     Args:
         walkers: all agents.
         i: index of the agent.
+        looseness: (M,), m, of each agent's group, see `Memory`; is set when the agent first has company.
         side: of the rules, +1 or -1: to which members that walk exactly in file give way.
         parameters: cohesion and spacing.
 
@@ -222,11 +224,9 @@ def group_velocity(walkers: Walkers, i: int, side: float, parameters: Sonata2026
     p, limit = parameters, MAXIMUM_GROUP_DISTANCE
     if walkers.group[i] < 0:
         return 0.0, 0.0
-    ex, ey, tolerance = (
-        walkers.desired_direction[i, 0],
-        walkers.desired_direction[i, 1],
-        FORMATION_TOLERANCE * p.spacing,
-    )
+    ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
+    is_new = math.isnan(looseness[i])
+    tolerance = FORMATION_TOLERANCE * p.spacing + (0.0 if is_new else looseness[i])
     cx, cy, left, count = 0.0, 0.0, 0.0, 0.0
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
         j = walkers.neighbour[n]
@@ -243,10 +243,13 @@ def group_velocity(walkers: Walkers, i: int, side: float, parameters: Sonata2026
     cx, cy = cx / count, cy / count
     lag, left = cx * ex + cy * ey, clipped(left, -limit, limit)
     lag = clipped(lag - clipped(lag, -tolerance, tolerance), -limit, limit)
+    excess = max(length(cx, cy) - p.spacing * 0.5 * (count + 1.0), 0.0)
+    if is_new:
+        looseness[i] = min(max(abs(lag), abs(left), excess), limit)
+        return 0.0, 0.0
     if not walkers.is_abreast[i]:
         lag = left = 0.0
-    distance, width = length(cx, cy), p.spacing * 0.5 * (count + 1.0)
-    pull = clipped(distance - width, 0.0, limit) / max(distance, 1e-6)
+    pull = clipped(excess - looseness[i], 0.0, limit) / max(length(cx, cy), 1e-6)
     return p.cohesion * (lag * ex - left * ey + pull * cx), p.cohesion * (lag * ey + left * ex + pull * cy)
 
 
@@ -365,16 +368,18 @@ def steer(
     return ex * x - ey * y, ey * x + ex * y, min(max(speed, 0.0), desired_speed)
 
 
-class Deviations(NamedTuple):
-    """How each agent deviates from its direction at present, for the kernel.
+class Memory(NamedTuple):
+    """What the model remembers of each agent, for the kernel.
 
     Attributes:
-        state: (M,) of int, of the agents' random number generators.
-        angle: (M,), in standard deviations; 0 at the start.
+        generator: (M,) of int, state of its random number generator.
+        deviation: (M,), from its direction, in standard deviations; 0 at the start.
+        looseness: (M,), by which its group deviates from an ideal formation when they meet, m; NaN before.
     """
 
-    state: Ints
-    angle: Floats
+    generator: Ints
+    deviation: Floats
+    looseness: Floats
 
 
 _MULTIPLIER, _INCREMENT, _MASK = 1664525, 1013904223, 0xFFFFFFFF  # of the generator, modulo 2^32
@@ -382,11 +387,11 @@ _DRAWS = 4  # uniform numbers whose sum is nearly normal
 
 
 @subroutine
-def deviate(deviations: Deviations, i: int, keep: float) -> float:
+def deviate(memory: Memory, i: int, keep: float) -> float:
     """Advance the deviation of agent i by one tick: an Ornstein-Uhlenbeck process of variance 1.
 
     Args:
-        deviations: updated.
+        memory: updated.
         i: index of the agent.
         keep: factor by which the deviation falls within a tick, in (0, 1).
 
@@ -395,23 +400,23 @@ def deviate(deviations: Deviations, i: int, keep: float) -> float:
 
     Source: the generator is that of Press et al., Numerical Recipes, section 7.1.
     """
-    total, state = 0.0, deviations.state[i]
+    total, state = 0.0, memory.generator[i]
     for _ in range(_DRAWS):
         state = (_MULTIPLIER * state + _INCREMENT) & _MASK
         total += state / 2147483648.0 - 1.0  # uniform in [-1, 1), of variance 1/3
-    deviations.state[i] = state
+    memory.generator[i] = state
     kick = math.sqrt((1.0 - keep * keep) * 3.0 / _DRAWS)
-    deviations.angle[i] = keep * deviations.angle[i] + kick * total
-    return float(deviations.angle[i])
+    memory.deviation[i] = keep * memory.deviation[i] + kick * total
+    return float(memory.deviation[i])
 
 
 @kernel
 def _accelerations(
-    packed_walkers: Any, packed_parameters: Any, packed_deviations: Any, side: float, dt: float, acceleration: Array
+    packed_walkers: Any, packed_parameters: Any, packed_memory: Any, side: float, dt: float, acceleration: Array
 ) -> None:
     """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Sonata2026)
-    deviations = unpack(packed_deviations, Deviations)
+    memory = unpack(packed_memory, Memory)
     p, position, velocity, radius = parameters, walkers.position, walkers.velocity, walkers.radius
     direction, desired_speed, body = walkers.desired_direction, walkers.desired_speed, walkers.body_direction
     path, value, pace = np.empty((len(position), 7)), np.empty(len(ANGLES)), np.empty(len(position))
@@ -422,7 +427,7 @@ def _accelerations(
         acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
             continue
-        c, s = rotation(side * clipped(p.wander * deviate(deviations, i, keep), -0.4, 0.4))
+        c, s = rotation(side * clipped(p.wander * deviate(memory, i, keep), -0.4, 0.4))
         ex, ey = direction[i, 0] * c - direction[i, 1] * s, direction[i, 0] * s + direction[i, 1] * c
         time_gap, politeness = p.time_gap * walkers.headway[i], walkers.politeness[i]
         push_x, push_y, stream = 0.0, 0.0, 0.0
@@ -462,7 +467,7 @@ def _accelerations(
             walking = clipped((ahead - STREAM_PACE) / (BRISK_PACE - STREAM_PACE), 0.0, 1.0)
             tau += (p.following_time - tau) * walking * stream / (1.0 + stream)
         drive = desired_change(own_velocity, (x, y), speed, tau, p.turning_time)
-        group = group_velocity(walkers, i, side, p)
+        group = group_velocity(walkers, i, memory.looseness, side, p)
         acceleration[i, 0] = drive[0] + group[0] / p.relaxation_time + push_x
         acceleration[i, 1] = drive[1] + group[1] / p.relaxation_time + push_y
 
@@ -501,11 +506,11 @@ class Sonata2026Model(KernelModel):
         ids = [human.id for human in scene.humans]
         streams = AgentStreams(scene.seed, scene.episode, "deviations", [*ids, 0])  # a controller can be one more agent
         state = np.array([streams[k].integer(0, _MASK) for k in range(len(ids) + 1)], dtype=np.int64)
-        self._deviations = Packed(Deviations(state, np.zeros(len(state))))
+        self._memory = Packed(Memory(state, np.zeros(len(state)), np.full(len(state), math.nan)))
 
     def acceleration(self, walkers: Walkers) -> Array:
         acceleration = self._output(walkers)
         _accelerations(
-            self._packed(walkers), self._parameters, self._deviations.argument, self._side, self._dt, acceleration
+            self._packed(walkers), self._parameters, self._memory.argument, self._side, self._dt, acceleration
         )
         return acceleration
