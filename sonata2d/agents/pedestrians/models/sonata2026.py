@@ -226,7 +226,7 @@ def group_velocity(walkers: Walkers, i: int, looseness: Array, side: float, para
         return 0.0, 0.0
     ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
     is_new = math.isnan(looseness[i])
-    tolerance = FORMATION_TOLERANCE * p.spacing + (0.0 if is_new else looseness[i])
+    tolerance = FORMATION_TOLERANCE * p.spacing + (0.0 if is_new else 0.5 * looseness[i])
     cx, cy, left, count = 0.0, 0.0, 0.0, 0.0
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
         j = walkers.neighbour[n]
