@@ -40,22 +40,22 @@ class Sonata2026(NamedTuple):
         wander_time: correlation time of this deviation, s.
     """
 
-    relaxation_time: float = 0.25
-    turning_time: float = 0.4
-    following_time: float = 1.8
-    headway_half_width: float = 0.26
-    standstill_gap: float = -0.1
-    time_gap: float = 0.6
-    look_ahead_time: float = 1.18
-    temperature: float = 0.08
-    side_bonus: float = 0.05
-    anticipation_strength: float = 1.0
-    proximity_strength: float = 0.25
-    decay_length: float = 0.4
-    cohesion: float = 0.2
+    relaxation_time: float = 0.238
+    turning_time: float = 0.422
+    following_time: float = 3.4
+    headway_half_width: float = 0.25
+    standstill_gap: float = -0.185
+    time_gap: float = 0.57
+    look_ahead_time: float = 1.48
+    temperature: float = 0.077
+    side_bonus: float = 0.069
+    anticipation_strength: float = 0.68
+    proximity_strength: float = 0.278
+    decay_length: float = 0.35
+    cohesion: float = 0.25
     spacing: float = 0.95
-    wander: float = 0.04
-    wander_time: float = 1.5
+    wander: float = 0.025
+    wander_time: float = 1.34
 
 
 PARAMETERS = Sonata2026()
