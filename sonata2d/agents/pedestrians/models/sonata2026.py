@@ -30,7 +30,8 @@ class Sonata2026(NamedTuple):
         look_ahead_time: time for which the motion of others is predicted, and over which the force of a predicted
             approach falls to 1/e, s.
         temperature: difference of values at which the weight of a direction falls to 1/e, m/s.
-        side_bonus: additional value of directions to the side of the rules, m/s.
+        side_bonus: additional value of directions to the side of the rules, m/s; over the look-ahead time it gives the
+            distance by which others are perceived to the opposite side.
         anticipation_strength: m/s^2, where the outlines would touch.
         proximity_strength: m/s^2, at contact.
         decay_length: gap over which both forces fall to 1/e, m.
@@ -166,7 +167,7 @@ def proximity_acceleration(
 
 @subroutine
 def anticipation_acceleration(
-    dx: float, dy: float, ux: float, uy: float, weight: float, bodies: Bodies, parameters: Sonata2026
+    dx: float, dy: float, ux: float, uy: float, weight: float, bodies: Bodies, side: float, parameters: Sonata2026
 ) -> Vector:
     """Repulsion between the positions of a pair at its closest approach, predicted with constant velocities.
 
@@ -177,7 +178,8 @@ def anticipation_acceleration(
         ux, uy: velocity of the neighbour relative to the agent, m/s.
         weight: attention to the neighbour, in [0, 1].
         bodies: of the pair.
-        parameters: strength, decay length and look-ahead time.
+        side: of the rules, +1 or -1; others are perceived on the opposite side, so that head-on encounters are evaded.
+        parameters: strength, decay length, look-ahead time and side bonus.
 
     Returns:
         m/s^2.
@@ -192,6 +194,8 @@ def anticipation_acceleration(
     t = min(closing / max(square, 1e-4), LONGEST_PREDICTION)
     closing = min(closing / max(length(dx, dy), 0.01), 1.0)  # m/s
     fx, fy = dx + ux * t, dy + uy * t  # to the neighbour at the closest approach
+    offset = side * p.side_bonus * p.look_ahead_time / math.sqrt(max(square, 1e-6))
+    fx, fy = fx + uy * offset, fy - ux * offset  # perpendicular to the relative velocity
     d = max(length(fx, fy), 0.01)
     near = exp(min(contact_distance(fx / d, fy / d, bodies) - d, 0.0) / p.decay_length - t / p.look_ahead_time)
     push = weight * closing * (-p.anticipation_strength) * near / d
@@ -446,7 +450,7 @@ def _accelerations(
                 bodies = (contact, walkers.shoulder[i], body[i, 0], body[i, 1], walkers.shoulder[j], body[j, 0],
                           body[j, 1])  # fmt: skip
                 ux, uy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
-                x, y = anticipation_acceleration(dx, dy, ux, uy, weight * politeness, bodies, p)
+                x, y = anticipation_acceleration(dx, dy, ux, uy, weight * politeness, bodies, side, p)
                 push_x += x
                 push_y += y
                 x, y = proximity_acceleration(dx, dy, (ex, ey), weight * politeness, bodies, p)
@@ -475,7 +479,9 @@ def _accelerations(
 @subroutine
 def repulsion_reach(contact: float, relative_speed: float, parameters: Sonata2026) -> float:
     """Distance of centres beyond which both forces are left out up to a relative speed, m."""
-    return contact + EXPONENT * parameters.decay_length + LONGEST_PREDICTION * relative_speed
+    p = parameters
+    gap = EXPONENT * p.decay_length + p.side_bonus * p.look_ahead_time
+    return contact + gap + LONGEST_PREDICTION * relative_speed
 
 
 @subroutine
