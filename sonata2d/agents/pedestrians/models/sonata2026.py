@@ -480,14 +480,23 @@ class Sonata2026Model(KernelModel):
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
         self._parameters = pack(PARAMETERS)  # read here, so that `benchmarks/calibrate.py` can replace it
-        ids = [human.id for human in scene.humans]
-        streams = AgentStreams(scene.seed, scene.episode, "deviations", [*ids, 0])  # a controller can be one more agent
-        state = np.array([streams[k].integer(0, _MASK) for k in range(len(ids) + 1)], dtype=np.int64)
-        self._deviations = Packed(Deviations(state, np.zeros(len(state))))
+        self._seeds, self._ids = (scene.seed, scene.episode), [human.id for human in scene.humans]
+        self._deviations = Packed(Deviations(np.zeros(0, dtype=np.int64), np.zeros(0)))
 
     def acceleration(self, walkers: Walkers) -> Array:
         acceleration = self._output(walkers)
+        if len(acceleration) > len(self._deviations.value.state):
+            self._start_deviations(len(acceleration))
         _accelerations(
             self._packed(walkers), self._parameters, self._deviations.argument, self._side, self._dt, acceleration
         )
         return acceleration
+
+    def _start_deviations(self, count: int) -> None:
+        """Start the deviations up to a number of agents, which may exceed that of the humans: a robot can be one."""
+        known, ids = self._deviations.value, self._ids
+        others = range(max(ids, default=0) + 1, max(ids, default=0) + 1 + max(count - len(ids), 0))
+        streams = AgentStreams(*self._seeds, "deviations", [*ids, *others])
+        started = [streams[k].integer(0, _MASK) for k in range(len(known.state), count)]
+        state = np.concatenate((known.state, np.array(started, dtype=np.int64)))
+        self._deviations = Packed(Deviations(state, np.concatenate((known.angle, np.zeros(len(started))))))
