@@ -87,26 +87,27 @@ def courses(preset: str, seed: int) -> tuple[Array, Array]:
     return velocity, body
 
 
-PEOPLE = [("sonata-2020-crowded", seed) for seed in range(4)] + [("lively", seed) for seed in range(4)]
+@pytest.fixture(scope="module")
+def hall() -> list[tuple[Array, Array]]:
+    return [courses("crowded-hall", seed) for seed in range(3)]
 
 
-def test_walking_people_do_not_turn_about() -> None:
-    """By more than 120 degrees within 1.6 s, walking at 0.6 m/s before and after; some do where they are shut in."""
+def test_walking_people_hardly_ever_turn_about(hall: list[tuple[Array, Array]]) -> None:
+    """By more than 120 degrees within 1.6 s, at 0.6 m/s before and after; some do where the crowd shuts them in."""
     about, walked = 0, 0.0
-    for preset, seed in PEOPLE:
-        velocity, _ = courses(preset, seed)
+    for velocity, _ in hall:
         speed = np.linalg.norm(velocity, axis=2)
         before, after = velocity[:-16], velocity[16:]
         both = speed[:-16] * speed[16:]
         turns = (speed[:-16] > 0.6) & (speed[16:] > 0.6) & ((before * after).sum(axis=2) < -0.5 * both)
         about += int((np.diff(turns.astype(int), axis=0, prepend=0) == 1).sum())
         walked += float((speed > 0.6).sum()) / 10.0
-    assert walked > 400.0
+    assert walked > 1000.0
     assert about < walked / 100.0
 
 
-def test_walking_people_face_where_they_walk() -> None:
-    slip = np.concatenate([slips(*courses(preset, seed)) for preset, seed in PEOPLE])
+def test_walking_people_face_where_they_walk(hall: list[tuple[Array, Array]]) -> None:
+    slip = np.concatenate([slips(velocity, body) for velocity, body in hall])
     assert slip.mean() <= 0.02
 
 
