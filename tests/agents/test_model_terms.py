@@ -36,7 +36,10 @@ def agents(
         walks=np.ones(count, dtype=bool),
         **neighbour_lists(1.0 - np.eye(count)),
         group=np.where(np.arange(count) < group, 0, -1),
-        bond=np.ones(count),
+        is_abreast=np.ones(count, dtype=bool),
+        shoulder=np.zeros(count),
+        headway=np.ones(count),
+        politeness=np.ones(count),
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from sonata2d.agents.controllers.reactive import Orca, SocialForce
+from sonata2d.agents.pedestrians.models import sonata2026
 from sonata2d.agents.pedestrians.models.base import Walkers, pedestrian_model
 from sonata2d.core.geometry import Pose
 from sonata2d.core.portable_math import Array
@@ -45,8 +46,17 @@ def random_walkers(seed: int = 0) -> Walkers:
         walks=np.arange(COUNT) < COUNT - 1,
         **neighbour_lists(1.0 - np.eye(COUNT)),
         group=np.array([0, 0] + [-1] * (COUNT - 2)),
-        bond=np.full(COUNT, 0.5),
+        is_abreast=np.arange(COUNT) % 2 == 0,
+        shoulder=rng.uniform(0.0, 0.1, COUNT),
+        headway=rng.uniform(0.7, 1.4, COUNT),
+        politeness=rng.uniform(0.7, 1.4, COUNT),
     )
+
+
+@pytest.fixture
+def no_deviations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Walkers of the default model keep their directions; otherwise each deviates at random, from tick to tick."""
+    monkeypatch.setattr(sonata2026, "PARAMETERS", sonata2026.PARAMETERS._replace(wander=0.0))
 
 
 def with_attention(walkers: Walkers, attention: Array) -> Walkers:
@@ -132,6 +142,7 @@ def test_agents_that_do_not_walk_are_skipped(model: str) -> None:
     assert not found[~walks].any()
 
 
+@pytest.mark.usefixtures("no_deviations")
 @pytest.mark.parametrize("model", MODELS)
 def test_a_scene_may_have_one_agent_or_none(model: str) -> None:
     walkers = random_walkers()
@@ -151,6 +162,7 @@ def test_an_agent_to_which_no_other_attends_may_be_left_out(model: str) -> None:
     assert np.array_equal(accelerations(model, unseen), accelerations(model, selected(unseen, list(range(COUNT - 1)))))
 
 
+@pytest.mark.usefixtures("no_deviations")
 @pytest.mark.parametrize("model", MODELS)
 def test_one_model_takes_any_number_of_agents(model: str) -> None:
     walkers = random_walkers()

@@ -509,14 +509,28 @@ class Sonata2026Model(KernelModel):
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
         self._parameters = pack(PARAMETERS)  # read here, so that `benchmarks/calibrate.py` can replace it
-        ids = [human.id for human in scene.humans]
-        streams = AgentStreams(scene.seed, scene.episode, "deviations", [*ids, 0])  # a controller can be one more agent
-        state = np.array([streams[k].integer(0, _MASK) for k in range(len(ids) + 1)], dtype=np.int64)
-        self._memory = Packed(Memory(state, np.zeros(len(state)), np.full(len(state), math.nan)))
+        self._seeds, self._ids = (scene.seed, scene.episode), [human.id for human in scene.humans]
+        self._memory = Packed(Memory(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)))
 
     def acceleration(self, walkers: Walkers) -> Array:
         acceleration = self._output(walkers)
+        if len(acceleration) > len(self._memory.value.generator):
+            self._add_agents(len(acceleration))
         _accelerations(
             self._packed(walkers), self._parameters, self._memory.argument, self._side, self._dt, acceleration
         )
         return acceleration
+
+    def _add_agents(self, count: int) -> None:
+        """Extend the memory to a number of agents, which may exceed that of the humans: a robot can be one."""
+        known, ids = self._memory.value, self._ids
+        others = range(max(ids, default=0) + 1, max(ids, default=0) + 1 + max(count - len(ids), 0))
+        streams = AgentStreams(*self._seeds, "deviations", [*ids, *others])
+        added = np.array([streams[k].integer(0, _MASK) for k in range(len(known.generator), count)], dtype=np.int64)
+        self._memory = Packed(
+            Memory(
+                np.concatenate((known.generator, added)),
+                np.concatenate((known.deviation, np.zeros(len(added)))),
+                np.concatenate((known.looseness, np.full(len(added), math.nan))),
+            )
+        )
