@@ -336,7 +336,7 @@ def shoulder_line_distances(
     return np.where(crosses, 0.0, np.minimum.reduce(nearest))
 
 
-def times_to_contact(
+def contact_times(
     offset: Array, relative_velocity: Array, radii: Array | float, direction: Array, shoulder: Array | float
 ) -> Array:
     """Times until discs touch the outlines of people, at constant velocities and headings.
@@ -352,12 +352,12 @@ def times_to_contact(
         (...), s; 0 where they overlap, infinite where they never touch.
 
     Source: the outline widened by the disc's radius consists of two discs around the ends of the shoulder line, for
-    which see `times_between_discs`, and of a rectangle between them.
+    which see `disc_contact_times`, and of a rectangle between them.
     """
     half = np.asarray(shoulder)
     left, right = shoulder_lines(offset, direction, half)
     times = np.minimum(
-        times_between_discs(left, relative_velocity, radii), times_between_discs(right, relative_velocity, radii)
+        disc_contact_times(left, relative_velocity, radii), disc_contact_times(right, relative_velocity, radii)
     )
     bx, by = direction[..., X], direction[..., Y]
     vx, vy = relative_velocity[..., X], relative_velocity[..., Y]
@@ -370,7 +370,7 @@ def times_to_contact(
     return np.where(is_inside, 0.0, np.where(meets, np.minimum(time, times), times))
 
 
-def times_between_discs(offset: Array, relative_velocity: Array, radii: Array | float) -> Array:
+def disc_contact_times(offset: Array, relative_velocity: Array, radii: Array | float) -> Array:
     """Times until pairs of discs touch, at constant velocities.
 
     Args:

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from .geometry import times_to_contact, to_shoulder_line
+from .geometry import contact_times, to_shoulder_line
 from .portable_math import Array
 from .snapshot import Snapshot
 from .vectors import lengths
@@ -51,4 +51,4 @@ def times_to_collision(snapshot: Snapshot) -> Array:
     offset = humans.position - np.array(robot.position)
     relative_velocity = np.array(robot.velocity) - humans.velocity
     radii = humans.radius + robot.radius
-    return times_to_contact(offset, relative_velocity, radii, humans.direction, humans.shoulder)
+    return contact_times(offset, relative_velocity, radii, humans.direction, humans.shoulder)

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..core.geometry import times_to_contact
+from ..core.geometry import contact_times
 from ..core.portable_math import Array, BoolArray
 from ..core.proxemics import SOCIAL_DISTANCE
 from .definition import OURS, Metric
@@ -18,7 +18,7 @@ def time_to_collision_min(trajectory: Trajectory) -> float | None:
     """Smallest time to collision over states and humans, s; None if the robot is never on a collision course."""
     relative_velocity = trajectory.velocity[:, None, :] - trajectory.human_velocity
     radii, body = trajectory.human_radius + trajectory.radius, (trajectory.human_direction, trajectory.human_shoulder)
-    smallest = times_to_contact(trajectory.offset, relative_velocity, radii, *body).min(initial=np.inf)
+    smallest = contact_times(trajectory.offset, relative_velocity, radii, *body).min(initial=np.inf)
     return float(smallest) if np.isfinite(smallest) else None
 
 

@@ -11,13 +11,13 @@ from sonata2d.core.geometry import (
     Barriers,
     Pose,
     canonical_angle,
+    contact_times,
     inside_polygon,
     quantised,
     segment_distances,
     segments_cross,
     shoulder_line_distances,
     shoulder_lines,
-    times_to_contact,
     to_shoulder_line,
 )
 from sonata2d.core.portable_math import Array, unit_vector, unit_vectors
@@ -168,7 +168,7 @@ def test_time_to_contact_is_the_first_time_at_which_the_outlines_touch(
 ) -> None:
     x, y, theta, shoulder = body
     offset, direction, velocity, radii = np.array([x, y]), np.array(unit_vector(theta)), np.array([vx, vy]), 0.4
-    found = float(times_to_contact(offset, velocity, radii, direction, shoulder))
+    found = float(contact_times(offset, velocity, radii, direction, shoulder))
     times = np.linspace(0.0, min(found, 10.0), 200)
     gaps = lengths(to_shoulder_line(offset - times[:, None] * velocity, direction, shoulder)) - radii
     assert gaps[:-1].min() > -1e-6 or found == 0.0

@@ -9,7 +9,7 @@ import pytest
 
 from sonata2d.core import proxemics
 from sonata2d.core.entities import AT_LAPTOP, TALKING, Furniture, Group, Human
-from sonata2d.core.geometry import Disc, Pose, times_between_discs
+from sonata2d.core.geometry import Disc, Pose, disc_contact_times
 from sonata2d.core.scene import Scene
 
 from ..conftest import room
@@ -45,7 +45,7 @@ def test_time_to_collision_without_a_collision_course(robot: list[list[float]], 
 
 
 def test_time_to_collision_of_touching_discs_is_zero() -> None:
-    assert float(times_between_discs(np.array([0.5, 0.0]), np.zeros(2), 0.5)) == 0.0
+    assert float(disc_contact_times(np.array([0.5, 0.0]), np.zeros(2), 0.5)) == 0.0
 
 
 def talking(*positions: tuple[float, float]) -> tuple[Scene, list[list[list[float]]]]:
