@@ -52,6 +52,7 @@ from .wayfinding import (
     Routes,
     Wayfinding,
     advance_on_paths,
+    corner_speed,
     next_without_destination,
     point_ahead,
     set_targets,
@@ -59,7 +60,7 @@ from .wayfinding import (
 
 MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
 STANDING_SPEED, STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
-ARRIVAL_TIME = 1.0  # s: the desired speed near a final target is at most the remaining distance over this
+ARRIVAL_TIME = 1.5  # s: the desired speed near a final target is at most the remaining distance over this
 
 # Steps of `plan`, and what it waits for when it returns.
 _FOLLOW, _TARGET, _TURN, _DONE = range(4)
@@ -392,7 +393,7 @@ def _set_desires(
         if social.is_walking[k]:
             ux, uy = unit_or(dx, dy, 1e-3, humans[k, BODY_X], humans[k, BODY_Y])
         walkers.desired_direction[k, 0], walkers.desired_direction[k, 1] = ux, uy
-        speed = result.preferred_speed[k]
+        speed = min(result.preferred_speed[k], corner_speed(routes, k, humans[k, X], humans[k, Y]))
         if routes.is_final[k]:
             speed = min(speed, math.sqrt(dx * dx + dy * dy) / ARRIVAL_TIME)
         walkers.desired_speed[k] = speed

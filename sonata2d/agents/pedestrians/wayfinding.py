@@ -30,7 +30,7 @@ from ...core.scene import Scene
 from ...core.vectors import length
 from ...core.visibility import is_clear
 
-CLEARANCE = 0.05  # m, of shoulders from walls, furniture and standing people, where there is room
+CLEARANCE = 0.1  # m, of shoulders from walls, furniture and standing people, where there is room
 TIGHT_CLEARANCE = 0.03  # m, of a body that passes sideways, where there is none
 DETOUR = 1.3  # length of a path with room over that of one without, up to which the first is preferred
 WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
@@ -43,7 +43,8 @@ DOORWAY_DEPTH = 0.4  # m, in front of a door, where pedestrians neither stand no
 BRAKING_TIME = 0.5  # s, in which the velocity of a pedestrian that stops carries it to where it will stand
 STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is to stand there has arrived
 TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
-WAYPOINT_DISTANCE = 0.35  # m from a waypoint at which the next one becomes the target
+WAYPOINT_DISTANCE = 0.6  # m from a waypoint at which the next one becomes the target
+TURNING, BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker that turns at a waypoint
 MINIMUM_TRIP = 2.0  # m; random destinations nearer than this are rejected
 CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
 PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
@@ -594,6 +595,24 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
             and is_last
             and _near(humans[k, X], humans[k, Y], x, y, EXIT_DISTANCE)
         )
+
+
+@subroutine
+def corner_speed(routes: Routes, k: int, x: float, y: float) -> float:
+    """The speed at which pedestrian k at (x, y) can still turn at its next waypoint, m/s."""
+    n = routes.next[k]
+    if routes.length[k] == 0 or n < 0 or n >= routes.length[k] - 1:
+        return math.inf
+    ax, ay = routes.path[k, n, 0] - x, routes.path[k, n, 1] - y
+    bx, by = routes.path[k, n + 1, 0] - routes.path[k, n, 0], routes.path[k, n + 1, 1] - routes.path[k, n, 1]
+    a, b = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
+    if a < 1e-3 or b < 1e-3:
+        return math.inf
+    cosine = (ax * bx + ay * by) / (a * b)
+    # a turn by the angle p begins `WAYPOINT_DISTANCE` before the waypoint, and has the radius of that over tan(p / 2)
+    half = math.sqrt(max(1.0 - cosine, 0.0) / max(1.0 + cosine, 1e-6))
+    square = TURNING * WAYPOINT_DISTANCE / max(half, 1e-6)
+    return math.sqrt(square + 2.0 * BRAKING * max(a - WAYPOINT_DISTANCE, 0.0))
 
 
 @subroutine

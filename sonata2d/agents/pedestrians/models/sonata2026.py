@@ -41,27 +41,27 @@ class Sonata2026(NamedTuple):
         wander_time: correlation time of this deviation, s.
     """
 
-    relaxation_time: float = 0.238
-    turning_time: float = 0.422
-    following_time: float = 3.4
-    headway_half_width: float = 0.25
-    standstill_gap: float = -0.185
-    time_gap: float = 0.57
-    look_ahead_time: float = 1.48
-    temperature: float = 0.077
-    side_bonus: float = 0.069
-    anticipation_strength: float = 0.68
-    proximity_strength: float = 0.278
-    decay_length: float = 0.35
-    cohesion: float = 0.25
-    spacing: float = 0.95
-    wander: float = 0.025
-    wander_time: float = 1.34
+    relaxation_time: float = 0.15
+    turning_time: float = 0.451
+    following_time: float = 1.881
+    headway_half_width: float = 0.273
+    standstill_gap: float = -0.197
+    time_gap: float = 0.692
+    look_ahead_time: float = 1.683
+    temperature: float = 0.053
+    side_bonus: float = 0.118
+    anticipation_strength: float = 1.486
+    proximity_strength: float = 0.097
+    decay_length: float = 0.753
+    cohesion: float = 0.185
+    spacing: float = 1.031
+    wander: float = 0.018
+    wander_time: float = 1.058
 
 
 PARAMETERS = Sonata2026()
 
-MAXIMUM_SPEED_CHANGE = 4.0  # m/s^2, limit of acceleration and braking along the path
+MAXIMUM_ACCELERATION, MAXIMUM_BRAKING = 2.0, 4.0  # m/s^2, along the direction of the drive
 LONGEST_PREDICTION = 10.0  # s, limit of the time to the closest approach
 EXPONENT = 12.0  # terms of a pair are left out where their decay is below e^-12 = 6e-6
 ROUNDING = 1e-3  # m, more than the rounding errors of a distance
@@ -97,7 +97,7 @@ def desired_change(
     """
     vx, vy, ex, ey = velocity[0], velocity[1], direction[0], direction[1]
     ahead = vx * ex + vy * ey
-    change = clipped((speed - ahead) / relaxation_time, -MAXIMUM_SPEED_CHANGE, MAXIMUM_SPEED_CHANGE)
+    change = clipped((speed - ahead) / relaxation_time, -MAXIMUM_BRAKING, MAXIMUM_ACCELERATION)
     return ex * change - (vx - ex * ahead) / turning_time, ey * change - (vy - ey * ahead) / turning_time
 
 
