@@ -480,7 +480,9 @@ def total_acceleration(packed_people: Any, walking: Array, robot_x: float, robot
             ax, ay = walking[k, 0] + push_x, walking[k, 1] + push_y
         else:
             place = result.standing_position
-            ax, ay = standing_acceleration(x, y, vx, vy, place[k, 0], place[k, 1])
+            ax, ay = standing_acceleration(
+                x, y, vx, vy, place[k, 0], place[k, 1], walkers.body_direction[k, 0], walkers.body_direction[k, 1]
+            )
         # The speed after the interval is limited.
         vx_after, vy_after = vx + ax * interval, vy + ay * interval
         speed, maximum = math.sqrt(vx_after * vx_after + vy_after * vy_after), 0.0

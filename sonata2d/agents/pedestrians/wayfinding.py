@@ -20,7 +20,7 @@ import numpy as np
 from ...core.compiled import subroutine
 from ...core.entities import PERSON_RADIUS, Place
 from ...core.geometry import Barriers, Point
-from ...core.humans import X, Y
+from ...core.humans import VX, VY, X, Y
 from ...core.navigation import FreeSpace
 from ...core.packing import Bools, Floats2, Floats3, Ints
 from ...core.portable_math import PI, Array, BoolArray
@@ -40,6 +40,7 @@ CLUSTER_AREA = 0.5  # m^2, of each pedestrian in a cluster that stands at one go
 LARGEST_CLUSTER = 3.0  # m, radius
 SPOT_SPACING = 0.7  # m, between the places at which pedestrians stand for a time
 DOORWAY_DEPTH = 0.4  # m, in front of a door, where pedestrians neither stand nor wander to
+BRAKING_TIME = 0.5  # s, in which the velocity of a pedestrian that stops carries it to where it will stand
 STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is to stand there has arrived
 TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
 WAYPOINT_DISTANCE = 0.35  # m from a waypoint at which the next one becomes the target
@@ -126,7 +127,7 @@ class Wayfinding:
         self._stay = [0.0] * count  # at the present destination, s
         self._place: list[Place | None] = [None] * count  # of interest, of the present destination
         self._spots = np.full((count, 2), math.nan)  # where pedestrians stand for a time, or will, m
-        self._position = self._spots  # of all pedestrians, m
+        self._position = self._velocity = self._spots  # of all pedestrians, m and m/s
         self._kept_free = _discs_kept_free(scene)
         self._has_groups = any(group.kind == "walking" for group in scene.groups)
         self._has_exits = any(human.exits for human in humans)
@@ -174,7 +175,7 @@ class Wayfinding:
             humans: (N, 9), columns of `core.humans`.
             is_present: (N,).
         """
-        self._position = humans[:, X : Y + 1]
+        self._position, self._velocity = humans[:, X : Y + 1], humans[:, VX : VY + 1]
         for k in self._recorded:
             self.routes.target[k] = self._scene.humans[k].track_position(tick + self._track_look_ahead)
         if tick == 0:
@@ -187,14 +188,10 @@ class Wayfinding:
             x, y = self.routes.path[k, self.routes.length[k] - 1].tolist()
             # A pedestrian without progress is somewhere else on its path.
             if self.start_stay is not None and _near(position[0], position[1], x, y, STOPPING_DISTANCE):
-                self.start_stay(k, (x, y), self._stay[k])
+                self._stay_here(k, position, self._stay[k])
                 return
         if self.routes.goals_left[k] == 0:
-            x, y = self.routes.path[k, self.routes.length[k] - 1].tolist()
-            goal = position if self._is_taken(k, (x, y)) else (x, y)
-            self._spots[k] = goal
-            if self.start_stay is not None:
-                self.start_stay(k, goal, math.inf)
+            self._stay_here(k, position, math.inf)
             return
         if k in self._goals:
             # Goals of the scene are always approached, straight if there is no free path.
@@ -239,6 +236,16 @@ class Wayfinding:
             if abs(x * ahead + y * left) > abs(x * left - y * ahead):
                 return True
         return False
+
+    def _stay_here(self, k: int, position: Point, duration: float) -> None:
+        """Let pedestrian k stand where it comes to rest if it brakes now: near its destination, not exactly there."""
+        vx, vy = self._velocity[k].tolist()
+        place = position[0] + vx * BRAKING_TIME, position[1] + vy * BRAKING_TIME
+        if not self.space.is_free_at(place):
+            place = position
+        self._spots[k] = place
+        if self.start_stay is not None:
+            self.start_stay(k, place, duration)
 
     def _choose_place(self, k: int) -> Place | None:
         """A place of interest, by weight, other than the one where the pedestrian is; None if there is none."""

@@ -194,23 +194,34 @@ def desired_acceleration(walkers: Walkers, i: int, direction: Vector, relaxation
 
 
 STANDING_RATE = 2.0  # 1/s; most of the way back takes about 2 / STANDING_RATE seconds
+STEP_SPEED = 0.25  # m/s, of steps sideways and backwards
 STANDING_LIMIT = 1.5  # m/s^2, so that a pedestrian that stops to stand brakes as walkers do
 
 
 @subroutine
-def standing_acceleration(x: float, y: float, vx: float, vy: float, standing_x: float, standing_y: float) -> Vector:
+def standing_acceleration(
+    x: float, y: float, vx: float, vy: float, standing_x: float, standing_y: float, body_x: float, body_y: float
+) -> Vector:
     """Return a standing pedestrian that was pushed to its place: a critically damped spring of limited force.
+
+    It steps ahead at up to 0.5 m/s, sideways and backwards at half that speed.
 
     Args:
         x, y: position, m.
         vx, vy: velocity, m/s.
         standing_x, standing_y: the place, m.
+        body_x, body_y: unit vector of its heading.
 
     Returns:
         m/s^2.
     """
     stiffness, damping = STANDING_RATE * STANDING_RATE, 2.0 * STANDING_RATE
-    ax, ay = (standing_x - x) * stiffness - vx * damping, (standing_y - y) * stiffness - vy * damping
+    dx, dy = standing_x - x, standing_y - y
+    distance = max(length(dx, dy), 1e-6)
+    ahead = max((dx * body_x + dy * body_y) / distance, 0.0)
+    reach = STEP_SPEED * (1.0 + ahead) * 2.0 / STANDING_RATE  # m, from which the spring moves a body at this speed
+    scale = min(1.0, reach / distance)
+    ax, ay = dx * scale * stiffness - vx * damping, dy * scale * stiffness - vy * damping
     scale = min(1.0, STANDING_LIMIT / max(length(ax, ay), 1e-6))
     return ax * scale, ay * scale
 

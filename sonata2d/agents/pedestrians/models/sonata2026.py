@@ -13,7 +13,7 @@ from ....core.portable_math import PI, Array, unit_vectors
 from ....core.rng import AgentStreams
 from ....core.scalar import Vector, clipped, exp, length, rotation
 from ....core.scene import Scene
-from .base import KernelModel, Walkers, offset_of_group
+from .base import KernelModel, Walkers
 
 
 class Sonata2026(NamedTuple):
@@ -30,7 +30,8 @@ class Sonata2026(NamedTuple):
         look_ahead_time: time for which the motion of others is predicted, and over which the force of a predicted
             approach falls to 1/e, s.
         temperature: difference of values at which the weight of a direction falls to 1/e, m/s.
-        side_bonus: additional value of directions to the side of the rules, m/s.
+        side_bonus: additional value of directions to the side of the rules, m/s; over the look-ahead time it gives the
+            distance by which others are perceived to the opposite side.
         anticipation_strength: m/s^2, where the outlines would touch.
         proximity_strength: m/s^2, at contact.
         decay_length: gap over which both forces fall to 1/e, m.
@@ -40,22 +41,22 @@ class Sonata2026(NamedTuple):
         wander_time: correlation time of this deviation, s.
     """
 
-    relaxation_time: float = 0.25
-    turning_time: float = 0.4
-    following_time: float = 1.8
-    headway_half_width: float = 0.26
-    standstill_gap: float = -0.1
-    time_gap: float = 0.6
-    look_ahead_time: float = 1.18
-    temperature: float = 0.08
-    side_bonus: float = 0.05
-    anticipation_strength: float = 1.0
-    proximity_strength: float = 0.25
-    decay_length: float = 0.4
-    cohesion: float = 0.2
+    relaxation_time: float = 0.238
+    turning_time: float = 0.422
+    following_time: float = 3.4
+    headway_half_width: float = 0.25
+    standstill_gap: float = -0.185
+    time_gap: float = 0.57
+    look_ahead_time: float = 1.48
+    temperature: float = 0.077
+    side_bonus: float = 0.069
+    anticipation_strength: float = 0.68
+    proximity_strength: float = 0.278
+    decay_length: float = 0.35
+    cohesion: float = 0.25
     spacing: float = 0.95
-    wander: float = 0.04
-    wander_time: float = 1.5
+    wander: float = 0.025
+    wander_time: float = 1.34
 
 
 PARAMETERS = Sonata2026()
@@ -166,7 +167,7 @@ def proximity_acceleration(
 
 @subroutine
 def anticipation_acceleration(
-    dx: float, dy: float, ux: float, uy: float, weight: float, bodies: Bodies, parameters: Sonata2026
+    dx: float, dy: float, ux: float, uy: float, weight: float, bodies: Bodies, side: float, parameters: Sonata2026
 ) -> Vector:
     """Repulsion between the positions of a pair at its closest approach, predicted with constant velocities.
 
@@ -177,7 +178,8 @@ def anticipation_acceleration(
         ux, uy: velocity of the neighbour relative to the agent, m/s.
         weight: attention to the neighbour, in [0, 1].
         bodies: of the pair.
-        parameters: strength, decay length and look-ahead time.
+        side: of the rules, +1 or -1; others are perceived on the opposite side, so that head-on encounters are evaded.
+        parameters: strength, decay length, look-ahead time and side bonus.
 
     Returns:
         m/s^2.
@@ -192,24 +194,30 @@ def anticipation_acceleration(
     t = min(closing / max(square, 1e-4), LONGEST_PREDICTION)
     closing = min(closing / max(length(dx, dy), 0.01), 1.0)  # m/s
     fx, fy = dx + ux * t, dy + uy * t  # to the neighbour at the closest approach
+    offset = side * p.side_bonus * p.look_ahead_time / math.sqrt(max(square, 1e-6))
+    fx, fy = fx + uy * offset, fy - ux * offset  # perpendicular to the relative velocity
     d = max(length(fx, fy), 0.01)
     near = exp(min(contact_distance(fx / d, fy / d, bodies) - d, 0.0) / p.decay_length - t / p.look_ahead_time)
     push = weight * closing * (-p.anticipation_strength) * near / d
     return push * fx, push * fy
 
 
-MAXIMUM_GROUP_DISTANCE = 1.0  # m; a larger lag, or a larger excess distance from the group, pulls no harder
+MAXIMUM_GROUP_DISTANCE = 1.0  # m; a larger deviation from the formation pulls no harder
+FORMATION_TOLERANCE = 1.0 / 3.0  # of the spacing: real groups are not exactly abreast, and not exactly spaced
 
 
 @subroutine
-def group_velocity(walkers: Walkers, i: int, parameters: Sonata2026) -> Vector:
+def group_velocity(walkers: Walkers, i: int, looseness: Array, side: float, parameters: Sonata2026) -> Vector:
     """Keep walking groups abreast and together: members that lag walk faster, those ahead slower.
 
-    A formation within a third of the spacing is good enough: real groups are not exactly abreast either.
+    Where there is no room beside each other, members walk in file. A group that comes in a looser formation than that
+    of the parameters keeps to that one.
 
     Args:
         walkers: all agents.
         i: index of the agent.
+        looseness: (M,), m, of each agent's group, see `Memory`; is set when the agent first has company.
+        side: of the rules, +1 or -1: to which members that walk exactly in file give way.
         parameters: cohesion and spacing.
 
     Returns:
@@ -218,18 +226,35 @@ def group_velocity(walkers: Walkers, i: int, parameters: Sonata2026) -> Vector:
     Source: the aims are those of Moussaïd et al., PLoS ONE 5 (2010) e10047; the formula is ours.
     """
     p, limit = parameters, MAXIMUM_GROUP_DISTANCE
-    cx, cy, count = offset_of_group(walkers, i)
+    if walkers.group[i] < 0:
+        return 0.0, 0.0
+    ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
+    is_new = math.isnan(looseness[i])
+    tolerance = FORMATION_TOLERANCE * p.spacing + (0.0 if is_new else 0.5 * looseness[i])
+    cx, cy, left, count = 0.0, 0.0, 0.0, 0.0
+    for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        j = walkers.neighbour[n]
+        if walkers.group[j] == walkers.group[i]:
+            dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
+            cx, cy, count = cx + dx, cy + dy, count + 1.0
+            aside = ex * dy - ey * dx  # to the left
+            missing = clipped(p.spacing - tolerance - abs(aside), 0.0, limit)
+            # the one behind goes to the side of the rules, the one ahead to the other
+            is_left = aside > 0.0 if abs(aside) > ROUNDING else side * (ex * dx + ey * dy) > 0.0
+            left += -missing if is_left else missing
     if count == 0.0:
         return 0.0, 0.0
     cx, cy = cx / count, cy / count
-    ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
-    lag, tolerance = cx * ex + cy * ey, p.spacing / 3.0
-    lag = p.cohesion * clipped(lag - clipped(lag, -tolerance, tolerance), -limit, limit)
-    if not walkers.is_abreast[i]:  # where there is no room beside each other, members walk in file
-        lag = 0.0
-    distance, width = length(cx, cy), p.spacing * 0.5 * (count + 1.0)
-    pull = p.cohesion * clipped(distance - width, 0.0, limit) / max(distance, 1e-6)
-    return lag * ex + pull * cx, lag * ey + pull * cy
+    lag, left = cx * ex + cy * ey, clipped(left, -limit, limit)
+    lag = clipped(lag - clipped(lag, -tolerance, tolerance), -limit, limit)
+    excess = max(length(cx, cy) - p.spacing * 0.5 * (count + 1.0), 0.0)
+    if is_new:
+        looseness[i] = min(max(abs(lag), abs(left), excess), limit)
+        return 0.0, 0.0
+    if not walkers.is_abreast[i]:
+        lag = left = 0.0
+    pull = clipped(excess - looseness[i], 0.0, limit) / max(length(cx, cy), 1e-6)
+    return p.cohesion * (lag * ex - left * ey + pull * cx), p.cohesion * (lag * ey + left * ex + pull * cy)
 
 
 @subroutine
@@ -347,16 +372,18 @@ def steer(
     return ex * x - ey * y, ey * x + ex * y, min(max(speed, 0.0), desired_speed)
 
 
-class Deviations(NamedTuple):
-    """How each agent deviates from its direction at present, for the kernel.
+class Memory(NamedTuple):
+    """What the model remembers of each agent, for the kernel.
 
     Attributes:
-        state: (M,) of int, of the agents' random number generators.
-        angle: (M,), in standard deviations; 0 at the start.
+        generator: (M,) of int, state of its random number generator.
+        deviation: (M,), from its direction, in standard deviations; 0 at the start.
+        looseness: (M,), by which its group deviates from an ideal formation when they meet, m; NaN before.
     """
 
-    state: Ints
-    angle: Floats
+    generator: Ints
+    deviation: Floats
+    looseness: Floats
 
 
 _MULTIPLIER, _INCREMENT, _MASK = 1664525, 1013904223, 0xFFFFFFFF  # of the generator, modulo 2^32
@@ -364,11 +391,11 @@ _DRAWS = 4  # uniform numbers whose sum is nearly normal
 
 
 @subroutine
-def deviate(deviations: Deviations, i: int, keep: float) -> float:
+def deviate(memory: Memory, i: int, keep: float) -> float:
     """Advance the deviation of agent i by one tick: an Ornstein-Uhlenbeck process of variance 1.
 
     Args:
-        deviations: updated.
+        memory: updated.
         i: index of the agent.
         keep: factor by which the deviation falls within a tick, in (0, 1).
 
@@ -377,23 +404,23 @@ def deviate(deviations: Deviations, i: int, keep: float) -> float:
 
     Source: the generator is that of Press et al., Numerical Recipes, section 7.1.
     """
-    total, state = 0.0, deviations.state[i]
+    total, state = 0.0, memory.generator[i]
     for _ in range(_DRAWS):
         state = (_MULTIPLIER * state + _INCREMENT) & _MASK
         total += state / 2147483648.0 - 1.0  # uniform in [-1, 1), of variance 1/3
-    deviations.state[i] = state
+    memory.generator[i] = state
     kick = math.sqrt((1.0 - keep * keep) * 3.0 / _DRAWS)
-    deviations.angle[i] = keep * deviations.angle[i] + kick * total
-    return float(deviations.angle[i])
+    memory.deviation[i] = keep * memory.deviation[i] + kick * total
+    return float(memory.deviation[i])
 
 
 @kernel
 def _accelerations(
-    packed_walkers: Any, packed_parameters: Any, packed_deviations: Any, side: float, dt: float, acceleration: Array
+    packed_walkers: Any, packed_parameters: Any, packed_memory: Any, side: float, dt: float, acceleration: Array
 ) -> None:
     """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Sonata2026)
-    deviations = unpack(packed_deviations, Deviations)
+    memory = unpack(packed_memory, Memory)
     p, position, velocity, radius = parameters, walkers.position, walkers.velocity, walkers.radius
     direction, desired_speed, body = walkers.desired_direction, walkers.desired_speed, walkers.body_direction
     path, value, pace = np.empty((len(position), 7)), np.empty(len(ANGLES)), np.empty(len(position))
@@ -404,7 +431,7 @@ def _accelerations(
         acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
             continue
-        c, s = rotation(side * clipped(p.wander * deviate(deviations, i, keep), -0.4, 0.4))
+        c, s = rotation(side * clipped(p.wander * deviate(memory, i, keep), -0.4, 0.4))
         ex, ey = direction[i, 0] * c - direction[i, 1] * s, direction[i, 0] * s + direction[i, 1] * c
         time_gap, politeness = p.time_gap * walkers.headway[i], walkers.politeness[i]
         push_x, push_y, stream = 0.0, 0.0, 0.0
@@ -423,7 +450,7 @@ def _accelerations(
                 bodies = (contact, walkers.shoulder[i], body[i, 0], body[i, 1], walkers.shoulder[j], body[j, 0],
                           body[j, 1])  # fmt: skip
                 ux, uy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
-                x, y = anticipation_acceleration(dx, dy, ux, uy, weight * politeness, bodies, p)
+                x, y = anticipation_acceleration(dx, dy, ux, uy, weight * politeness, bodies, side, p)
                 push_x += x
                 push_y += y
                 x, y = proximity_acceleration(dx, dy, (ex, ey), weight * politeness, bodies, p)
@@ -444,7 +471,7 @@ def _accelerations(
             walking = clipped((ahead - STREAM_PACE) / (BRISK_PACE - STREAM_PACE), 0.0, 1.0)
             tau += (p.following_time - tau) * walking * stream / (1.0 + stream)
         drive = desired_change(own_velocity, (x, y), speed, tau, p.turning_time)
-        group = group_velocity(walkers, i, p)
+        group = group_velocity(walkers, i, memory.looseness, side, p)
         acceleration[i, 0] = drive[0] + group[0] / p.relaxation_time + push_x
         acceleration[i, 1] = drive[1] + group[1] / p.relaxation_time + push_y
 
@@ -452,7 +479,9 @@ def _accelerations(
 @subroutine
 def repulsion_reach(contact: float, relative_speed: float, parameters: Sonata2026) -> float:
     """Distance of centres beyond which both forces are left out up to a relative speed, m."""
-    return contact + EXPONENT * parameters.decay_length + LONGEST_PREDICTION * relative_speed
+    p = parameters
+    gap = EXPONENT * p.decay_length + p.side_bonus * p.look_ahead_time
+    return contact + gap + LONGEST_PREDICTION * relative_speed
 
 
 @subroutine
@@ -481,22 +510,23 @@ class Sonata2026Model(KernelModel):
         super().__init__(scene)
         self._parameters = pack(PARAMETERS)  # read here, so that `benchmarks/calibrate.py` can replace it
         self._seeds, self._ids = (scene.seed, scene.episode), [human.id for human in scene.humans]
-        self._deviations = Packed(Deviations(np.zeros(0, dtype=np.int64), np.zeros(0)))
+        self._memory = Packed(Memory(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)))
 
     def acceleration(self, walkers: Walkers) -> Array:
         acceleration = self._output(walkers)
-        if len(acceleration) > len(self._deviations.value.state):
-            self._start_deviations(len(acceleration))
+        if len(acceleration) > len(self._memory.value.generator):
+            self._remember(len(acceleration))
         _accelerations(
-            self._packed(walkers), self._parameters, self._deviations.argument, self._side, self._dt, acceleration
+            self._packed(walkers), self._parameters, self._memory.argument, self._side, self._dt, acceleration
         )
         return acceleration
 
-    def _start_deviations(self, count: int) -> None:
-        """Start the deviations up to a number of agents, which may exceed that of the humans: a robot can be one."""
-        known, ids = self._deviations.value, self._ids
+    def _remember(self, count: int) -> None:
+        """Extend the memory to a number of agents, which may exceed that of the humans: a robot can be one."""
+        (generator, deviation, looseness), ids = self._memory.value, self._ids
         others = range(max(ids, default=0) + 1, max(ids, default=0) + 1 + max(count - len(ids), 0))
         streams = AgentStreams(*self._seeds, "deviations", [*ids, *others])
-        started = [streams[k].integer(0, _MASK) for k in range(len(known.state), count)]
-        state = np.concatenate((known.state, np.array(started, dtype=np.int64)))
-        self._deviations = Packed(Deviations(state, np.concatenate((known.angle, np.zeros(len(started))))))
+        seeds = np.array([streams[k].integer(0, _MASK) for k in range(len(generator), count)], dtype=np.int64)
+        generator = np.concatenate((generator, seeds))
+        deviation = np.concatenate((deviation, np.zeros(len(seeds))))
+        self._memory = Packed(Memory(generator, deviation, np.concatenate((looseness, np.full(len(seeds), math.nan)))))

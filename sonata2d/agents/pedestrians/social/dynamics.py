@@ -24,7 +24,7 @@ from .tasks import Kind, Task
 OBJECT_RELATIONS = {"laptop": AT_LAPTOP, "plant": AT_PLANT}  # AT_OBJECT for all other types
 NOT_VISITED = ("table", "chair")
 OBJECT_CLEARANCE = 0.30  # m, between the outlines of a pedestrian and the object that it attends to
-ARRIVAL_DISTANCE = 0.4  # m, from the position of a task
+ARRIVAL_DISTANCE = 0.25  # m, from the position of a task
 APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
 MEETING_DISTANCE, SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
 POSITION_SPACING = 0.7  # m, between the positions of two tasks
