@@ -120,7 +120,7 @@ class Snapshot:
         Args:
             tick, scene, interactions, contacts, events: as the attributes.
             state: of the robot and of all pedestrians of the scene.
-            constant: ids (N,) and radii (N,), m, of all pedestrians of the scene; read-only.
+            constant: of all pedestrians of the scene; read-only.
         """
         snapshot = object.__new__(cls)
         values = {  # of all attributes except `robot` and `humans`

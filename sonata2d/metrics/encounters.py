@@ -10,12 +10,13 @@ from typing import Literal
 import numpy as np
 
 from ..core.entities import Group
-from ..core.geometry import Barriers, Point, segments_cross
-from ..core.portable_math import Array
+from ..core.geometry import Barriers, Point, segments_cross, to_shoulder_line
+from ..core.portable_math import Array, unit_vectors
 from ..core.proxemics import SOCIAL_DISTANCE
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.vectors import lengths
+from ..datasets.motion import THETA
 from ..record.record import EpisodeRecord
 
 DIRECTION_WINDOW = 2.0  # s before and after the nearest moment, over which directions of motion are taken
@@ -36,17 +37,22 @@ class Tracks:
     scene: Scene
     robot: Array  # (L, 2)
     humans: Array  # (L, N, 2)
+    direction: Array  # (L, N, 2), unit vectors of the humans' headings
 
     @classmethod
     def of(cls, episode: EpisodeRecord | Iterable[Snapshot]) -> Tracks:
         """The tracks of a recorded episode, or of the snapshots of a live one."""
         if isinstance(episode, EpisodeRecord):
-            return cls(episode.scene(), episode.states.robot[:, :2], episode.states.humans[:, :, :2])
+            robot, humans = episode.states.robot, episode.states.humans
+            return cls(episode.scene(), robot[:, :2], humans[:, :, :2], unit_vectors(humans[:, :, THETA]))
         snapshots = list(episode)
         scene = snapshots[0].scene
         robot = np.array([snapshot.robot.position for snapshot in snapshots], dtype=float)
-        humans = [s.humans.expand(s.humans.position, len(scene.humans), np.nan) for s in snapshots]
-        return cls(scene, robot, np.stack(humans))
+        position, direction = (
+            np.stack([s.humans.expand(getattr(s.humans, name), len(scene.humans), np.nan) for s in snapshots])
+            for name in ("position", "direction")
+        )
+        return cls(scene, robot, position, direction)
 
     @property
     def dt(self) -> float:
@@ -175,8 +181,9 @@ def _meeting(tracks: Tracks, k: int) -> Meeting:
 
 def _clearance(tracks: Tracks, k: int) -> Array:
     """(L,), m, between the outlines of the robot and a human; inf where the human is absent."""
-    distance = lengths(tracks.humans[:, k] - tracks.robot)
-    clearance = distance - tracks.scene.humans[k].radius - tracks.scene.robot.radius
+    human = tracks.scene.humans[k]
+    to_line = to_shoulder_line(tracks.humans[:, k] - tracks.robot, tracks.direction[:, k], human.shoulder)
+    clearance = lengths(to_line) - human.radius - tracks.scene.robot.radius
     return np.where(np.isfinite(clearance), clearance, np.inf)
 
 

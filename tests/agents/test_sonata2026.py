@@ -177,11 +177,12 @@ def test_neighbours_out_of_reach_do_not_change_the_choice_of_direction_and_speed
 # Repulsion
 
 
-def anticipation(x: float, y: float, velocity: Array, side: float = 1.0) -> Array:
+def anticipation(x: float, y: float, velocity: Array, bonus: float = 0.0, side: float = 1.0) -> Array:
     """The anticipation term of two agents, (2, 2); the second one is at (x, y) relative to the first."""
     ux, uy = (velocity[1] - velocity[0]).tolist()
-    first = anticipation_acceleration(x, y, ux, uy, 1.0, DISCS, side, GIVEN)
-    second = anticipation_acceleration(-x, -y, -ux, -uy, 1.0, DISCS, side, GIVEN)
+    parameters = GIVEN._replace(side_bonus=bonus)
+    first = anticipation_acceleration(x, y, ux, uy, 1.0, DISCS, side, parameters)
+    second = anticipation_acceleration(-x, -y, -ux, -uy, 1.0, DISCS, side, parameters)
     return np.array([first, second])
 
 
@@ -189,7 +190,7 @@ def anticipation(x: float, y: float, velocity: Array, side: float = 1.0) -> Arra
 def test_anticipation_by_hand(speed: float) -> None:
     """Paths cross 2 m ahead of the first and 2.7 m of the second: closest half-way in between, 0.495 m apart."""
     found = anticipation(2.0, -2.7, speed * np.array([[1.0, 0.0], [0.0, 1.0]]))
-    offset = np.array([2.0 - 2.35, -2.7 + 2.35]) + 0.06 * 0.5 * DIAGONAL  # perceived to the left of where it will be
+    offset = np.array([2.0 - 2.35, -2.7 + 2.35])
     closing = min(speed * (2.0 + 2.7) / math.hypot(2.0, 2.7), 1.0)
     assert (closing == 1.0) == (speed == 1.0)  # m/s, from which on it counts in full
     size = closing * 0.8 * math.exp((CONTACT_DISTANCE - math.hypot(*offset)) / 0.3 - 2.35 / speed / 0.5)
@@ -197,15 +198,15 @@ def test_anticipation_by_hand(speed: float) -> None:
     assert found[1] == pytest.approx(-found[0])
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_head_on_encounters_are_evaded_to_the_side_of_the_rules(side: float) -> None:
-    found = anticipation(3.0, 0.0, np.array([[1.0, 0.0], [-1.0, 0.0]]), side)
-    assert found[0, 1] * side < 0.0
-    assert found[1, 1] * side > 0.0
-
-
 def test_pairs_that_separate_do_not_anticipate() -> None:
     assert np.abs(anticipation(1.0, 0.1, np.array([[-1.0, 0.0], [1.0, 0.0]]))).max() == 0.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_head_on_encounters_are_evaded_to_the_side_of_the_rules(side: float) -> None:
+    found = anticipation(3.0, 0.0, np.array([[1.0, 0.0], [-1.0, 0.0]]), bonus=0.06, side=side)
+    assert found[0, 1] * side < 0.0
+    assert found[1] == pytest.approx(-found[0])
 
 
 def test_proximity_is_in_full_ahead_and_nothing_behind() -> None:
@@ -221,8 +222,9 @@ def test_neighbours_out_of_reach_contribute_next_to_nothing() -> None:
         ahead, left, beyond = math.cos(angle), math.sin(angle), random.uniform(1.000001, 1.2)
         reach = beyond * repulsion_reach(CONTACT_DISTANCE, math.hypot(ux, uy), PARAMETERS)
         x, y = ahead * reach, left * reach
-        push = anticipation_acceleration(x, y, ux, uy, 1.0, DISCS, random.choice((1.0, -1.0)), PARAMETERS)
-        assert push == pytest.approx((0.0, 0.0), abs=1e-4)
+        assert anticipation_acceleration(x, y, ux, uy, 1.0, DISCS, 1.0, PARAMETERS) == pytest.approx(
+            (0.0, 0.0), abs=1e-4
+        )
         assert proximity_acceleration(x, y, EAST, 1.0, DISCS, PARAMETERS) == pytest.approx((0.0, 0.0), abs=1e-4)
 
 
@@ -240,34 +242,29 @@ def walkers_at(position: list[tuple[float, float]], velocity: list[tuple[float, 
     )  # fmt: skip
 
 
-def group(x: float, y: float, i: int = 0, *, side: float = 1.0, is_abreast: bool = True) -> Array:
-    """What `group_velocity` adds for agent i of two, the second at (x, y), m, relative to the first."""
-    walkers = walkers_at([(0.0, 0.0), (x, y)], [(0.0, 0.0)] * 2, group=0)
-    walkers.is_abreast[:] = is_abreast
-    return np.array(group_velocity(walkers, i, np.zeros(2), side, GIVEN))
-
-
 def test_members_of_a_group_that_lag_hurry_as_much_as_members_ahead_wait() -> None:
-    assert group(0.25, 0.65) == pytest.approx((0.0, 0.0))  # within a third of the spacing
-    assert group(0.6, 0.6) == pytest.approx((0.2 * 0.3, 0.0))
-    assert group(0.6, 0.6, 1) == pytest.approx((-0.2 * 0.3, 0.0))
-    assert group(0.6, 0.6, is_abreast=False) == pytest.approx((0.0, 0.0))
+    def added(x: float, y: float, i: int, *, is_abreast: bool = True) -> tuple[float, float]:
+        walkers = walkers_at([(0.0, 0.0), (x, y)], [(0.0, 0.0)] * 2, group=0)
+        walkers.is_abreast[:] = is_abreast
+        return group_velocity(walkers, i, np.zeros(2), 1.0, GIVEN)
+
+    assert added(0.3, 0.7, 0) == pytest.approx((0.0, 0.0))  # within a third of the spacing: abreast
+    assert added(0.5, 0.7, 0) == pytest.approx((0.2 * 0.2, 0.0))
+    assert added(0.5, 0.7, 1) == pytest.approx((-0.2 * 0.2, 0.0))
+    assert added(0.5, 0.7, 0, is_abreast=False) == pytest.approx((0.0, 0.0))
+    assert added(0.0, 0.5, 0) == pytest.approx((0.0, -0.2 * 0.1))  # nearer than two thirds of the spacing
+    assert added(0.5, 0.0, 0)[1] == pytest.approx(-added(0.5, 0.0, 1)[1])  # in file: they go to different sides
+    assert added(0.0, 1.4, 0) == pytest.approx((0.0, 0.2 * 0.5))  # half a metre farther than the spacing
+    assert added(0.0, 9.0, 0) == pytest.approx((0.0, 0.2 * MAXIMUM_GROUP_DISTANCE))
 
 
-def test_members_of_a_group_keep_their_spacing() -> None:
-    assert group(0.0, 0.4) == pytest.approx((0.0, -0.2 * 0.2))  # two thirds of the spacing are near enough
-    assert group(0.0, 1.4) == pytest.approx((0.0, 0.2 * 0.5))
-    assert group(0.0, 9.0) == pytest.approx((0.0, 0.2 * MAXIMUM_GROUP_DISTANCE))
-    for side in (1.0, -1.0):  # in file, the one behind gives way to the side of the rules, the other to the opposite
-        assert group(0.2, 0.0, 0, side=side) == pytest.approx((0.0, -side * 0.2 * 0.6))
-        assert group(0.2, 0.0, 1, side=side) == pytest.approx((0.0, side * 0.2 * 0.6))
-
-
-def test_a_group_keeps_half_of_the_looseness_in_which_it_comes() -> None:
-    walkers, looseness = walkers_at([(0.0, 0.0), (0.6, 0.6)], [(0.0, 0.0)] * 2, group=0), np.full(2, math.nan)
-    assert group_velocity(walkers, 0, looseness, 1.0, GIVEN) == (0.0, 0.0)
-    assert looseness[0] == pytest.approx(0.3)
-    assert group_velocity(walkers, 0, looseness, 1.0, GIVEN) == pytest.approx((0.2 * 0.15, 0.0))
+def test_a_group_keeps_half_of_the_looseness_with_which_it_comes() -> None:
+    looseness = np.full(2, math.nan)
+    came = walkers_at([(0.0, 0.0), (0.7, 0.7)], [(0.0, 0.0)] * 2, group=0)
+    assert group_velocity(came, 0, looseness, 1.0, GIVEN) == (0.0, 0.0)
+    assert looseness[0] == pytest.approx(0.4)  # it is so much more than a third of the spacing behind
+    assert math.isnan(looseness[1])
+    assert group_velocity(came, 0, looseness, 1.0, GIVEN) == pytest.approx((0.2 * 0.2, 0.0))
 
 
 def test_those_who_walk_in_a_stream_speed_up_slowly_and_others_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -290,8 +287,8 @@ def test_those_who_walk_in_a_stream_speed_up_slowly_and_others_at_once(monkeypat
 
 def test_deviations_have_mean_0_and_variance_1_and_last_for_their_time() -> None:
     lag = 10  # ticks
-    deviations = Memory(np.array([12345]), np.zeros(1), np.zeros(1))
-    angle = np.array([deviate(deviations, 0, math.exp(-1.0 / lag)) for _ in range(40_000)])
+    memory = Memory(np.array([12345]), np.zeros(1), np.zeros(1))
+    angle = np.array([deviate(memory, 0, math.exp(-1.0 / lag)) for _ in range(40_000)])
     assert angle.mean() == pytest.approx(0.0, abs=0.1)
     assert angle.var() == pytest.approx(1.0, abs=0.1)
     assert np.mean(angle[lag:] * angle[:-lag]) == pytest.approx(math.exp(-1.0), abs=0.1)

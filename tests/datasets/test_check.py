@@ -62,7 +62,8 @@ def _move(frames: slice, human: int, x: float, y: float) -> Callable[[Any], None
         (set_value("frames", 3, "robot", 2, 0.5), "frames.2.robot", "rad turned"),
         (_move(slice(0, 7), 1, 9.0, 0.0), "frames.0", "human 2 is outside the room (7 cases"),
         (set_value("frames", 3, "robot", 1, 9.0), "frames.3", "the robot is outside"),
-        (_move(slice(0, 7), 0, 3.9, 0.0), "frames.0.walls", "human 1 is 0.040 m too deep in a wall (the worst of 7"),
+        (_move(slice(0, 7), 0, 3.9, 0.0), "frames.0.walls", "human 1 is 0.065 m too deep in a wall (the worst of 7"),
+        (_move(slice(0, 7), 0, 3.85, 0.0), "frames.0.walls", "human 1 is 0.015 m too deep in a wall"),  # a shoulder is
         (_move(slice(0, 7), 0, 2.0, 3.0), "frames.0.objects", "human 1 is 0.540 m too deep in table 10"),
         (_move(slice(0, 7), 0, -3.5, 3.2), "frames.0.objects", "human 1 is 0.040 m too deep in plant 12"),
         (_move(slice(0, 7), 0, -1.0, 0.3), "frames.0.humans", "human 1 is 0.140 m too deep in the robot"),

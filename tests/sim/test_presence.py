@@ -52,7 +52,7 @@ def passer(number: int, start: Point, goal: Point, **fields: object) -> Human:
 
 def scene_with_changes() -> Scene:
     """Pedestrians: 1 stands, 2 is recorded, 3 and 4 walk through together, 5 wanders, 6 wanders for a while."""
-    pair = [passer(k, (0.4 * k - 1.0, 3.0), (0.4 * k - 1.0, -3.2), enters=2 * k, group=1) for k in (3, 4)]
+    pair = [passer(k, (0.5 * k - 1.5, 3.0), (0.5 * k - 1.5, -3.2), enters=2 * k, group=1) for k in (3, 4)]
     humans = (
         Human(1, Pose(2.0, 2.0), 0.2),
         recorded(2, enters=5, leaves=30),

@@ -38,7 +38,7 @@ def turn(state: Array, posture: Array, k: int, facing: Array, gaze: Array, side:
     """Turn body and head of pedestrian k by one tick.
 
     Args:
-        state: (N, 9), columns of `core.humans`; position and velocity at the end of the tick, the rest is updated.
+        state: (N, 9), columns of `core.humans`; position and velocity at the start of the tick, the rest is updated.
         posture: (N, 3), is updated.
         k: index of the pedestrian.
         facing, gaze: (N, 2), unit vectors of the target headings and gazes, world frame.

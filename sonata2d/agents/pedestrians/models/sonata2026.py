@@ -515,18 +515,22 @@ class Sonata2026Model(KernelModel):
     def acceleration(self, walkers: Walkers) -> Array:
         acceleration = self._output(walkers)
         if len(acceleration) > len(self._memory.value.generator):
-            self._remember(len(acceleration))
+            self._add_agents(len(acceleration))
         _accelerations(
             self._packed(walkers), self._parameters, self._memory.argument, self._side, self._dt, acceleration
         )
         return acceleration
 
-    def _remember(self, count: int) -> None:
+    def _add_agents(self, count: int) -> None:
         """Extend the memory to a number of agents, which may exceed that of the humans: a robot can be one."""
-        (generator, deviation, looseness), ids = self._memory.value, self._ids
+        known, ids = self._memory.value, self._ids
         others = range(max(ids, default=0) + 1, max(ids, default=0) + 1 + max(count - len(ids), 0))
         streams = AgentStreams(*self._seeds, "deviations", [*ids, *others])
-        seeds = np.array([streams[k].integer(0, _MASK) for k in range(len(generator), count)], dtype=np.int64)
-        generator = np.concatenate((generator, seeds))
-        deviation = np.concatenate((deviation, np.zeros(len(seeds))))
-        self._memory = Packed(Memory(generator, deviation, np.concatenate((looseness, np.full(len(seeds), math.nan)))))
+        added = np.array([streams[k].integer(0, _MASK) for k in range(len(known.generator), count)], dtype=np.int64)
+        self._memory = Packed(
+            Memory(
+                np.concatenate((known.generator, added)),
+                np.concatenate((known.deviation, np.zeros(len(added)))),
+                np.concatenate((known.looseness, np.full(len(added), math.nan))),
+            )
+        )
