@@ -170,7 +170,7 @@ def test_price_of_obstacles_keeps_the_robot_away_from_them() -> None:
         gaps = snapshots[0].scene.barriers.gaps(np.array([snapshot.robot.position for snapshot in snapshots]))
         return float(gaps.min())
 
-    assert nearest(Careful()) > nearest(SocialPlanner()) + 0.1
+    assert nearest(Careful()) > nearest(SocialPlanner()) + 0.05
 
 
 def test_goal_outside_the_room_is_approached() -> None:

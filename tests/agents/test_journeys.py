@@ -82,7 +82,7 @@ def test_newcomers_join_at_the_end_and_a_full_queue_is_left_alone() -> None:
 def test_who_was_served_does_something_else_next() -> None:
     run = simulate(room(waiting(1), queues=[QUEUE], social=Social(queues=1.0), robot=CORNER), 15.0)
     left = next(s.tick for s in run if activity(s, 1) == "walking")
-    assert max(math.dist(s.humans[0].pose.position, QUEUE.slot(0)) for s in run[left:]) > 1.9
+    assert max(math.dist(s.humans[0].pose.position, QUEUE.slot(0)) for s in run[left:]) > 1.4
 
 
 # Seats
@@ -210,13 +210,15 @@ def test_wandering_people_stand_at_their_destinations_and_then_go_on() -> None:
             assert np.ptp(path[15:], axis=0).max() < 0.15
 
 
-def test_a_walking_person_stays_at_its_goals_but_not_at_the_last_for_a_time() -> None:
+def test_a_walking_person_stays_at_its_goals_for_a_time_and_at_the_last_for_good() -> None:
     human = walker(1, -3.0, 0.0, behaviour="walking", goals=((0.0, 0.0), (3.0, 0.0)), stays=(4.0,))
     run = simulate(room([human], robot=CORNER), 15.0)
-    at_rest = [s.tick for s in run if activity(s, 1) == "standing"]
-    assert len(at_rest) == pytest.approx(40, abs=1)
-    assert run[at_rest[20]].humans[0].pose.position == pytest.approx((0.0, 0.0), abs=0.1)
-    assert run[-1].humans[0].pose.position == pytest.approx((3.0, 0.0), abs=0.1)
+    kinds = [activity(s, 1) for s in run]
+    changes = [t for t in range(1, len(run)) if kinds[t] != kinds[t - 1]]
+    assert [kinds[t] for t in (0, *changes)] == ["walking", "standing", "walking", "standing"]
+    assert changes[1] - changes[0] == pytest.approx(40, abs=1)
+    assert run[changes[1]].humans[0].pose.position == pytest.approx((0.0, 0.0), abs=0.3)
+    assert run[-1].humans[0].pose.position == pytest.approx((3.0, 0.0), abs=0.3)
 
 
 def test_a_group_pauses_together_side_by_side() -> None:

@@ -34,7 +34,7 @@ def test_a_pedestrian_stops_at_its_goal_without_turning_back() -> None:
     snapshots = simulate(room([going(1, -3.0, 0.0, (2.0, 0.5))], robot=CORNER), 10.0)
     path, speed = positions(snapshots)[:, 0], speeds(snapshots)[:, 0]
     along = path @ np.array((5.0, 0.5)) / math.hypot(5.0, 0.5)
-    assert np.linalg.norm(path[-1] - (2.0, 0.5)) < 0.1
+    assert np.linalg.norm(path[-1] - (2.0, 0.5)) < 0.3
     assert np.diff(along).min() > -0.002
     assert speed[-20:].max() < 0.01
     assert snapshots[-1].humans[0].activity == "standing"
@@ -64,7 +64,7 @@ def test_a_ring_of_people_who_change_sides_dissolves() -> None:
 def test_a_person_passes_a_gap_of_half_a_metre_and_turns_its_shoulders() -> None:
     snapshots = simulate(two_rooms(0.5, [going(1, -2.0, 0.0, (2.5, 0.0))], robot=CORNER), 8.0)
     path, body = positions(snapshots)[:, 0], np.array([snapshot.humans.theta[0] for snapshot in snapshots])
-    assert np.linalg.norm(path[-1] - (2.5, 0.0)) < 0.1
+    assert np.linalg.norm(path[-1] - (2.5, 0.0)) < 0.3
     assert np.abs(body[np.abs(path[:, 0]) < 0.5]).max() > math.radians(20.0)
     assert np.abs(body[(path[:, 0] < -1.0) | (path[:, 0] > 1.5)]).max() < math.radians(10.0)
 
