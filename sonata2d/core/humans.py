@@ -56,6 +56,11 @@ class HumanState:
     breadth: float
     activity: str
 
+    @property
+    def shoulder(self) -> float:
+        """Half the length of the shoulder line, m; 0 for a disc."""
+        return max(self.breadth / 2 - self.radius, 0.0)
+
 
 @dataclass(frozen=True)
 class Humans:
