@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
+from sonata2d.agents.pedestrians.wayfinding import ARRIVAL_DISTANCE
 from sonata2d.core.entities import WALKING_TOGETHER, Door, Furniture, Group, Human, Interaction, Place, Queue
 from sonata2d.core.geometry import Disc, Pose, Rectangle
 from sonata2d.core.scene import Rules, Scene, Social
@@ -239,7 +240,7 @@ def test_people_go_to_places_of_interest_and_stay_there() -> None:
     ]
     assert len(rests) > 60
     distances = np.array([[math.dist(rest, place.position) for place in places] for rest in rests])
-    assert distances.min(axis=1).max() < 0.65
+    assert distances.min(axis=1).max() < 0.5 + ARRIVAL_DISTANCE
     assert set(distances.argmin(axis=1).tolist()) == {0, 1}
 
 
