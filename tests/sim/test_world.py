@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sonata2d.core.entities import Furniture, Human, Limits, Wall
-from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
+from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist, segment_distances, shoulder_lines
 from sonata2d.core.portable_math import Array
 from sonata2d.core.proxemics import clearances
 from sonata2d.core.scene import Rules
@@ -277,3 +277,29 @@ def test_a_person_pressed_against_a_wall_by_the_robot_does_not_turn() -> None:
     assert snapshot.humans.theta[0] < 0.3
     assert snapshot.humans.head[0] > 1.0
     assert clearances(snapshot)[0] > -0.01
+
+
+def test_a_shoulder_does_not_sink_into_the_corner_of_a_table() -> None:
+    """Many people, each at a table of its own; the engine misses contacts of torsos with corners of polygons."""
+    walls = ((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0))
+    humans, tables, targets = [], [], []
+    for k in range(400):
+        theta, offset, (x, y) = (
+            0.3 + 0.5 * (k % 20) / 10,
+            -0.2 + 0.02 * (k // 20),
+            (3.0 * (k % 20) - 30, 3.0 * (k // 20) - 30),
+        )
+        tables.append(Furniture(1000 + k, "table", Pose(x, y), Rectangle(0.8, 0.8)))
+        start = Pose(x + 0.75 + offset, y + 0.75 - offset, theta + math.pi)
+        humans.append(Human(k + 1, start, 0.13, behaviour="wandering", velocity=(-0.7, -0.7), breadth=0.5))
+        targets.append(start.direction)
+    world = World(room(humans, tables, robot=Pose(-38.0, -38.0), goal=(38.0, 38.0), polygon=walls))
+    deepest = 0.0
+    for _ in range(6):
+        headings = np.array(targets)
+        world.step(Twist(), CrowdCommands(np.zeros((400, 2)), headings, headings, np.zeros(400, dtype=int), ()))
+        people = world.snapshot().humans
+        lines = shoulder_lines(people.position, people.direction, people.shoulder)
+        gaps = segment_distances(*lines, world.scene.barriers).min(axis=0) - people.radius
+        deepest = max(deepest, -float(gaps.min()))
+    assert 0.0 < deepest < 0.012  # the motion in a substep

@@ -316,8 +316,8 @@ class SocialPlanner(Controller):
         now = robot.executed
         best = _cheapest(
             self._numbers, self._layers, self._barriers, self._pairs, self._velocities, self._turns, self._positions,
-            self._progress, humans.state, humans.radius, humans.shoulder, snapshot.tick,
-            robot.position, robot.direction,
+            self._progress, humans.state, humans.radius, humans.shoulder, snapshot.tick, robot.position,
+            robot.direction,
             float(now.vx), float(now.vy), float(now.omega), float(last.vx), float(last.vy), float(last.omega),
         )  # fmt: skip
         if best < len(self._twists):
