@@ -30,7 +30,7 @@ from ...core.scene import Scene
 from ...core.vectors import length
 from ...core.visibility import is_clear
 
-CLEARANCE = 0.1  # m, of shoulders from walls, furniture and standing people, where there is room
+CLEARANCE = 0.05  # m, of shoulders from walls, furniture and standing people, where there is room
 TIGHT_CLEARANCE = 0.03  # m, of a body that passes sideways, where there is none
 DETOUR = 1.3  # length of a path with room over that of one without, up to which the first is preferred
 WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
