@@ -12,7 +12,7 @@ from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.scalar import clipped, crosses, length, towards
 from .models.base import Walkers
 
-INTERACTION_RANGE = 6.0  # m, between centres; pedestrians that are farther apart do not affect each other
+INTERACTION_RANGE = 5.0  # m, between centres; pedestrians that are farther apart do not affect each other
 FADING_DISTANCE = 1.0  # m, over which attention falls to 0 at the range, so that no force sets in suddenly
 _CELL = 1.001 * INTERACTION_RANGE  # m, minimum width: rounding must not put a pair within the range two cells apart
 

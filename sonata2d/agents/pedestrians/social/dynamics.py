@@ -62,7 +62,7 @@ class SocialDynamics:
         self._tasks: dict[int, Task] = {}
         self._last: dict[int, Kind] = {}  # kind of the last task
         self._has_walked = set(range(len(humans)))  # no task since the last walk: may take one on the next arrival
-        self._have_met: set[tuple[int, int]] | None = None  # pairs, since they were last SEPARATION apart
+        self._have_met: set[int] | None = None  # pairs i < j as i N + j, since they were last SEPARATION apart
         self._tick, self._position = 0, social.standing_position
         self._seats = Seats(scene, social, wayfinding, self._dt)
         self._lines = [QueueLine(queue, social, self._rng, self._dt) for queue in scene.queues]
@@ -416,19 +416,19 @@ class SocialDynamics:
         candidates = [k for k in walking if self._may_take_part[k] and k not in self._tasks]
         if len(candidates) < 2:
             return
-        first = np.repeat(np.arange(len(walkers.position)), np.diff(walkers.neighbour_start))
+        count = len(walkers.position)
+        first = np.repeat(np.arange(count), np.diff(walkers.neighbour_start))
         second = walkers.neighbour[: len(first)]
-        offset = walkers.position[second] - walkers.position[first]
-        square = offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1]
+        x, y = (walkers.position[second, axis] - walkers.position[first, axis] for axis in (0, 1))
+        square, pair = x * x + y * y, first * count + second
         near, meeting = (
-            list(zip(first[is_near].tolist(), second[is_near].tolist(), strict=True))
-            for is_near in ((first < second) & (square < limit * limit) for limit in (SEPARATION, MEETING_DISTANCE))
+            pair[(first < second) & (square < limit * limit)].tolist() for limit in (SEPARATION, MEETING_DISTANCE)
         )
         have_met = set(near) if self._have_met is None else self._have_met.intersection(near)
         self._have_met = have_met.union(meeting)
         able, stopped = set(candidates), set[int]()
-        for i, j in meeting:
-            is_possible = (i, j) not in have_met and {i, j} <= able and not {i, j} & stopped
+        for i, j in (divmod(pair, count) for pair in meeting if pair not in have_met):
+            is_possible = {i, j} <= able and not {i, j} & stopped
             if is_possible and self._rng[i].uniform() < self._settings.meets and self._stop_to_talk(i, j):
                 stopped |= {i, j}
 
