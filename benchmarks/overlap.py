@@ -56,7 +56,7 @@ class Meter:
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         self._positions, self._is_walking = [], []
         self._wandering = [h.behaviour == "wandering" for h in scene.humans]
-        self._pairs = np.triu_indices(len(scene.humans), 1)
+        self._count, self._pairs = len(scene.humans), np.triu_indices(0, 1)
 
     def note(self, frame: Frame) -> None:
         snapshot = frame.snapshot
@@ -68,6 +68,8 @@ class Meter:
         self.not_finite += int((~np.isfinite(humans.state)).sum()) + int((~np.isfinite(position[-1])).sum())
         self.outside += int((~inside_polygon(position, snapshot.scene.outline)).sum())
         solid = (radius - snapshot.scene.barriers.gaps(position)).max(axis=0)
+        if len(self._pairs[0]) != len(humans) * (len(humans) - 1) // 2:  # somebody has come or gone
+            self._pairs = np.triu_indices(len(humans), 1)
         i, j = self._pairs
         depth = radius[i] + radius[j] - np.linalg.norm(position[i] - position[j], axis=1)
         self.pairs, self.deep = self.pairs + len(depth), self.deep + int((depth > DEEP).sum())
@@ -80,8 +82,9 @@ class Meter:
         )
         self._update("person-solid", solid[:-1][humans.activity_index != SITTING])  # who sits overlaps the seat
         self._update("robot-solid", solid[-1:])
-        self._positions.append(humans.position[self._wandering])
-        self._is_walking.append(np.isin(humans.activity_index[self._wandering], WALKING_ACTIVITIES))
+        walking = np.isin(humans.activity_index, WALKING_ACTIVITIES)
+        self._positions.append(humans.expand(humans.position, self._count, 0.0)[self._wandering])
+        self._is_walking.append(humans.expand(walking, self._count, False)[self._wandering])
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
         positions = np.array(self._positions)

@@ -124,6 +124,10 @@ def _measured(scene: Scene, name: Unmeasured, text: str) -> str:
     return "not in the source" if name in scene.unmeasured else text
 
 
+def _landmarks(scene: Scene) -> list[tuple[str, tuple[object, ...]]]:
+    return [("doors", scene.doors), ("queues", scene.queues), ("places of interest", scene.places)]
+
+
 def _episode_rows(path: Path) -> Rows:
     """What an episode file contains."""
     from sonata2d.datasets.summaries import contact_summary
@@ -148,6 +152,7 @@ def _episode_rows(path: Path) -> Rows:
         ("ignore the robot", sum(human.reacts_to_robot == 0.0 for human in scene.humans)),
         ("towards the robot", dict(sorted(Counter(human.reaction for human in scene.humans).items()))),
         ("objects", [thing.type for thing in scene.furniture]),
+        *((kind, len(found)) for kind, found in _landmarks(scene) if found),
         ("interactions", [[i.src, i.relation, i.dst] for i in scene.interactions]),
         ("robot", _measured(scene, "robot", f"{scene.robot.kinematics}, radius {scene.robot.radius:g} m")),
         (

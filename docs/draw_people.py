@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from sonata2d import Controller, Episode, Twist
+from sonata2d import Controller, Episode, Twist, generate, load_scenario
 from sonata2d.core.entities import (
     TALKING,
     WALKING_TOGETHER,
@@ -125,6 +125,16 @@ def visit() -> tuple[Scene, Controller]:
     return scene(people, 20.0, Pose(3.4, -2.0), furniture=furniture, social=social, seed=1), StraightAhead()
 
 
+def preset(name: str, seed: int, seconds: float) -> Callable[[], tuple[Scene, Controller]]:
+    """A preset, from its start, without the robot's reaching its goal."""
+
+    def build() -> tuple[Scene, Controller]:
+        rules = {"time_limit": seconds, "ends_on": ["time"]}
+        return generate(load_scenario(name).changed(rules=rules), seed), StraightAhead()
+
+    return build
+
+
 def reacting(reaction: Reaction) -> Callable[[], tuple[Scene, Controller]]:
     """A robot drives through the room; one person crosses its path, another stands beside it."""
 
@@ -139,6 +149,7 @@ def reacting(reaction: Reaction) -> Callable[[], tuple[Scene, Controller]]:
 
 FILMS: dict[str, Callable[[], tuple[Scene, Controller]]] = {
     "doorway": doorway, "crossing": crossing, "turn": turn, "group": group, "visit": visit,
+    "waiting": preset("waiting-room", 5, 22.0), "flows": preset("crossing-flows", 1, 20.0),
     **{kind: reacting(kind) for kind in ("ignores", "avoids", "stops", "curious", "scared")},
 }  # fmt: skip
 

@@ -13,7 +13,7 @@ from sonata2d.core.snapshot import Snapshot
 from sonata2d.metrics.situations import SITUATIONS, SnapshotCollector, judge
 from sonata2d.registry import ROOM_KINDS
 from sonata2d.scenegen.scenario.rooms import RoomConfig
-from sonata2d.view.draw import Layers
+from sonata2d.view.draw import Layers, picture
 from sonata2d.view.files import render
 from sonata2d.view.film import save_film
 from sonata2d.view.stills import save_surface, scene_picture
@@ -24,6 +24,7 @@ SEED = 4
 OFFICE_SEED = 11
 WIDTH = 620  # px
 LAST = 4.0  # s
+MOMENT = 250  # ticks of the picture of the waiting room
 AFTER = 4.5  # s after the closest approach, at which a picture of an encounter ends
 
 
@@ -37,6 +38,7 @@ def main(folder: Path) -> None:
         path, layers = folder / f"situation-{name}.png", Layers(legend=False)
         render(selected(snapshots), path, size=size_of(snapshots[0]), caption=name, layers=layers)
         sys.stdout.write(f"{name}: {verdict.description}\n")
+    waiting_room(folder / "waiting-room.png")
     demo(folder / "demo.gif")
     rooms(folder / "rooms.png")
     groups(folder / "groups.png")
@@ -76,6 +78,14 @@ def demo(path: Path) -> None:
     Episode(generate(office, OFFICE_SEED), SocialPlanner(), observers=[collector]).run()
     layers = Layers(grid=False, caption=False)
     save_film(path, collector.snapshots, fps=8, speed=2.0, size=(520, 362), layers=layers, interpolate=False)
+
+
+def waiting_room(path: Path) -> None:
+    """People who come and go."""
+    collector = SnapshotCollector()
+    scene = generate(load_scenario("waiting-room").changed(rules={"ends_on": ["time"]}), SEED)
+    Episode(scene, SocialPlanner(), observers=[collector]).run()
+    save_surface(picture(collector.snapshots[MOMENT], scale=75, layers=Layers(legend=True)), path)
 
 
 def rooms(path: Path) -> None:

@@ -30,7 +30,7 @@ PURPOSES = {
     "Run an episode": ("Episode", "Scene", "generate", "Snapshot", "Frame", "Outcome", "Observer"),
     "Write a controller": ("Controller", "Twist", "Pose", "Stop", "Regenerate", "check_controller", "clearance"),
     "Stock controllers": ("SocialPlanner", "StraightToGoal", "SocialForce", "Orca", "HumanLike"),
-    "Describe scenarios": ("ScenarioConfig", "load_scenario"),
+    "Describe scenarios": ("ScenarioConfig", "load_scenario", "Door", "Queue", "Place"),
     "Record and read episodes": ("JsonRecorder", "EpisodeRecorder", "read_episode", "EpisodeRecord"),
     "Generate data sets": ("generate_dataset",),
     "Constants and types": ("INTIMATE_DISTANCE", "PERSONAL_DISTANCE", "SOCIAL_DISTANCE", "Array", "__version__"),

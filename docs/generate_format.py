@@ -124,11 +124,13 @@ Every key, by section, with its default. A range is `[min, max]`, `{min: 2, max:
 its values are `min` plus multiples of the step. Lengths in m, angles in rad, times in s. Omitted keys keep their
 defaults: write `tables: 0` for no tables.
 
-Fixed furniture has a type listed in `sizes`, or a size of its own. Doors are gaps between inner `walls`.
+Fixed furniture has a type listed in `sizes`, or a size of its own. Doorways inside the room are gaps between inner
+`walls`; the `doors`, through which people enter and leave, are in the outline.
 
 A person who attends to a piece of furniture stands at its right side (-y at theta 0) and faces it. This is also the
 front in pictures of pieces that are longer (x) than wide (y), such as a laptop, a shelf or a TV; give pieces with a
-front such a size. A chair, which nobody attends to, faces +x. A table and a plant have no front.
+front such a size. A chair, on which people sit and which nobody attends to, faces +x. A table and a plant have no
+front.
 
 ![Each type of furniture at theta 0 with its axes and where a person attends to it](images/furniture.png)
 """

@@ -3,6 +3,7 @@ from .agents.controllers.base import Controller as Controller, Regenerate as Reg
 from .agents.controllers.human_like import HumanLike as HumanLike
 from .agents.controllers.planner import SocialPlanner as SocialPlanner
 from .agents.controllers.reactive import Orca as Orca, SocialForce as SocialForce, StraightToGoal as StraightToGoal
+from .core.entities import Door as Door, Place as Place, Queue as Queue
 from .core.geometry import Pose as Pose, Twist as Twist
 from .core.portable_math import Array as Array
 from .core.proxemics import (

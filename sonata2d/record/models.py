@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
 
 from ..core.entities import Behaviour, EndsOn, Formation, Kinematics, Reaction
 from ..core.geometry import MAX_MAGNITUDE
-from ..core.limits import MAX_ID, MAX_SUBSTEPS
+from ..core.limits import MAX_COUNT, MAX_ID, MAX_SUBSTEPS
 from ..core.snapshot import Status
 from ..version import FORMAT, FORMAT_VERSION
 
@@ -121,7 +121,7 @@ class Queue(Placed):
     service: Annotated[tuple[NotNegative, NotNegative], LIST] = Field(
         description="s, shortest and longest time that the first pedestrian needs"
     )
-    capacity: Count = Field(description="largest number of pedestrians")
+    capacity: Annotated[int, Field(ge=1, le=MAX_COUNT)] = Field(description="largest number of pedestrians")
 
 
 class Place(Part):
@@ -131,7 +131,7 @@ class Place(Part):
     x: Number = Field(description="m, to the right")
     y: Number = Field(description="m, up")
     radius: Positive = Field(description="m; pedestrians go to a random point within it")
-    weight: NotNegative = Field(description="with which the place is chosen")
+    weight: Positive = Field(description="with which the place is chosen")
     stay: Annotated[tuple[NotNegative, NotNegative], LIST] = Field(
         description="s, shortest and longest time that a pedestrian stands there"
     )

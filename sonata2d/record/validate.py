@@ -123,19 +123,19 @@ def _id_findings(document: JsonDict) -> Iterator[Finding]:
     for human in document["humans"]:
         if human["behaviour"] == "recorded" and not human.get("track"):
             yield "humans", f"human {human['id']} is recorded but has no track"
-    yield from _journey_findings(document, things)
+    yield from _journey_findings(document)
     for thing in document["objects"]:
         if thing["on"] is not None and thing["on"] not in things:
             yield "objects", f"object {thing['id']} lies on {thing['on']}, which is not an object"
 
 
-def _journey_findings(document: JsonDict, things: list[int]) -> Iterator[Finding]:
+def _journey_findings(document: JsonDict) -> Iterator[Finding]:
     """Ids of doors, queues and places must be unique, and people must start on existing seats and in existing queues.
 
     Args:
-        document: files of earlier versions have no doors, queues and places.
-        things: ids of the objects.
+        document: files of earlier versions have no doors, queues, places and seats.
     """
+    seat_ids = {thing["id"] for thing in document["objects"] if thing["on"] is None and _is_seat(thing)}
     for kind in ("doors", "queues", "places"):
         for id, count in Counter(item["id"] for item in document.get(kind, ())).items():
             if count > 1:
@@ -143,16 +143,24 @@ def _journey_findings(document: JsonDict, things: list[int]) -> Iterator[Finding
     queues = {queue["id"] for queue in document.get("queues", ())}
     for human in document["humans"]:
         seat, queue = human.get("seat"), human.get("queue")
-        if seat is not None and seat not in things:
-            yield "humans", f"human {human['id']} sits on {seat}, which is not an object"
+        if seat is not None and seat not in seat_ids:
+            yield "humans", f"human {human['id']} sits on {seat}, which is not a seat"
         if queue is not None and queue not in queues:
             yield "humans", f"human {human['id']} stands in queue {queue}, which does not exist"
-        if (seat is not None or queue is not None) and human["behaviour"] != "wandering":
-            yield "humans", f"human {human['id']} has a seat or a queue, but is {human['behaviour']}, not wandering"
+        if seat is None and queue is None:
+            continue
+        if human["behaviour"] != "wandering" or human.get("enters", 0) > 0:
+            yield "humans", f"human {human['id']} has a seat or a queue, but does not wander from the start"
     seats = Counter(human["seat"] for human in document["humans"] if human.get("seat") is not None)
     for seat, count in seats.items():
         if count > 1:
             yield "humans", f"{count} people sit on object {seat}"
+
+
+def _is_seat(thing: JsonDict) -> bool:
+    """Whether pedestrians can sit on an object, see `Furniture.is_seat`."""
+    seat = thing.get("seat")
+    return bool(thing["type"] == "chair" if seat is None else seat)
 
 
 def _activity_findings(names: list[str]) -> Iterator[Finding]:

@@ -18,6 +18,7 @@ from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
 
 ENTRY_OVERLAP = 0.04  # m, overlap of outlines that is accepted on entering; with a larger one, a pedestrian waits
+ENTRY_GAP = 0.05  # m, gap that a wandering pedestrian, as those that come through doors, waits for
 
 
 class Presence:
@@ -110,12 +111,13 @@ class Presence:
         return self._has_room(k, rows) and all(self._has_room(other, rows) for other in waiting)
 
     def _has_room(self, k: int, rows: Array) -> bool:
-        """Whether a pedestrian can enter without overlapping a body that is present."""
+        """Whether there is space for a pedestrian that enters."""
         x, y = self._humans[k].pose.position
         dx, dy = rows[:, X] - x, rows[:, Y] - y
         gaps = np.sqrt(dx * dx + dy * dy) - self._radius - self._humans[k].radius
         gaps[:-1][self.is_absent] = np.inf
-        return bool((gaps > -ENTRY_OVERLAP).all())
+        minimum = ENTRY_GAP if self._humans[k].behaviour == "wandering" else -ENTRY_OVERLAP
+        return bool((gaps > minimum).all())
 
     def _place(self, k: int, tick: int) -> None:
         """Place a pedestrian in the room: at its initial pose, or on its track."""

@@ -49,6 +49,9 @@ class World:
     Args:
         scene: initial layout.
 
+    Raises:
+        ValueError: a pedestrian starts on an object that is not a seat, or is recorded and has no track.
+
     Attributes:
         tick: number of ticks since the start.
     """
@@ -92,9 +95,8 @@ class World:
         self._check_order()
         self._presence = Presence(scene, bodies[:-1], self._matter.is_absent)
         self._bodies = bodies
-        index = {piece.id: k for k, piece in enumerate(scene.furniture)}
         self._seats: tuple[tuple[int, int], ...] = ()
-        self._set_seats(tuple((k, index[h.seat]) for k, h in enumerate(scene.humans) if h.seat is not None))
+        self._set_seats(_seats_at_start(scene))
         self._read_bodies()
 
     def snapshot(self, events: tuple[DeviceEvent, ...] = ()) -> Snapshot:
@@ -237,6 +239,18 @@ def _space_with_obstacles(scene: Scene) -> pymunk.Space:
                 shapes[-1].filter = pymunk.ShapeFilter(group=_seat_group(k))
     space.add(*shapes)
     return space
+
+
+def _seats_at_start(scene: Scene) -> tuple[tuple[int, int], ...]:
+    """`CrowdCommands.seats` of the pedestrians that sit at the start."""
+    index = {piece.id: k for k, piece in enumerate(scene.furniture) if piece.is_seat}
+    sitting = [(k, human) for k, human in enumerate(scene.humans) if human.seat is not None]
+    for _, human in sitting:
+        if human.seat not in index:
+            raise ValueError(
+                f"human {human.id} sits on {human.seat}, which is not a seat; set seat=True of the furniture"
+            )
+    return tuple((k, index[human.seat]) for k, human in sitting if human.seat is not None)
 
 
 def _seat_group(index: int) -> int:

@@ -11,7 +11,8 @@ _WALL_WIDTH = 0.12  # m, as drawn by `room`: outward only
 _JAMB, _LINE = 0.05, 0.02  # m, width of the door frame, and of lines
 _SLOT_RADIUS = 0.13  # m, of the mark where a pedestrian in a queue stands
 _QUEUE, _PLACE = mixed(FLOOR, FAINT, 0.45), mixed(FLOOR, INK, 0.3)
-_DOT_SPACING = 0.16  # m, around a place
+_DASH_SPACING = 0.16  # m, around a place
+_LARGEST_PLACE = 20.0  # m, radius beyond which dashes get longer
 
 
 def draw_landmarks(brush: Brush, scene: Scene) -> None:
@@ -56,5 +57,6 @@ def draw_queue(brush: Brush, spacing: float, capacity: int) -> None:
 
 
 def draw_place(brush: Brush, radius: float) -> None:
-    """Draw a dotted circle; radius in m."""
-    brush.dashed_ring(_PLACE, (0.0, 0.0), radius, _LINE, max(round(6.2832 * radius / _DOT_SPACING), 8))
+    """Draw a dashed circle; radius in m."""
+    dashes = max(round(6.2832 * min(radius, _LARGEST_PLACE) / _DASH_SPACING), 8)
+    brush.dashed_ring(_PLACE, (0.0, 0.0), radius, _LINE, dashes)

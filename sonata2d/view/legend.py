@@ -189,12 +189,12 @@ def _entries(
     if layers.goal and "goal" not in unmeasured:
         yield entry("goal", partial(draw_target, radius=_RADIUS))
     for name, shown, draw in (
-        ("door", scene.doors, partial(draw_door, width=0.5)),
-        ("queue", scene.queues, partial(draw_queue, spacing=0.2, capacity=3)),
-        ("place", scene.places, partial(draw_place, radius=_RADIUS)),
+        ("door", scene.doors, partial(draw_door, width=0.8)),
+        ("queue", scene.queues, _draw_queue),
+        ("place", scene.places, partial(draw_place, radius=0.35)),
     ):
         if shown:
-            yield entry(name, draw, 0.5)
+            yield entry(name, draw, 0.8)
     if paths:
         yield entry("paths", partial(draw_path_samples, robot="robot" not in unmeasured), 0.4)
     if time_marks and "robot" not in unmeasured:
@@ -220,12 +220,19 @@ def _turned(draw: Callable[[Brush], None], brush: Brush) -> None:
 
 
 def _draw_pedestrian(activity: str, unmeasured: Iterable[str], brush: Brush, *, ignores_robot: bool = False) -> None:
-    up = brush.at((brush.x, brush.y), (0.0, 1.0))
+    up, radius = brush.at((brush.x, brush.y), (0.0, 1.0)), _RADIUS
+    if activity == "sitting":  # its legs reach out of the circle
+        radius *= 0.65
+        up = brush.at((brush.x, brush.y - 0.6 * radius), (0.0, 1.0))
     if "headings" in unmeasured:
-        draw_plain_body(up, activity, _RADIUS, ignores_robot=ignores_robot)
+        draw_plain_body(up, activity, radius, ignores_robot=ignores_robot)
         return
-    draw_body(up, activity, _RADIUS, 0.7, ignores_robot=ignores_robot)
-    draw_head(up, _RADIUS, nose="heads" not in unmeasured)
+    draw_body(up, activity, radius, 0.7, ignores_robot=ignores_robot)
+    draw_head(up, radius, nose="heads" not in unmeasured)
+
+
+def _draw_queue(brush: Brush) -> None:
+    draw_queue(brush.at((brush.x + 0.13, brush.y)), 0.25, 3)
 
 
 def _draw_view(brush: Brush) -> None:

@@ -53,7 +53,8 @@ def test_interactions_and_activities_agree_in_every_frame(lively: list[list[Snap
             for i in snapshot.interactions:
                 assert activity[i.src] == expected.get(i.relation, activity[i.src])
             interacting = {end for i in snapshot.interactions for end in (i.src, i.dst)}
-            assert all(kind in ("standing", "walking") for id, kind in activity.items() if id not in interacting)
+            alone = ("standing", "walking", "sitting")
+            assert all(kind in alone for id, kind in activity.items() if id not in interacting)
     assert changes > 20
 
 
@@ -86,7 +87,8 @@ def test_positions_of_interactions_are_free_and_near_the_partner(lively: list[li
         initial = {(i.src, i.dst) for i in scene.interactions}
         for snapshot in snapshots[::10]:
             humans = snapshot.humans
-            assert (scene.barriers.gaps(humans.position) > humans.radius - 0.02).all()
+            sits = humans.activity_index == ACTIVITIES.index("sitting")
+            assert (scene.barriers.gaps(humans.position[~sits]) > humans.radius[~sits] - 0.02).all()
             position = dict(zip(humans.id.tolist(), humans.position.tolist(), strict=True)) | objects
             for i in snapshot.interactions:
                 if (i.src, i.dst) not in initial and i.relation != "wandering_human_interacting":
@@ -105,7 +107,7 @@ def test_a_wandering_pedestrian_visits_a_plant_and_leaves() -> None:
     ticks = ticks_with(snapshots, AT_PLANT)
     visitor = snapshots[ticks[0] + 20].humans[0]
     assert visitor.activity == "looking"
-    assert math.dist(visitor.pose.position, (0.0, 0.0)) == pytest.approx(0.85, abs=0.1)
+    assert math.dist(visitor.pose.position, (0.0, 0.0)) == pytest.approx(0.7, abs=0.1)
     to_plant = math.atan2(-visitor.pose.y, -visitor.pose.x)
     assert abs(math.remainder(visitor.pose.theta - to_plant, math.tau)) < 0.15
     visits = np.split(np.array(ticks), np.flatnonzero(np.diff(ticks) > 1) + 1)
@@ -119,7 +121,7 @@ def test_a_pedestrian_uses_a_laptop_from_in_front_of_the_table() -> None:
     social = Social(visits=1.0, visit_time=(10.0, 10.0))
     snapshots = simulate(room([walker(1, -3.0, -2.0)], [table, laptop], social=social, robot=CORNER, seed=1), 30.0)
     x, y = snapshots[ticks_with(snapshots, AT_LAPTOP)[60]].humans.position[0]
-    assert (x, y) == pytest.approx((0.0, 0.95), abs=0.1)
+    assert (x, y) == pytest.approx((0.0, 1.1), abs=0.1)
 
 
 def test_a_newcomer_completes_a_pair_to_a_circle() -> None:
@@ -153,7 +155,7 @@ def test_a_pair_that_meets_stops_talks_and_parts() -> None:
     ticks = ticks_with(snapshots, TALKING)
     assert len(ticks) >= 60
     position = snapshots[ticks[30]].humans.position
-    assert np.linalg.norm(position[0] - position[1]) == pytest.approx(1.2, abs=0.1)
+    assert np.linalg.norm(position[0] - position[1]) == pytest.approx(1.0, abs=0.1)
     assert [h.activity for h in snapshots[ticks[30]].humans] == ["talking", "talking"]
     assert [h.activity for h in snapshots[ticks[0] + 70].humans] == ["walking", "walking"]
 
@@ -190,7 +192,7 @@ def test_shared_space_shrinks_when_a_member_leaves() -> None:
 
 
 def test_a_lively_episode_gives_the_same_bytes_and_replays(tmp_path: Path) -> None:
-    config = s2.load_scenario("lively").changed(rules={"time_limit": 25, "ends_on": ["time"]})
+    config = s2.load_scenario("lively").changed(rules={"time_limit": 40, "ends_on": ["time"]})
     scene, written = s2.generate(config, 5), []
     path = tmp_path / "one.json"
     for _ in range(2):

@@ -80,6 +80,25 @@ def test_mirroring_angles_of_files_is_exact_and_its_own_inverse(theta: float) ->
         assert str(image) != "-0.0"
 
 
+def test_doors_queues_places_and_seats_are_mirrored(tmp_path: Path) -> None:
+    config = s2.load_scenario("waiting-room").changed(
+        rules={"time_limit": 6, "ends_on": ["time"]}, places=[{"x": 1, "y": -1}], seated=3
+    )
+    record = recorded(tmp_path / "one.json", s2.generate(config, 2))
+    image = mirrored(record)
+    assert serialise(mirrored(image).document) == serialise(record.document)
+    before, after = record.scene(), image.scene()
+    for a, b in zip((*before.doors, *before.queues), (*after.doors, *after.queues), strict=True):
+        assert (b.pose.x, b.pose.y) == (a.pose.x, -a.pose.y)
+        assert b.pose.direction == pytest.approx((a.pose.direction[0], -a.pose.direction[1]), abs=1e-4)
+    assert [(place.x, place.y) for place in after.places] == [(1.0, 1.0)]
+    for a, b in zip(before.furniture, after.furniture, strict=True):
+        assert b.front == pytest.approx((a.front[0], -a.front[1]), abs=1e-4)
+    path = tmp_path / "image.json"
+    mirror_file(tmp_path / "one.json", path)
+    assert check_episode(path) == check_replay(path) == []
+
+
 def test_left_and_right_of_the_robot_are_swapped(odd: EpisodeRecord, generated: EpisodeRecord) -> None:
     for record in (odd, generated):
         for snapshot, image in zip(record.snapshots(), mirrored(record).snapshots(), strict=True):

@@ -213,7 +213,7 @@ def test_a_damaged_document_is_an_error_that_names_the_file(episode: Path, chang
         (set_value("humans", 0, "id", 0), "id 0 is used 2 times"),
         (set_value("humans", 0, "id", 2**60), "humans.0.id: Input should be less than or equal to"),
         (set_value("humans", 0, "behaviour", "recorded"), "human 1 is recorded but has no track"),
-        (set_value("humans", 0, "seat", 99), "human 1 sits on 99, which is not an object"),
+        (set_value("humans", 0, "seat", 99), "human 1 sits on 99, which is not a seat"),
         (set_value("humans", 0, "queue", 1), "human 1 stands in queue 1, which does not exist"),
         (set_value("rules", "substeps", 10**9), "rules.substeps: Input should be less than or equal to 1000"),
         (set_value("activities", ["walking", "standing"]), "activities: must be in the order standing, walking"),

@@ -7,13 +7,15 @@ import numpy as np
 import pygame
 import pytest
 
-from sonata2d.core.entities import Furniture, Human, Wall
+from sonata2d.core.entities import Door, Furniture, Human, Place, Queue, Wall
 from sonata2d.core.geometry import Pose, Rectangle
+from sonata2d.core.humans import ACTIVITIES
 from sonata2d.errors import RenderError
 from sonata2d.view.annotations import Label, draw_labels, value_text
 from sonata2d.view.camera import Camera
 from sonata2d.view.canvas import PixelCanvas
 from sonata2d.view.draw import Layers, backdrop, camera_for, picture
+from sonata2d.view.legend import Legend
 from sonata2d.view.network import Panel, network_picture
 from sonata2d.view.palette import ACTIVITY, FLOOR, GOAL, PAPER, ROBOT, WALL, time_colour
 from sonata2d.view.stills import scene_picture, snapshot_of
@@ -252,3 +254,30 @@ def test_only_a_piece_that_is_longer_than_wide_is_drawn_with_a_front(scene, came
 
     for size, has_front in (((1.0, 0.6), True), ((0.8, 0.8), False), ((0.6, 1.0), False)):
         assert (np.abs(drawn(size, 0.0) - drawn(size, math.pi)).max() > 20) == has_front
+
+
+def test_doors_queues_and_places_are_drawn_where_they_are_and_explained(scene, camera):
+    doors = (Door(1, Pose(2.0, 0.0, math.pi / 2), 1.0),)
+    there = replace(
+        scene, doors=doors, queues=(Queue(1, Pose(4.5, 1.8, math.pi / 2), 0.7, capacity=2),),
+        places=(Place(1, 2.0, 3.0, 0.5),),
+    )  # fmt: skip
+    before, drawn = (picture(snapshot_at(s), camera=camera, layers=BARE) for s in (scene, there))
+    assert colour_at(before, camera, (2.0, -0.05)) == WALL
+    assert colour_at(drawn, camera, (2.0, -0.02)) == FLOOR
+    assert colour_at(drawn, camera, (1.2, -0.05)) == WALL
+    for place in ((4.5, 1.8 - 0.13), (4.5, 1.1 + 0.12), (2.0 + 0.49, 3.02)):
+        assert colour_at(before, camera, place) == FLOOR
+        assert colour_at(drawn, camera, place) != FLOOR
+    texts = [{entry.text for entry in Legend.of([snapshot_at(s)], Layers(legend=True)).entries} for s in (scene, there)]
+    assert texts[1] - texts[0] == {"door", "queue", "place of interest"}
+
+
+def test_of_a_sitting_pedestrian_the_legs_reach_out_of_the_outline(scene, camera):
+    snapshot = snapshot_at(scene)
+    index = np.where(np.arange(len(snapshot.humans)) == 2, ACTIVITIES.index("sitting"), snapshot.humans.activity_index)
+    sitting = replace(snapshot, humans=replace(snapshot.humans, activity_index=index))
+    human = scene.humans[2]
+    foot = human.pose.to_world((1.7 * human.radius, 0.4 * human.radius))
+    assert colour_at(picture(snapshot, camera=camera, layers=BARE), camera, foot) == FLOOR
+    assert colour_at(picture(sitting, camera=camera, layers=BARE), camera, foot) != FLOOR

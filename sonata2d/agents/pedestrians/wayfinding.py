@@ -31,6 +31,8 @@ from ...core.visibility import is_clear
 CLEARANCE = 0.10  # m, of paths from walls, furniture and standing people
 WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
 ARRIVAL_DISTANCE = 0.5  # m from the goal
+SPOT_SPACING = 0.7  # m, between the places at which pedestrians stand for a time
+DOORWAY_DEPTH = 0.4  # m, in front of a door, where pedestrians neither stand nor wander to
 STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is to stand there has arrived
 TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
 WAYPOINT_DISTANCE = 0.35  # m from a waypoint at which the next one becomes the target
@@ -115,6 +117,8 @@ class Wayfinding:
         self._stays = {k: list(humans[k].stays) for k in self._goals}  # at these goals, s
         self._stay = [0.0] * count  # at the present destination, s
         self._place: list[Place | None] = [None] * count  # of interest, of the present destination
+        self._spots = np.full((count, 2), math.nan)  # where pedestrians stand for a time, or will, m
+        self._kept_free = _discs_kept_free(scene)
         self._has_groups = any(group.kind == "walking" for group in scene.groups)
         self._has_exits = any(human.exits for human in humans)
         self._versions = 0
@@ -184,14 +188,15 @@ class Wayfinding:
         followers = int(np.count_nonzero(self.routes.leader == k)) if self._has_groups else 1
         group_half_width = MEMBER_HALF_WIDTH * followers
         for attempt in range(_ATTEMPTS):
-            place = self._choose_place(k) if attempt < _ATTEMPTS // 2 else None
+            # The first half of the attempts looks for an untaken place of interest with room for all members.
+            is_choosy = attempt < _ATTEMPTS // 2
+            place = self._choose_place(k) if is_choosy else None
             goal = self._draw_goal(k, place)
             if place is None and _near(position[0], position[1], goal[0], goal[1], MINIMUM_TRIP):
                 continue
-            if not self.space.is_free_at(goal):
+            if not self.space.is_free_at(goal) or (is_choosy and self._is_taken(k, goal)):
                 continue
-            # The first half of the attempts looks for a place with room for all members.
-            needs_room = group_half_width > MEMBER_HALF_WIDTH and attempt < _ATTEMPTS // 2
+            needs_room = group_half_width > MEMBER_HALF_WIDTH and is_choosy
             if needs_room and self._scene.barriers.gaps(np.array([goal])).min() < group_half_width:
                 continue
             path = self.space.path(position, goal)
@@ -199,7 +204,7 @@ class Wayfinding:
                 self._set_path(k, path)
                 self._place[k] = place
                 low, high = self._scene.social.pause if place is None else place.stay
-                self._plan_stay(k, rng.uniform(low, high) if high > 0.0 else 0.0)
+                self._plan_stay(k, rng.uniform(low, high) if high > 0.0 else 0.0, goal)
                 return
         self._set_path(k, np.array([position]), 0)
 
@@ -220,10 +225,18 @@ class Wayfinding:
             if x * x + y * y <= 1.0:
                 return place.x + place.radius * x, place.y + place.radius * y
 
-    def _plan_stay(self, k: int, duration: float) -> None:
-        """Let pedestrian k stand at its destination for a time, s."""
+    def _plan_stay(self, k: int, duration: float, goal: Point) -> None:
+        """Let pedestrian k stand at its destination, m, for a time, s."""
         self._stay[k] = duration
         self.routes.is_stopping[k] = duration > 0.0
+        self._spots[k] = goal if duration > 0.0 else math.nan
+
+    def _is_taken(self, k: int, goal: Point) -> bool:
+        """Whether pedestrian k would stand where another one stands for a time, or will, or in front of a door."""
+        offset = self._spots - goal
+        near = offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1] < SPOT_SPACING * SPOT_SPACING
+        near[k] = False
+        return bool(near.any()) or any(_near(x, y, *goal, radius) for x, y, radius in self._kept_free)
 
     def find_new_path(self, k: int, position: Point) -> None:
         """Find a new path to the same destination for a pedestrian that was pushed off its path."""
@@ -248,6 +261,7 @@ class Wayfinding:
         if path is not None:
             self._set_path(k, path)
             self.routes.is_assigned[k], self.routes.is_stopping[k] = True, False
+            self._spots[k] = math.nan
         return path is not None
 
     def stop(self, k: int) -> None:
@@ -260,6 +274,7 @@ class Wayfinding:
         """Let pedestrian k, which is at a position, m, go on, or wander if it stood from the start."""
         routes = self.routes
         routes.is_assigned[k] = routes.is_stopping[k] = False
+        self._spots[k] = math.nan
         routes.checkpoint[k] = math.nan  # it makes progress from now on
         if routes.leader[k] < 0:
             self.routes = routes._replace(order=np.append(routes.order, k))
@@ -296,7 +311,7 @@ class Wayfinding:
 
     def _pop_goal(self, k: int) -> Point:
         goal = self._goals[k].pop(0)
-        self._plan_stay(k, self._stays[k].pop(0) if self._stays[k] else 0.0)
+        self._plan_stay(k, self._stays[k].pop(0) if self._stays[k] else 0.0, goal)
         self.routes.goals_left[k] = len(self._goals[k])
         return goal
 
@@ -333,6 +348,12 @@ class Wayfinding:
         clear = self.space.is_clear(start, goal) | (~self.space.is_free(start) & self.passable.is_clear(start, goal))
         for k in np.array(going)[clear].tolist():
             self._set_path(k, np.array([position[k], self._pop_goal(k)]), 1)
+
+
+def _discs_kept_free(scene: Scene) -> list[tuple[float, float, float]]:
+    """Discs in which no random destination lies, x, y and radius, m: in front of doors, and along queues."""
+    discs = [(*door.pose.to_world((DOORWAY_DEPTH, 0.0)), door.width / 2 + DOORWAY_DEPTH) for door in scene.doors]
+    return discs + [(*q.slot(number), SPOT_SPACING) for q in scene.queues for number in range(q.capacity)]
 
 
 @subroutine

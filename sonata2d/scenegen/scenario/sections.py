@@ -19,6 +19,7 @@ from pydantic_core import PydanticCustomError
 from ...core.entities import DEFAULT_MODEL, PERSON_RADIUS, EndsOn, Formation, Kinematics, Limits, Reaction
 from ...core.geometry import Disc, Point, Rectangle, Shape, quantised
 from ...core.labels import Kind, LabelSpec, When
+from ...core.limits import MAX_COUNT
 from ...core.scene import Rules, Social
 from ...registry import PEDESTRIAN_MODELS
 from .base import (
@@ -146,7 +147,7 @@ class QueueConfig(Settings):
     theta: float = 0.0
     spacing: Annotated[float, Field(ge=0.5)] = 0.75
     service: Range = Range(5, 15)
-    capacity: PositiveInt = 8
+    capacity: Annotated[int, Field(ge=1, le=MAX_COUNT)] = 8
     waiting: IntRange = IntRange(0, 0)
 
     @model_validator(mode="after")

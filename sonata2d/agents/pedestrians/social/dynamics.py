@@ -23,12 +23,13 @@ from .tasks import Kind, Task
 
 OBJECT_RELATIONS = {"laptop": AT_LAPTOP, "plant": AT_PLANT}  # AT_OBJECT for all other types
 NOT_VISITED = ("table", "chair")
-OBJECT_CLEARANCE = 0.45  # m, between the outlines of a pedestrian and the object that it attends to
+OBJECT_CLEARANCE = 0.30  # m, between the outlines of a pedestrian and the object that it attends to
 ARRIVAL_DISTANCE = 0.4  # m, from the position of a task
 APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
 MEETING_DISTANCE, SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
 POSITION_SPACING = 0.7  # m, between the positions of two tasks
 MEMBER_SPACING, MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
+LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
 LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
 
 
@@ -94,6 +95,7 @@ class SocialDynamics:
                 self._advance_task(k, task)
             for line in self._lines:
                 served = line.advance(tick, position)
+                self._is_changed = self._is_changed or line.has_moved
                 if served is not None:
                     self._leave(served)
         if self._settings.meets > 0.0:
@@ -182,8 +184,8 @@ class SocialDynamics:
             self._last[k] = task.kind
         self._seats.release(k)
         if not self._social.is_walking[k]:
+            self._is_changed = self._is_changed or self._social.is_in_the_way(k)
             self._social.start_walking(k)
-            self._is_changed = True
         self._wayfinding.start_wandering(k, _point(self._position[k]))
         for partner in partners if task.kind == "talk" else ():
             if partner in self._tasks and not self._social.partners[partner]:
@@ -192,17 +194,16 @@ class SocialDynamics:
 
     def _arrive(self, k: int, task: Task) -> None:
         """Pedestrian k has reached the position of its task: its activity begins."""
+        if task.kind == "stay":
+            self._stand(k, task.position, task.until)
+            return
         self._wayfinding.stop(k)
-        self._is_changed = True
         if task.kind == "sit":
             self._seats.arrive(k, task, self._tick)
             return
-        task.has_arrived = True
+        task.has_arrived = self._is_changed = True
         if task.line is not None:
             task.line.join(k)
-            return
-        if task.kind == "stay":
-            self._social.start_standing(k, task.position, task.facing_point)
             return
         own_id = self._scene.humans[k].id
         if task.partner is None:
@@ -238,10 +239,11 @@ class SocialDynamics:
         dx, dy = x - px, y - py
         scale = 3.0 / max(length(dx, dy), 1e-6)
         facing_point = x + dx * scale, y + dy * scale
+        is_brief = (until - self._tick) * self._dt < LONG_STAY
         self._wayfinding.stop(k)
-        self._social.start_standing(k, place, facing_point)
+        self._social.start_standing(k, place, facing_point, is_brief=is_brief)
         self._tasks[k] = Task("stay", place, facing_point, until=until, has_arrived=True)
-        self._is_changed = True
+        self._is_changed = self._is_changed or not is_brief
 
     def _spot_beside(self, k: int, leader: int, place: Point, taken: list[Point]) -> Point:
         """Where a follower stands beside its leader, m: on its present side of it, or opposite, or where it is."""

@@ -8,8 +8,8 @@ from ....core.geometry import Point
 from ....core.vectors import length
 
 MAXIMUM_MEMBERS = 6
-PAIR_DISTANCE = 1.2  # m, between two people who talk
-MINIMUM_RADIUS = {1: 0.0, 2: 0.6, 3: 0.65, 4: 0.75, 5: 0.85, 6: 1.0}  # m, of the circle, by number of members
+PAIR_DISTANCE = 1.0  # m, between two people who talk
+MINIMUM_RADIUS = {1: 0.0, 2: 0.5, 3: 0.6, 4: 0.7, 5: 0.85, 6: 1.0}  # m, of the circle, by number of members
 MAXIMUM_TRIANGLE_HEIGHT = 1.2  # m, from the middle of two members to the third
 # Directions from a member that stands alone, (cos, sin) relative to its own direction: ahead, half left, half right.
 _DIRECTIONS = ((1.0, 0.0), (0.7071, 0.7071), (0.7071, -0.7071))

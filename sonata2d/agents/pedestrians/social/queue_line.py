@@ -28,11 +28,13 @@ class QueueLine:
 
     Attributes:
         members: indices of the pedestrians, the first one first.
+        has_moved: whether one of them has stepped forward in this tick.
     """
 
     def __init__(self, queue: Queue, social: SocialState, rng: AgentStreams, dt: float) -> None:
         self.queue, self._social, self._rng, self._dt = queue, social, rng, dt
         self.members: list[int] = []
+        self.has_moved = False
         self._slot: list[int] = []  # of each member, strictly ascending
         self._move_at: list[int | None] = []  # tick at which each member steps forward
         self._served_at: int | None = None  # tick at which the service of the first member ends
@@ -85,6 +87,7 @@ class QueueLine:
         return self._last_served
 
     def _move_up(self, tick: int, position: Array) -> None:
+        self.has_moved = False
         ahead = -1  # the slot of the member in front
         for n, k in enumerate(self.members):
             slot = self._slot[n]
@@ -93,7 +96,7 @@ class QueueLine:
                 if move_at is None:
                     self._move_at[n] = tick + self._ticks(k, REACTION_TIME)
                 elif tick >= move_at:
-                    self._slot[n], self._move_at[n] = slot - 1, None
+                    self._slot[n], self._move_at[n], self.has_moved = slot - 1, None, True
                     self._social.start_standing(k, *self.slot(slot - 1), posture="queueing")
             ahead = self._slot[n]
 

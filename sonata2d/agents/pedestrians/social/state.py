@@ -9,7 +9,7 @@ import numpy as np
 
 from ....core.entities import TALKING, WALKING_TOGETHER, Interaction
 from ....core.geometry import Barriers, Disc, Point, Pose
-from ....core.humans import activity_indices
+from ....core.humans import ACTIVITIES, activity_indices, frozen
 from ....core.packing import Bools, Floats2, Ints, Ints2
 from ....core.portable_math import BoolArray, IntArray
 from ....core.scene import Scene, closed_outlines
@@ -66,6 +66,7 @@ class SocialState:
             "standing" if h.seat is None and h.queue is None else "queueing" if h.seat is None else "sitting"
             for h in humans
         ]
+        self._is_brief = [False] * len(humans)
         self.standing_position = np.array([human.pose.position for human in humans], dtype=float).reshape(-1, 2)
         direction = np.array([human.pose.direction for human in humans], dtype=float).reshape(-1, 2)
         self.facing_point = self.standing_position + 3.0 * direction
@@ -108,14 +109,26 @@ class SocialState:
         facing_point: Point,
         interactions: Iterable[Interaction] = (),
         posture: Posture = "standing",
+        is_brief: bool = False,
     ) -> None:
-        """Pedestrian k stands, or sits, at a position from now on, m, with the given additional interactions."""
+        """Pedestrian k stands, or sits, at a position from now on, m.
+
+        Args:
+            k: index of the pedestrian.
+            position, facing_point: where it stands, and what it faces, m.
+            interactions: additional ones.
+            posture: what it does if it has no interaction.
+            is_brief: whether it goes on so soon that paths need not lead round it.
+        """
         self.is_walking[k], self.standing_position[k], self.facing_point[k] = False, position, facing_point
-        self._posture[k] = posture
+        self._posture[k], self._is_brief[k] = posture, is_brief
         interactions = tuple(interactions)
         self.keeps_facing[[self._index[interaction.src] for interaction in interactions]] = False
         self.interactions += interactions
-        self._update()
+        if interactions:
+            self._update()
+        else:
+            self._update_activity(k)
 
     def start_walking(self, k: int) -> None:
         """Pedestrian k walks from now on; its interactions end, except with those that it walks with."""
@@ -123,10 +136,13 @@ class SocialState:
         self.is_walking[k] = True
         self.keeps_facing[[k, *self.partners[k]]] = False
         self._formations = [[member for member in formation if member != k] for formation in self._formations]
-        self.interactions = tuple(
-            i for i in self.interactions if own_id not in (i.src, i.dst) or i.relation == WALKING_TOGETHER
-        )
-        self._update()
+        if self._interacts(k):
+            self.interactions = tuple(
+                i for i in self.interactions if own_id not in (i.src, i.dst) or i.relation == WALKING_TOGETHER
+            )
+            self._update()
+        else:
+            self._update_activity(k)
 
     def talking_interactions(self, k: int, others: Iterable[int]) -> list[Interaction]:
         """The interactions of pedestrian k when it joins others: one with each of them."""
@@ -137,11 +153,16 @@ class SocialState:
         return all(interaction.dst != object_id for interaction in self.interactions)
 
     def standing_humans(self) -> Barriers:
-        """Discs of the pedestrians that are present and do not walk now; without those that leave by a schedule."""
-        standing = [k for k in np.flatnonzero(~self.is_walking).tolist() if self.stays[k] and k not in self._absent]
+        """Discs of the pedestrians that stand now and for some time; without those that leave by a schedule."""
+        standing = [k for k in np.flatnonzero(~self.is_walking).tolist() if self.is_in_the_way(k)]
         return Barriers.of(
             [Disc(self._radius[k]).edges(Pose(*self.standing_position[k].tolist()))[0] for k in standing]
         )
+
+    def is_in_the_way(self, k: int) -> bool:
+        """Whether paths must lead round pedestrian k, which does not walk; one that sits is covered by its seat."""
+        is_here = self.stays[k] and k not in self._absent
+        return is_here and not self._is_brief[k] and self._posture[k] != "sitting"
 
     def shared_spaces(self) -> Barriers:
         """The outlines of the spaces between the members of initial talking formations."""
@@ -150,10 +171,28 @@ class SocialState:
             for formation in self._formations
         )
 
+    def _interacts(self, k: int) -> bool:
+        """Whether pedestrian k attends to anything, or is attended to."""
+        own_id = self._ids[k]
+        return any(own_id in (interaction.src, interaction.dst) for interaction in self.interactions)
+
+    def _alone(self, k: int) -> str:
+        """The activity of pedestrian k if it had no interactions."""
+        return "walking" if self.is_walking[k] else self._posture[k]
+
+    def _update_activity(self, k: int) -> None:
+        """Derive the activity of pedestrian k, whose interactions are the same as before."""
+        if self._interacts(k):
+            self._update()
+            return
+        activity = self.activity.copy()
+        activity[k] = ACTIVITIES.index(self._alone(k))
+        self.activity = frozen(activity)
+
     def _update(self) -> None:
         """Derive activities, partners and attended objects from the interactions."""
-        alone = ("walking" if walks else posture for walks, posture in zip(self.is_walking, self._posture, strict=True))
-        self.activity = activity_indices(dict(zip(self._ids, alone, strict=True)), self.interactions)
+        alone = {id: self._alone(k) for k, id in enumerate(self._ids)}
+        self.activity = activity_indices(alone, self.interactions)
         self.partners = [[] for _ in self._ids]
         self.has_object[:] = False
         for interaction in self.interactions:
