@@ -1,6 +1,7 @@
 """Goal rate of a controller and its contacts by its own fault, in unseen scenes.
 
-    python benchmarks/expert.py [--episodes 200] [--controller social-planner] [--seed 100000] [--workers 2] [--json]
+    python benchmarks/expert.py [--episodes 200] [--controller social-planner] [--kinematics unicycle]
+        [--seed 100000] [--workers 2] [--json]
 
 Half of the people ignore the robot. A run counts as a contact by its fault if at any tick the robot touched a person
 and its own velocity closed the gap.
@@ -51,10 +52,12 @@ class ContactObserver:
         self.near.append(gap < s2.INTIMATE_DISTANCE)
 
 
-def run_one(seed: int, preset: str, controller: str) -> dict[str, float]:
+def run_one(seed: int, preset: str, controller: str, kinematics: str) -> dict[str, float]:
     """The result of one scene."""
     config = s2.load_scenario(preset)
-    config = config.model_copy(update={"person": config.person.model_copy(update={"ignores_robot": 0.5})})
+    person = config.person.model_copy(update={"ignores_robot": 0.5})
+    robot = config.robot.model_copy(update={"kinematics": kinematics})
+    config = config.model_copy(update={"person": person, "robot": robot})
     observer = ContactObserver()
     scene = s2.generate(config, seed=seed)
     start = time.process_time()
@@ -91,17 +94,14 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--seed", type=int, default=100_000, help="seed of the first episode")
     parser.add_argument("--controller", default="social-planner")
+    parser.add_argument("--kinematics", default="holonomic", choices=["holonomic", "unicycle"])
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     seeds = range(arguments.seed, arguments.seed + arguments.episodes)
+    run = partial(run_one, controller=arguments.controller, kinematics=arguments.kinematics)
     with ProcessPoolExecutor(arguments.workers) as pool:
-        result = {
-            preset: table(
-                pool.map(partial(run_one, preset=preset, controller=arguments.controller), seeds, chunksize=5)
-            )
-            for preset in PRESETS
-        }
+        result = {preset: table(pool.map(partial(run, preset=preset), seeds, chunksize=5)) for preset in PRESETS}
     if arguments.json:
         print(json.dumps(result, indent=2))
         return

@@ -28,6 +28,8 @@ ROBOT_SPEED_TOLERANCE = 0.05  # m/s above the robot's limits
 # m/s, on top of half the top speed: tolerance between the displacement of a tick over dt and the mean velocity
 MOTION_TOLERANCE = 0.5
 PUSH_RANGE = 0.1  # m, clearance to a recorded pedestrian within which a push in the last tick is possible
+# Until physics version 2, contacts pushed the robot: a unicycle at a wall slipped sideways.
+NO_SLIP_SINCE = 3
 TURN_TOLERANCE = 0.05  # rad, between the rotation in a tick and the executed turn rate times dt
 
 _SITTING = ACTIVITIES.index("sitting")  # also while a pedestrian sits down and gets up
@@ -43,6 +45,7 @@ def implausible_values(record: EpisodeRecord) -> Iterator[Finding]:
     yield from _check_time(record)
     yield from _check_speeds(record, pushed)
     yield from _check_motion(record, pushed)
+    yield from _check_robot(record)
     yield from _check_room(record)
     yield from _check_overlaps(record, pushed)
     yield from _check_presence(record)
@@ -126,6 +129,43 @@ def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]
     turned = (np.diff(states.robot[:, THETA]) - record.executed[:, 2] * dt + np.pi) % (2 * np.pi) - np.pi
     turned = np.abs(turned) - TURN_TOLERANCE
     yield from _worst_tick(turned, "robot", "the robot", "rad turned beyond what its turn rate explains")
+
+
+def _check_robot(record: EpisodeRecord) -> Iterator[Finding]:
+    """The robot must move as its drive does, and a unicycle along its heading.
+
+    The drive keeps its twist during a tick, so that a body which turns covers an arc: its displacement has the
+    direction of its mean heading, and is the arc times a factor between cos(half the angle) and 1. Where the guard or a
+    wall slows it during the tick, the displacement is up to half the angle off the mean heading.
+    """
+    if record.document["physics"] < NO_SLIP_SINCE:
+        return
+    scene, states, executed = record.scene(), record.states, record.executed
+    dt, theta = scene.rules.dt, states.robot[:, THETA]
+    half = np.minimum(np.abs(executed[:, 2]) * dt / 2, np.pi / 2)
+    ahead, left = _along(np.diff(states.robot[:, X : Y + 1], axis=0), theta[:-1] + executed[:, 2] * dt / 2)
+    is_unicycle, is_steady = scene.robot.kinematics == "unicycle", ~record.guarded & scene.rules.guard
+    # m; while a holonomic robot is slowed down, its path can be longer than its mean velocity says
+    arc = np.hypot(executed[:, 0], executed[:, 1]) * dt
+    if not is_unicycle:
+        arc = np.where(is_steady, arc, scene.robot.top_speed * dt)
+    rounding = ROUNDING * (1.0 + arc)  # the second part is that of the angle
+    difference = np.hypot(ahead - executed[:, 0] * dt, left - executed[:, 1] * dt)
+    difference -= arc * np.where(is_steady, 1.0 - np.cos(half), 2.0 * np.sin(half / 2))
+    yield from _worst_tick(difference - rounding, "robot", "the robot", "m from where its drive led")
+    if is_unicycle:
+        sideways = np.abs(left) - np.where(is_steady, 0.0, arc * np.sin(half)) - rounding
+        yield from _worst_tick(sideways, "robot", "the robot, a unicycle,", "m off its heading")
+        yield from _worst_tick(np.abs(executed[:, 1]), "executed", "the robot, a unicycle,", "m/s fast sideways")
+        _, slip = _along(states.robot[:, VX : VY + 1], theta)
+        slip = np.abs(slip) - ROUNDING * (1.0 + np.hypot(states.robot[:, VX], states.robot[:, VY]))
+        yield from _worst_tick(slip, "robot", "the robot, a unicycle,", "m/s fast sideways")
+
+
+def _along(vectors: Array, theta: Array) -> tuple[Array, Array]:
+    """Components of (T, 2) vectors along and to the left of headings; (T,) each."""
+    c, s = np.cos(theta), np.sin(theta)
+    return vectors[:, 0] * c + vectors[:, 1] * s, vectors[:, 1] * c - vectors[:, 0] * s
 
 
 def _unexplained_speed(rows: Array, dt: float) -> Array:

@@ -224,7 +224,9 @@ class Robot(Placed):
     """The robot's start, outline and drive."""
 
     radius: Positive = Field(description="m, of the solid outline")
-    kinematics: Kinematics = Field(description="a unicycle has no sideways velocity")
+    kinematics: Kinematics = Field(
+        description="a unicycle moves along its heading only; until physics version 2, contacts pushed it sideways"
+    )
     limits: Limits
 
 
@@ -394,7 +396,9 @@ class Frame(State):
     """State of the world at a tick, and the answer of the controller."""
 
     command: TwistRow = Field(description="the controller's command: vx, vy, omega")
-    executed: TwistRow = Field(description="what the drive executed in the tick that begins here: vx, vy, omega")
+    executed: TwistRow = Field(
+        description="mean velocity of the robot in the tick that begins here, after guard and contacts: vx, vy, omega"
+    )
     guarded: bool = Field(description="whether the safety guard intervened during the tick that begins here")
     events: ListOf[Event] = Field(description="of input devices, since the previous frame")
     label: Any = Field(default=None, description="any JSON value; without this key the command itself is the label")

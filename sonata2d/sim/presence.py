@@ -3,8 +3,8 @@
 The physics space keeps the same bodies from start to end. An absent pedestrian is parked far outside the room, at a
 place of its own; it feels no force and is in no snapshot.
 
-A recorded pedestrian has a kinematic body: forces do not move it, it passes through walls and other recorded
-pedestrians, and it pushes aside all other bodies, including the robot. Its velocity is set once per tick such that it
+A recorded pedestrian has a kinematic body: forces do not move it, it passes through walls, the robot and other recorded
+pedestrians, and it pushes aside all other pedestrians. Its velocity is set once per tick such that it
 is on its track at every tick, up to rounding in the last digit.
 """
 

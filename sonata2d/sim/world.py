@@ -1,10 +1,10 @@
 """The physical world: a scene in pymunk. The only mutable object of the simulation.
 
 Reasons for the design: a tick is one call of a compiled kernel (`kernel.step.advance`), which calls the engine's own C
-functions; pedestrians and robot are moved by forces, never by setting velocities. Chipmunk moves bodies first and
-detects contacts afterwards, without a swept test, so a tick has several substeps and the robot has a safety guard. A
-space is built anew for every episode, in a fixed order, before its first step: only then does the same input give the
-same bits.
+functions. Pedestrians are moved by forces, never by setting velocities. The robot moves as its drive does, and nothing
+pushes it aside: wheels do not slip. Chipmunk moves bodies first and detects contacts afterwards, without a swept test,
+so a tick has several substeps, and the kernel itself stops the robot at outlines (`kernel/safety.py`). A space is built
+anew for every episode, in a fixed order, before its first step: only then does the same input give the same bits.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
 from .kernel.chipmunk import EngineMemory
 from .kernel.rules import rules_of
 from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
-from .kernel.step import DRIVE_SIZE, MASS, Matter, advance, read_state
+from .kernel.step import DRIVE_SIZE, MASS, ROBOT_MASS, Matter, advance, read_state
 from .presence import Presence
 
 _CONTACT_ORDER = {"human": 0, "object": 1, "wall": 2}
@@ -62,11 +62,11 @@ class World:
         count, rules = len(scene.humans), scene.rules
         space = _space_with_obstacles(scene)
         discs = [_disc(h.pose.position, h.radius, h.velocity, _body_type(h)) for h in scene.humans]
-        discs.append(_disc(scene.robot.pose.position, scene.robot.radius))
+        discs.append(_disc(scene.robot.pose.position, scene.robot.radius, mass=ROBOT_MASS))
         bodies = [body for body, _ in discs]
         space.add(*bodies, *(shape for _, shape in discs))
         self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
-        self._engine = EngineMemory(space)
+        self._engine = EngineMemory(space, bodies[-1])
         self._matter = Matter(
             engine=self._engine.engine,
             guard=_guard(scene),
@@ -223,7 +223,7 @@ def _guard(scene: Scene) -> Guard:
         barrier_contact=np.zeros(barriers, dtype=np.int64),
         near=np.zeros(humans + barriers, dtype=np.int64),
         counts=np.zeros(3, dtype=np.int64),
-        separation=np.zeros((humans + barriers, 3)),
+        separation=np.zeros((humans + barriers, 4)),
     )
 
 
@@ -269,10 +269,14 @@ def _static_shape(ground: pymunk.Body, furniture: Furniture) -> pymunk.Shape:
 
 
 def _disc(
-    position: Point, radius: float, velocity: Point = (0.0, 0.0), body_type: int = pymunk.Body.DYNAMIC
+    position: Point,
+    radius: float,
+    velocity: Point = (0.0, 0.0),
+    body_type: int = pymunk.Body.DYNAMIC,
+    mass: float = MASS,
 ) -> tuple[pymunk.Body, pymunk.Shape]:
     """A disc that slides but does not rotate: headings of pedestrians and robot are not kept by the engine."""
-    body = pymunk.Body(MASS, math.inf, body_type)
+    body = pymunk.Body(mass, math.inf, body_type)
     body.position, body.velocity = position, velocity
     return body, pymunk.Circle(body, radius)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 from sonata2d_cli import main
 
+import sonata2d as s2
 from sonata2d.datasets.card import write_card
 from sonata2d.datasets.check import Problem, check_dataset, check_episode
 
@@ -73,6 +76,65 @@ def _move(frames: slice, human: int, x: float, y: float) -> Callable[[Any], None
 def test_an_edited_episode_is_found(episode: Path, change: Callable[[Any], None], place: str, message: str) -> None:
     problems = check_episode(rewrite(episode, change))
     assert any(place in problem.place and message in problem.message for problem in problems), problems
+
+
+@pytest.fixture
+def unicycle_file(tmp_path: Path) -> Path:
+    """A unicycle drives in a bend and then against a wall."""
+    config = s2.ScenarioConfig(
+        humans=4,
+        robot={"kinematics": "unicycle"},
+        rules={"ends_on": ["time"], "time_limit": 8.0},
+    )
+    path = tmp_path / "unicycle.json"
+    with s2.JsonRecorder(path) as recorder:
+        s2.Episode(s2.generate(config, seed=1), Bend(), observers=[recorder]).run()
+    return path
+
+
+class Bend(s2.Controller):
+    """Drives a bend for 2 s and then straight on."""
+
+    def act(self, snapshot: s2.Snapshot) -> s2.Twist:
+        return s2.Twist(vx=1.0, omega=1.5 if snapshot.tick < 20 else 0.0)
+
+
+def _sideways(frame: int, distance: float, speed: float) -> Callable[[Any], None]:
+    """A change of a document: the robot to the left of where it was, or with a velocity to its left, in a frame."""
+
+    def change(document: Any) -> None:
+        robot = document["frames"][frame]["robot"]
+        c, s = math.cos(robot[2]), math.sin(robot[2])
+        for column, value in ((0, -s * distance), (1, c * distance), (3, -s * speed), (4, c * speed)):
+            robot[column] = round(robot[column] + value, 4) + 0.0
+
+    return change
+
+
+def test_a_unicycle_that_slips_is_found(unicycle_file: Path) -> None:
+    recorded = unicycle_file.read_bytes()
+    assert any(contact["kind"] == "wall" for contact in json.loads(recorded)["final"]["contacts"])
+    assert check_episode(unicycle_file) == []
+
+    def problems_after(change: Callable[[Any], None]) -> str:
+        unicycle_file.write_bytes(recorded)
+        return _text(check_episode(rewrite(unicycle_file, change)))
+
+    for frame in (10, 30, 50):  # in the bend, straight on, at the wall
+        text = problems_after(_sideways(frame, 0.002, 0.0))
+        found = re.findall(r"frames\.(\d+)\.robot: the robot, a unicycle, is 0\.002 m off its heading", text)
+        assert found in ([str(frame - 1)], [str(frame)])  # the tick before the frame, or the one after it
+        assert "is 0.002 m from where its drive led" in text
+        text = problems_after(_sideways(frame, 0.0, 0.02))
+        assert f"frames.{frame}.robot: the robot, a unicycle, is 0.020 m/s fast sideways" in text
+    text = problems_after(set_value("frames", 30, "executed", [0.0, 0.1, 0.0]))
+    assert "frames.30.executed: the robot, a unicycle, is 0.100 m/s fast sideways" in text
+
+    def in_physics_2(document: Any) -> None:
+        _sideways(30, 0.002, 0.02)(document)
+        document["physics"] = 2
+
+    assert "unicycle" not in problems_after(in_physics_2)
 
 
 def test_an_unreadable_file_is_one_problem(tmp_path: Path) -> None:

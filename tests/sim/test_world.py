@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -143,9 +144,101 @@ def test_velocity_and_acceleration_limits_hold_for_any_command() -> None:
     assert before == Twist(pytest.approx(1.0), pytest.approx(0.5), pytest.approx(1.5))  # type: ignore[arg-type]
 
 
+def unicycle_among(humans: list[Human], *, robot: Pose, guard: bool = True, speed: float = 1.0) -> World:
+    """A room of 8 x 8 m with a table and a unicycle."""
+    table = Furniture(99, "table", Pose(2.0, 2.0, 0.4), Rectangle(1.2, 0.8))
+    limits = Limits(ahead=speed, acceleration=100.0, turn_acceleration=100.0)
+    scene = room(humans, [table], limits=limits, robot=robot, rules=Rules(guard=guard))
+    return World(replace(scene, robot=replace(scene.robot, kinematics="unicycle")))
+
+
+def assert_no_slip(before: Snapshot, after: Snapshot, dt: float = 0.1) -> None:
+    """The robot has moved along its headings during a tick, and its velocity is along the last one."""
+    robot, turn = after.robot, after.robot.executed.omega * dt
+    c, s = math.cos(before.robot.pose.theta + turn / 2), math.sin(before.robot.pose.theta + turn / 2)
+    dx, dy = (np.array(robot.position) - before.robot.position).tolist()
+    ahead, left = dx * c + dy * s, dy * c - dx * s
+    assert abs(left) <= abs(ahead) * math.tan(abs(turn) / 2) + 1e-9
+    assert abs(robot.twist.vy) < 1e-9
+    assert robot.executed.vy == 0.0
+    arc = abs(robot.executed.vx) * dt
+    assert arc * math.cos(turn / 2) - 1e-9 <= abs(ahead) <= arc + 1e-9
+
+
+def pushing(world: World, target: tuple[float, float], speed: float = 1.8) -> CrowdCommands:
+    """Commands of pedestrians that all walk to a target."""
+    humans = world.snapshot().humans
+    offset = np.array(target) - humans.position
+    wanted = speed * offset / np.maximum(np.hypot(offset[:, :1], offset[:, 1:]), 1e-6)
+    return still(world)._replace(acceleration=(wanted - humans.velocity) / 0.1)
+
+
 def test_a_unicycle_does_not_move_sideways() -> None:
-    scene = room()
-    world = World(replace(scene, robot=replace(scene.robot, kinematics="unicycle")))
+    world = unicycle_among([], robot=Pose(0.0, 0.0))
     for _ in range(10):
         world.execute(Twist(0.0, 1.0, 0.0), still(world))
-    assert world.snapshot().robot.executed.vy == 0.0
+    assert world.snapshot().robot.position == (0.0, 0.0)
+    assert world.snapshot().robot.executed == Twist()
+
+
+@pytest.mark.parametrize("guard", [True, False])
+@pytest.mark.parametrize("degrees", [-170, -95, -60, -20, 0, 3, 30, 44, 75, 89, 120])
+@pytest.mark.parametrize("omega", [0.0, 0.4])
+def test_a_unicycle_that_hits_walls_furniture_and_people_does_not_slip(degrees: int, guard: bool, omega: float) -> None:
+    humans = [walker(k + 1, 1.5 * math.cos(k), 1.5 * math.sin(k)) for k in range(6)]
+    world = unicycle_among(humans, robot=Pose(0.0, 0.0, math.radians(degrees)), guard=guard)
+    before, has_contact = world.snapshot(), False
+    for _ in range(60):
+        world.step(Twist(vx=1.0, omega=omega), pushing(world, before.robot.position))
+        after = world.snapshot()
+        assert_no_slip(before, after)
+        before, has_contact = after, has_contact or bool(after.contacts)
+        gap = world.scene.barriers.gaps(np.array([after.robot.position])).min() - after.robot.radius
+        assert gap > -1e-6
+    assert has_contact
+
+
+@pytest.mark.parametrize("guard", [True, False])
+@pytest.mark.parametrize("degrees", [2, 10, 45, 90])
+def test_a_unicycle_stops_at_a_wall_and_drives_on_after_turning_away(degrees: int, guard: bool) -> None:
+    world = unicycle_among([], robot=Pose(-3.0, -3.6, math.radians(-degrees)), guard=guard)
+    there = drive(world, Twist(vx=1.0), 60).robot
+    still_there = drive(world, Twist(vx=1.0), 100).robot
+    assert there.position[1] == pytest.approx(-3.7, abs=1e-6)
+    assert still_there.position == pytest.approx(there.position, abs=1e-6)
+    assert still_there.velocity == pytest.approx((0.0, 0.0), abs=1e-6)
+    turned = drive(world, Twist(omega=math.radians(degrees)), 11).robot
+    assert turned.position == pytest.approx(there.position, abs=1e-6)
+    assert drive(world, Twist(vx=1.0), 10).robot.position[X] == pytest.approx(there.position[0] + 1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "unicycle"])
+@pytest.mark.parametrize("guard", [True, False])
+def test_a_crowd_does_not_move_a_standing_robot(guard: bool, kinematics: Literal["holonomic", "unicycle"]) -> None:
+    humans = [walker(k + 1, 0.5 * (k % 5) - 3.4, 0.5 * (k // 5) - 2.0) for k in range(40)]
+    scene = room(humans, robot=Pose(0.0, 0.0), rules=Rules(guard=guard))
+    world = World(replace(scene, robot=replace(scene.robot, kinematics=kinematics)))
+    for _ in range(60):
+        world.step(Twist(), pushing(world, (0.0, 0.0)))
+        snapshot = world.snapshot()
+        assert snapshot.robot.position == (0.0, 0.0)
+        assert snapshot.robot.velocity == (0.0, 0.0)
+        distance = np.hypot(*snapshot.humans.position.T)
+        assert distance.min() > 0.2 + 0.3 - 0.035
+    assert snapshot.contacts
+
+
+@pytest.mark.parametrize("speed", [1.0, 3.5])
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_robot_without_guard_pushes_people_until_a_wall_stops_them(count: int, speed: float) -> None:
+    """The people stand in a row before the wall."""
+    humans = [walker(k + 1, 2.0 - 0.45 * k, 0.0) for k in range(count)]
+    world = unicycle_among(humans, robot=Pose(-2.0, 0.0), guard=False, speed=speed)
+    for _ in range(80):
+        snapshot = drive(world, Twist(vx=speed), 1)
+        overlap = 0.2 + 0.3 - np.hypot(*(snapshot.humans.position - snapshot.robot.position).T)
+        assert overlap.max() < 0.005 + speed * 0.01  # the motion in a substep
+        assert world.scene.barriers.gaps(snapshot.humans.position).min() > 0.2 - 0.005 - speed * 0.01
+    stopped = snapshot.robot.position
+    assert stopped[X] == pytest.approx(4.0 - 0.4 * count - 0.3, abs=0.02 * (count + 1))
+    assert drive(world, Twist(vx=speed), 200).robot.position == pytest.approx(stopped, abs=0.002)

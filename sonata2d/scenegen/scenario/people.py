@@ -35,7 +35,7 @@ class PersonSpec(Settings):
         enters, leaves: s. The pedestrian enters at `enters`, or as soon after it as there is free space, and is removed
             at `leaves`. With a track, it is present from the first to the last track point.
         track: t (s), x, y (m) with rising t: points of a smooth path. A recorded pedestrian follows it exactly, through
-            walls, and pushes others aside.
+            walls and the robot, and pushes others aside.
         group: number of the group. The members of a group talk if they stand; else they walk together, and the first
             member leads.
         desired_speed, radius: m/s, m; default: drawn from the section `person`.

@@ -421,7 +421,7 @@ class RobotConfig(Settings):
     """The robot's drive, outline and start.
 
     Attributes:
-        kinematics: holonomic, or unicycle (no sideways velocity).
+        kinematics: holonomic, or unicycle, which moves along its heading only: at a wall or a person it stops.
         radius: m.
         limits: of the drive.
         clearance: minimum clearance of a drawn start from walls, furniture and pedestrians, m.

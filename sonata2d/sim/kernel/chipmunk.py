@@ -14,11 +14,12 @@ from pymunk import batch
 from pymunk._chipmunk_cffi import ffi, lib
 
 from ...core.compiled import IS_COMPILED, subroutine
-from ...core.packing import Floats2, Ints
+from ...core.packing import Floats, Floats2, Ints
 
-# Items of `Engine.handle`, addresses: of C functions, of the space, and of the requests for reading and writing.
-_STEP, _EACH_BODY, _GET, _SET, _SPACE, _READ, _WRITE = range(7)
-_READ_COUNT, _WRITE_COUNT = 0, 4  # items of `Engine.counts`: the fields `num` of the two buffers
+# Items of `Engine.handle`, addresses: of C functions, of the space, of the requests for reading and writing, and of the
+# robot's body.
+_STEP, _EACH_BODY, _GET, _SET, _SPACE, _READ, _WRITE, _PLACE, _ROBOT = range(9)
+_READ_COUNT, _WRITE_COUNT, _PLACE_COUNT = 0, 4, 8  # items of `Engine.counts`: the fields `num` of the buffers
 
 
 # Addresses of the C functions, the first items of `Engine.handle`.
@@ -43,12 +44,14 @@ class Engine(NamedTuple):
         counts: memory of the engine's buffer headers.
         bodies: (M, 4), x, y, vx, vy, m and m/s: what `read_bodies` reads.
         forces: (M, 2), N: what `apply_forces` writes.
+        robot: (4,), x, y, vx, vy, m and m/s: what `place_robot` writes, then the robot's motion after the step.
     """
 
     handle: Ints
     counts: Counts
     bodies: Floats2
     forces: Floats2
+    robot: Floats
 
 
 class EngineMemory:
@@ -56,18 +59,20 @@ class EngineMemory:
 
     Args:
         space: with all its bodies.
+        robot: one of them.
 
     Attributes:
         engine: the space for kernels.
     """
 
-    def __init__(self, space: pymunk.Space) -> None:
+    def __init__(self, space: pymunk.Space, robot: pymunk.Body) -> None:
         count = len(space.bodies)
-        # The engine would move a buffer with fewer than two free places, so that both are longer than needed.
-        numbers = np.zeros(4 * count + 8), np.zeros(2 * count + 8)
-        self._headers = ffi.new("pmFloatArray[2]")
+        # The engine would move a buffer with fewer than two free places, so that all are longer than needed.
+        numbers = np.zeros(4 * count + 8), np.zeros(2 * count + 8), np.zeros(4 + 8)
+        self._headers = ffi.new("pmFloatArray[3]")
         self._requests = [ffi.new("pmBatchedData *") for _ in numbers]
-        fields = batch.BodyFields.POSITION | batch.BodyFields.VELOCITY, batch.BodyFields.FORCE
+        motion = batch.BodyFields.POSITION | batch.BodyFields.VELOCITY
+        fields = motion, batch.BodyFields.FORCE, motion
         self._no_integers = ffi.new("pmIntArray *")
         self._buffers = [ffi.from_buffer("cpFloat[]", array) for array in numbers]
         for header, request, buffer, wanted in zip(self._headers, self._requests, self._buffers, fields, strict=True):
@@ -78,10 +83,13 @@ class EngineMemory:
                 wanted.value,
             )
         self._space = space  # pymunk frees the C space with it
-        addresses = [*_FUNCTIONS, *(int(ffi.cast("intptr_t", item)) for item in (space._space, *self._requests))]
+        items = space._space, *self._requests, robot._body
+        addresses = [*_FUNCTIONS, *(int(ffi.cast("intptr_t", item)) for item in items)]
         counts = np.frombuffer(ffi.buffer(self._headers), dtype=np.int32)
         bodies, forces = numbers[0][: 4 * count].reshape(count, 4), numbers[1][: 2 * count].reshape(count, 2)
-        self.engine = Engine(np.array(addresses, dtype=np.int64), counts, bodies, forces)
+        motion_of_robot = numbers[2][:4]
+        motion_of_robot[:2] = robot.position
+        self.engine = Engine(np.array(addresses, dtype=np.int64), counts, bodies, forces, motion_of_robot)
 
 
 def _pointer(kind: str, address: int) -> Any:
@@ -90,6 +98,10 @@ def _pointer(kind: str, address: int) -> Any:
 
 def _interpreted_step(function: int, space: int, h: float) -> None:
     lib.cpSpaceStep(_pointer("cpSpace *", space), float(h))
+
+
+def _interpreted_visit(visit: int, body: int, request: int) -> None:
+    _pointer("cpSpaceBodyIteratorFunc", visit)(_pointer("cpBody *", body), _pointer("void *", request))
 
 
 def _interpreted_each_body(function: int, space: int, visit: int, request: int) -> None:
@@ -114,6 +126,17 @@ if IS_COMPILED:
         return types.void(types.int64, types.int64, types.float64), generate
 
     @intrinsic  # type: ignore[untyped-decorator]
+    def _compiled_visit(typing_context: Any, function: Any, body: Any, request: Any) -> Any:
+        """Call the C function at an address with two addresses."""
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64)] * 2)
+            builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.int64, types.int64), generate
+
+    @intrinsic  # type: ignore[untyped-decorator]
     def _compiled_each_body(typing_context: Any, function: Any, space: Any, visit: Any, request: Any) -> Any:
         """Call the C function at an address with three addresses."""
 
@@ -125,9 +148,11 @@ if IS_COMPILED:
         return types.void(types.int64, types.int64, types.int64, types.int64), generate
 
     _call_step: Any = _compiled_step
+    _call_visit: Any = _compiled_visit
     _call_each_body: Any = _compiled_each_body
 else:
     _call_step = _interpreted_step
+    _call_visit = _interpreted_visit
     _call_each_body = _interpreted_each_body
 
 
@@ -151,3 +176,11 @@ def apply_forces(engine: Engine) -> None:
     handle = engine.handle
     engine.counts[_WRITE_COUNT] = 0
     _call_each_body(handle[_EACH_BODY], handle[_SPACE], handle[_SET], handle[_WRITE])
+
+
+@subroutine
+def place_robot(engine: Engine) -> None:
+    """Set position and velocity of the robot's body from `Engine.robot`."""
+    handle = engine.handle
+    engine.counts[_PLACE_COUNT] = 0
+    _call_visit(handle[_SET], handle[_ROBOT], handle[_PLACE])

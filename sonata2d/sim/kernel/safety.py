@@ -1,6 +1,7 @@
-"""The robot's safety guard: limits its velocity by the gaps around it, and detects contacts and who causes them.
+"""What stops the robot: walls and furniture, and the safety guard before pedestrians; contacts, and who causes them.
 
-The velocity towards each outline is limited to gap / h, so that a body that moves in steps of h stops at the surface.
+The velocity towards each outline is limited to gap / h, so that a body that moves in steps of h stops at the surface. A
+holonomic robot slides along it; a unicycle is slowed down along its heading, since its wheels do not slip.
 Contacts are detected from gaps as well, and faults from wanted velocities: a robot that wants to move into an outline
 that it touches is at fault even if the guard holds it back.
 """
@@ -16,12 +17,15 @@ from ...core.packing import Floats, Floats2, Ints
 from ...core.portable_math import Array
 from ...core.scalar import ALONG_X, ALONG_Y, RADIUS, START_X, START_Y, Vector, gap
 from ...core.snapshot import CLOSING_SPEED
-from .rules import CONTACT_DISTANCE, GUARD, HUMAN_RANGE, OWN_SPEED, ROBOT_RADIUS, TICK
+from .rules import CONTACT_DISTANCE, GUARD, HOLONOMIC, HUMAN_RANGE, OWN_SPEED, ROBOT_RADIUS, TICK
 
 FASTEST_PERSON = 2.5  # m/s, minimum of the speed that decides which pedestrians can come near within a tick
 BARRIER_RANGE = 0.1  # m, added to the robot's own motion for the barriers that can come near within a tick
+PUSH_DEPTH = 0.5  # of its motion in a substep: depth to which a robot without guard overlaps with pushed pedestrians
 _EXCESS = 1e-9  # m/s, by which a velocity limit may be exceeded
 _PASSES = 4  # over all limits, since keeping one can break another
+
+NORMAL_X, NORMAL_Y, GAP, LIMIT = range(4)  # columns of `Guard.separation`
 
 # Bits of a contact in `Guard.human_contact` and `Guard.barrier_contact`.
 TOUCHED, ROBOT_AT_FAULT, OTHER_AT_FAULT = 1, 2, 4
@@ -36,7 +40,8 @@ class Guard(NamedTuple):
         barrier_contact: (B,) of int, the same for walls and furniture.
         near: (N + B,) of int, the pedestrians and then the barriers that can come near within the tick.
         counts: (3,) of int, how many of them are pedestrians, and barriers; and 1 if there was a contact in the tick.
-        separation: (N + B, 3), scratch: unit vector from the robot to each near outline, and the gap, m.
+        separation: (N + B, 4), scratch, for each near outline: unit vector from the robot to it, the gap, m, and the
+            maximum velocity of the robot towards it, m/s.
     """
 
     radius: Floats
@@ -73,8 +78,11 @@ def find_near(guard: Guard, bodies: Array, barriers: Array, rules: Array) -> Non
 @subroutine
 def limited(
     guard: Guard, wanted_x: float, wanted_y: float, bodies: Array, barriers: Array, rules: Array, h: float
-) -> tuple[float, float, bool]:
-    """Reduce the robot's velocity so that no gap becomes negative within the next substep; record contacts.
+) -> tuple[Vector, float, bool]:
+    """Reduce the robot's velocity so that no gap becomes negative within the substep; record contacts at its end.
+
+    Without the guard, walls and furniture stop the robot all the same, and pedestrians only limit it so that it
+    overlaps with them by at most `PUSH_DEPTH` of its motion in a substep.
 
     Args:
         guard: after `find_near`; contacts are added.
@@ -85,23 +93,20 @@ def limited(
         h: duration of the substep, s.
 
     Returns:
-        Velocity, m/s, world frame, and whether it was reduced.
+        Velocity, m/s, world frame; the fraction of it with which the robot pushes pedestrians, 0 under the guard; and
+        whether the guard reduced it.
     """
-    humans, count = guard.counts[0], guard.counts[0] + guard.counts[1]
+    humans, count, is_guarded = guard.counts[0], guard.counts[0] + guard.counts[1], rules[GUARD] != 0.0
+    push = 0.0 if is_guarded else 1.0
     if count == 0:
-        return wanted_x, wanted_y, False
-    last = bodies.shape[0] - 1
-    # the position from which on the new velocity acts
-    px, py = bodies[last, X] + bodies[last, VX] * h, bodies[last, Y] + bodies[last, VY] * h
+        return (wanted_x, wanted_y), push, False
+    last, separation = bodies.shape[0] - 1, guard.separation
+    px, py = bodies[last, X], bodies[last, Y]
+    depth = 0.0 if is_guarded else PUSH_DEPTH * math.sqrt(wanted_x * wanted_x + wanted_y * wanted_y) * h
     for n in range(humans):
         k = guard.near[n]
-        vx, vy = bodies[k, VX], bodies[k, VY]
-        radii = guard.radius[k] + rules[ROBOT_RADIUS]
-        nx, ny, apart = _separation(bodies[k, X] + vx * h - px, bodies[k, Y] + vy * h - py, radii)
-        guard.separation[n, 0], guard.separation[n, 1], guard.separation[n, 2] = nx, ny, apart
-        if apart < rules[CONTACT_DISTANCE]:
-            guard.human_contact[k] |= _faults(wanted_x * nx + wanted_y * ny, -(vx * nx + vy * ny))
-            guard.counts[2] = 1
+        x, y = bodies[k, X] + bodies[k, VX] * h, bodies[k, Y] + bodies[k, VY] * h  # at the end of the substep
+        _separate(separation[n], x - px, y - py, guard.radius[k] + rules[ROBOT_RADIUS], depth, h)
     for n in range(humans, count):
         k = guard.near[n]
         ax, ay, dx, dy = barriers[k, START_X], barriers[k, START_Y], barriers[k, ALONG_X], barriers[k, ALONG_Y]
@@ -109,30 +114,59 @@ def limited(
         t = ((px - ax) * dx + (py - ay) * dy) / square if square > 0.0 else 0.0
         t = min(max(t, 0.0), 1.0)
         radii = barriers[k, RADIUS] + rules[ROBOT_RADIUS]
-        nx, ny, apart = _separation(ax + t * dx - px, ay + t * dy - py, radii)
-        guard.separation[n, 0], guard.separation[n, 1], guard.separation[n, 2] = nx, ny, apart
-        if apart < rules[CONTACT_DISTANCE]:
-            guard.barrier_contact[k] |= _faults(wanted_x * nx + wanted_y * ny, 0.0)
-            guard.counts[2] = 1
-    if rules[GUARD] == 0.0:  # contacts are recorded all the same
-        return wanted_x, wanted_y, False
-    (vx, vy), is_reduced = _within_limits(guard.separation, count, wanted_x, wanted_y, h)
-    return vx, vy, is_reduced
+        _separate(separation[n], ax + t * dx - px, ay + t * dy - py, radii, 0.0, h)
+    if rules[HOLONOMIC] != 0.0:
+        (vx, vy), is_reduced = _within_limits(separation, count, wanted_x, wanted_y)
+    else:
+        fraction = _fraction_within_limits(separation, count, wanted_x, wanted_y)
+        vx, vy, is_reduced = wanted_x * fraction, wanted_y * fraction, fraction < 1.0
+    square = vx * vx + vy * vy
+    for n in range(count):
+        k, nx, ny = guard.near[n], separation[n, NORMAL_X], separation[n, NORMAL_Y]
+        towards = vx * nx + vy * ny
+        remaining = separation[n, GAP] - towards * h
+        if remaining >= rules[CONTACT_DISTANCE]:
+            continue
+        guard.counts[2] = 1
+        own_speed = wanted_x * nx + wanted_y * ny
+        if n >= humans:
+            guard.barrier_contact[k] |= _faults(own_speed, 0.0)
+            continue
+        away = bodies[k, VX] * nx + bodies[k, VY] * ny
+        guard.human_contact[k] |= _faults(own_speed, -away)
+        if remaining < 0.0 and towards > max(away, 0.0):
+            # Half of the velocity difference, as in an inelastic collision of equal masses.
+            push = min(push, max(1.0 - 0.5 * (towards - away) * towards / square, 0.0))
+    return (vx, vy), push, is_reduced and is_guarded
 
 
 @subroutine
-def _within_limits(separation: Array, count: int, vx: float, vy: float, h: float) -> tuple[Vector, bool]:
-    """The velocity reduced to gap / h towards each of the first `count` outlines, and whether it was reduced."""
+def _within_limits(separation: Array, count: int, vx: float, vy: float) -> tuple[Vector, bool]:
+    """The velocity without what exceeds the limits of the first `count` outlines, and whether it was reduced."""
     for done in range(_PASSES):
         is_reduced = False
         for n in range(count):
-            nx, ny = separation[n, 0], separation[n, 1]
-            excess = vx * nx + vy * ny - max(separation[n, 2], 0.0) / h
+            nx, ny = separation[n, NORMAL_X], separation[n, NORMAL_Y]
+            excess = vx * nx + vy * ny - separation[n, LIMIT]
             if excess > _EXCESS:
                 vx, vy, is_reduced = vx - excess * nx, vy - excess * ny, True
         if not is_reduced:
             return (vx, vy), done > 0
     return (0.0, 0.0), True  # wedged in: no velocity was found that keeps all limits
+
+
+@subroutine
+def _fraction_within_limits(separation: Array, count: int, vx: float, vy: float) -> float:
+    """The largest fraction of a velocity, at most 1, that keeps the limits of the first `count` outlines.
+
+    A unicycle is slowed down, not deflected.
+    """
+    fraction = 1.0
+    for n in range(count):
+        speed, limit = vx * separation[n, NORMAL_X] + vy * separation[n, NORMAL_Y], separation[n, LIMIT]
+        if speed - limit > _EXCESS:
+            fraction = min(fraction, limit / speed)
+    return fraction
 
 
 @subroutine
@@ -147,9 +181,17 @@ def _faults(own_speed: float, other_speed: float) -> int:
 
 
 @subroutine
-def _separation(dx: float, dy: float, radii: float) -> tuple[float, float, float]:
-    """Unit vector along (dx, dy), and its length less `radii`; along x for the null vector."""
+def _separate(row: Array, dx: float, dy: float, radii: float, depth: float, h: float) -> None:
+    """Fill a row of `Guard.separation`.
+
+    Args:
+        row: (4,), overwritten.
+        dx, dy: from the robot's centre to the nearest point of the outline's core, m; if it is zero, x is the normal.
+        radii: sum of the radii, m.
+        depth: m, by which the outlines may overlap.
+        h: duration of the substep, s.
+    """
     distance = math.sqrt(dx * dx + dy * dy)
-    if distance > 0.0:
-        return dx / distance, dy / distance, distance - radii
-    return 1.0, 0.0, -radii
+    row[NORMAL_X], row[NORMAL_Y] = (dx / distance, dy / distance) if distance > 0.0 else (1.0, 0.0)
+    row[GAP] = distance - radii
+    row[LIMIT] = max(row[GAP] + depth, 0.0) / h

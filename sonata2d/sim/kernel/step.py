@@ -9,14 +9,15 @@ from ...core.compiled import kernel, subroutine
 from ...core.humans import BODY_X, BODY_Y, OMEGA, VX, VY, X, Y
 from ...core.packing import Bools, Floats, Floats2, unpack
 from ...core.portable_math import Array
-from ...core.scalar import clipped, rotation
+from ...core.scalar import Vector, clipped, rotation
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED
-from .chipmunk import Engine, apply_forces, read_bodies, step_space
+from .chipmunk import Engine, apply_forces, place_robot, read_bodies, step_space
 from .posture import turn
 from .rules import (
     ACCELERATION,
     AHEAD,
     BACK,
+    GUARD,
     HOLONOMIC,
     SIDE,
     SIDEWAYS,
@@ -28,12 +29,14 @@ from .rules import (
 )
 from .safety import Guard, find_near, limited
 
-MASS = 75.0  # kg, of a pedestrian and of the robot; only mass ratios matter
+MASS = 75.0  # kg, of a pedestrian
+ROBOT_MASS = 1e6  # kg; so large that contacts do not move the robot, and their impulse can still be read
 
 # Items of the scratch array `drive`: the twist of the drive in this tick (body frame), the sums of the executed
-# velocities (body frame), and cosine and sine of the turn in a substep.
-_VX, _VY, _OMEGA, _SUM_X, _SUM_Y, _COS, _SIN = range(7)
-DRIVE_SIZE = 7
+# velocities (body frame), cosine and sine of half the turn in a substep, and the velocity that the contacts of the
+# last substep would have taken from a body of a pedestrian's mass (world frame).
+_VX, _VY, _OMEGA, _SUM_X, _SUM_Y, _COS, _SIN, _LOST_X, _LOST_Y = range(9)
+DRIVE_SIZE = 9
 
 
 @subroutine
@@ -42,13 +45,10 @@ def _reachable_twist(vx: float, vy: float, omega: float, robot: Array, rules: Ar
 
     Args:
         vx, vy, omega: command.
-        robot: columns of `core.state`. The drive starts from the twist that it executed in the last tick, which does
-            not contain displacements by contacts.
-        rules: see `rules`. A unicycle has no sideways velocity.
+        robot: columns of `core.state`. The drive starts from the twist that it executed in the last tick.
+        rules: see `rules`.
     """
     now_x, now_y, now_omega = robot[EXECUTED_VX], robot[EXECUTED_VY], robot[EXECUTED_OMEGA]
-    if rules[HOLONOMIC] == 0.0:
-        vy = now_y = 0.0
     vx, vy = clipped(vx, -rules[BACK], rules[AHEAD]), clipped(vy, -rules[SIDEWAYS], rules[SIDEWAYS])
     omega = clipped(omega, -rules[TURN], rules[TURN])
     dx, dy, maximum = vx - now_x, vy - now_y, rules[ACCELERATION] * rules[TICK]
@@ -68,7 +68,7 @@ class Matter(NamedTuple):
         robot: (13,), columns of `core.state`.
         humans: (N, 9), columns of `core.humans`.
         posture: (N, 3), see `posture`.
-        drive: (7,), scratch, kept between the parts of a tick.
+        drive: (9,), scratch, kept between substeps.
         rules: see `rules`.
         barriers: rows of `Barriers.table`.
         acceleration: (N, 2), m/s^2, of the pedestrians.
@@ -113,37 +113,104 @@ def advance(
     rules, barriers = matter.rules, matter.barriers
     count, h = humans.shape[0], rules[SUBSTEP]
     if first == 0:
+        if rules[HOLONOMIC] == 0.0:  # a unicycle has no sideways velocity
+            vy = 0.0
         if is_limited:
             vx, vy, omega = _reachable_twist(vx, vy, omega, robot, rules)
         drive[_VX], drive[_VY], drive[_OMEGA], drive[_SUM_X], drive[_SUM_Y] = vx, vy, omega, 0.0, 0.0
-        drive[_COS], drive[_SIN] = rotation(omega * h)
+        drive[_COS], drive[_SIN] = rotation(omega * h * 0.5)
         robot[GUARDED] = 0.0
         find_near(guard, engine.bodies, barriers, rules)
     for k in range(count):
         for axis in range(2):
             engine.forces[k, axis] = 0.0 if matter.is_absent[k] else matter.acceleration[k, axis] * MASS
     for _ in range(first, end):
-        c, s = robot[BODY_X], robot[BODY_Y]
-        wanted_x, wanted_y = drive[_VX] * c - drive[_VY] * s, drive[_VX] * s + drive[_VY] * c
-        world_x, world_y, is_reduced = limited(guard, wanted_x, wanted_y, engine.bodies, barriers, rules, h)
-        if is_reduced:
-            robot[GUARDED] = 1.0
-        engine.forces[count, 0] = (world_x - engine.bodies[count, VX]) * (MASS / h)
-        engine.forces[count, 1] = (world_y - engine.bodies[count, VY]) * (MASS / h)
-        drive[_SUM_X] = drive[_SUM_X] + world_x * c + world_y * s
-        drive[_SUM_Y] = drive[_SUM_Y] + world_y * c - world_x * s
+        _move_robot(matter, h)
         apply_forces(engine)
         step_space(engine, h)
-        x, y = c * drive[_COS] - s * drive[_SIN], s * drive[_COS] + c * drive[_SIN]
-        norm = math.sqrt(x * x + y * y)
-        robot[BODY_X], robot[BODY_Y] = x / norm, y / norm
         read_bodies(engine)
+        _keep_robot(matter)
     if end == int(rules[SUBSTEPS]):
         robot[EXECUTED_VX], robot[EXECUTED_VY] = drive[_SUM_X] / rules[SUBSTEPS], drive[_SUM_Y] / rules[SUBSTEPS]
         robot[EXECUTED_OMEGA] = robot[OMEGA] = drive[_OMEGA]
         copy_bodies(engine.bodies, robot, humans)
         for k in range(count):
             turn(humans, matter.posture, k, matter.facing, matter.gaze, rules[SIDE], rules[TICK])
+
+
+@subroutine
+def _move_robot(matter: Matter, h: float) -> None:
+    """Set the robot's motion in the next substep: a straight line in the direction of its heading in the middle of it.
+
+    Args:
+        matter: its heading and executed velocity are updated.
+        h: duration of the substep, s.
+    """
+    engine, robot, drive, rules = matter.engine, matter.robot, matter.drive, matter.rules
+    last = len(engine.bodies) - 1
+    c, s = _half_turned(robot[BODY_X], robot[BODY_Y], drive)
+    wanted_x, wanted_y = drive[_VX] * c - drive[_VY] * s, drive[_VX] * s + drive[_VY] * c
+    (vx, vy), push, is_reduced = limited(matter.guard, wanted_x, wanted_y, engine.bodies, matter.barriers, rules, h)
+    if is_reduced:
+        robot[GUARDED] = 1.0
+    fraction = _unresisted_fraction(vx, vy, drive)
+    vx, vy = vx * fraction, vy * fraction
+    # The engine finds the robot where it will be at the end of the substep. Its velocity is 0 there, so that the robot
+    # stops pedestrians but does not push them, unless a force gives it one.
+    motion = engine.robot
+    motion[X], motion[Y] = engine.bodies[last, X] + vx * h, engine.bodies[last, Y] + vy * h
+    motion[VX], motion[VY] = 0.0, 0.0
+    place_robot(engine)
+    drive[_LOST_X], drive[_LOST_Y] = vx * push, vy * push
+    engine.forces[last, 0], engine.forces[last, 1] = vx * push * (ROBOT_MASS / h), vy * push * (ROBOT_MASS / h)
+    ahead, left = vx * c + vy * s, vy * c - vx * s
+    if rules[HOLONOMIC] == 0.0:
+        left = 0.0  # not a rounding error
+    drive[_SUM_X], drive[_SUM_Y] = drive[_SUM_X] + ahead, drive[_SUM_Y] + left
+    c, s = _half_turned(c, s, drive)
+    norm = math.sqrt(c * c + s * s)
+    c, s = c / norm, s / norm
+    robot[BODY_X], robot[BODY_Y] = c, s
+    # The velocity turns with the body.
+    motion[VX], motion[VY] = ahead * c - left * s, ahead * s + left * c
+
+
+@subroutine
+def _unresisted_fraction(vx: float, vy: float, drive: Array) -> float:
+    """Fraction of the robot's velocity that is left if it pushes pedestrians: they slow it down, but do not move it.
+
+    A robot of a pedestrian's mass would lose the velocity `_LOST_X`, `_LOST_Y`. Its length counts, not its component
+    along the motion: a robot that drives along a wall also stops for a person between its side and the wall.
+    """
+    lost_x, lost_y = drive[_LOST_X], drive[_LOST_Y]
+    if lost_x * vx + lost_y * vy <= 0.0:
+        return 1.0
+    return max(1.0 - math.sqrt((lost_x * lost_x + lost_y * lost_y) / (vx * vx + vy * vy)), 0.0)
+
+
+@subroutine
+def _half_turned(c: float, s: float, drive: Array) -> Vector:
+    """A direction turned by half of the turn in a substep."""
+    return c * drive[_COS] - s * drive[_SIN], s * drive[_COS] + c * drive[_SIN]
+
+
+@subroutine
+def _keep_robot(matter: Matter) -> None:
+    """Undo what contacts did to the robot's body in the last substep, and note the impulse of a push."""
+    bodies, drive = matter.engine.bodies, matter.drive
+    last, ratio = len(bodies) - 1, 0.0
+    if matter.rules[GUARD] == 0.0:
+        ratio = ROBOT_MASS / MASS
+    drive[_LOST_X] = (drive[_LOST_X] - bodies[last, VX]) * ratio
+    drive[_LOST_Y] = (drive[_LOST_Y] - bodies[last, VY]) * ratio
+    _restore_robot(matter.engine)
+
+
+@subroutine
+def _restore_robot(engine: Engine) -> None:
+    """Replace the robot's row of `Engine.bodies`, which contacts may have changed, by its own motion."""
+    for column in range(4):
+        engine.bodies[len(engine.bodies) - 1, column] = engine.robot[column]
 
 
 @subroutine
@@ -167,7 +234,8 @@ def copy_bodies(bodies: Array, robot: Array, humans: Array) -> None:
 
 @kernel
 def read_state(packed_world: Any) -> None:
-    """Read positions and velocities of all bodies of the packed `Matter` from the engine into its state."""
+    """Read positions and velocities of the pedestrians of the packed `Matter` from the engine into its state."""
     matter = unpack(packed_world, Matter)
     read_bodies(matter.engine)
+    _restore_robot(matter.engine)
     copy_bodies(matter.engine.bodies, matter.robot, matter.humans)
