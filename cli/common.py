@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 import click
 
-from sonata2d.core.interruption import THREAD_GRACE
+from sonata2d.core.interruption import THREAD_GRACE, forget, interrupt
 from sonata2d.core.wording import shown
 from sonata2d.registry import Registry
 
@@ -182,7 +182,7 @@ def raising_interruptions() -> Iterator[None]:
             again.start()
             return
         deadline = math.inf
-        raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
+        interrupt(Terminated() if number == signal.SIGTERM else KeyboardInterrupt())
 
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -196,6 +196,7 @@ def raising_interruptions() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        forget()
 
 
 def _is_importing(frame: FrameType | None) -> bool:

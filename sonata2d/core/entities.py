@@ -26,6 +26,7 @@ AT_OBJECT = "human_object_interaction"
 RELATIONS = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER, AT_OBJECT)
 
 ROBOT_ID = 0
+_HALF_BODY = 0.25  # m, from the side of a door to the centre of a pedestrian
 PERSON_RADIUS = 0.14  # m, half the depth of a body
 PERSON_BREADTH = 0.45  # m, from shoulder to shoulder
 DEFAULT_MODEL = "sonata2026"
@@ -96,6 +97,11 @@ class Door:
     pose: Pose
     width: float = 1.0
     share: float = 1.0
+
+    @property
+    def reach(self) -> float:
+        """Largest distance of the centre of a pedestrian who passes from the middle of the opening, m."""
+        return max(self.width / 2 - _HALF_BODY, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,6 +28,11 @@ class HasXY(Protocol):
     def y(self) -> float: ...
 
 
+def as_point(row: Array) -> Point:
+    """The position (m) that a row of an array begins with."""
+    return float(row[X]), float(row[Y])
+
+
 def quantised(value: float) -> float:
     """The nearest multiple of `PRECISION`, which a file can hold; never -0.0.
 

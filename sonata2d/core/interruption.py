@@ -14,6 +14,7 @@ THREAD_GRACE = 1.0  # s, that a process waits at its end for threads that a cont
 
 _is_stop_requested: Callable[[], bool] = lambda: False  # noqa: E731
 _ignores_signals = False
+_received: KeyboardInterrupt | None = None
 
 
 def stop_when(is_requested: Callable[[], bool]) -> None:
@@ -23,6 +24,25 @@ def stop_when(is_requested: Callable[[], bool]) -> None:
     """
     global _is_stop_requested, _ignores_signals
     _is_stop_requested, _ignores_signals = is_requested, True
+
+
+def interrupt(error: KeyboardInterrupt) -> NoReturn:
+    """Raise an interruption in a signal handler, and remember it for `check`.
+
+    Python ignores what is raised in a finalizer, and libraries ignore what is raised in some of their callbacks.
+
+    Raises:
+        KeyboardInterrupt: always, the one given.
+    """
+    global _received
+    _received = error
+    raise error
+
+
+def forget() -> None:
+    """Forget a signal that was received: the command that it interrupts is over."""
+    global _received
+    _received = None
 
 
 def reraise(error: BaseException) -> None:
@@ -48,11 +68,13 @@ def interruption_in(error: BaseException) -> KeyboardInterrupt | None:
 
 
 def check() -> None:
-    """Stop here if that was requested.
+    """Stop here if that was requested, or if a signal was received.
 
     Raises:
         KeyboardInterrupt: it was.
     """
+    if _received is not None:
+        raise _received
     if _is_stop_requested():
         raise KeyboardInterrupt
 

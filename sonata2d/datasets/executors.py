@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
@@ -89,13 +89,13 @@ class Workers:
     def ordered(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         """See `parallel_map`."""
         if self.count <= 1 or len(items) <= 1:
-            yield from map(partial(_apply, function), items)
+            yield from _results(function, items)
             return
         chunks = [items[start : start + CHUNK_SIZE] for start in range(0, len(items), CHUNK_SIZE)]
         with self._submitting() as submit:
             for future, chunk in zip(submit(partial(_map_chunk, function), chunks), chunks, strict=True):
                 while not wait([future], timeout=_POLL).done:  # without a time limit Windows does not see Ctrl-C
-                    pass
+                    interruption.check()
                 results = future.result()
                 if len(results) < len(chunk):
                     raise WorkerError("the worker processes were ended before their work was done; begin again")
@@ -106,7 +106,7 @@ class Workers:
     ) -> Generator[R, None, None]:
         """See `unordered_map`."""
         if self.count <= 1:
-            yield from map(partial(_apply, _apply(set_up)), items)
+            yield from _results(_apply(set_up), items)
             return
         run = partial(_run_chunk, pickle.dumps((set_up, is_last)))
         pending: set[Future[list[R]]] = set()
@@ -119,6 +119,7 @@ class Workers:
                 finished, pending = wait(pending, timeout=_POLL, return_when=FIRST_COMPLETED)
                 for future in finished:
                     yield from future.result()
+                interruption.check()
 
     @contextmanager
     def _submitting(self) -> Iterator[Callable[[Callable[[Any], Any], list[Any]], list[Future[Any]]]]:
@@ -353,6 +354,13 @@ def _apply(function: Callable[..., R], *arguments: Any) -> R:
     """The result of a function, which may run the code of others."""
     with interruption.surroundings_kept():
         return function(*arguments)
+
+
+def _results(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+    """Results of the calling process, item by item."""
+    for item in items:
+        interruption.check()
+        yield _apply(function, item)
 
 
 def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:

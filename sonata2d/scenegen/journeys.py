@@ -24,7 +24,6 @@ from .scenario.config import ScenarioConfig
 from .scenario.sections import DoorConfig, QueueConfig
 
 ENTRY_DEPTH = 0.35  # m, from a door to where pedestrians appear
-_HALF_BODY = 0.25  # m, from the side of a door to the centre of a pedestrian
 _PAIR_SPACING = 0.6  # m, between the members of a pair at a door
 _WIDE_DOOR = 1.0  # m, width from which a pair enters side by side
 _JAMB, _CORNER = 0.1, 0.4  # m, from a door to the end of its wall, at least: of given doors, and of drawn ones
@@ -305,7 +304,7 @@ def _arrivals(config: ScenarioConfig, doors: Sequence[Door], last_tick: int, rng
                 spots = [(ENTRY_DEPTH, half), (ENTRY_DEPTH, -half)] if is_wide else [
                     (ENTRY_DEPTH + _PAIR_SPACING, 0.0), (ENTRY_DEPTH, 0.0)
                 ]  # fmt: skip
-            room = max(door.width / 2 - _HALF_BODY - max(y for _, y in spots), 0.0)
+            room = max(door.reach - max(y for _, y in spots), 0.0)
             aside = rng.uniform(-room, room)
             parties.append([_entering(config, door, (x, y + aside), tick, rng) for x, y in spots])
     return sorted(parties, key=lambda party: party[0].enters)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from sonata2d.datasets.start import episode_files
 from sonata2d.datasets.verification import verify
 
 from .conftest import Run, one_line, started, wait_until
@@ -28,6 +29,31 @@ def test_a_stopped_batch_says_how_to_resume(here: Path, number: signal.Signals, 
     assert one_line(output).startswith(f"{word}; complete episodes are in out")
     assert "--resume" in output
     assert b'"outcome":"interrupted"' in (here / "out/run.jsonl").read_bytes()
+
+
+IN_FINALIZER = """
+import os, signal
+import sonata2d as s2
+class Interrupting:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000):
+            pass  # Python calls the handler here, and ignores what it raises
+class Fatal(s2.Controller):
+    def act(self, snapshot):
+        if snapshot.tick == 3 and snapshot.scene.episode == 2:
+            Interrupting()
+        return s2.Twist()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+def test_an_interruption_that_python_ignores_in_a_finalizer_still_stops_the_batch(here: Path) -> None:
+    (here / "fatal.py").write_text(IN_FINALIZER)
+    done = run_alone("generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 2000 --workers 1")
+    assert "Exception ignored in" in done.stderr
+    assert done.returncode == 128 + signal.SIGINT
+    assert len(episode_files(here / "out")) == 3
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")

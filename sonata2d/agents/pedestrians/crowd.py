@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.compiled import kernel, subroutine
 from ...core.entities import DEFAULT_MODEL
-from ...core.geometry import Barriers, Point
+from ...core.geometry import Barriers, Point, as_point
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.packing import Bools, Floats, Floats2, Packed, unpack
 from ...core.portable_math import Array, BoolArray, IntArray
@@ -189,7 +189,7 @@ class Crowd:
         if self._surroundings.obstacles is not wayfinding.space.barriers.table:
             self._surroundings = self._look_around()
         self._run_plan(tick, robot, humans)
-        self._robot_position = (float(robot[X]), float(robot[Y]))
+        self._robot_position = as_point(robot)
         return CrowdCommands(
             acceleration=self._acceleration(),
             facing=self._plan.facing,
@@ -236,11 +236,11 @@ class Crowd:
                 return
             if need == _NEEDS_DESTINATION:
                 k = int(wayfinding.routes.order[item])
-                wayfinding.choose_destination(k, _point(humans, k))
+                wayfinding.choose_destination(k, as_point(humans[k]))
                 step, first = _FOLLOW, item + 1
             elif need == _NEEDS_PATHS:
                 for k in np.flatnonzero(wayfinding.routes.is_blocked).tolist():
-                    wayfinding.find_new_path(k, _point(humans, k))
+                    wayfinding.find_new_path(k, as_point(humans[k]))
                 wayfinding.routes.is_blocked[:] = False
                 step = _TARGET
             else:
@@ -250,7 +250,7 @@ class Crowd:
     def _refresh(self, rows: Array) -> Array:
         """`CrowdCommands.refresh`: the accelerations in the present state of the bodies."""
         self._walkers.position[:], self._walkers.velocity[:] = rows[:-1, X : Y + 1], rows[:-1, VX : VY + 1]
-        self._robot_position = (float(rows[-1, X]), float(rows[-1, Y]))
+        self._robot_position = as_point(rows[-1])
         return self._acceleration()
 
     def _acceleration(self) -> Array:
@@ -541,8 +541,3 @@ def _blocking_walls(scene: Scene) -> Iterator[tuple[Point, Point, float]]:
         sides = [(bx - ax) * (y - ay) - (by - ay) * (x - ax) for x, y in scene.polygon]
         if k >= len(scene.polygon) or min(sides) < -1e-9:  # the first walls are the edges of the outline
             yield wall.start, wall.end, 0.0
-
-
-def _point(humans: Array, k: int) -> Point:
-    """The position of pedestrian k, m."""
-    return float(humans[k, X]), float(humans[k, Y])

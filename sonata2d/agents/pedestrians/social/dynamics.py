@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ....core.entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, Furniture, Interaction
-from ....core.geometry import Disc, Point, Rectangle
+from ....core.geometry import Disc, Point, Rectangle, as_point
 from ....core.portable_math import Array
 from ....core.rng import AgentStreams
 from ....core.scene import Scene
@@ -70,7 +70,7 @@ class SocialDynamics:
         self._lines = [QueueLine(queue, social, self._rng, self._dt) for queue in scene.queues]
         self._exits = Exits(scene, wayfinding)
         self.leaving: tuple[int, ...] = ()
-        self._is_changed = False  # who stands where, since the last update of the obstacles
+        self._is_changed = False  # whether the people who stand have changed since the last update of the obstacles
         wayfinding.start_stay = self._start_stay
         if self._settings.is_lively:
             wayfinding.choose_task = self._choose_task
@@ -112,7 +112,7 @@ class SocialDynamics:
             has_interaction = has_object or self._social.partners[k]
             # Pedestrians with a limited presence draw nothing: they arrive and leave by their own schedule.
             if has_interaction and self._social.is_always_present[k] and self._rng[k].uniform() < self._settings.leaves:
-                position = _point(self._social.standing_position[k])
+                position = as_point(self._social.standing_position[k])
                 kind: Kind = "visit" if has_object else "talk"
                 self._tasks[k] = Task(kind, position, position, until=self._draw_end(k, kind), has_arrived=True)
 
@@ -149,7 +149,7 @@ class SocialDynamics:
         elif task.kind == "sit" and task.has_arrived:
             if self._seats.advance(k, task, self._tick):
                 task.until = self._draw_end(k, "sit")
-            elif task.phase == RISING and self._seats.is_over(task, _point(self._position[k])):
+            elif task.phase == RISING and self._seats.is_over(task, as_point(self._position[k])):
                 self._leave(k)
         elif task.has_arrived:
             if self._tick >= task.until:
@@ -162,7 +162,7 @@ class SocialDynamics:
         partner_left = task.partner is not None and self._social.is_walking[task.partner]
         if partner_left or self._tick >= task.until or not self._follow_tail(k, task):
             self._leave(k)
-        elif distance(_point(self._position[k]), task.position) < ARRIVAL_DISTANCE:
+        elif distance(as_point(self._position[k]), task.position) < ARRIVAL_DISTANCE:
             self._arrive(k, task)
 
     def _follow_tail(self, k: int, task: Task) -> bool:
@@ -175,7 +175,7 @@ class SocialDynamics:
         if place == task.position:
             return True
         task.position, task.facing_point = place, facing_point
-        return self._wayfinding.send_to(k, _point(self._position[k]), place)
+        return self._wayfinding.send_to(k, as_point(self._position[k]), place)
 
     def _leave(self, k: int) -> None:
         """Pedestrian k goes on; newcomers to a conversation that are left alone by this leave soon after."""
@@ -187,7 +187,7 @@ class SocialDynamics:
         if not self._social.is_walking[k]:
             self._is_changed = self._is_changed or self._social.is_in_the_way(k)
             self._social.start_walking(k)
-        self._wayfinding.start_wandering(k, _point(self._position[k]))
+        self._wayfinding.start_wandering(k, as_point(self._position[k]))
         for partner in partners if task.kind == "talk" else ():
             if partner in self._tasks and not self._social.partners[partner]:
                 end = self._tick + int(LEFT_ALONE_TIME / self._dt)
@@ -228,7 +228,7 @@ class SocialDynamics:
         for follower in followers:
             spot = self._spot_beside(follower, k, place, taken)
             taken.append(spot)
-            position = _point(self._position[follower])
+            position = as_point(self._position[follower])
             if distance(position, spot) < ARRIVAL_DISTANCE or not self._wayfinding.send_to(follower, position, spot):
                 self._stand(follower, spot if distance(position, spot) < ARRIVAL_DISTANCE else position, until)
             else:
@@ -236,7 +236,7 @@ class SocialDynamics:
 
     def _stand(self, k: int, place: Point, until: int) -> None:
         """Pedestrian k stands at a place, m, until a tick, and faces where it was going."""
-        (x, y), (px, py) = place, _point(self._position[k])
+        (x, y), (px, py) = place, as_point(self._position[k])
         dx, dy = x - px, y - py
         scale = 3.0 / max(length(dx, dy), 1e-6)
         facing_point = x + dx * scale, y + dy * scale
@@ -248,7 +248,7 @@ class SocialDynamics:
 
     def _spot_beside(self, k: int, leader: int, place: Point, taken: list[Point]) -> Point:
         """Where a follower stands beside its leader, m: on its present side of it, or opposite, or where it is."""
-        position, (lx, ly) = _point(self._position[k]), _point(self._position[leader])
+        position, (lx, ly) = as_point(self._position[k]), as_point(self._position[leader])
         dx, dy = position[0] - lx, position[1] - ly
         gap = max(length(dx, dy), 1e-6)
         scale = min(max(gap, POSITION_SPACING), MEMBER_DISTANCE) / gap
@@ -266,13 +266,14 @@ class SocialDynamics:
         assert task.door is not None
         if self._social.is_absent(k):
             del self._tasks[k]
-        elif self._exits.has_reached(task.door, _point(self._position[k])):
+        elif self._exits.has_reached(task.door, as_point(self._position[k])):
             self.leaving += (k,)
             del self._tasks[k]
             for follower in self._wayfinding.followers(k):
                 self._wayfinding.lead_itself(follower)
                 if follower in self._tasks:
-                    self._wayfinding.send_to(follower, _point(self._position[follower]), self._tasks[follower].position)
+                    position = as_point(self._position[follower])
+                    self._wayfinding.send_to(follower, position, self._tasks[follower].position)
 
     def _start_exit(self, k: int, position: Point) -> bool:
         """Send pedestrian k, and those that follow it, to a door; False if there is none that they can reach."""
@@ -291,7 +292,7 @@ class SocialDynamics:
     def _widen_formation(self, members: list[int], centre: Point, count: int) -> None:
         """Move members outwards to the radius of a formation of `count`, as far as there is room."""
         for member in members:
-            position = widen(_point(self._social.standing_position[member]), centre, count)
+            position = widen(as_point(self._social.standing_position[member]), centre, count)
             if self._wayfinding.is_open(centre, position):
                 self._social.standing_position[member] = position
 
@@ -400,8 +401,8 @@ class SocialDynamics:
             # Each formation is considered once, by its first member.
             if not self._social.stays[k] or k != min(members) or len(members) + coming >= MAXIMUM_MEMBERS:
                 continue
-            places = [_point(self._social.standing_position[member]) for member in members]
-            for centre, target in joining_positions(places, _point(self._social.facing_point[k]), position):
+            places = [as_point(self._social.standing_position[member]) for member in members]
+            for centre, target in joining_positions(places, as_point(self._social.facing_point[k]), position):
                 if self._wayfinding.is_open(centre, target) and self._is_unclaimed(target):
                     yield Task("talk", target, centre, partner=k)
                     break
@@ -437,7 +438,7 @@ class SocialDynamics:
 
     def _stop_to_talk(self, i: int, j: int) -> bool:
         """Let two pedestrians stop where they meet and talk; False if there is no room."""
-        (ax, ay), (bx, by) = a, b = _point(self._position[i]), _point(self._position[j])
+        (ax, ay), (bx, by) = a, b = as_point(self._position[i]), as_point(self._position[j])
         middle, double = ((ax + bx) / 2, (ay + by) / 2), 2 * max(distance(a, b), 1e-6)
         ux, uy = (ax - bx) * PAIR_DISTANCE / double, (ay - by) * PAIR_DISTANCE / double
         positions = (middle[0] + ux, middle[1] + uy), (middle[0] - ux, middle[1] - uy)
@@ -452,7 +453,3 @@ class SocialDynamics:
         self._social.start_standing(i, positions[0], middle)
         self._social.start_standing(j, positions[1], middle, self._social.talking_interactions(j, [i]))
         return True
-
-
-def _point(row: Array) -> Point:
-    return float(row[0]), float(row[1])

@@ -10,7 +10,6 @@ from ..wayfinding import Wayfinding
 from .f_formations import distance
 
 ENTRANCE = 1.0  # m, from a door to where those that came through it appeared, at most, besides half its width
-HALF_BODY = 0.25  # m, from the side of a door
 MARGIN = 0.05  # m, by which the place before a door is farther from the wall than paths are
 REACH = 0.12  # m, beyond that place, in which a pedestrian disappears
 
@@ -35,7 +34,7 @@ class Exits:
 
     def place_before(self, door: Door, position: Point) -> Point:
         """Where a pedestrian, which comes from a position, leaves through a door; m."""
-        room = max(door.width / 2 - HALF_BODY, 0.0)
+        room = door.reach
         _, left = self._relative(door, position)
         return door.pose.to_world((self._depth, min(max(left, -room), room)))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ....core.entities import Queue
-from ....core.geometry import Point
+from ....core.geometry import Point, as_point
 from ....core.portable_math import Array
 from ....core.rng import AgentStreams
 from .f_formations import distance
@@ -71,13 +71,13 @@ class QueueLine:
             position: (N, 2), m, of all pedestrians.
 
         Returns:
-            Index of the pedestrian whose service is over and that leaves the queue; None in most ticks.
+            Index of the pedestrian that leaves the queue because its service is over; None in most ticks.
         """
         self._move_up(tick, position)
         if not self.members or self._slot[0] > 0:
             return None
         if self._served_at is None:
-            if distance(_point(position, self.members[0]), self.queue.slot(0)) < AT_HEAD:
+            if distance(as_point(position[self.members[0]]), self.queue.slot(0)) < AT_HEAD:
                 self._served_at = tick + self._ticks(self.members[0], self.queue.service)
             return None
         if tick < self._served_at:
@@ -103,14 +103,10 @@ class QueueLine:
     def _has_room_at_head(self, position: Array) -> bool:
         """Whether the pedestrian that was served last has left the head."""
         k = self._last_served
-        if k is not None and distance(_point(position, k), self.queue.slot(0)) > ROOM_AT_HEAD:
+        if k is not None and distance(as_point(position[k]), self.queue.slot(0)) > ROOM_AT_HEAD:
             self._last_served = None
         return self._last_served is None
 
     def _ticks(self, k: int, times: tuple[float, float]) -> int:
         """A duration, drawn from the stream of pedestrian k, in ticks."""
         return int(self._rng[k].uniform(*times) / self._dt)
-
-
-def _point(position: Array, k: int) -> Point:
-    return float(position[k, 0]), float(position[k, 1])
