@@ -28,7 +28,7 @@ class Sonata2026(NamedTuple):
         standstill_gap: gap at which the permitted speed is 0, m; below 0, bodies would touch first.
         time_gap: time in which the gap beyond `standstill_gap` would be walked, s.
         look_ahead_time: time for which the motion of others is predicted, and over which the force of a predicted
-            approach falls to 1/e, s.
+            approach and the deviation of a walker from its direction fall to 1/e, s.
         temperature: difference of values at which the weight of a direction falls to 1/e, m/s.
         side_bonus: additional value of directions to the side of the rules, m/s; over the look-ahead time it gives the
             distance by which others are perceived to the opposite side.
@@ -38,7 +38,6 @@ class Sonata2026(NamedTuple):
         cohesion: rate at which members of a group return to their formation, 1/s.
         spacing: between neighbours abreast, m.
         wander: standard deviation of the angle by which a pedestrian deviates from its direction, rad.
-        wander_time: correlation time of this deviation, s.
     """
 
     relaxation_time: float = 0.15
@@ -56,7 +55,6 @@ class Sonata2026(NamedTuple):
     cohesion: float = 0.185
     spacing: float = 1.031
     wander: float = 0.018
-    wander_time: float = 1.058
 
 
 PARAMETERS = Sonata2026()
@@ -424,7 +422,7 @@ def _accelerations(
     p, position, velocity, radius = parameters, walkers.position, walkers.velocity, walkers.radius
     direction, desired_speed, body = walkers.desired_direction, walkers.desired_speed, walkers.body_direction
     path, value, pace = np.empty((len(position), 7)), np.empty(len(ANGLES)), np.empty(len(position))
-    keep = exp(-dt / p.wander_time)
+    keep = exp(-dt / p.look_ahead_time)
     for i in range(len(position)):
         pace[i] = length(velocity[i, 0], velocity[i, 1])
     for i in range(len(position)):
@@ -434,13 +432,15 @@ def _accelerations(
         c, s = rotation(side * clipped(p.wander * deviate(memory, i, keep), -0.4, 0.4))
         ex, ey = direction[i, 0] * c - direction[i, 1] * s, direction[i, 0] * s + direction[i, 1] * c
         time_gap, politeness = p.time_gap * walkers.headway[i], walkers.politeness[i]
-        push_x, push_y, stream = 0.0, 0.0, 0.0
+        push_x, push_y, stream, members = 0.0, 0.0, 0.0, 1.0
         count = 0
         for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
             j, weight = walkers.neighbour[n], walkers.attention[n]
             if weight == 0.0:
                 continue
             dx, dy, contact = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1], radius[j] + radius[i]
+            if walkers.group[i] >= 0 and walkers.group[j] == walkers.group[i]:
+                members += 1.0
             alignment = direction[j, 0] * ex + direction[j, 1] * ey
             if alignment > STREAM_COSINE and dx * ex + dy * ey > 0.0:
                 stream += weight * exp(-length(dx, dy) / STREAM_LENGTH)
@@ -472,8 +472,9 @@ def _accelerations(
             tau += (p.following_time - tau) * walking * stream / (1.0 + stream)
         drive = desired_change(own_velocity, (x, y), speed, tau, p.turning_time)
         group = group_velocity(walkers, i, memory.looseness, side, p)
-        acceleration[i, 0] = drive[0] + group[0] / p.relaxation_time + push_x
-        acceleration[i, 1] = drive[1] + group[1] / p.relaxation_time + push_y
+        # Each member of a group evades less, so that the group keeps its formation, and others walk round it.
+        acceleration[i, 0] = drive[0] + group[0] / p.relaxation_time + push_x / members
+        acceleration[i, 1] = drive[1] + group[1] / p.relaxation_time + push_y / members
 
 
 @subroutine
