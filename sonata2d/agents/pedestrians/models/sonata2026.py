@@ -64,7 +64,7 @@ LONGEST_PREDICTION = 10.0  # s, limit of the time to the closest approach
 EXPONENT = 12.0  # terms of a pair are left out where their decay is below e^-12 = 6e-6
 ROUNDING = 1e-3  # m, more than the rounding errors of a distance
 
-# A stream: pedestrians ahead that walk within 60 degrees of the same direction, by distance; those who start are quick.
+# A stream: strangers ahead that walk within 60 degrees of the same direction, by distance; those who start are quick.
 STREAM_COSINE, STREAM_LENGTH, STREAM_PACE = 0.5, 1.0, 0.3  # m, m/s
 
 # How a walker turns. Its velocity deviates from the heading of its body by 45 degrees at most; farther directions make
@@ -200,6 +200,12 @@ def anticipation_acceleration(
     return push * fx, push * fy
 
 
+@subroutine
+def are_together(walkers: Walkers, i: int, j: int) -> bool:
+    """Whether two agents are members of one group."""
+    return bool(walkers.group[i] >= 0 and walkers.group[i] == walkers.group[j])
+
+
 MAXIMUM_GROUP_DISTANCE = 1.0  # m; a larger deviation from the formation pulls no harder
 FORMATION_TOLERANCE = 1.0 / 3.0  # of the spacing: real groups are not exactly abreast, and not exactly spaced
 
@@ -209,7 +215,7 @@ def group_velocity(walkers: Walkers, i: int, looseness: Array, side: float, para
     """Keep walking groups abreast and together: members that lag walk faster, those ahead slower.
 
     Where there is no room beside each other, members walk in file. A group that comes in a looser formation than that
-    of the parameters keeps to that one.
+    of the parameters keeps to that one. Members that walk the other way are left alone.
 
     Args:
         walkers: all agents.
@@ -232,7 +238,8 @@ def group_velocity(walkers: Walkers, i: int, looseness: Array, side: float, para
     cx, cy, left, count = 0.0, 0.0, 0.0, 0.0
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
         j = walkers.neighbour[n]
-        if walkers.group[j] == walkers.group[i]:
+        turned = ex * walkers.desired_direction[j, 0] + ey * walkers.desired_direction[j, 1] < 0.0
+        if are_together(walkers, i, j) and not turned:
             dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
             cx, cy, count = cx + dx, cy + dy, count + 1.0
             aside = ex * dy - ey * dx  # to the left
@@ -439,10 +446,10 @@ def _accelerations(
             if weight == 0.0:
                 continue
             dx, dy, contact = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1], radius[j] + radius[i]
-            if walkers.group[i] >= 0 and walkers.group[j] == walkers.group[i]:
-                members += 1.0
             alignment = direction[j, 0] * ex + direction[j, 1] * ey
-            if alignment > STREAM_COSINE and dx * ex + dy * ey > 0.0:
+            if are_together(walkers, i, j):
+                members += 1.0
+            elif alignment > STREAM_COSINE and dx * ex + dy * ey > 0.0:
                 stream += weight * exp(-length(dx, dy) / STREAM_LENGTH)
             square, widest = dx * dx + dy * dy, contact + walkers.shoulder[i] + walkers.shoulder[j]
             # Neighbours out of reach contribute next to nothing, or permit the desired speed in every direction.
