@@ -52,7 +52,7 @@ from .test_crowd import positions, rotated, simulate, two_rooms
 GIVEN = PARAMETERS._replace(
     relaxation_time=0.3, turning_time=0.5, following_time=2.0, headway_half_width=0.4, standstill_gap=0.1, time_gap=1.0,
     look_ahead_time=0.5, temperature=0.1, side_bonus=0.06, anticipation_strength=0.8, proximity_strength=0.5,
-    decay_length=0.3, cohesion=0.2, spacing=0.9, wander=0.1, wander_time=1.5,
+    decay_length=0.3, cohesion=0.2, spacing=0.9, wander=0.1,
 )  # fmt: skip
 CORNER = Pose(-3.7, -3.7)
 CONTACT_DISTANCE = 0.4

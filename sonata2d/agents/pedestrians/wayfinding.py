@@ -304,7 +304,7 @@ class Wayfinding:
         self.passable = FreeSpace(outline, solids, self._depth - WALL_TOLERANCE)
 
     def find_path(self, start: Point, goal: Point) -> Array | None:
-        """The path to a goal: straight if a body fits, else with room for the shoulders unless that is a detour.
+        """The path to a goal with room for the shoulders, or a shorter one on which they must turn.
 
         Args:
             start, goal: m.
@@ -312,10 +312,10 @@ class Wayfinding:
         Returns:
             (K, 2), m; None if there is no path.
         """
-        tight = self.tight.path(start, goal)
-        if tight is not None and len(tight) == 2:
-            return tight  # straight
         path = self.space.path(start, goal)
+        if path is not None and len(path) == 2:
+            return path  # straight
+        tight = self.tight.path(start, goal)
         if path is None or tight is None:
             return tight if path is None else path
         return tight if _length(path) > DETOUR * _length(tight) else path
@@ -414,7 +414,7 @@ class Wayfinding:
         if not going:
             return
         start, goal = position[going], np.array([self._goals[k][0] for k in going])
-        clear = self.tight.is_clear(start, goal) | (~self.tight.is_free(start) & self.passable.is_clear(start, goal))
+        clear = self.space.is_clear(start, goal) | (~self.space.is_free(start) & self.passable.is_clear(start, goal))
         for k in np.array(going)[clear].tolist():
             self._set_path(k, np.array([position[k], self._pop_goal(k)]), 1)
 

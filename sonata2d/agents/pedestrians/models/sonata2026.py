@@ -11,7 +11,7 @@ from ....core.compiled import kernel, subroutine
 from ....core.packing import Floats, Ints, Packed, pack, unpack
 from ....core.portable_math import PI, Array, unit_vectors
 from ....core.rng import AgentStreams
-from ....core.scalar import Vector, clipped, exp, length, rotation
+from ....core.scalar import RADIUS, Vector, clipped, exp, length, rotation, towards
 from ....core.scene import Scene
 from .base import KernelModel, Walkers
 
@@ -21,7 +21,7 @@ class Sonata2026(NamedTuple):
 
     Attributes:
         relaxation_time: time constant of the speed along the chosen direction, s.
-        turning_time: of the velocity component across it, s.
+        turning_time: of the velocity component across it, s; also the time in which a walker would reach a wall.
         following_time: of the speed along it of a walker that speeds up in a dense stream, s: people in company walk at
             the speed of the stream rather than close every gap.
         headway_half_width: half the width of the strip ahead in which others count, m.
@@ -421,8 +421,9 @@ def deviate(memory: Memory, i: int, keep: float) -> float:
 
 @kernel
 def _accelerations(
-    packed_walkers: Any, packed_parameters: Any, packed_memory: Any, side: float, dt: float, acceleration: Array
-) -> None:
+    packed_walkers: Any, packed_parameters: Any, packed_memory: Any, barriers: Array, side: float, dt: float,
+    acceleration: Array,
+) -> None:  # fmt: skip
     """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Sonata2026)
     memory = unpack(packed_memory, Memory)
@@ -480,8 +481,49 @@ def _accelerations(
         drive = desired_change(own_velocity, (x, y), speed, tau, p.turning_time)
         group = group_velocity(walkers, i, memory.looseness, side, p)
         # Each member of a group evades less, so that the group keeps its formation, and others walk round it.
-        acceleration[i, 0] = drive[0] + group[0] / p.relaxation_time + push_x / members
-        acceleration[i, 1] = drive[1] + group[1] / p.relaxation_time + push_y / members
+        ax = drive[0] + group[0] / p.relaxation_time + push_x / members
+        ay = drive[1] + group[1] / p.relaxation_time + push_y / members
+        vx, vy = held_back(
+            position[i, 0], position[i, 1], velocity[i, 0] + ax * dt, velocity[i, 1] + ay * dt, radius[i],
+            walkers.shoulder[i], (body[i, 0], body[i, 1]), barriers, p.turning_time,
+        )  # fmt: skip
+        acceleration[i, 0], acceleration[i, 1] = (vx - velocity[i, 0]) / dt, (vy - velocity[i, 1]) / dt
+
+
+@subroutine
+def held_back(
+    x: float, y: float, vx: float, vy: float, radius: float, shoulder: float, body: Vector, barriers: Array, time: float
+) -> Vector:
+    """A velocity without what would take a body into a wall or a piece of furniture: at most the gap in a given time.
+
+    A walker that evades others, or turns wide, so comes to a wall gently and walks along it.
+
+    Args:
+        x, y: position, m.
+        vx, vy: velocity, m/s.
+        radius, shoulder, body: half the depth of the body, half its shoulder line (m), and its heading, a unit vector.
+        barriers: rows of `Barriers.table`.
+        time: s.
+
+    Returns:
+        m/s.
+
+    Source: ours.
+    """
+    reach = radius + shoulder + time * length(vx, vy)
+    for k in range(len(barriers)):
+        wx, wy = towards(barriers, k, x, y)
+        limit = reach + barriers[k, RADIUS]
+        square = wx * wx + wy * wy
+        if square > limit * limit:
+            continue
+        d = max(math.sqrt(square), 1e-6)
+        nx, ny = wx / d, wy / d
+        gap = d - barriers[k, RADIUS] - radius - shoulder * abs(nx * body[1] - ny * body[0])
+        excess = vx * nx + vy * ny - max(gap, 0.0) / time
+        if excess > 0.0:
+            vx, vy = vx - excess * nx, vy - excess * ny
+    return vx, vy
 
 
 @subroutine
@@ -525,7 +567,13 @@ class Sonata2026Model(KernelModel):
         if len(acceleration) > len(self._memory.value.generator):
             self._add_agents(len(acceleration))
         _accelerations(
-            self._packed(walkers), self._parameters, self._memory.argument, self._side, self._dt, acceleration
+            self._packed(walkers),
+            self._parameters,
+            self._memory.argument,
+            self._barriers,
+            self._side,
+            self._dt,
+            acceleration,
         )
         return acceleration
 
