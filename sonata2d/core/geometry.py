@@ -368,7 +368,7 @@ def contact_times(
     vx, vy = relative_velocity[..., X], relative_velocity[..., Y]
     ahead, aside = offset[..., X] * bx + offset[..., Y] * by, offset[..., Y] * bx - offset[..., X] * by
     speed, sideways = vx * bx + vy * by, vy * bx - vx * by
-    closes = (ahead * speed > 0.0) & (np.abs(ahead) > radii)
+    closes = (ahead * speed > 1e-9) & (np.abs(ahead) > radii)  # slower ones would take years, or overflow
     time = (np.abs(ahead) - radii) / np.where(closes, np.abs(speed), 1.0)
     meets = closes & (np.abs(aside - sideways * time) < half)
     is_inside = (np.abs(ahead) <= radii) & (np.abs(aside) < half)

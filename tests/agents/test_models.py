@@ -274,7 +274,7 @@ def test_orca2011_pedestrians_do_the_whole_evasion_of_a_robot_that_stands() -> N
     human = walker(1, -3.0, 0.05, model="orca2011", behaviour="walking", goals=((3.0, 0.05),))
     path = positions(simulate(room([human], robot=Pose(0.0, 0.0)), 5.0))[:, 0]
     assert np.linalg.norm(path, axis=1).min() - 0.5 > -0.002
-    assert path[-1, 0] > 2.0
+    assert path[-1, 0] > 1.9
 
 
 @pytest.mark.parametrize("substeps", [1, 4, 10])

@@ -129,7 +129,7 @@ def test_a_newcomer_completes_a_pair_to_a_circle() -> None:
     social = Social(joins=1.0, talk_time=(15.0, 15.0))
     interactions = (Interaction(1, TALKING, 2),)
     scene = room([*pair, walker(3, 0.0, -3.0)], interactions=interactions, social=social, robot=CORNER, seed=1)
-    snapshots = simulate(scene, 30.0)
+    snapshots = simulate(scene, 31.0)
     circles = [s for s in snapshots if sum(i.relation == TALKING for i in s.interactions) == 3]
     assert len(circles) == 150
     position = circles[100].humans.position
@@ -192,7 +192,7 @@ def test_shared_space_shrinks_when_a_member_leaves() -> None:
 
 
 def test_a_lively_episode_gives_the_same_bytes_and_replays(tmp_path: Path) -> None:
-    config = s2.load_scenario("lively").changed(rules={"time_limit": 40, "ends_on": ["time"]})
+    config = s2.load_scenario("lively").changed(rules={"time_limit": 80, "ends_on": ["time"]})
     scene, written = s2.generate(config, 5), []
     path = tmp_path / "one.json"
     for _ in range(2):
