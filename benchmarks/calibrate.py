@@ -41,17 +41,17 @@ from sonata2d.testing.realism import simulate
 # name: minimum and maximum; searched on a logarithmic scale if both are above 0
 RANGES = {
     "relaxation_time": (0.15, 0.6), "turning_time": (0.2, 0.6), "following_time": (0.3, 4.0),
-    "headway_half_width": (0.22, 0.5), "standstill_gap": (-0.2, 0.1), "time_gap": (0.4, 1.3),
-    "look_ahead_time": (0.5, 2.0), "temperature": (0.03, 0.3), "side_bonus": (0.005, 0.12),
-    "anticipation_strength": (0.1, 2.0), "proximity_strength": (0.05, 2.0), "decay_length": (0.08, 0.8),
-    "cohesion": (0.03, 1.0), "spacing": (0.7, 1.2), "wander": (0.01, 0.09), "wander_time": (0.4, 4.0),
+    "headway_half_width": (0.18, 0.5), "standstill_gap": (-0.25, 0.1), "time_gap": (0.4, 1.3),
+    "look_ahead_time": (0.5, 2.5), "temperature": (0.03, 0.3), "side_bonus": (0.005, 0.15),
+    "anticipation_strength": (0.1, 3.0), "proximity_strength": (0.05, 2.0), "decay_length": (0.08, 1.2),
+    "cohesion": (0.03, 0.8), "spacing": (0.7, 1.2), "wander": (0.005, 0.09),
 }  # fmt: skip
 # What takes a parameter out of the model: no effect, or that of another one.
 NEUTRAL = {
     "following_time": "relaxation_time", "turning_time": "relaxation_time", "standstill_gap": 0.0, "side_bonus": 0.0,
     "anticipation_strength": 0.0, "proximity_strength": 0.0, "cohesion": 0.0, "wander": 0.0, "temperature": 0.001,
     "headway_half_width": 0.05, "time_gap": 0.2, "look_ahead_time": 0.1, "decay_length": 0.02, "spacing": 0.3,
-    "wander_time": 0.1, "relaxation_time": 1.0,
+    "relaxation_time": 1.0,
 }  # fmt: skip
 FRAME, TICKS = 0.4, 4  # s between the frames of recordings, and ticks in a frame
 SECONDS = {"corridor_uni": 60.0}  # of the free runs; 300 s of the others

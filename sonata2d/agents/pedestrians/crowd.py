@@ -60,7 +60,7 @@ from .wayfinding import (
 
 MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
 STANDING_SPEED, STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
-ARRIVAL_TIME = 1.5  # s: the desired speed near a final target is at most the remaining distance over this
+ARRIVAL_BRAKING = 0.8  # m/s^2, of a walker that arrives where it will stay
 
 # Steps of `plan`, and what it waits for when it returns.
 _FOLLOW, _TARGET, _TURN, _DONE = range(4)
@@ -395,7 +395,7 @@ def _set_desires(
         walkers.desired_direction[k, 0], walkers.desired_direction[k, 1] = ux, uy
         speed = min(result.preferred_speed[k], corner_speed(routes, k, humans[k, X], humans[k, Y]))
         if routes.is_final[k]:
-            speed = min(speed, math.sqrt(dx * dx + dy * dy) / ARRIVAL_TIME)
+            speed = min(speed, math.sqrt(2.0 * ARRIVAL_BRAKING * math.sqrt(dx * dx + dy * dy)))
         walkers.desired_speed[k] = speed
         walkers.is_abreast[k] = routes.is_abreast[k] or routes.leader[k] == k
 

@@ -21,7 +21,8 @@ class Sonata2026(NamedTuple):
 
     Attributes:
         relaxation_time: time constant of the speed along the chosen direction, s.
-        turning_time: of the velocity component across it, s; also the time in which a walker would reach a wall.
+        turning_time: of the velocity component across it, s; also the shortest time in which a walker would reach a
+            thing or a person in its way.
         following_time: of the speed along it of a walker that speeds up in a dense stream, s: people in company walk at
             the speed of the stream rather than close every gap.
         headway_half_width: half the width of the strip ahead in which others count, m.
@@ -483,26 +484,30 @@ def _accelerations(
         # Each member of a group evades less, so that the group keeps its formation, and others walk round it.
         ax = drive[0] + group[0] / p.relaxation_time + push_x / members
         ay = drive[1] + group[1] / p.relaxation_time + push_y / members
-        vx, vy = held_back(
-            position[i, 0], position[i, 1], velocity[i, 0] + ax * dt, velocity[i, 1] + ay * dt, radius[i],
-            walkers.shoulder[i], (body[i, 0], body[i, 1]), barriers, p.turning_time,
-        )  # fmt: skip
+        after = (velocity[i, 0] + ax * dt, velocity[i, 1] + ay * dt)
+        vx, vy = without_bumps(walkers, i, after, barriers, p.turning_time)
         acceleration[i, 0], acceleration[i, 1] = (vx - velocity[i, 0]) / dt, (vy - velocity[i, 1]) / dt
 
 
 @subroutine
-def held_back(
-    x: float, y: float, vx: float, vy: float, radius: float, shoulder: float, body: Vector, barriers: Array, time: float
-) -> Vector:
-    """A velocity without what would take a body into a wall or a piece of furniture: at most the gap in a given time.
+def held_back(velocity: Vector, normal: Vector, maximum: float) -> Vector:
+    """A velocity whose component along a unit vector is limited, m/s."""
+    excess = max(velocity[0] * normal[0] + velocity[1] * normal[1] - maximum, 0.0)
+    return velocity[0] - excess * normal[0], velocity[1] - excess * normal[1]
 
-    A walker that evades others, or turns wide, so comes to a wall gently and walks along it.
+
+@subroutine
+def without_bumps(walkers: Walkers, i: int, velocity: Vector, barriers: Array, time: float) -> Vector:
+    """A velocity that takes agent i into nothing: towards all things and people at most their gap in a given time.
+
+    A walker that evades others, or turns wide, so comes to a wall gently, and goes along it. People that walk the
+    same way are left out: their speeds differ by little, and in a full door people do touch.
 
     Args:
-        x, y: position, m.
-        vx, vy: velocity, m/s.
-        radius, shoulder, body: half the depth of the body, half its shoulder line (m), and its heading, a unit vector.
-        barriers: rows of `Barriers.table`.
+        walkers: all agents.
+        i: index of an agent that walks.
+        velocity: that it wants, m/s.
+        barriers: rows of `Barriers.table`: walls and furniture.
         time: s.
 
     Returns:
@@ -510,20 +515,33 @@ def held_back(
 
     Source: ours.
     """
-    reach = radius + shoulder + time * length(vx, vy)
+    x, y, radius, shoulder = walkers.position[i, 0], walkers.position[i, 1], walkers.radius[i], walkers.shoulder[i]
+    bx, by, direction = walkers.body_direction[i, 0], walkers.body_direction[i, 1], walkers.desired_direction
+    reach = radius + shoulder + time * length(velocity[0], velocity[1])
     for k in range(len(barriers)):
-        wx, wy = towards(barriers, k, x, y)
-        limit = reach + barriers[k, RADIUS]
-        square = wx * wx + wy * wy
+        dx, dy = towards(barriers, k, x, y)
+        square, limit = dx * dx + dy * dy, reach + barriers[k, RADIUS]
         if square > limit * limit:
             continue
-        d = max(math.sqrt(square), 1e-6)
-        nx, ny = wx / d, wy / d
-        gap = d - barriers[k, RADIUS] - radius - shoulder * abs(nx * body[1] - ny * body[0])
-        excess = vx * nx + vy * ny - max(gap, 0.0) / time
-        if excess > 0.0:
-            vx, vy = vx - excess * nx, vy - excess * ny
-    return vx, vy
+        distance = max(math.sqrt(square), 1e-6)
+        nx, ny = dx / distance, dy / distance
+        gap = distance - barriers[k, RADIUS] - radius - shoulder * abs(nx * by - ny * bx)
+        velocity = held_back(velocity, (nx, ny), max(gap, 0.0) / time)
+    for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        j = walkers.neighbour[n]
+        dx, dy = walkers.position[j, 0] - x, walkers.position[j, 1] - y
+        square, limit = dx * dx + dy * dy, reach + walkers.radius[j] + walkers.shoulder[j]
+        alignment = direction[j, 0] * direction[i, 0] + direction[j, 1] * direction[i, 1]
+        if square > limit * limit or walkers.attention[n] == 0.0 or alignment > 0.0:
+            continue
+        distance = max(math.sqrt(square), 1e-6)
+        nx, ny = dx / distance, dy / distance
+        bodies = (radius + walkers.radius[j], shoulder, bx, by, walkers.shoulder[j], walkers.body_direction[j, 0],
+                  walkers.body_direction[j, 1])  # fmt: skip
+        gap = max(distance - contact_distance(nx, ny, bodies), 0.0)
+        receding = max(walkers.velocity[j, 0] * nx + walkers.velocity[j, 1] * ny, 0.0)
+        velocity = held_back(velocity, (nx, ny), receding + gap / time)
+    return velocity
 
 
 @subroutine
