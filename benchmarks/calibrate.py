@@ -8,8 +8,9 @@ function like `sonata2d.testing.realism.simulate`. TURING.py compares a free run
 takes two track files; in a free run everybody enters where and when the recorded person did. Each figure is divided by
 its target, and the cost is a sum over all figures that grows quickly above their targets. CMA-ES (package `cma`)
 minimises it; its state is saved after every generation, and a second call continues. The first call starts from the
-middle of the ranges: no parameter is set by hand. Prints each generation, the best parameters as arguments of
-`Sonata2026`, and all figures, unabridged, at the end; `--ablation` prints the figures with each parameter neutralised.
+middle of the ranges, or with `--refine` from the present parameters: no parameter is set by hand. Prints each
+generation, the best parameters as arguments of `Sonata2026`, and all figures, unabridged, at the end; `--ablation`
+prints the figures with each parameter neutralised.
 """
 
 from __future__ import annotations
@@ -201,6 +202,16 @@ def decoded(point: Any) -> dict[str, float]:
     return found
 
 
+def encoded(parameters: dict[str, float]) -> list[float]:
+    """The point in the unit cube that has these parameters."""
+    point = []
+    for name, (low, high) in RANGES.items():
+        value = parameters[name]
+        x = math.log(value / low) / math.log(high / low) if low > 0.0 else (value - low) / (high - low)
+        point.append(min(max(x, 0.0), 1.0))
+    return point
+
+
 def cost_of_point(point: Any, realism: str, turing: str, scenes: Sequence[str]) -> float:
     return cost(figures(decoded(point), realism, turing, scenes, fast=True))
 
@@ -230,6 +241,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=120.0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--state", type=Path, default=Path("calibration.pickle"))
+    parser.add_argument("--refine", action="store_true")
     parser.add_argument("--ablation", action="store_true")
     arguments = parser.parse_args()
     if arguments.ablation:
@@ -238,7 +250,8 @@ def main() -> None:
     import cma
 
     options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "popsize": 12}
-    search = cma.CMAEvolutionStrategy([0.5] * len(RANGES), 0.2, options)
+    start = encoded(model.PARAMETERS._asdict()) if arguments.refine else [0.5] * len(RANGES)
+    search = cma.CMAEvolutionStrategy(start, 0.1 if arguments.refine else 0.2, options)
     if arguments.state.exists():
         search = pickle.loads(arguments.state.read_bytes())
     until = time.monotonic() + 60.0 * arguments.minutes
@@ -249,7 +262,7 @@ def main() -> None:
             search.tell(points, list(pool.map(partial(cost_of_point, **fixed), points)))
             arguments.state.write_bytes(pickle.dumps(search))
             print(f"{search.countevals:5d} {search.result.fbest:9.3f}", flush=True)
-    best = {name: round(value, 4) for name, value in decoded(search.result.xfavorite).items()}
+    best = {name: round(value, 4) for name, value in decoded(search.result.xbest).items()}
     print(best)
     show(figures(best, **fixed, fast=False))
 
