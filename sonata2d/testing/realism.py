@@ -16,6 +16,7 @@ from ..core.vectors import X, Y, lengths
 from ..sim.world import World
 
 MARGIN = 30.0  # m, from all positions to the outline of the room, which has no influence at this distance
+PASSING_DISTANCE = 1.0  # m; a goal nearer than this is carried on, because pedestrians stop near their last goal
 STANDING_DISTANCE = 1e-6  # m; a pedestrian nearer to its goal than this stands
 
 
@@ -40,7 +41,7 @@ def simulate(
 
     Args:
         initial_positions, initial_velocities: (N, 2), m and m/s.
-        goals: (N, 2), m; a pedestrian that is at its goal stands.
+        goals: (N, 2), m; a pedestrian that is at its goal stands, and one that comes to it walks on.
         desired_speeds: (N,), m/s.
         obstacles: (M, 4), walls as x1, y1, x2, y2, m.
         dt: time between returned positions, s.
@@ -83,7 +84,10 @@ def scene_from_state(
         obstacles, groups, dt, model, radius, breadth: as for `simulate`.
     """
     offset = goals - positions
-    stands = lengths(offset) < STANDING_DISTANCE
+    distance = lengths(offset)
+    stands = distance < STANDING_DISTANCE
+    scale = np.where(distance < PASSING_DISTANCE, PASSING_DISTANCE / np.maximum(distance, STANDING_DISTANCE), 1.0)
+    goals = np.where(stands[:, None], goals, positions + offset * scale[:, None])
     numbers = np.zeros(len(positions), dtype=int) if groups is None else np.where(stands, 0, np.asarray(groups))
     members: dict[int, list[int]] = {}
     for k, number in enumerate(numbers.tolist()):
