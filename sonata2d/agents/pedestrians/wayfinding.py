@@ -43,7 +43,8 @@ DOORWAY_DEPTH = 0.4  # m, in front of a door, where pedestrians neither stand no
 BRAKING_TIME = 0.5  # s, in which the velocity of a pedestrian that stops carries it to where it will stand
 STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is to stand there has arrived
 TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
-WAYPOINT_DISTANCE = 0.6  # m from a waypoint at which the next one becomes the target
+WAYPOINT_DISTANCE = 0.6  # m from a waypoint at which the next one becomes the target if nothing is in between
+REACHED_DISTANCE = 0.2  # m from a waypoint at which the next one becomes the target anyway
 TURNING, BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker that turns at a waypoint
 MINIMUM_TRIP = 2.0  # m; random destinations nearer than this are rejected
 CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
@@ -526,9 +527,13 @@ def advance_on_paths(
         has_path = has_path or routes.length[k] > 0
         step = routes.next[k]
         if step < routes.length[k] - 1:
-            x, y = routes.path[k, step, 0], routes.path[k, step, 1]
-            if _near(humans[k, X], humans[k, Y], x, y, WAYPOINT_DISTANCE):
-                routes.next[k] = step + 1
+            px, py, x, y = humans[k, X], humans[k, Y], routes.path[k, step, 0], routes.path[k, step, 1]
+            if _near(px, py, x, y, WAYPOINT_DISTANCE):
+                # Behind a corner the next waypoint may be near, but not in view.
+                next_x, next_y = routes.path[k, step + 1, 0], routes.path[k, step + 1, 1]
+                is_open = is_clear(solids, passable_clearance, px, py, next_x, next_y)
+                if is_open or _near(px, py, x, y, REACHED_DISTANCE):
+                    routes.next[k] = step + 1
     if tick % CHECK_INTERVAL != 0 or not has_path:
         return False
     _find_room_abreast(routes, humans, is_present, space, space_clearance)
