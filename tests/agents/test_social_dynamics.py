@@ -206,6 +206,15 @@ def test_a_lively_episode_gives_the_same_bytes_and_replays(tmp_path: Path) -> No
     assert check_replay(path) == []
 
 
+def test_others_walk_round_people_who_talk() -> None:
+    pair = [Human(1, Pose(1.0, -0.6, math.pi / 2)), Human(2, Pose(1.0, 0.6, -math.pi / 2))]
+    goes = walker(3, -1.0, 0.0, behaviour="walking", goals=((3.0, 0.0),))
+    scene = room([*pair, goes], interactions=(Interaction(1, TALKING, 2),), social=Social(joins=0.1), robot=CORNER)
+    path = np.array([s.humans.position[2] for s in simulate(scene, 8.0)])
+    assert path[-1, 0] > 2.0
+    assert abs(path[np.abs(path[:, 0] - 1.0).argmin(), 1]) > 0.6  # beside both
+
+
 # F-formations
 
 

@@ -70,7 +70,7 @@ class SocialDynamics:
         self._lines = [QueueLine(queue, social, self._rng, self._dt) for queue in scene.queues]
         self._exits = Exits(scene, wayfinding)
         self.leaving: tuple[int, ...] = ()
-        self._is_changed = False  # whether the people who stand have changed since the last update of the obstacles
+        self._is_changed = True  # whether the people who stand have changed since the last update of the obstacles
         wayfinding.start_stay = self._start_stay
         if self._settings.is_lively:
             wayfinding.choose_task = self._choose_task
@@ -183,6 +183,7 @@ class SocialDynamics:
         task = self._tasks.pop(k)
         if task.kind != "stay":
             self._last[k] = task.kind
+            self._has_walked.discard(k)
         self._seats.release(k)
         if not self._social.is_walking[k]:
             self._is_changed = self._is_changed or self._social.is_in_the_way(k)
@@ -321,7 +322,6 @@ class SocialDynamics:
         if not self._wayfinding.send_to(k, position, task.position):
             return False
         self._tasks[k] = task
-        self._has_walked.discard(k)
         return True
 
     def _may_lead_out(self, k: int) -> bool:
