@@ -168,7 +168,7 @@ class SocialState:
         return is_here and not self._is_brief[k] and self._posture[k] != "sitting"
 
     def shared_spaces(self) -> Barriers:
-        """The outlines of the spaces between people who talk: initial formations, and circles that were joined since."""
+        """The outlines of the spaces between people who talk: initial formations, and circles that form later."""
         rings = (self.standing_position[ring].tolist() for ring in (*self._formations, *self._circles()))
         return closed_outlines([(x, y) for x, y in ring] for ring in rings)
 
