@@ -60,7 +60,7 @@ SKIPPED = {"eth": 4, "zara01": 3, "corridor_uni": 4}  # every n-th window is use
 # Targets: replays (ADE in m; distances of distributions in m and 1/s) and free runs (AUC; distances in m/s).
 REPLAY = {"eth": (0.20, 0.015, 0.02), "zara01": (0.17, 0.015, 0.02), "corridor_uni": (0.40, 0.03, None)}
 FREE = {"eth": (0.65, 0.05), "zara01": (0.60, 0.03), "corridor_uni": (0.70, 0.12)}
-WEIGHTS = {"ADE": 2.5, "energy": 0.4}  # 1 for the other figures; the energy law is measured from few encounters
+WEIGHTS = {"ADE": 2.5, "energy": 0.1}  # 1 for the other figures; the energy law is measured from few encounters
 
 
 @cache
