@@ -180,7 +180,9 @@ class SocialState:
             members = [k, *(other for other in self.partners[k] if other in standing)]
             if len(members) < 2 or k != min(members) or known.intersection(members):
                 continue
-            offset = self.standing_position[members] - self.standing_position[members].mean(axis=0)
+            places = self.standing_position[members].tolist()
+            centre = np.array([sum(xs) for xs in zip(*places, strict=True)]) / len(places)
+            offset = np.array(places) - centre
             if lengths(offset).max() <= LARGEST_CIRCLE:
                 angle = [angle_of(y, x) for x, y in offset.tolist()]
                 yield [member for _, member in sorted(zip(angle, members, strict=True))]
