@@ -75,7 +75,8 @@ class Meeting:
         sight_distance: between the centres when a wall first no longer hides them from each other, m; None if they
             see each other from the start, or never.
         crossing_delay: time between the two passages of the point where the paths cross, s; None if they do not cross.
-        door_width: of a doorway that both are near, on opposite sides, and that the human passes, m; None without one.
+        door_width: of a doorway that both come near, on opposite sides, and that one of them passes, m; None without
+            one.
     """
 
     person: int
@@ -231,7 +232,7 @@ def _crossing_delay(tracks: Tracks, k: int) -> float | None:
 
 
 def _door_width(tracks: Tracks, k: int) -> float | None:
-    """Width of the first doorway that robot and human are near on opposite sides, and that the human passes, m."""
+    """Width of the first doorway that robot and human come near on opposite sides, and that one of them passes, m."""
     for a, b in doorways(tracks.scene):
         start, end = np.array(a), np.array(b)
         along, middle = end - start, (start + end) / 2
@@ -241,8 +242,11 @@ def _door_width(tracks: Tracks, k: int) -> float | None:
             for track in (tracks.robot, tracks.humans[:, k])
         )
         near = [lengths(track - middle) < DOOR_RANGE for track in (tracks.robot, tracks.humans[:, k])]
-        passed = human[np.isfinite(human)][0] * human[np.isfinite(human)][-1] < 0.0
-        if passed and bool(((robot * human < 0.0) & near[0] & near[1]).any()):
+        present = np.isfinite(human)
+        passes = human[present][0] * human[present][-1] < 0.0
+        # or it walks up to the doorway, and lets the robot pass first
+        yields = robot[0] * robot[-1] < 0.0 and not near[1][present][0]
+        if (passes or yields) and bool(((robot * human < 0.0) & near[0] & near[1]).any()):
             return float(lengths(along))
     return None
 

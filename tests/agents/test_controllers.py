@@ -164,8 +164,10 @@ def test_price_of_obstacles_keeps_the_robot_away_from_them() -> None:
     class Careful(SocialPlanner):
         obstacle_price, obstacle_distance = 2.0, 0.3
 
+    scene = replace(crowded_scene(), humans=(), interactions=())
+
     def nearest(controller: Controller) -> float:
-        outcome, snapshots = run(crowded_scene(), controller)
+        outcome, snapshots = run(scene, controller)
         assert outcome.status == "goal"
         gaps = snapshots[0].scene.barriers.gaps(np.array([snapshot.robot.position for snapshot in snapshots]))
         return float(gaps.min())

@@ -92,7 +92,7 @@ def test_positions_of_interactions_are_free_and_near_the_partner(lively: list[li
             position = dict(zip(humans.id.tolist(), humans.position.tolist(), strict=True)) | objects
             for i in snapshot.interactions:
                 if (i.src, i.dst) not in initial and i.relation != "wandering_human_interacting":
-                    assert 0.45 < math.dist(position[i.src], position[i.dst]) < 3.6
+                    assert 0.4 < math.dist(position[i.src], position[i.dst]) < 3.6
 
 
 def test_interactions_do_not_change_without_social_settings() -> None:
