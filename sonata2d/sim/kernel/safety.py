@@ -86,10 +86,10 @@ def find_near(guard: Guard, bodies: Array, barriers: Array, rules: Array) -> Non
 def _room(guard: Guard, k: int, x: float, y: float, barriers: Array) -> float:
     """Gap between the outline of pedestrian k, at (x, y), and the nearest solid, m."""
     sx, sy = -guard.torso[k, 1] * guard.shoulder[k], guard.torso[k, 0] * guard.shoulder[k]
-    nearest = math.inf
+    nearest: float = math.inf
     for n in range(len(barriers)):
         nearest = min(nearest, line_gap(barriers, n, x + sx, y + sy, x - sx, y - sy))
-    return nearest - guard.radius[k]
+    return nearest - float(guard.radius[k])
 
 
 @subroutine
