@@ -16,8 +16,9 @@ from collections.abc import Iterator
 import numpy as np
 
 import sonata2d as s2
-from sonata2d.core.geometry import inside_polygon
+from sonata2d.core.geometry import inside_polygon, segment_distances, shoulder_line_distances, shoulder_lines
 from sonata2d.core.humans import ACTIVITIES
+from sonata2d.core.proxemics import clearances, obstacle_clearance
 from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
@@ -62,26 +63,27 @@ class Meter:
         snapshot = frame.snapshot
         humans, robot = snapshot.humans, snapshot.robot
         position = np.concatenate((humans.position, [robot.position]))
-        radius = np.concatenate((humans.radius, [robot.radius]))
         self.frames += 1
         self.guarded += robot.guarded
         self.not_finite += int((~np.isfinite(humans.state)).sum()) + int((~np.isfinite(position[-1])).sum())
         self.outside += int((~inside_polygon(position, snapshot.scene.outline)).sum())
-        solid = (radius - snapshot.scene.barriers.gaps(position)).max(axis=0)
         if len(self._pairs[0]) != len(humans) * (len(humans) - 1) // 2:  # somebody has come or gone
             self._pairs = np.triu_indices(len(humans), 1)
+        solids = snapshot.scene.barriers
+        lines = shoulder_lines(humans.position, humans.direction, humans.shoulder)
         i, j = self._pairs
-        depth = radius[i] + radius[j] - np.linalg.norm(position[i] - position[j], axis=1)
+        body, other = (humans.direction[i], humans.shoulder[i]), (humans.direction[j], humans.shoulder[j])
+        distance = shoulder_line_distances(humans.position[j] - humans.position[i], *body, *other)
+        depth = humans.radius[i] + humans.radius[j] - distance
+        solid = (humans.radius - segment_distances(*lines, solids)).max(axis=0)
         self.pairs, self.deep = self.pairs + len(depth), self.deep + int((depth > DEEP).sum())
         walking = np.linalg.norm(humans.velocity, axis=1) > WALKING
         self.walking += int(walking.sum())
         self.jerks += int((np.abs(humans.omega[walking]) > JERK).sum())
         self._update("person-person", depth)
-        self._update(
-            "robot-person", humans.radius + robot.radius - np.linalg.norm(position[:-1] - position[-1], axis=1)
-        )
-        self._update("person-solid", solid[:-1][humans.activity_index != SITTING])  # who sits overlaps the seat
-        self._update("robot-solid", solid[-1:])
+        self._update("robot-person", -clearances(snapshot))
+        self._update("person-solid", solid[humans.activity_index != SITTING])  # who sits overlaps the seat
+        self._update("robot-solid", np.array([-obstacle_clearance(snapshot)]))
         walking = np.isin(humans.activity_index, WALKING_ACTIVITIES)
         self._positions.append(humans.expand(humans.position, self._count, 0.0)[self._wandering])
         self._is_walking.append(humans.expand(walking, self._count, False)[self._wandering])

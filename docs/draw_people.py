@@ -34,7 +34,7 @@ from sonata2d.view.film import save_film
 
 ROOT = Path(__file__).parent.parent
 
-SIZE, FPS, SPEED, MAX_BYTES = (380, 240), 7, 1.6, 300_000  # pixels, pictures per second, relative to real time
+SIZE, FPS, SPEED, MAX_BYTES = (380, 240), 7, 1.6, 600_000  # pixels, pictures per second, relative to real time
 AWAY = Pose(-3.6, -2.1)  # where the robot waits
 
 
@@ -48,9 +48,12 @@ class StraightAhead(Controller):
         return Twist(vx=self.speed) if snapshot.robot.position[0] < self.until else Twist()
 
 
-def scene(humans: Sequence[Human], seconds: float, robot: Pose = AWAY, **settings: object) -> Scene:
-    """A room of 8 by 5 m."""
-    polygon: tuple[Point, ...] = ((-4.0, -2.5), (4.0, -2.5), (4.0, 2.5), (-4.0, 2.5))
+def scene(
+    humans: Sequence[Human], seconds: float, robot: Pose = AWAY, size: Point = (8.0, 5.0), **settings: object
+) -> Scene:
+    """A rectangular room, by default of 8 by 5 m, around the origin."""
+    x, y = size[0] / 2, size[1] / 2
+    polygon: tuple[Point, ...] = ((-x, -y), (x, -y), (x, y), (-x, y))
     inner = settings.pop("inner", ())
     edges = [Wall(a, b) for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True)]
     rules = Rules(time_limit=seconds, ends_on=("time",))
@@ -71,9 +74,21 @@ def walker(number: int, start: Point, *goals: Point, speed: float = 1.3, **setti
     )  # fmt: skip
 
 
+def wandering() -> tuple[Scene, Controller]:
+    """Pedestrians wander, stand for a while, and go on."""
+    furniture = (
+        Furniture(10, "table", Pose(-1.2, 0.2), Rectangle(1.4, 0.8)),
+        Furniture(11, "plant", Pose(2.6, -1.4), Disc(0.25)),
+        Furniture(12, "shelf", Pose(1.8, 2.2), Rectangle(1.6, 0.4)),
+    )  # fmt: skip
+    starts = ((-3.0, 1.5), (-0.5, 1.8), (2.9, 0.8), (1.0, -1.7), (-2.5, -1.2))
+    people = [Human(k, Pose(x, y, 0.7 * k), behaviour="wandering") for k, (x, y) in enumerate(starts, 1)]
+    return scene(people, 20.0, Pose(3.6, -2.1), furniture=furniture, social=Social(pause=(1.0, 4.0))), StraightAhead()
+
+
 def doorway() -> tuple[Scene, Controller]:
-    """Three pedestrians in each direction pass a door of 1.0 m."""
-    wall = (Wall((0.0, -2.5), (0.0, -0.5)), Wall((0.0, 0.5), (0.0, 2.5)))
+    """Three pedestrians in each direction pass a door of 0.8 m."""
+    wall = (Wall((0.0, -2.5), (0.0, -0.4)), Wall((0.0, 0.4), (0.0, 2.5)))
     there = [walker(k, (-3.0 - 0.3 * k, 1.0 - 0.9 * k), (3.2, 1.4 - 0.7 * k), speed=1.2) for k in (1, 2, 3)]
     back = [walker(3 + k, (3.0 + 0.3 * k, 1.2 - 0.8 * k), (-3.0, 1.6 - 0.7 * k), speed=1.2) for k in (1, 2, 3)]
     return scene([*there, *back], 11.0, Pose(-3.5, 2.0), inner=wall), StraightAhead()
@@ -84,6 +99,39 @@ def crossing() -> tuple[Scene, Controller]:
     across = [walker(k, (-3.7 + 0.9 * (k // 3), 0.8 * (k % 2) - 0.4), (3.6, 0.8 * (k % 2) - 0.4)) for k in (1, 2, 3, 4)]
     up = [walker(4 + k, (0.8 * (k % 2), -2.3 + 0.8 * (k // 3)), (0.8 * (k % 2), 2.2), speed=1.1) for k in (1, 2, 3, 4)]
     return scene([*across, *up], 7.0, Pose(-3.6, 2.1)), StraightAhead()
+
+
+def groups() -> tuple[Scene, Controller]:
+    """A pair and three others meet, each group abreast."""
+    pair = [walker(k, (-3.5, 0.2 - 0.75 * (k - 1)), (3.6, 0.1 - 0.75 * (k - 1)), speed=1.2, group=1) for k in (1, 2)]
+    three = [
+        walker(k, (3.5, 0.8 - 0.75 * (k - 3)), (-3.6, 0.8 - 0.75 * (k - 3)), speed=1.15, group=2) for k in (3, 4, 5)
+    ]
+    together = (Group(1, "walking", (1, 2)), Group(2, "walking", (3, 4, 5)))
+    links = tuple(Interaction(a, WALKING_TOGETHER, b) for a, b in ((1, 2), (3, 4), (3, 5), (4, 5)))
+    return scene([*pair, *three], 7.0, Pose(-3.6, 2.1), groups=together, interactions=links), StraightAhead()
+
+
+def ring() -> tuple[Scene, Controller]:
+    """Twenty pedestrians on a circle walk to the opposite side at once."""
+    angles = [2.0 * math.pi * k / 20 for k in range(20)]
+    people = [
+        Human(k, Pose(3.2 * math.cos(a), 3.2 * math.sin(a), a + math.pi), behaviour="walking",
+              goals=((-3.2 * math.cos(a), -3.2 * math.sin(a)),), desired_speed=1.3)
+        for k, a in enumerate(angles, 1)
+    ]  # fmt: skip
+    return scene(people, 14.0, Pose(-5.6, -3.4), size=(12.2, 7.7)), StraightAhead()
+
+
+def evacuation() -> tuple[Scene, Controller]:
+    """Forty pedestrians leave a room by a door of 1.0 m."""
+    wall = (Wall((2.0, -2.5), (2.0, -0.5)), Wall((2.0, 0.5), (2.0, 2.5)))
+    people = [
+        Human(k + 1, Pose(-3.5 + 0.7 * (k % 8), -2.0 + 1.0 * (k // 8), 0.0), behaviour="walking", exits=True,
+              goals=((2.6, -0.2 + 0.1 * (k // 8)), (3.6, 0.6 * (k // 8) - 1.2)), desired_speed=1.1 + 0.1 * (k % 5))
+        for k in range(40)
+    ]  # fmt: skip
+    return scene(people, 20.0, Pose(3.6, -2.2), inner=wall), StraightAhead()
 
 
 def turn() -> tuple[Scene, Controller]:
@@ -148,7 +196,8 @@ def reacting(reaction: Reaction) -> Callable[[], tuple[Scene, Controller]]:
 
 
 FILMS: dict[str, Callable[[], tuple[Scene, Controller]]] = {
-    "doorway": doorway, "crossing": crossing, "turn": turn, "group": group, "visit": visit,
+    "wandering": wandering, "doorway": doorway, "crossing": crossing, "turn": turn, "groups": groups, "ring": ring,
+    "evacuation": evacuation, "group": group, "visit": visit,
     "waiting": preset("waiting-room", 5, 22.0), "flows": preset("crossing-flows", 1, 20.0),
     **{kind: reacting(kind) for kind in ("ignores", "avoids", "stops", "curious", "scared")},
 }  # fmt: skip
@@ -167,7 +216,7 @@ def main(folder: Path, names: Sequence[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name in names or FILMS:
         path = folder / f"people_{name}.gif"
-        layers = Layers(goal=False, grid=False, caption=False)
+        layers = Layers(goal=False, grid=False, caption=False, gaze=name != "evacuation")
         save_film(path, snapshots_of(name), fps=FPS, speed=SPEED, size=SIZE, layers=layers, interpolate=False)
         if path.stat().st_size > MAX_BYTES:
             raise SystemExit(f"{path} has {path.stat().st_size} bytes; make the film smaller or shorter")

@@ -33,7 +33,9 @@ Conventions:
 - A run ends when the goal is first reached, or with the episode. It has L *states*: the snapshots of its frames and
   the final state. A *tick* lies between two states and lasts Δt.
 - p, θ, v: position, heading and velocity of the robot; q: position of a person; g: the goal. World frame, SI. Distances
-  are clearances (between outlines) unless stated otherwise: d = max(0, |p − q| − r_robot − r_person).
+  are clearances (between outlines) unless stated otherwise: d = max(0, |p − q| − r_robot − r_person), where q is the
+  nearest point of the person's shoulder line, which lies across the heading and is breadth − 2 r_person long; of a
+  person without a breadth, as in imported files, it is the position. Variants of other projects keep their discs.
 - A *collision* is an uninterrupted contact with one outline, however long. It is determined from the recorded
   contacts, which are detected within ticks, and from the clearance at each state. A party is at fault if its own
   velocity closed the gap at any of these states: the robot, the person, both or neither.

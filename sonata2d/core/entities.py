@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from .geometry import Disc, Point, Pose, Rectangle, Shape
+from .geometry import Disc, Point, Pose, Rectangle, Shape, Stadium
 
 Behaviour = Literal["standing", "wandering", "walking", "recorded"]
 Reaction = Literal["ignores", "avoids", "stops", "curious", "scared"]
@@ -27,7 +27,8 @@ RELATIONS = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER, AT_OBJECT)
 
 ROBOT_ID = 0
 _HALF_BODY = 0.25  # m, from the side of a door to the centre of a pedestrian
-PERSON_RADIUS = 0.157  # m, calibrated with the default pedestrian model: half the depth of a body, not half its width
+PERSON_RADIUS = 0.14  # m, half the depth of a body
+PERSON_BREADTH = 0.45  # m, from shoulder to shoulder
 DEFAULT_MODEL = "sonata2026"
 
 
@@ -159,7 +160,7 @@ class Human:
 
     Attributes:
         pose: at the start, or on entering; world frame.
-        radius: of the solid outline that contacts, clearances, drawings and metrics are computed from, m.
+        radius: half the depth of the body, m.
         desired_speed: m/s.
         behaviour: standing: stays in place; wandering: walks to one random place after another; walking: walks to
             `goals`; recorded: is moved along `track`.
@@ -177,6 +178,11 @@ class Human:
         stays: time that a walking pedestrian stands at each of its goals but the last, s; missing ones are 0.
         seat: id of the object that a wandering pedestrian sits on at the start.
         queue: id of the queue in which a wandering pedestrian stands at the start; the nearer one to its head is first.
+        breadth: of the shoulders, m. The solid outline, from which contacts, clearances, drawings and metrics are
+            computed, is all within `radius` of the shoulder line, which is `breadth` - 2 `radius` long and lies across
+            the heading; a disc if `breadth` is not more than 2 `radius`.
+        headway: factor of the time gap that the pedestrian keeps to those ahead.
+        politeness: factor of the strength with which the pedestrian avoids others.
     """
 
     id: int
@@ -198,6 +204,19 @@ class Human:
     stays: tuple[float, ...] = ()
     seat: int | None = None
     queue: int | None = None
+    breadth: float = PERSON_BREADTH
+    headway: float = 1.0
+    politeness: float = 1.0
+
+    @property
+    def shoulder(self) -> float:
+        """Half the length of the shoulder line, m; 0 for a disc."""
+        return max(self.breadth / 2 - self.radius, 0.0)
+
+    @property
+    def shape(self) -> Stadium:
+        """The outline."""
+        return Stadium(self.radius, self.shoulder)
 
     @property
     def walks_at_start(self) -> bool:

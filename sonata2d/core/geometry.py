@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from .portable_math import Array, BoolArray, IntArray, unit_vector
-from .vectors import X, Y, wrap_angle
+from .vectors import X, Y, lengths, wrap_angle
 
 PRECISION = 1e-4  # m, rad, m/s, ...: resolution of the numbers in files, and of those that worlds are built from
 MAX_MAGNITUDE = 1e11  # beyond it a double no longer resolves `PRECISION`
@@ -143,7 +143,30 @@ class Rectangle:
         return [(a, b, 0.0) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
 
 
-Shape = Disc | Rectangle
+@dataclass(frozen=True, slots=True)
+class Stadium:
+    """The outline of a person: all points within `radius` of a line across the heading; m.
+
+    Attributes:
+        shoulder: half the length of the line, m; 0 gives a disc.
+    """
+
+    radius: float
+    shoulder: float
+
+    @property
+    def circumradius(self) -> float:
+        """Radius of the smallest circle around the centre that contains the shape, m."""
+        return self.radius + self.shoulder
+
+    def edges(self, pose: Pose) -> list[Edge]:
+        """The outline at a pose as one thick segment, from the left end of the line to the right one."""
+        c, s = pose.direction
+        dx, dy = -s * self.shoulder, c * self.shoulder
+        return [((pose.x + dx, pose.y + dy), (pose.x - dx, pose.y - dy), self.radius)]
+
+
+Shape = Disc | Rectangle  # of furniture
 
 
 _START, _END, _RADIUS, _ALONG, _INVERSE = slice(0, 2), slice(2, 4), 4, slice(5, 7), 7  # columns of `Barriers.table`
@@ -266,6 +289,112 @@ def segments_cross(start: Array, end: Array, barriers: Barriers) -> BoolArray:
     q, b = end[None, :, :], barriers.end[:, None, :]
     crossed: Any = (side(p, d, a) * side(q, d, a) < 0.0) & (side(a, w, p) * side(b, w, p) < 0.0)
     return np.asarray(crossed)
+
+
+def shoulder_lines(position: Array, direction: Array, shoulder: Array | float) -> tuple[Array, Array]:
+    """The lines from which the outlines of people extend by their radius; see `Stadium`.
+
+    Args:
+        position: (..., 2), m.
+        direction: (..., 2), unit vectors of the headings.
+        shoulder: (...), half the length of the lines, m.
+
+    Returns:
+        Left ends and right ends, (..., 2) each, m.
+    """
+    half = np.asarray(shoulder)
+    left = np.stack((-direction[..., Y] * half, direction[..., X] * half), axis=-1)
+    return position + left, position - left
+
+
+def to_shoulder_line(offset: Array, direction: Array, shoulder: Array | float) -> Array:
+    """Vectors from points to the nearest points on shoulder lines, (..., 2), m; the offset itself for a disc.
+
+    Args:
+        offset: (..., 2), m, from the points to the middles of the lines.
+        direction: (..., 2), unit vectors of the headings, to which the lines are perpendicular.
+        shoulder: (...), half the length of the lines, m.
+    """
+    bx, by = direction[..., X], direction[..., Y]
+    along = np.clip(bx * offset[..., Y] - by * offset[..., X], -np.asarray(shoulder), shoulder)
+    return np.stack((offset[..., X] + along * by, offset[..., Y] - along * bx), axis=-1)
+
+
+def shoulder_line_distances(
+    offset: Array, direction: Array, shoulder: Array | float, other_direction: Array, other_shoulder: Array | float
+) -> Array:
+    """Distances between the shoulder lines of pairs of people, (...), m; 0 where they cross.
+
+    Args:
+        offset: (..., 2), m, from the middle of the first line to that of the other one.
+        direction, other_direction: (..., 2), unit vectors of the headings.
+        shoulder, other_shoulder: (...), half the length of the lines, m.
+    """
+    ends = shoulder_lines(np.zeros_like(offset), direction, shoulder)
+    other_ends = shoulder_lines(offset, other_direction, other_shoulder)
+    # Unless two segments cross, they are nearest at an end of one of them.
+    nearest = [lengths(to_shoulder_line(offset - end, other_direction, other_shoulder)) for end in ends]
+    nearest += [lengths(to_shoulder_line(-end, direction, shoulder)) for end in other_ends]
+    ahead = [(end * direction).sum(axis=-1) for end in other_ends]
+    other_ahead = [((end - offset) * other_direction).sum(axis=-1) for end in ends]
+    crosses = (ahead[0] * ahead[1] < 0.0) & (other_ahead[0] * other_ahead[1] < 0.0)
+    return np.where(crosses, 0.0, np.minimum.reduce(nearest))
+
+
+def contact_times(
+    offset: Array, relative_velocity: Array, radii: Array | float, direction: Array, shoulder: Array | float
+) -> Array:
+    """Times until discs touch the outlines of people, at constant velocities and headings.
+
+    Args:
+        offset: (..., 2), m, from the centre of the disc to the middle of the person's shoulder line; NaN gives inf.
+        relative_velocity: (..., 2), m/s, velocity of the disc minus that of the person.
+        radii: (...), m, sum of both radii.
+        direction: (..., 2), unit vectors of the people's headings.
+        shoulder: (...), half the length of the shoulder lines, m; with 0 the outlines are discs.
+
+    Returns:
+        (...), s; 0 where they overlap, infinite where they never touch.
+
+    Source: the outline widened by the disc's radius consists of two discs around the ends of the shoulder line, for
+    which see `disc_contact_times`, and of a rectangle between them.
+    """
+    half = np.asarray(shoulder)
+    left, right = shoulder_lines(offset, direction, half)
+    times = np.minimum(
+        disc_contact_times(left, relative_velocity, radii), disc_contact_times(right, relative_velocity, radii)
+    )
+    bx, by = direction[..., X], direction[..., Y]
+    vx, vy = relative_velocity[..., X], relative_velocity[..., Y]
+    ahead, aside = offset[..., X] * bx + offset[..., Y] * by, offset[..., Y] * bx - offset[..., X] * by
+    speed, sideways = vx * bx + vy * by, vy * bx - vx * by
+    closes = (ahead * speed > 1e-9) & (np.abs(ahead) > radii)  # slower ones would take years, or overflow
+    time = (np.abs(ahead) - radii) / np.where(closes, np.abs(speed), 1.0)
+    meets = closes & (np.abs(aside - sideways * time) < half)
+    is_inside = (np.abs(ahead) <= radii) & (np.abs(aside) < half)
+    return np.where(is_inside, 0.0, np.where(meets, np.minimum(time, times), times))
+
+
+def disc_contact_times(offset: Array, relative_velocity: Array, radii: Array | float) -> Array:
+    """Times until pairs of discs touch, at constant velocities.
+
+    Args:
+        offset: (..., 2), m, C, from the centre of the first disc to that of the second; NaN gives inf.
+        relative_velocity: (..., 2), m/s, V, velocity of the first disc minus that of the second.
+        radii: (...), m, R, sum of the two radii.
+
+    Returns:
+        (...), s; 0 where they overlap, infinite where they never touch.
+
+    Source: the smaller root of |C - V t| = R.
+    """
+    approach = (offset * relative_velocity).sum(axis=-1)
+    squared_speed = (relative_velocity * relative_velocity).sum(axis=-1)
+    excess = (offset * offset).sum(axis=-1) - np.square(radii)
+    discriminant = approach * approach - squared_speed * excess
+    meets = (approach > 0.0) & (discriminant > 0.0)
+    time = (approach - np.sqrt(np.where(meets, discriminant, 0.0))) / np.where(meets, squared_speed, 1.0)
+    return np.where(excess <= 0.0, 0.0, np.where(meets, time, np.inf))
 
 
 def inside_polygon(points: Array, polygon: Array) -> BoolArray:

@@ -42,7 +42,8 @@ class HumanState:
         velocity: m/s.
         omega: turn rate of the body, rad/s.
         head: direction of the gaze, rad.
-        radius: m.
+        radius: half the depth of the body, m.
+        breadth: of the shoulders, m.
         activity: one of `ACTIVITIES`.
     """
 
@@ -52,7 +53,13 @@ class HumanState:
     omega: float
     head: float
     radius: float
+    breadth: float
     activity: str
+
+    @property
+    def shoulder(self) -> float:
+        """Half the length of the shoulder line, m; 0 for a disc."""
+        return max(self.breadth / 2 - self.radius, 0.0)
 
 
 @dataclass(frozen=True)
@@ -66,7 +73,9 @@ class Humans:
         state: (N, 9), columns x, y, vx, vy, unit vector of the body's heading, unit vector of the gaze, turn rate; SI
             units, world frame.
         id: (N,) of int.
-        radius: (N,), m.
+        radius: (N,), half the depth of each body, m.
+        shoulder: (N,), half the length of the shoulder line, m, which lies across the heading; the outline is all
+            within the radius of this line. 0 for a disc.
         activity_index: (N,) of int, into `humans.ACTIVITIES`.
         row: (N,) of int, index of each pedestrian in `scene.humans`; None: all pedestrians are present.
     """
@@ -74,6 +83,7 @@ class Humans:
     state: Array
     id: IntArray
     radius: Array
+    shoulder: Array
     activity_index: IntArray
     row: IntArray | None = None
 
@@ -88,7 +98,8 @@ class Humans:
         """
         if len(rows) == len(self):
             return self
-        columns = self.state[rows], self.id[rows], self.radius[rows], self.activity_index[rows], np.asarray(rows)
+        constant = self.id[rows], self.radius[rows], self.shoulder[rows]
+        columns = self.state[rows], *constant, self.activity_index[rows], np.asarray(rows)
         for column in columns:
             column.flags.writeable = False
         return Humans(*columns)
@@ -157,6 +168,7 @@ class Humans:
             omega=row[OMEGA],
             head=angle_of(row[GAZE_Y], row[GAZE_X]),
             radius=float(self.radius[index]),
+            breadth=2.0 * float(self.radius[index] + self.shoulder[index]),
             activity=ACTIVITIES[int(self.activity_index[index])],
         )
 
@@ -168,6 +180,16 @@ def frozen(array: Values) -> Values:
     """The array itself, made read-only."""
     array.flags.writeable = False
     return array
+
+
+Constant = tuple[IntArray, Array, Array]
+"""What stays the same of the pedestrians of a scene: `Humans.id`, `radius` and `shoulder`."""
+
+
+def constant_of(scene: Scene) -> Constant:
+    """The constant properties of all pedestrians in the scene's order, read-only."""
+    bodies = np.array([(human.radius, human.shoulder) for human in scene.humans], dtype=float).reshape(-1, 2)
+    return human_ids(scene), frozen(bodies[:, 0].copy()), frozen(bodies[:, 1].copy())
 
 
 def human_ids(scene: Scene) -> IntArray:

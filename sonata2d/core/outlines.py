@@ -61,6 +61,9 @@ def rectangle_sides(shape: Shape, pose: Pose) -> list[Line]:
     return [(*a, *b) for a, b, _ in shape.edges(pose)] if isinstance(shape, Rectangle) else []
 
 
+_TOUCHING = 1e-3  # m, less than this counts as touching
+
+
 @kernel
 def has_space(
     walls: Array, borders: Array, outlines: Array, others: Array, clearance: float, sight_lines: Array
@@ -71,7 +74,7 @@ def has_space(
         walls: (M, 8), `Barriers.table` of the walls.
         borders: (K, 4), edges of the room's polygon, m.
         outlines: (N, COLUMNS); each must lie in the room, and keep its gap to the walls and the clearance to the others
-            and to each other.
+            and to each other, except that two discs may touch.
         others: (O, COLUMNS), outlines in the room.
         clearance: m.
         sight_lines: (L, 4), straight lines that must not cross a wall, m.
@@ -117,14 +120,16 @@ def _have_space(walls: Array, borders: Array, outlines: Array, others: Array, cl
             if not _has_clearance(outlines, i, others, k, clearance):
                 return False
         for k in range(i):
-            if not _has_clearance(outlines, i, outlines, k, clearance):
+            # People who start together may be as near as their arrangement puts them: they need no more than to touch.
+            both = outlines[i, IS_DISC] == 1.0 and outlines[k, IS_DISC] == 1.0
+            if not _has_clearance(outlines, i, outlines, k, -_TOUCHING if both else clearance):
                 return False
     return True
 
 
 @kernel
 def _pair_gap(outlines: Array, i: int, others: Array, k: int) -> float:
-    return _gap(outlines, i, others, k)
+    return max(_gap(outlines, i, others, k), 0.0)
 
 
 @subroutine
@@ -152,12 +157,12 @@ def _has_clearance(outlines: Array, i: int, others: Array, k: int, clearance: fl
 
 @subroutine
 def _gap(outlines: Array, i: int, others: Array, k: int) -> float:
-    """Gap between two outlines, m; 0 where they touch or overlap."""
+    """Gap between two outlines, m; 0 where they touch or overlap, below 0 for discs."""
     radius: float = outlines[i, CIRCUMRADIUS] if outlines[i, IS_DISC] == 1.0 else 0.0
     if outlines[i, IS_DISC] == 1.0 and others[k, IS_DISC] == 1.0:
         distance = length(outlines[i, X] - others[k, X], outlines[i, Y] - others[k, Y])
         between: float = distance - radius - others[k, CIRCUMRADIUS]
-        return max(between, 0.0)
+        return between
     # A shape within the other one has a positive distance to its edges.
     if _contains(outlines, i, others[k, X], others[k, Y]) or _contains(others, k, outlines[i, X], outlines[i, Y]):
         return 0.0

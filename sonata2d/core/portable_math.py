@@ -122,8 +122,20 @@ def unit_vector(theta: float) -> tuple[float, float]:
 
 
 def unit_vectors(theta: Array) -> Array:
-    """Unit vectors of angles in radians; (N,) to (N, 2)."""
-    return np.array([unit_vector(float(angle)) for angle in theta], dtype=float).reshape(-1, 2)
+    """Unit vectors of angles in radians, with the same bits as `unit_vector`; (...) to (..., 2), NaN stays NaN."""
+    angle = np.asarray(theta, dtype=float)
+    quarters = np.floor(angle / (PI / 2) + 0.5)
+    x = angle - quarters * (PI / 2)
+    q = x * x
+    s = ((1 / 6227020800 * q - 1 / 39916800) * q + 1 / 362880) * q - 1 / 5040
+    s = x * (((s * q + 1 / 120) * q - 1 / 6) * q + 1.0)
+    c = (((-1 / 87178291200 * q + 1 / 479001600) * q - 1 / 3628800) * q + 1 / 40320) * q - 1 / 720
+    c = ((c * q + 1 / 24) * q - 1 / 2) * q + 1.0
+    quarters = quarters % 4.0
+    is_odd = quarters % 2.0 == 1.0
+    along_x, along_y = np.where(is_odd, s, c), np.where(is_odd, c, s)
+    negative_x, negative_y = (quarters == 1.0) | (quarters == 2.0), quarters >= 2.0
+    return np.stack((np.where(negative_x, -along_x, along_x), np.where(negative_y, -along_y, along_y)), axis=-1)
 
 
 def rotation_of(angle: float) -> tuple[float, float]:

@@ -9,9 +9,10 @@ import math
 
 import numpy as np
 
-from .humans import VX, VY, X, Y
+from .geometry import contact_times, to_shoulder_line
 from .portable_math import Array
 from .snapshot import Snapshot
+from .vectors import lengths
 
 INTIMATE_DISTANCE = 0.45  # m
 PERSONAL_DISTANCE = 1.2  # m
@@ -21,9 +22,8 @@ SOCIAL_DISTANCE = 3.6  # m
 def clearances(snapshot: Snapshot) -> Array:
     """Gap between the robot's outline and each pedestrian's, (N,), m; negative where they overlap."""
     humans, robot = snapshot.humans, snapshot.robot
-    robot_x, robot_y = robot.position
-    dx, dy = humans.state[:, X] - robot_x, humans.state[:, Y] - robot_y
-    return np.sqrt(dx * dx + dy * dy) - humans.radius - robot.radius
+    to_line = to_shoulder_line(humans.position - np.array(robot.position), humans.direction, humans.shoulder)
+    return lengths(to_line) - humans.radius - robot.radius
 
 
 def clearance(snapshot: Snapshot) -> float:
@@ -42,20 +42,13 @@ def obstacle_clearance(snapshot: Snapshot) -> float:
 def times_to_collision(snapshot: Snapshot) -> Array:
     """Time until the outlines of the robot and of each pedestrian touch at constant velocities.
 
+    Pedestrians keep their headings.
+
     Returns:
         (N,), s; 0 where they overlap, infinite where they never touch.
-
-    Source: the smaller root of |C - V t| = R with C the offset between the centres, V the robot's velocity relative
-    to the pedestrian and R the sum of the radii.
     """
     humans, robot = snapshot.humans, snapshot.robot
-    (robot_x, robot_y), (robot_vx, robot_vy) = robot.position, robot.velocity
-    cx, cy = humans.state[:, X] - robot_x, humans.state[:, Y] - robot_y
-    vx, vy = robot_vx - humans.state[:, VX], robot_vy - humans.state[:, VY]
+    offset = humans.position - np.array(robot.position)
+    relative_velocity = np.array(robot.velocity) - humans.velocity
     radii = humans.radius + robot.radius
-    closing, square = cx * vx + cy * vy, vx * vx + vy * vy
-    excess = cx * cx + cy * cy - radii * radii
-    discriminant = closing * closing - square * excess
-    collides = (closing > 0.0) & (discriminant > 0.0)
-    time = (closing - np.sqrt(np.where(collides, discriminant, 0.0))) / np.where(collides, square, 1.0)
-    return np.where(excess <= 0.0, 0.0, np.where(collides, time, math.inf))
+    return contact_times(offset, relative_velocity, radii, humans.direction, humans.shoulder)

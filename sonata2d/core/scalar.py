@@ -73,6 +73,19 @@ def to_line(x: float, y: float, along_x: float, along_y: float, inverse: float) 
 
 
 @subroutine
+def to_shoulder_line(dx: float, dy: float, body_x: float, body_y: float, shoulder: float) -> Vector:
+    """`geometry.to_shoulder_line` of one point, m.
+
+    Args:
+        dx, dy: from the point to the middle of the line, m.
+        body_x, body_y: unit vector of the heading, to which the line is perpendicular.
+        shoulder: half the length of the line, m.
+    """
+    along = min(max(body_x * dy - body_y * dx, -shoulder), shoulder)
+    return dx + along * body_y, dy - along * body_x
+
+
+@subroutine
 def inverse_square(x: float, y: float) -> float:
     """Inverse of the squared length of a vector; 0 for the null vector."""
     square = x * x + y * y

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from .entities import Door, EndsOn, Furniture, Goal, Group, Human, Interaction, Place, Queue, Robot, Wall
-from .geometry import Barriers, Disc, Edge, Point
+from .geometry import Barriers, Edge, Point
 from .portable_math import Array
 
 PARKING_DISTANCE, PARKING_SPACING = 200.0, 5.0  # m, of absent pedestrians from the room and from each other
@@ -173,9 +173,9 @@ class Scene:
 
 
 def standing_throughout(humans: Iterable[Human]) -> Barriers:
-    """Those pedestrians that stand and are present from start to end, as discs."""
-    discs = (Disc(h.radius).edges(h.pose) for h in humans if h.is_always_present and h.behaviour == "standing")
-    return Barriers.of(edge for edges in discs for edge in edges)
+    """Outlines of the pedestrians that stand and are present from start to end, at their initial headings."""
+    standing = (human for human in humans if human.is_always_present and human.behaviour == "standing")
+    return Barriers.of(edge for human in standing for edge in human.shape.edges(human.pose))
 
 
 def closed_outlines(rings: Iterable[Sequence[Point]]) -> Barriers:

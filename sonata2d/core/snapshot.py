@@ -11,7 +11,7 @@ import numpy as np
 from .devices import DeviceEvent
 from .entities import Furniture, Goal, Interaction, Robot, Wall
 from .geometry import Point, Pose, Twist
-from .humans import BODY_X, BODY_Y, OMEGA, VX, VY, Humans, X, Y, frozen
+from .humans import BODY_X, BODY_Y, OMEGA, VX, VY, Constant, Humans, X, Y, frozen
 from .portable_math import Array, IntArray, angle_of
 from .scene import Scene
 from .state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED, State, joined_row, robot_row
@@ -75,9 +75,6 @@ class RobotState:
         return Twist(vx * c + vy * s, vy * c - vx * s, self.omega)
 
 
-Constant = tuple[IntArray, Array]
-
-
 @dataclass(frozen=True)
 class Snapshot:
     """State of the world at one tick, frozen; controller and crowd receive the same one.
@@ -123,7 +120,7 @@ class Snapshot:
         Args:
             tick, scene, interactions, contacts, events: as the attributes.
             state: of the robot and of all pedestrians of the scene.
-            constant: ids (N,) and radii (N,), m, of all pedestrians of the scene; read-only.
+            constant: of all pedestrians of the scene; read-only.
         """
         snapshot = object.__new__(cls)
         values = {  # of all attributes except `robot` and `humans`
@@ -153,8 +150,8 @@ class Snapshot:
 
     def _build_humans(self, state: State) -> Humans:
         assert self._constant is not None
-        ids, radius = self._constant
-        humans = Humans(state.humans, ids, radius, state.activity)
+        ids, radius, shoulder = self._constant
+        humans = Humans(state.humans, ids, radius, shoulder, state.activity)
         return humans if state.is_present is None else humans.select(np.flatnonzero(state.is_present))
 
     @property

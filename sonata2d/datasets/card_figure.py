@@ -12,12 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.portable_math import Array, IntArray
+from ..core.geometry import to_shoulder_line
+from ..core.humans import constant_of
+from ..core.portable_math import Array, IntArray, unit_vectors
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ..core.vectors import lengths
 from ..core.whole_file import whole_file
 from ..errors import RenderError
 from ..record.record import EpisodeRecord
-from .motion import VX, VY, X, Y
+from .motion import THETA, VX, VY, X, Y
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,9 +113,10 @@ def clearances(record: EpisodeRecord) -> Array:
     scene = record.scene()
     if not scene.humans:
         return np.full(len(record), np.inf)
-    radii = np.array([human.radius for human in scene.humans])
+    _, radii, shoulder = constant_of(scene)
     offset = record.humans[..., X : Y + 1] - record.robot[:, None, X : Y + 1]
-    gaps = np.hypot(offset[..., 0], offset[..., 1]) - radii - scene.robot.radius
+    gaps = lengths(to_shoulder_line(offset, unit_vectors(record.humans[..., THETA]), shoulder))
+    gaps = gaps - radii - scene.robot.radius
     nearest: Array = np.maximum(np.where(record.present, gaps, np.inf).min(axis=1), 0.0)
     return nearest
 

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..core.entities import Furniture
-from ..core.geometry import Barriers, Disc, inside_polygon
-from ..core.humans import ACTIVITIES
-from ..core.portable_math import Array, BoolArray
+from ..core.geometry import Barriers, Disc, inside_polygon, segment_distances, shoulder_line_distances, shoulder_lines
+from ..core.humans import ACTIVITIES, constant_of
+from ..core.portable_math import Array, BoolArray, unit_vectors
 from ..core.scene import Scene
 from ..core.vectors import wrap_angle
 from ..record.canonical import rounded_rows
@@ -192,22 +192,25 @@ def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Findin
     scene = record.scene()
     maximum_overlap = _maximum_overlap(scene)
     positions = np.where(pushed[..., None], np.nan, _positions(record))
-    radii = np.array([*(human.radius for human in scene.humans), scene.robot.radius])
+    directions, radii, shoulders = _bodies(record)
     names = [*(f"human {human.id}" for human in scene.humans), "the robot"]
     walls = Barriers.of([(wall.start, wall.end, 0.0) for wall in scene.walls])
     for k, name in enumerate(names):
         position, minimum_distance = positions[:, k], radii[k] - maximum_overlap
+        line = shoulder_lines(position, directions[:, k], shoulders[k])
         if len(walls):
-            depth = minimum_distance - walls.gaps(position).min(axis=0)
+            depth = minimum_distance - segment_distances(*line, walls).min(axis=0)
             yield from _worst_tick(depth, "walls", name, "m too deep in a wall")
         for thing in scene.furniture:
             if thing.on is None:  # bodies do not collide with things on a table
-                depth = minimum_distance - _distance_to_outline(position, thing)
+                depth = minimum_distance - _distance_to_outline(*line, thing)
                 if thing.is_seat and k < len(scene.humans):
                     depth[record.states.activity[:, k] == _SITTING] = np.nan
                 yield from _worst_tick(depth, "objects", name, f"m too deep in {thing.type} {thing.id}")
         offset = positions[:, k + 1 :] - position[:, None]
-        depths = minimum_distance + radii[k + 1 :] - np.hypot(offset[..., 0], offset[..., 1])
+        others = directions[:, k + 1 :], shoulders[k + 1 :]
+        distance = shoulder_line_distances(offset, directions[:, k, None], shoulders[k], *others)
+        depths = minimum_distance + radii[k + 1 :] - distance
         for other in range(depths.shape[1]):
             yield from _worst_tick(depths[:, other], "humans", name, f"m too deep in {names[k + 1 + other]}")
 
@@ -231,12 +234,12 @@ def may_be_pushed(record: EpisodeRecord) -> BoolArray:
     Recorded pedestrians react to nothing and may push others, so limits on motion do not hold there.
     """
     scene, positions = record.scene(), _positions(record)
-    radii = np.array([*(human.radius for human in scene.humans), scene.robot.radius])
+    radii = np.array([*(human.shape.circumradius for human in scene.humans), scene.robot.radius])
     pushed = np.zeros(positions.shape[:2], dtype=bool)
     for k, human in enumerate(scene.humans):
         if human.behaviour == "recorded":
             offset = positions - positions[:, k, None]
-            pushed |= np.hypot(offset[..., 0], offset[..., 1]) < radii + human.radius + PUSH_RANGE
+            pushed |= np.hypot(offset[..., 0], offset[..., 1]) < radii + human.shape.circumradius + PUSH_RANGE
             pushed[:, k] = True
     return pushed
 
@@ -247,16 +250,34 @@ def _positions(record: EpisodeRecord) -> Array:
     return np.concatenate((states.humans[..., X : Y + 1], states.robot[:, None, X : Y + 1]), axis=1)
 
 
-def _distance_to_outline(points: Array, thing: Furniture) -> Array:
-    """Signed distance of points to the outline of an object, m, negative inside; (T, 2) to (T,)."""
-    offset = points - np.array(thing.pose.position)
+def _bodies(record: EpisodeRecord) -> tuple[Array, Array, Array]:
+    """Headings, (T + 1, N + 1, 2), radii and halves of shoulder lines, (N + 1,), of the pedestrians and the robot."""
+    robot, (_, radius, shoulder) = record.scene().robot, constant_of(record.scene())
+    theta = np.concatenate((record.states.humans[..., THETA], record.states.robot[:, None, THETA]), axis=1)
+    return unit_vectors(theta), np.append(radius, robot.radius), np.append(shoulder, 0.0)
+
+
+def _distance_to_outline(start: Array, end: Array, thing: Furniture) -> Array:
+    """Distance of lines to the outline of an object, m, negative if an end or the middle is inside.
+
+    Args:
+        start, end: (T, 2), of the lines, m.
+        thing: a piece of furniture.
+
+    Returns:
+        (T,), m.
+    """
+    outline = Barriers.of(thing.shape.edges(thing.pose))
+    distance: Array = segment_distances(start, end, outline).min(axis=0)
     if isinstance(thing.shape, Disc):
-        return np.asarray(np.hypot(offset[:, 0], offset[:, 1]) - thing.shape.radius)
-    c, s = thing.pose.direction
-    local = np.stack((offset[:, 0] * c + offset[:, 1] * s, offset[:, 1] * c - offset[:, 0] * s), axis=1)
-    beyond = np.abs(local) - np.array([thing.shape.length, thing.shape.width]) / 2
-    outside = np.maximum(beyond, 0.0)
-    return np.asarray(np.hypot(outside[:, 0], outside[:, 1]) + np.minimum(beyond.max(axis=1), 0.0))
+        return distance
+    half, axes = np.array([thing.shape.length, thing.shape.width]) / 2, np.array(thing.pose.direction)
+    for point in (start, end, (start + end) / 2):
+        offset = point - np.array(thing.pose.position)
+        local = np.stack((offset @ axes, offset[:, 1] * axes[0] - offset[:, 0] * axes[1]), axis=1)
+        beyond = (np.abs(local) - half).max(axis=1)  # negative inside
+        distance = np.where(beyond < 0.0, np.minimum(distance, beyond), distance)
+    return distance
 
 
 def _check_outcome(record: EpisodeRecord) -> Iterator[Finding]:

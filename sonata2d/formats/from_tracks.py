@@ -27,7 +27,7 @@ from .imported import bounding_box
 from .parse import parsing
 from .tracks import Tracks
 
-BODY_RADIUS = Human(1, Pose(0.0, 0.0)).radius  # m
+BODY_RADIUS = Human(1, Pose(0.0, 0.0)).shape.circumradius  # m: bodies are apart however they turn
 ALLOWED_OVERLAP = 0.03  # m, of outlines at the start; the physics separates them soon
 _ITERATIONS = 200
 WALKING_SPEED = 0.3  # m/s; slower steps are not used to estimate the desired speed

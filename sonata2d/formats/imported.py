@@ -322,6 +322,7 @@ def _humans(source: SourceEpisode) -> list[JsonDict]:
             "imported",
             enters=int(present[0]),
             leaves=leaves if leaves < len(source.humans) else None,
+            breadth=2 * radius,  # a disc: other programs record no breadth
         )
         fields = {key: value for key, value in asdict(human).items() if key != "pose"}
         humans.append({"id": id, "x": first[X].item(), "y": first[Y].item(), "theta": first[THETA].item()} | fields)

@@ -4,7 +4,7 @@
 | --- | --- | --- |
 | `episodes` | episode | family, seed, outcome, … and `header`, the other keys of the episode file as JSON |
 | `frames` | frame, and the final state | time, robot, command, executed, guarded; contacts, events, label as JSON |
-| `agents` | pedestrian present in a frame | pose, velocity, head, activity, radius |
+| `agents` | pedestrian present in a frame | pose, velocity, head, activity, radius, breadth |
 | `interactions` | interaction in a frame | src, relation, dst |
 
 A README.md with a `configs` header is written beside the tables: `datasets.load_dataset(folder, "agents")` uses it to
@@ -139,7 +139,7 @@ def _schemas(pa: Any) -> dict[str, Any]:
         | twists
         | {"guarded": pa.bool_()}
         | dict.fromkeys(_JSON_KEYS, text),
-        "agents": frame_key | {"human_id": integer} | human | {"activity": text, "radius": number},
+        "agents": frame_key | {"human_id": integer} | human | {"activity": text, "radius": number, "breadth": number},
         "interactions": frame_key | {"src": integer, "relation": text, "dst": integer},
     }
     return {name: pa.schema(list(columns.items())) for name, columns in tables.items()}
@@ -215,6 +215,7 @@ def _agents(record: EpisodeRecord, name: str) -> dict[str, Any]:
         **{key: rows[:, column] for column, key in enumerate(HUMAN_NAMES)},
         "activity": activities[states.activity[t, k]].tolist(),
         "radius": np.array([human.radius for human in humans], dtype=float)[k],
+        "breadth": np.array([human.breadth for human in humans], dtype=float)[k],
     }
 
 

@@ -237,14 +237,14 @@ def _robot(row: Array, shape: JsonDict) -> JsonDict:
 
 
 def _people(record: EpisodeRecord, rows: list[list[float]], present: list[bool]) -> list[JsonDict]:
-    """Poses of the pedestrians who are present; velocities (world frame), head and radius under keys of our own.
+    """Poses of the pedestrians who are present; velocities (world frame), head and body under keys of our own.
 
     Readers match the pedestrians of two steps by id, and mask those who are in one of them only.
     """
     return [
         {
             "id": human.id, "x": x, "y": y, "angle": theta, "vx": vx, "vy": vy, "omega": omega, "head": head,
-            "radius": human.radius,
+            "radius": human.radius, "breadth": human.breadth,
         }
         for human, (x, y, theta, vx, vy, omega, head), is_present in zip(
             record.scene().humans, rows, present, strict=True

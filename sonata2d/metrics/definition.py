@@ -9,7 +9,7 @@ from typing import Literal
 
 from .trajectory import Trajectory
 
-DEFINITIONS_VERSION = 1  # of all metrics together; raised when a formula changes
+DEFINITIONS_VERSION = 2  # of all metrics together; raised when a formula changes
 OURS = "sonata2d"  # source of a formula that is not published elsewhere
 
 Better = Literal["more", "less", "neither"]

@@ -10,12 +10,13 @@ from typing import Literal
 import numpy as np
 
 from ..core.entities import Group
-from ..core.geometry import Barriers, Point, segments_cross
-from ..core.portable_math import Array
+from ..core.geometry import Barriers, Point, segments_cross, to_shoulder_line
+from ..core.portable_math import Array, unit_vectors
 from ..core.proxemics import SOCIAL_DISTANCE
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.vectors import lengths
+from ..datasets.motion import THETA
 from ..record.record import EpisodeRecord
 
 DIRECTION_WINDOW = 2.0  # s before and after the nearest moment, over which directions of motion are taken
@@ -36,17 +37,22 @@ class Tracks:
     scene: Scene
     robot: Array  # (L, 2)
     humans: Array  # (L, N, 2)
+    direction: Array  # (L, N, 2), unit vectors of the humans' headings
 
     @classmethod
     def of(cls, episode: EpisodeRecord | Iterable[Snapshot]) -> Tracks:
         """The tracks of a recorded episode, or of the snapshots of a live one."""
         if isinstance(episode, EpisodeRecord):
-            return cls(episode.scene(), episode.states.robot[:, :2], episode.states.humans[:, :, :2])
+            robot, humans = episode.states.robot, episode.states.humans
+            return cls(episode.scene(), robot[:, :2], humans[:, :, :2], unit_vectors(humans[:, :, THETA]))
         snapshots = list(episode)
         scene = snapshots[0].scene
         robot = np.array([snapshot.robot.position for snapshot in snapshots], dtype=float)
-        humans = [s.humans.expand(s.humans.position, len(scene.humans), np.nan) for s in snapshots]
-        return cls(scene, robot, np.stack(humans))
+        position, direction = (
+            np.stack([s.humans.expand(getattr(s.humans, name), len(scene.humans), np.nan) for s in snapshots])
+            for name in ("position", "direction")
+        )
+        return cls(scene, robot, position, direction)
 
     @property
     def dt(self) -> float:
@@ -69,7 +75,8 @@ class Meeting:
         sight_distance: between the centres when a wall first no longer hides them from each other, m; None if they
             see each other from the start, or never.
         crossing_delay: time between the two passages of the point where the paths cross, s; None if they do not cross.
-        door_width: of a doorway that both are near, on opposite sides, and that the human passes, m; None without one.
+        door_width: of a doorway that both come near, on opposite sides, and that one of them passes, m; None without
+            one.
     """
 
     person: int
@@ -175,8 +182,9 @@ def _meeting(tracks: Tracks, k: int) -> Meeting:
 
 def _clearance(tracks: Tracks, k: int) -> Array:
     """(L,), m, between the outlines of the robot and a human; inf where the human is absent."""
-    distance = lengths(tracks.humans[:, k] - tracks.robot)
-    clearance = distance - tracks.scene.humans[k].radius - tracks.scene.robot.radius
+    human = tracks.scene.humans[k]
+    to_line = to_shoulder_line(tracks.humans[:, k] - tracks.robot, tracks.direction[:, k], human.shoulder)
+    clearance = lengths(to_line) - human.radius - tracks.scene.robot.radius
     return np.where(np.isfinite(clearance), clearance, np.inf)
 
 
@@ -224,7 +232,7 @@ def _crossing_delay(tracks: Tracks, k: int) -> float | None:
 
 
 def _door_width(tracks: Tracks, k: int) -> float | None:
-    """Width of the first doorway that robot and human are near on opposite sides, and that the human passes, m."""
+    """Width of the first doorway that robot and human come near on opposite sides, and that one of them passes, m."""
     for a, b in doorways(tracks.scene):
         start, end = np.array(a), np.array(b)
         along, middle = end - start, (start + end) / 2
@@ -234,8 +242,11 @@ def _door_width(tracks: Tracks, k: int) -> float | None:
             for track in (tracks.robot, tracks.humans[:, k])
         )
         near = [lengths(track - middle) < DOOR_RANGE for track in (tracks.robot, tracks.humans[:, k])]
-        passed = human[np.isfinite(human)][0] * human[np.isfinite(human)][-1] < 0.0
-        if passed and bool(((robot * human < 0.0) & near[0] & near[1]).any()):
+        present = np.isfinite(human)
+        passes = human[present][0] * human[present][-1] < 0.0
+        # or it walks up to the doorway, and lets the robot pass first
+        yields = robot[0] * robot[-1] < 0.0 and not near[1][present][0]
+        if (passes or yields) and bool(((robot * human < 0.0) & near[0] & near[1]).any()):
             return float(lengths(along))
     return None
 

@@ -7,39 +7,18 @@ from itertools import combinations
 
 import numpy as np
 
+from ..core.geometry import contact_times
 from ..core.portable_math import Array, BoolArray
 from ..core.proxemics import SOCIAL_DISTANCE
 from .definition import OURS, Metric
 from .trajectory import Trajectory
 
 
-def times_to_collision(offset: Array, relative_velocity: Array, radii: Array | float) -> Array:
-    """Time until two discs meet at constant velocities, s; 0 if they overlap, inf if they never meet.
-
-    Args:
-        offset: (..., 2), m, C, from the centre of the first disc to that of the second; NaN gives inf.
-        relative_velocity: (..., 2), m/s, V, velocity of the first disc minus that of the second.
-        radii: (...), m, R, sum of the two radii.
-
-    Returns:
-        (...), s.
-
-    Source: the smaller root of |C − V t| = R.
-    """
-    approach = (offset * relative_velocity).sum(axis=-1)
-    squared_speed = (relative_velocity * relative_velocity).sum(axis=-1)
-    excess = (offset * offset).sum(axis=-1) - np.square(radii)
-    discriminant = approach * approach - squared_speed * excess
-    meets = (approach > 0.0) & (discriminant > 0.0)
-    time = (approach - np.sqrt(np.where(meets, discriminant, 0.0))) / np.where(meets, squared_speed, 1.0)
-    return np.where(excess <= 0.0, 0.0, np.where(meets, time, np.inf))
-
-
 def time_to_collision_min(trajectory: Trajectory) -> float | None:
     """Smallest time to collision over states and humans, s; None if the robot is never on a collision course."""
     relative_velocity = trajectory.velocity[:, None, :] - trajectory.human_velocity
-    radii = trajectory.human_radius + trajectory.radius
-    smallest = times_to_collision(trajectory.offset, relative_velocity, radii).min(initial=np.inf)
+    radii, body = trajectory.human_radius + trajectory.radius, (trajectory.human_direction, trajectory.human_shoulder)
+    smallest = contact_times(trajectory.offset, relative_velocity, radii, *body).min(initial=np.inf)
     return float(smallest) if np.isfinite(smallest) else None
 
 
@@ -122,9 +101,10 @@ def _in_triangle(points: Array, a: Array, b: Array, c: Array) -> BoolArray:
 METRICS = (
     Metric(
         "time_to_collision_min", "s", "more",
-        "min over states and people of (C·V − √D) / |V|², where C = q − p, V = v_robot − v_person, R = r_robot +"
-        " r_person, D = (C·V)² − |V|²(|C|² − R²), if C·V > 0 and D > 0; 0 if |C| ≤ R; not defined if neither ever"
-        " holds",
+        "min over states and people of the time until the outlines touch if both keep their velocities and the person"
+        " the heading; 0 if they overlap; not defined if they never would touch. Of a person that is a disc: (C·V −"
+        " √D) / |V|², where C = q − p, V = v_robot − v_person, R = r_robot + r_person, D = (C·V)² − |V|²(|C|² − R²),"
+        " if C·V > 0 and D > 0",
         "Francis et al., arXiv 2306.16740, table of metrics (TTC)", time_to_collision_min, headline=True,
     ),
     Metric(

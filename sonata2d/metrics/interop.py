@@ -11,10 +11,10 @@ from typing import Literal
 
 import numpy as np
 
+from ..core.geometry import disc_contact_times
 from ..core.portable_math import Array
 from ..core.vectors import lengths, wrap_angles
 from .definition import Better, Function, Metric
-from .interactions import times_to_collision
 from .paths import path_length
 from .space import ZONES, zone_fraction
 from .trajectory import Trajectory
@@ -178,7 +178,7 @@ def _socnav3_min_time(trajectory: Trajectory) -> float:
     velocity[1:] = np.diff(trajectory.position, axis=0) / trajectory.durations[:, None]
     human_velocity[1:] = np.diff(trajectory.human_position, axis=0) / trajectory.durations[:, None, None]
     radii = np.sqrt(2.0) * trajectory.radius + SOCNAV3_HUMAN_RADIUS
-    times = times_to_collision(trajectory.offset, velocity[:, None, :] - human_velocity, radii)
+    times = disc_contact_times(trajectory.offset, velocity[:, None, :] - human_velocity, radii)
     return float(times.min(initial=np.inf))
 
 

@@ -70,7 +70,7 @@ class Evaluation:
 
     >>> files = episode_files(Path("demo"))
     >>> Evaluation("demo", measure_files(files, rerun=False)).summary("path_length").mean
-    4...
+    6...
     """
 
     label: str

@@ -133,7 +133,7 @@ def _blind_corner(found: Encounter) -> Verdict:
 
 
 def _narrow_doorway(found: Encounter) -> Verdict:
-    description = "passed a narrow doorway with the robot on the other side"
+    description = "came to a narrow doorway with the robot on the other side"
     return _first_match(found, description, lambda m: m.door_width is not None)
 
 

@@ -68,7 +68,9 @@ def _obstacle_clearance(trajectory: Trajectory) -> Array:
 
 METRICS = (
     Metric(
-        "human_clearance_min", "m", "more", "min over states and people of d = max(0, |p − q| − r_robot − r_person)",
+        "human_clearance_min", "m", "more",
+        "min over states and people of d = max(0, |p − q| − r_robot − r_person), where q is the nearest point of the"
+        " person's shoulder line",
         f"{_FRANCIS} (DH_min)", human_clearance_min, headline=True,
     ),
     Metric(

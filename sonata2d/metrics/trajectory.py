@@ -9,8 +9,9 @@ from typing import Literal
 
 import numpy as np
 
+from ..core.geometry import to_shoulder_line
 from ..core.navigation import FreeSpace
-from ..core.portable_math import Array, BoolArray
+from ..core.portable_math import Array, BoolArray, unit_vectors
 from ..core.scene import Scene
 from ..core.snapshot import CLOSING_SPEED
 from ..core.vectors import lengths, wrap_angles
@@ -149,8 +150,18 @@ class Trajectory:
 
     @cached_property
     def human_radius(self) -> Array:
-        """(N,), m, of the humans' outlines."""
+        """(N,), m, half the depth of the humans' bodies."""
         return np.array([human.radius for human in self.scene.humans], dtype=float)
+
+    @cached_property
+    def human_shoulder(self) -> Array:
+        """(N,), m, half the length of the humans' shoulder lines; 0 for discs."""
+        return np.array([human.shoulder for human in self.scene.humans], dtype=float)
+
+    @cached_property
+    def human_direction(self) -> Array:
+        """(L, N, 2), unit vectors of the humans' headings; NaN where absent."""
+        return unit_vectors(self.human_heading)
 
     @cached_property
     def human_column(self) -> dict[int, int]:
@@ -171,7 +182,12 @@ class Trajectory:
     @cached_property
     def human_clearance(self) -> Array:
         """(L, N), m, between the outlines of robot and human, negative where they overlap; inf where absent."""
-        return self.distance - self.human_radius - self.radius
+        return np.where(self.present, lengths(self.to_shoulder_line), np.inf) - self.human_radius - self.radius
+
+    @cached_property
+    def to_shoulder_line(self) -> Array:
+        """(L, N, 2), m, from the robot's centre to the nearest point of each human's shoulder line; NaN if absent."""
+        return to_shoulder_line(self.offset, self.human_direction, self.human_shoulder)
 
     @cached_property
     def clearance(self) -> Array:
@@ -233,7 +249,8 @@ def _human_contacts(trajectory: Trajectory) -> Iterator[tuple[Outline, int, Faul
     """Outline, state index and fault where the clearance to a human is below the contact distance."""
     near = np.argwhere(trajectory.human_clearance < trajectory.scene.rules.contact_distance).tolist()
     for index, k in near:
-        direction = trajectory.offset[index, k] / max(float(trajectory.distance[index, k]), 1e-9)
+        offset = trajectory.to_shoulder_line[index, k]
+        direction = offset / max(float(lengths(offset)), 1e-9)
         robot = float(trajectory.velocity[index] @ direction) > CLOSING_SPEED
         other = float(-trajectory.human_velocity[index, k] @ direction) > CLOSING_SPEED
         yield ("human", trajectory.scene.humans[k].id), index, (robot, other)

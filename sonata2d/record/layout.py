@@ -171,7 +171,10 @@ def _human(values: JsonDict) -> Human:
     converted |= {key: tuple((x, y) for x, y in values.get(key, ())) for key in ("goals", "track")}
     converted["velocity"] = tuple(values.get("velocity", (0.0, 0.0)))
     converted["stays"] = tuple(values.get("stays", ()))
-    newer = ("enters", "leaves", "exits", "reaction", "robot_clearance", "seat", "queue")  # not in files of 0.1.0
+    breadth = values.get("breadth")
+    converted["breadth"] = 2 * values["radius"] if breadth is None else breadth  # the bodies of older files are discs
+    # files of earlier versions lack some of these
+    newer = ("enters", "leaves", "exits", "reaction", "robot_clearance", "seat", "queue", "headway", "politeness")
     return _restore(Human, values, [key for key in newer if key not in values], **converted)
 
 

@@ -141,7 +141,7 @@ class Human(Placed):
     """A pedestrian: its start and its properties."""
 
     id: Id
-    radius: Positive = Field(description="m, of the solid outline")
+    radius: Positive = Field(description="m, half the depth of the body; of a file without `breadth`: of a disc")
     desired_speed: NotNegative = Field(description="m/s")
     behaviour: Behaviour = Field(description="kind of motion")
     model: str = Field(description="name of the pedestrian model")
@@ -166,6 +166,13 @@ class Human(Placed):
     )
     seat: Id | None = Field(default=None, description="id of the object that it sits on at the start")
     queue: Id | None = Field(default=None, description="id of the queue in which it stands at the start")
+    breadth: Positive | None = Field(
+        default=None,
+        description="m, of the shoulders: the outline is all within `radius` of a line across the heading that is "
+        "`breadth` - 2 `radius` long; null: a disc",
+    )
+    headway: Positive = Field(default=1.0, description="factor of the time gap to pedestrians ahead")
+    politeness: NotNegative = Field(default=1.0, description="factor of the strength with which it avoids others")
 
 
 class Social(Part):

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.devices import DeviceEvent
 from ..core.geometry import Twist
-from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Humans, X, Y, frozen, human_ids
+from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Constant, Humans, X, Y, constant_of, frozen
 from ..core.labels import LabelSpec
 from ..core.portable_math import Array, BoolArray, IntArray, unit_vector, unit_vectors
 from ..core.scene import Scene
@@ -250,13 +250,11 @@ class EpisodeRecord:
         state[:, OMEGA] = rows[:, ROW_OMEGA]
         state[present, BODY_X : BODY_Y + 1] = unit_vectors(rows[present, ROW_THETA])
         state[present, GAZE_X : GAZE_Y + 1] = unit_vectors(rows[present, ROW_HEAD])
-        ids, radii = self._ids_and_radii
-        return Humans(frozen(state), ids, radii, self.states.activity[t]).select(np.flatnonzero(present))
+        return Humans(frozen(state), *self._constant, self.states.activity[t]).select(np.flatnonzero(present))
 
     @cached_property
-    def _ids_and_radii(self) -> tuple[IntArray, Array]:
-        """(N,) ids and (N,) radii, m."""
-        return human_ids(self._scene), frozen(np.array([human.radius for human in self._scene.humans], dtype=float))
+    def _constant(self) -> Constant:
+        return constant_of(self._scene)
 
 
 @contextmanager

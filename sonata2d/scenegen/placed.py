@@ -179,7 +179,9 @@ def _adapt_to_group(human: Human, spec: PersonSpec, humans: list[Human]) -> Huma
 def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, rng: RandomStream) -> Human:
     # drawn even where the property is given: the order of draws is part of what a seed means
     drawn_speed = defaults.desired_speed.draw(rng)
-    drawn_radius, ignores = defaults.radius.draw(rng), rng.uniform() < defaults.ignores_robot
+    drawn_radius, drawn_breadth = defaults.radius.draw(rng), defaults.breadth.draw(rng)
+    headway, politeness = defaults.headway.draw(rng), defaults.politeness.draw(rng)
+    ignores = rng.uniform() < defaults.ignores_robot
     reacts = spec.reacts_to_robot
     if reacts is None:
         # a recorded pedestrian follows its track whatever the robot does
@@ -190,7 +192,10 @@ def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, 
         id=id,
         pose=Pose(*spec.start).rounded(),
         radius=quantised(spec.radius.draw(rng) if spec.radius else drawn_radius),
+        breadth=quantised(spec.breadth.draw(rng) if spec.breadth else drawn_breadth),
         desired_speed=quantised(spec.desired_speed.draw(rng) if spec.desired_speed else drawn_speed),
+        headway=quantised(spec.headway if spec.headway is not None else headway),
+        politeness=quantised(spec.politeness if spec.politeness is not None else politeness),
         behaviour=spec.resolved_behaviour,
         model=defaults.model,
         reacts_to_robot=quantised(reacts),
@@ -342,7 +347,7 @@ def place_given(config: ScenarioConfig, placed: PlacedEntities, layout: Layout) 
                 f"person {human.id} does not fit at ({x:g}, {y:g}); move it, reduce its jitter, or widen the room"
             )
         if human.enters == 0:
-            layout.occupy([(Disc(human.radius), human.pose)])
+            layout.occupy([(Disc(human.shape.circumradius), human.pose)])
 
 
 def _fits(person: PersonSpec, human: Human, layout: Layout) -> bool:
@@ -353,7 +358,7 @@ def _fits(person: PersonSpec, human: Human, layout: Layout) -> bool:
     """
     if any(person.jitter):
         gap = layout.config.clearance
-        return layout.is_free(Disc(human.radius), human.pose, gap, gap)
+        return layout.is_free(Disc(human.shape.circumradius), human.pose, gap, gap)
     body, centre = Disc(human.radius - _MAX_OVERLAP), Disc(_POINT_RADIUS)
     is_in_room = layout.plan.has_space([outline_row(body, human.pose, _POINT_RADIUS)])
     # the robot's start and goal do not count here, and the walls have been tested

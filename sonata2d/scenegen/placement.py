@@ -108,7 +108,7 @@ class Layout:
 
     def _wall_gap(self, member: Entity) -> float:
         if isinstance(member, Human):
-            return max(self.config.person.wall_distance - member.radius, self.config.clearance)
+            return max(self.config.person.wall_distance - member.shape.circumradius, self.config.clearance)
         return self.config.clearance
 
 
@@ -133,11 +133,7 @@ def _sight_line(first: Pose, second: Pose) -> PlacedShape:
 
 def cluster_radius(cluster: EntityCluster) -> float:
     """Return the radius of a cluster around its origin, m; large clusters are hard to place, and placed first."""
-    return max(length(m.pose.x, m.pose.y) + _circumradius(m) for m in cluster.members)
-
-
-def _circumradius(member: Entity) -> float:
-    return member.radius if isinstance(member, Human) else member.shape.circumradius
+    return max(length(m.pose.x, m.pose.y) + m.shape.circumradius for m in cluster.members)
 
 
 def _pose_in_world(origin: Pose, pose: Pose) -> Pose:

@@ -168,8 +168,8 @@ class EntityCluster:
 
 
 def shape_of(entity: Entity) -> Shape:
-    """Return the outline of a pedestrian or a piece of furniture."""
-    return Disc(entity.radius) if isinstance(entity, Human) else entity.shape
+    """Return the outline of a piece of furniture, or the circle in which a pedestrian can turn."""
+    return Disc(entity.shape.circumradius) if isinstance(entity, Human) else entity.shape
 
 
 def fixed_furniture(config: ScenarioConfig) -> tuple[Furniture, ...]:
@@ -332,7 +332,10 @@ def draw_human(person: PersonConfig, behaviour: Behaviour, pose: Pose, rng: Rand
         id=0,
         pose=pose,
         radius=quantised(person.radius.draw(rng)),
+        breadth=quantised(person.breadth.draw(rng)),
         desired_speed=quantised(speed.draw(rng)),
+        headway=quantised(person.headway.draw(rng)),
+        politeness=quantised(person.politeness.draw(rng)),
         behaviour=behaviour,
         model=person.model,
         reacts_to_robot=0.0 if rng.uniform() < person.ignores_robot else 1.0,

@@ -17,7 +17,7 @@ from ..core.humans import X, Y
 from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
 
-ENTRY_OVERLAP = 0.04  # m, overlap of outlines that is accepted on entering; with a larger one, a pedestrian waits
+ENTRY_OVERLAP = 0.04  # m, of the circles around two bodies: with a larger one, the pedestrian that enters waits
 ENTRY_GAP = 0.05  # m, gap that a wandering pedestrian, as those that come through doors, waits for
 
 
@@ -44,7 +44,8 @@ class Presence:
 
     def __init__(self, scene: Scene, bodies: list[pymunk.Body], is_absent: BoolArray) -> None:
         self._humans, self._bodies, self._scene = scene.humans, bodies, scene
-        self._dt, self._radius = scene.rules.dt, np.array([*(h.radius for h in scene.humans), scene.robot.radius])
+        self._dt = scene.rules.dt
+        self._radius = np.array([*(human.shape.circumradius for human in scene.humans), scene.robot.radius])
         self._recorded = _recorded_rows(scene)
         self.has_recorded = bool(self._recorded)
         self._to_enter = [k for k, human in enumerate(scene.humans) if human.enters > 0]
@@ -111,10 +112,10 @@ class Presence:
         return self._has_room(k, rows) and all(self._has_room(other, rows) for other in waiting)
 
     def _has_room(self, k: int, rows: Array) -> bool:
-        """Whether there is space for a pedestrian that enters."""
+        """Whether there is space for a pedestrian that enters, however it and the others turn."""
         x, y = self._humans[k].pose.position
         dx, dy = rows[:, X] - x, rows[:, Y] - y
-        gaps = np.sqrt(dx * dx + dy * dy) - self._radius - self._humans[k].radius
+        gaps = np.sqrt(dx * dx + dy * dy) - self._radius - self._radius[k]
         gaps[:-1][self.is_absent] = np.inf
         minimum = ENTRY_GAP if self._humans[k].behaviour == "wandering" else -ENTRY_OVERLAP
         return bool((gaps > minimum).all())

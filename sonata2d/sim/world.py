@@ -25,9 +25,10 @@ from ..core.humans import (
     GAZE_X,
     GAZE_Y,
     OMEGA,
+    Constant,
     activities_of_present,
+    constant_of,
     frozen,
-    human_ids,
     initial_activities,
 )
 from ..core.packing import Packed
@@ -40,6 +41,7 @@ from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
 from .kernel.step import DRIVE_SIZE, MASS, ROBOT_MASS, Matter, advance, read_state
 from .presence import Presence
 
+OVERLAP_LEFT = 0.0  # fraction of an overlap after a substep; pymunk's 0.94 lets bodies that turn sink in too deep
 _CONTACT_ORDER = {"human": 0, "object": 1, "wall": 2}
 
 
@@ -61,15 +63,16 @@ class World:
         self.scene, self.tick = scene, 0
         count, rules = len(scene.humans), scene.rules
         space = _space_with_obstacles(scene)
-        discs = [_disc(h.pose.position, h.radius, h.velocity, _body_type(h)) for h in scene.humans]
-        discs.append(_disc(scene.robot.pose.position, scene.robot.radius, mass=ROBOT_MASS))
-        bodies = [body for body, _ in discs]
-        space.add(*bodies, *(shape for _, shape in discs))
+        bodies = [_body(h.pose.position, h.velocity, _body_type(h)) for h in scene.humans]
+        torsos = [_torso(body, human) for body, human in zip(bodies, scene.humans, strict=True)]
+        bodies.append(_body(scene.robot.pose.position, mass=ROBOT_MASS))
+        space.add(*bodies, *torsos, pymunk.Circle(bodies[-1], scene.robot.radius))
         self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
-        self._engine = EngineMemory(space, bodies[-1])
+        self._constant = constant_of(scene)
+        self._engine = EngineMemory(space, bodies[-1], torsos, self._constant[2].copy())
         self._matter = Matter(
             engine=self._engine.engine,
-            guard=_guard(scene),
+            guard=_guard(self._constant, len(scene.barriers)),
             robot=self._row[:ROBOT_SIZE],
             humans=self._row[ROBOT_SIZE:].reshape(count, HUMAN_SIZE),
             posture=np.zeros((count, 3)),
@@ -83,13 +86,11 @@ class World:
         )
         self._packed = Packed(self._matter)
         self._matter.robot[BODY_X], self._matter.robot[BODY_Y] = scene.robot.pose.direction
-        facing = [human.pose.direction for human in scene.humans]
-        if facing:
-            self._matter.humans[:, BODY_X : BODY_Y + 1] = self._matter.humans[:, GAZE_X : GAZE_Y + 1] = facing
+        for k, human in enumerate(scene.humans):
+            self._face(k, human.pose.direction)
         self._last_contacts: tuple[bytes, tuple[Contact, ...]] = b"", ()
         self._activity = initial_activities(scene)
         self._interactions = scene.interactions
-        self._constant = human_ids(scene), frozen(np.array([h.radius for h in scene.humans], dtype=float))
         self._substeps = rules.substeps
         self._read_bodies()
         self._check_order()
@@ -200,6 +201,7 @@ class World:
     def _face(self, k: int, direction: Point) -> None:
         """Set heading and gaze of pedestrian k."""
         humans = self._matter.humans
+        self._matter.guard.torso[k] = direction
         humans[k, BODY_X : BODY_Y + 1] = humans[k, GAZE_X : GAZE_Y + 1] = direction
 
     def _read_bodies(self) -> None:
@@ -214,11 +216,14 @@ class World:
             raise RuntimeError(f"pymunk {pymunk.version} lists bodies in another order; install another version")
 
 
-def _guard(scene: Scene) -> Guard:
-    """The safety guard's arrays for a scene."""
-    humans, barriers = len(scene.humans), len(scene.barriers)
+def _guard(constant: Constant, barriers: int) -> Guard:
+    """The safety guard's arrays for the constant properties of the pedestrians, and a number of barriers."""
+    ids, radius, shoulder = constant
+    humans = len(ids)
     return Guard(
-        radius=np.array([human.radius for human in scene.humans], dtype=float),
+        radius=radius.copy(),  # kernels take writeable arrays
+        shoulder=shoulder.copy(),
+        torso=np.zeros((humans, 2)),
         human_contact=np.zeros(humans, dtype=np.int64),
         barrier_contact=np.zeros(barriers, dtype=np.int64),
         near=np.zeros(humans + barriers, dtype=np.int64),
@@ -231,12 +236,15 @@ def _space_with_obstacles(scene: Scene) -> pymunk.Space:
     """A physics space with the walls and the furniture of a scene."""
     space = pymunk.Space()
     space.iterations, space.collision_slop = scene.rules.iterations, 0.001  # pymunk's default slop is 0.1 m
+    space.collision_bias = OVERLAP_LEFT
     shapes: list[pymunk.Shape] = [pymunk.Segment(space.static_body, w.start, w.end, 0.0) for w in scene.walls]
     for k, piece in enumerate(scene.furniture):
         if piece.on is None:
-            shapes.append(_static_shape(space.static_body, piece))
+            solid = _static_shapes(space.static_body, piece)
             if piece.is_seat:
-                shapes[-1].filter = pymunk.ShapeFilter(group=_seat_group(k))
+                for shape in solid:
+                    shape.filter = pymunk.ShapeFilter(group=_seat_group(k))
+            shapes += solid
     space.add(*shapes)
     return space
 
@@ -262,23 +270,32 @@ def _seat_group(index: int) -> int:
     return index + 1
 
 
-def _static_shape(ground: pymunk.Body, furniture: Furniture) -> pymunk.Shape:
+def _static_shapes(ground: pymunk.Body, furniture: Furniture) -> list[pymunk.Shape]:
+    """The outline of an object.
+
+    The engine misses contacts of polygons with segments whose ends were set anew, as those of torsos are in every
+    substep. So a rectangle has four segments for sides.
+    """
     if isinstance(furniture.shape, Disc):
-        return pymunk.Circle(ground, furniture.shape.radius, furniture.pose.position)
-    return pymunk.Poly(ground, furniture.shape.corners(furniture.pose))
+        return [pymunk.Circle(ground, furniture.shape.radius, furniture.pose.position)]
+    return [pymunk.Segment(ground, a, b, radius) for a, b, radius in furniture.shape.edges(furniture.pose)]
 
 
-def _disc(
+def _body(
     position: Point,
-    radius: float,
     velocity: Point = (0.0, 0.0),
     body_type: int = pymunk.Body.DYNAMIC,
     mass: float = MASS,
-) -> tuple[pymunk.Body, pymunk.Shape]:
-    """A disc that slides but does not rotate: headings of pedestrians and robot are not kept by the engine."""
+) -> pymunk.Body:
+    """A body that slides but does not rotate: headings of pedestrians and robot are not kept by the engine."""
     body = pymunk.Body(mass, math.inf, body_type)
     body.position, body.velocity = position, velocity
-    return body, pymunk.Circle(body, radius)
+    return body
+
+
+def _torso(body: pymunk.Body, human: Human) -> pymunk.Segment:
+    """The outline of a pedestrian; `kernel.step` turns it in every substep."""
+    return pymunk.Segment(body, (0.0, human.shoulder), (0.0, -human.shoulder), human.radius)
 
 
 def _body_type(human: Human) -> int:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from ..agents.pedestrians.crowd import Crowd
-from ..core.entities import DEFAULT_MODEL, PERSON_RADIUS, Goal, Group, Human, Robot, Wall
-from ..core.geometry import Barriers, Pose, Twist, segment_distances
-from ..core.portable_math import Array, BoolArray, IntArray
+from ..core.entities import DEFAULT_MODEL, PERSON_BREADTH, PERSON_RADIUS, Goal, Group, Human, Robot, Wall
+from ..core.geometry import Pose, Twist
+from ..core.portable_math import Array, IntArray, angle_of
 from ..core.scene import Rules, Scene
 from ..core.vectors import X, Y, lengths
 from ..sim.world import World
 
 MARGIN = 30.0  # m, from all positions to the outline of the room, which has no influence at this distance
-LOOKAHEAD = 1.0  # m, added to the distance that can be walked, within which walls can block the straight path
-WALL_CLEARANCE = 0.02  # m; a path nearer to a wall than this is blocked
+PASSING_DISTANCE = 1.0  # m; a goal nearer than this is carried on, because pedestrians stop near their last goal
 STANDING_DISTANCE = 1e-6  # m; a pedestrian nearer to its goal than this stands
 
 
@@ -32,32 +32,33 @@ def simulate(
     *,
     model: str = DEFAULT_MODEL,
     radius: float = PERSON_RADIUS,
+    breadth: float = PERSON_BREADTH,
 ) -> Array:
     """Simulate pedestrians from a given state, without a robot near them.
 
-    A goal gives a direction: it often lies far beyond the distance that can be walked in the time, and it can lie
-    behind a wall that no pedestrian reaches. Pedestrians therefore walk straight ahead if nothing blocks the part of
-    the straight path that they can walk; only the others search for a path round the walls.
+    Pedestrians search for paths to their goals round the walls, and walk straight to a goal that they cannot reach.
+    They start with the heading, and in narrow gaps with the turn of the shoulders, that they would take there.
 
     Args:
         initial_positions, initial_velocities: (N, 2), m and m/s.
-        goals: (N, 2), m; a pedestrian that is at its goal stands.
+        goals: (N, 2), m; a pedestrian that is at its goal stands, and one that comes to it walks on.
         desired_speeds: (N,), m/s.
         obstacles: (M, 4), walls as x1, y1, x2, y2, m.
         dt: time between returned positions, s.
         steps: number of returned positions.
         groups: (N,) of int; pedestrians with the same number above 0 walk together. None: no groups.
         model: name of the pedestrian model.
-        radius: of all pedestrians, m.
+        radius, breadth: of all pedestrians, m; see `Human`.
 
     Returns:
         Positions (steps, N, 2), m; the first ones are dt after the start.
     """
-    goals = reachable_goals(initial_positions, goals, desired_speeds * (dt * steps) + LOOKAHEAD, obstacles)
     scene = scene_from_state(
         initial_positions, initial_velocities, goals, desired_speeds, obstacles, groups,
-        dt=dt, model=model, radius=radius,
+        dt=dt, model=model, radius=radius, breadth=breadth,
     )  # fmt: skip
+    facing = Crowd(scene).act(World(scene).snapshot()).facing.tolist()
+    scene = replace(scene, humans=tuple(_turned(h, x, y) for h, (x, y) in zip(scene.humans, facing, strict=True)))
     world, crowd = World(scene), Crowd(scene)
     positions = np.empty((steps, len(initial_positions), 2))
     for step in range(steps):
@@ -66,39 +67,27 @@ def simulate(
     return positions
 
 
-def reachable_goals(positions: Array, goals: Array, max_distance: Array, obstacles: Array) -> Array:
-    """Goals moved to the distance that can be walked, unless a wall blocks the straight path to there.
-
-    Args:
-        positions, goals: (N, 2), m.
-        max_distance: (N,), m.
-        obstacles: (M, 4), walls as x1, y1, x2, y2, m.
-
-    Returns:
-        (N, 2), m.
-    """
-    offset = goals - positions
-    distance = np.maximum(lengths(offset), 1e-9)
-    nearer = positions + offset * (np.minimum(max_distance, distance) / distance)[:, None]
-    walls = Barriers.of(((a, b), (c, d), 0.0) for a, b, c, d in obstacles.tolist())
-    gaps = segment_distances(positions, nearer, walls).min(axis=0, initial=np.inf)
-    is_clear: BoolArray = gaps > WALL_CLEARANCE
-    return np.where(is_clear[:, None], nearer, goals)
+def _turned(human: Human, x: float, y: float) -> Human:
+    """A pedestrian with the heading of a unit vector."""
+    return replace(human, pose=Pose(human.pose.x, human.pose.y, angle_of(y, x)))
 
 
 def scene_from_state(
     positions: Array, velocities: Array, goals: Array, speeds: Array, obstacles: Array, groups: IntArray | None,
-    *, dt: float, model: str, radius: float,
+    *, dt: float, model: str, radius: float, breadth: float,
 ) -> Scene:  # fmt: skip
     """A scene of pedestrians in a given state, each with a goal, and a robot far away that they ignore.
 
     Args:
         positions, velocities, goals: (N, 2), m and m/s.
         speeds: (N,), desired speeds, m/s.
-        obstacles, groups, dt, model, radius: as for `simulate`.
+        obstacles, groups, dt, model, radius, breadth: as for `simulate`.
     """
     offset = goals - positions
-    stands = lengths(offset) < STANDING_DISTANCE
+    distance = lengths(offset)
+    stands = distance < STANDING_DISTANCE
+    scale = np.where(distance < PASSING_DISTANCE, PASSING_DISTANCE / np.maximum(distance, STANDING_DISTANCE), 1.0)
+    goals = np.where(stands[:, None], goals, positions + offset * scale[:, None])
     numbers = np.zeros(len(positions), dtype=int) if groups is None else np.where(stands, 0, np.asarray(groups))
     members: dict[int, list[int]] = {}
     for k, number in enumerate(numbers.tolist()):
@@ -126,6 +115,7 @@ def scene_from_state(
                 group=group_of.get(k + 1),
                 goals=() if stands[k] else ((float(goals[k, X]), float(goals[k, Y])),),
                 velocity=(float(velocities[k, X]), float(velocities[k, Y])),
+                breadth=breadth,
             )
             for k, (x, y) in enumerate(positions.tolist())
         ),

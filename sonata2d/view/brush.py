@@ -85,6 +85,18 @@ class Brush:
             r = radius - width / 2
             self.stroke(colour, [(centre[0] + r * math.cos(t), centre[1] + r * math.sin(t)) for t in angles], width)
 
+    def body(self, colour: Colour, radius: float, shoulder: float) -> None:
+        """Fill the outline of a person: all within `radius` of a line across, which is twice `shoulder` long; m."""
+        if shoulder > 0.0:
+            self.stroke(colour, [(0.0, shoulder), (0.0, -shoulder)], 2 * radius)
+        else:
+            self.disc(colour, (0.0, 0.0), radius)
+
+    def dashed_body(self, colour: Colour, radius: float, shoulder: float, width: float, dashes: int) -> None:
+        """Draw the outline of a person as a line of `dashes` dashes, separated by gaps of the same length."""
+        for k in range(dashes):
+            self.stroke(colour, body_arc(radius - width / 2, shoulder, k / dashes, (k + 0.5) / dashes, 7), width)
+
     def polygon(self, colour: Colour, points: Sequence[Point], edge: Colour | None = None, width: float = 0.0) -> None:
         """Draw a filled polygon; if `edge` is given, with an outline."""
         self.canvas.polygon(colour, self.pixels(points), edge, self.thickness(width))
@@ -140,3 +152,24 @@ class Brush:
         size *= min(max_width * self.camera.scale / max(width_of(text, round(size) or 1), 1), 1.0)
         if size >= 9 * self.hairline:
             self.canvas.text(colour, text, self.pixels([(0.0, 0.0)])[0], round(size))
+
+
+def body_arc(radius: float, shoulder: float, start: float, end: float, count: int) -> list[Point]:
+    """Points on the outline of a person, in its frame, m.
+
+    Args:
+        radius: half the depth of the body, m.
+        shoulder: half the length of the shoulder line, m; 0 gives a circle.
+        start, end: first and last point, as fractions of the outline's length from its foremost point to the left.
+        count: number of points.
+    """
+    half = math.pi * radius + 2 * shoulder  # the length from the foremost point to the rearmost one
+    points = []
+    for k in range(count):
+        part = 2 * (start + (end - start) * k / (count - 1)) % 2
+        angle = (min(part, 2 - part) * half - shoulder) / radius if radius > 0.0 else 0.0
+        x, y = radius * math.cos(min(max(angle, 0.0), math.pi)), radius * math.sin(min(max(angle, 0.0), math.pi))
+        # before and after the half circle around the shoulder, the outline is straight
+        y += shoulder + min(angle, 0.0) * radius - max(angle - math.pi, 0.0) * radius
+        points.append((x, y if part <= 1 else -y))
+    return points

@@ -7,7 +7,7 @@ part (`backdrop`) is drawn once and can be passed to each `picture` of the same 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import pygame
@@ -180,6 +180,8 @@ def draw_moving(
         cut_zones: whether zones end at the outline of the room.
     """
     humans, unmeasured = list(snapshot.humans), snapshot.scene.unmeasured
+    if "headings" in unmeasured:  # and with them the directions of the shoulders
+        humans = [replace(human, breadth=2 * human.radius) for human in humans]
     if layers.goal and "goal" not in unmeasured:
         brush.stamp(snapshot.goal.position, goal_part(snapshot.goal))
     draw_paths(brush, robot="robot" not in unmeasured)
@@ -204,7 +206,7 @@ def draw_annotations(brush: Brush, snapshot: Snapshot, layers: Layers) -> None:
         return
     camera = brush.camera
     labels = [
-        Label(str(human.id), camera.to_pixels(human.pose.position), human.radius * camera.scale)
+        Label(str(human.id), camera.to_pixels(human.pose.position), human.breadth / 2 * camera.scale)
         for human in snapshot.humans
     ]
     labels += [

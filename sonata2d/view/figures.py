@@ -26,56 +26,62 @@ _SWINGS = 24  # poses per half swing of the feet that are distinguished, so that
 def human_parts(
     human: HumanState, time: float, *, ignores_robot: bool = False, unmeasured: Collection[Unmeasured] = ()
 ) -> tuple[Part, ...]:
-    """Body and head of a pedestrian inside its solid outline: a disc, dashed if the pedestrian ignores the robot.
+    """Body and head of a pedestrian inside its solid outline, which is dashed if the pedestrian ignores the robot.
 
     Args:
         unmeasured: as in the scene; without a measured heading a pedestrian is a plain disc, without a measured
             direction of the head its head has no nose.
     """
-    r, activity, swing = human.radius, human.activity, 0.0
+    r, shoulder, activity, swing = human.radius, human.shoulder, human.activity, 0.0
     if "headings" in unmeasured:
         plain = partial(draw_plain_body, activity=activity, r=r, ignores_robot=ignores_robot)
         return ((("person", activity, r, None, ignores_robot), plain, (1.0, 0.0)),)
     if activity.startswith("walking"):
         swing = round(math.sin(math.pi * time / _STRIDE + human.id) * _SWINGS) / _SWINGS
-    body = partial(draw_body, activity=activity, r=r, swing=swing, ignores_robot=ignores_robot)
+    body = partial(draw_body, activity=activity, r=r, shoulder=shoulder, swing=swing, ignores_robot=ignores_robot)
+    size = r + shoulder / 2
     if "heads" in unmeasured:
-        head: Part = ("head", r, "round"), partial(draw_head, r=r, nose=False), human.pose.direction
+        head: Part = ("head", size, "round"), partial(draw_head, r=size, nose=False), human.pose.direction
     else:
-        head = ("head", r), partial(draw_head, r=r), (math.cos(human.head), math.sin(human.head))
-    return (("person", activity, r, swing, ignores_robot), body, human.pose.direction), head
+        head = ("head", size), partial(draw_head, r=size), (math.cos(human.head), math.sin(human.head))
+    return (("person", activity, r, shoulder, swing, ignores_robot), body, human.pose.direction), head
 
 
-def draw_body(brush: Brush, activity: str, r: float, swing: float, *, ignores_robot: bool = False) -> None:
+def draw_body(
+    brush: Brush, activity: str, r: float, shoulder: float, swing: float, *, ignores_robot: bool = False
+) -> None:
     """Draw a pedestrian without its head.
 
     Args:
-        r: radius, m.
+        r: half the depth of the body, m.
+        shoulder: half the length of the shoulder line, m; 0 for a disc.
         swing: position of a walking pedestrian's left foot, from -1 (behind) to 1 (ahead).
     """
     colour = ACTIVITY[activity]
-    _draw_outline(brush, activity, 0.28, r, ignores_robot=ignores_robot)
-    _draw_limbs(brush, activity, r, swing)
-    brush.ellipse(colour, (0.0, 0.0), (0.46 * r, 0.9 * r), shaded(colour), _LINE)
+    _draw_outline(brush, activity, 0.28, r, shoulder, ignores_robot=ignores_robot)
+    size = r + shoulder / 2  # halfway between depth and breadth
+    _draw_limbs(brush, activity, size, swing)
+    brush.ellipse(colour, (0.0, 0.0), (0.46 * size, 0.9 * (r + shoulder)), shaded(colour), _LINE)
 
 
 def draw_plain_body(brush: Brush, activity: str, r: float, *, ignores_robot: bool = False) -> None:
-    """Draw a pedestrian of radius r (m) whose heading is not known."""
-    _draw_outline(brush, activity, 0.7, r, ignores_robot=ignores_robot)
+    """Draw a pedestrian whose heading is not known as a disc of radius r, m."""
+    _draw_outline(brush, activity, 0.7, r, 0.0, ignores_robot=ignores_robot)
 
 
-def _draw_outline(brush: Brush, activity: str, tone: float, r: float, *, ignores_robot: bool) -> None:
-    """Draw a disc in a tone between the floor's (0) and the activity's (1)."""
+def _draw_outline(brush: Brush, activity: str, tone: float, r: float, shoulder: float, *, ignores_robot: bool) -> None:
+    """Draw the solid outline in a tone between the floor's (0) and the activity's (1)."""
     colour = ACTIVITY[activity]
-    brush.disc(mixed(FLOOR, colour, tone), (0.0, 0.0), r)
     if ignores_robot:
-        brush.dashed_ring(shaded(colour), (0.0, 0.0), r, 1.5 * _LINE, 9)
+        brush.body(mixed(FLOOR, colour, tone), r, shoulder)
+        brush.dashed_body(shaded(colour), r, shoulder, 1.5 * _LINE, 9)
     else:
-        brush.ring(shaded(colour, 0.25), (0.0, 0.0), r, _LINE)
+        brush.body(shaded(colour, 0.25), r, shoulder)
+        brush.body(mixed(FLOOR, colour, tone), r - _LINE, shoulder)
 
 
 def draw_head(brush: Brush, r: float, *, nose: bool = True) -> None:
-    """Draw a head; its nose points ahead. r is the pedestrian's radius, m."""
+    """Draw a head; its nose points ahead. r is the size of the body, m."""
     if nose:
         brush.polygon(HAIR, [(0.3 * r, 0.2 * r), (0.66 * r, 0.0), (0.3 * r, -0.2 * r)], HAIR, 0.01)
     brush.disc(HAIR, (0.05 * r, 0.0), 0.4 * r)
@@ -83,7 +89,7 @@ def draw_head(brush: Brush, r: float, *, nose: bool = True) -> None:
 
 
 def _draw_limbs(brush: Brush, activity: str, r: float, swing: float) -> None:
-    """Draw feet or arms, depending on the activity."""
+    """Draw feet or arms, depending on the activity; r is the size of the body, m."""
     colour = ACTIVITY[activity]
     sleeve = mixed(shaded(colour), colour, 0.5)
     if activity.startswith("walking"):

@@ -4,37 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
 
 from ..core.entities import ROBOT_ID, Interaction
-from ..core.geometry import Barriers, Point, inside_polygon
+from ..core.geometry import Barriers, Point, Pose, inside_polygon
 from ..core.humans import HumanState
 from ..core.portable_math import Array
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from .brush import Brush
+from .brush import Brush, body_arc
 from .furniture import half_size
 from .palette import ACTIVITY, BLUE, FAINT, FLOOR, INK, PURPLE, ROBOT, Colour, mixed, shaded
 
 _RAYS = tuple((math.cos(0.38 * k / 3), math.sin(0.38 * k / 3)) for k in range(-3, 4))  # unit vectors around the gaze
 _FAN_RANGE = 0.75  # m beyond the pedestrian's outline
-_CIRCLE = tuple((math.cos(k * math.pi / 32), math.sin(k * math.pi / 32)) for k in range(65))  # closed
+_CIRCLE = tuple(body_arc(1.0, 0.0, 0.0, 1.0, 65))  # closed
 _DASHES = 48  # of the line around a personal zone
-
-
-def _arcs(fraction: float) -> list[list[Point]]:
-    """Points on the unit circle along the given fraction of each dash and the gap after it."""
-    angles = (np.arange(_DASHES)[:, None] + np.linspace(0.0, fraction, 3)) * (2 * math.pi / _DASHES)
-    return [[(x, y) for x, y in arc] for arc in np.stack((np.cos(angles), np.sin(angles)), axis=2).tolist()]
-
-
-_DASH_POINTS, _ARC_POINTS = _arcs(0.5), _arcs(1.0)
-_ARC_MIDDLES = np.array([arc[1] for arc in _ARC_POINTS])
-_CLIP = _CIRCLE[:-1:2]  # corners of the polygon to which a zone is cut
 _INTIMATE_LINE, _PERSONAL_LINE = mixed(FLOOR, INK, 0.3), mixed(FLOOR, INK, 0.22)
 _MARGIN = 0.05  # m, between the end of a link and the outline of its entity
 
@@ -118,40 +107,57 @@ def draw_zones(brush: Brush, humans: Sequence[HumanState], outline: Array | None
         edges = Barriers(outline, np.roll(outline, -1, axis=0), np.zeros(len(outline)))
         gaps = edges.gaps(np.array([human.pose.position for human in humans])).min(axis=0)
     for human, gap in zip(humans, gaps.tolist(), strict=True):
-        if outline is not None and gap < human.radius + PERSONAL_DISTANCE:  # a unique shape, which no cache helps
+        r, shoulder = human.radius, human.shoulder
+        if outline is not None and gap < r + shoulder + PERSONAL_DISTANCE:  # a unique shape, which no cache helps
             _draw_zones_inside(brush, human, outline)
         else:
-            part = ("zones", human.radius), partial(draw_zones_of, r=human.radius), brush.camera.up
-            brush.stamp(human.pose.position, part, whole=True)
+            draw = partial(draw_zones_of, r=r, shoulder=shoulder)
+            # a disc's zones look alike at any heading
+            direction = human.pose.direction if shoulder > 0.0 else brush.camera.up
+            brush.stamp(human.pose.position, (("zones", r, shoulder), draw, direction), whole=True)
 
 
-def draw_zones_of(brush: Brush, r: float) -> None:
-    """Draw the zones of a pedestrian of radius r, m."""
+def draw_zones_of(brush: Brush, r: float, shoulder: float) -> None:
+    """Draw the zones of a pedestrian, which extend from its outline.
+
+    Args:
+        r: half the depth of the body, m.
+        shoulder: half the length of the shoulder line, m.
+    """
     intimate, personal = r + INTIMATE_DISTANCE, r + PERSONAL_DISTANCE
-    inner, outer = ([(radius * c, radius * s) for c, s in _CIRCLE] for radius in (intimate, personal))
+    inner, outer = (body_arc(radius, shoulder, 0.0, 1.0, 65) for radius in (intimate, personal))
     brush.wash(BLUE, 13, [*outer, *inner[::-1]])
     brush.wash(BLUE, 30, inner)
-    brush.ring(_INTIMATE_LINE, (0.0, 0.0), intimate, 0.012)
-    brush.dashed_ring(_PERSONAL_LINE, (0.0, 0.0), personal, 0.012, _DASHES)
+    brush.stroke(_INTIMATE_LINE, body_arc(intimate - 0.006, shoulder, 0.0, 1.0, 65), 0.012)
+    brush.dashed_body(_PERSONAL_LINE, personal, shoulder, 0.012, _DASHES)
 
 
 def _draw_zones_inside(brush: Brush, human: HumanState, outline: Array) -> None:
     """Draw the same as `draw_zones_of`, only inside the room."""
-    place, corners = brush.at(human.pose.position), outline.tolist()
-    x, y = human.pose.position
-    room = [(a - x, b - y) for a, b in corners]
+    shoulder = human.shoulder
+    pose = human.pose if shoulder > 0.0 else Pose(*human.pose.position)
+    place = brush.at(pose.position, pose.direction)
+    room = [pose.to_local((a, b)) for a, b in outline.tolist()]
     rings = [human.radius + distance for distance in (PERSONAL_DISTANCE, INTIMATE_DISTANCE)]
     with brush.canvas.group("zones"):
         for radius, alpha in zip(rings, (13, 17), strict=True):  # 30 where both overlap
-            inside = _clipped(room, [(radius * c, radius * s) for c, s in _CLIP])
+            inside = _clipped(room, body_arc(radius, shoulder, 0.0, 1.0, 33)[:-1])
             if len(inside) > 2:
                 place.wash(BLUE, alpha, inside)
-        is_inside = inside_polygon(np.concatenate([radius * _ARC_MIDDLES for radius in rings]), np.array(room)).tolist()
-        for k in range(_DASHES):
+        personal, intimate = (_arcs(radius, shoulder, 1.0) for radius in rings)
+        middles = np.array([points[1] for points in (*personal, *intimate)])
+        is_inside = inside_polygon(middles, np.array(room)).tolist()
+        for k, dash in enumerate(_arcs(rings[0], shoulder, 0.5)):
             if is_inside[k]:
-                place.stroke(_PERSONAL_LINE, [(rings[0] * c, rings[0] * s) for c, s in _DASH_POINTS[k]], 0.012)
+                place.stroke(_PERSONAL_LINE, dash, 0.012)
         for run in _runs(is_inside[_DASHES:]):
-            place.stroke(_INTIMATE_LINE, [(rings[1] * c, rings[1] * s) for k in run for c, s in _ARC_POINTS[k]], 0.012)
+            place.stroke(_INTIMATE_LINE, [point for k in run for point in intimate[k]], 0.012)
+
+
+@lru_cache(maxsize=1024)
+def _arcs(radius: float, shoulder: float, fraction: float) -> list[list[Point]]:
+    """Points along the given fraction of each dash of a zone's line and the gap after it."""
+    return [body_arc(radius, shoulder, k / _DASHES, (k + fraction) / _DASHES, 3) for k in range(_DASHES)]
 
 
 def _runs(chosen: Sequence[bool]) -> list[list[int]]:

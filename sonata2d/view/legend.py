@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 _TEXT, _ROW, _EDGE = 16, 22, 14  # px: font size, height of a row, free space beside the rows
 _BELOW = 8  # px, free space below the last row
 _SYMBOL, _SPACE, _GAP = 18, 6, 20  # px: width of a symbol, and the space after it and after an entry
-_RADIUS = 0.2  # m, of pedestrians and robot in a symbol
+_RADIUS = 0.2  # m, of the robot and of discs in a symbol
+_BODY = 0.14, 0.085  # m, of pedestrians in a symbol: half the depth, and half the length of the shoulder line
 _MAXIMUM_FRACTION = 0.25  # of a picture's height
 TEXTS = {  # English meaning of each symbol
     "standing": "standing",
@@ -205,8 +206,8 @@ def _entries(
     if layers.zones and present:
         yield entry(
             "zones",
-            partial(draw_zones_of, r=0.15),
-            2 * (0.15 + PERSONAL_DISTANCE),
+            partial(draw_zones_of, r=_BODY[0], shoulder=_BODY[1]),
+            2 * (_BODY[0] + _BODY[1] + PERSONAL_DISTANCE),
             intimate=f"{INTIMATE_DISTANCE:g}",
             personal=f"{PERSONAL_DISTANCE:g}",
         )
@@ -227,8 +228,9 @@ def _draw_pedestrian(activity: str, unmeasured: Iterable[str], brush: Brush, *, 
     if "headings" in unmeasured:
         draw_plain_body(up, activity, radius, ignores_robot=ignores_robot)
         return
-    draw_body(up, activity, radius, 0.7, ignores_robot=ignores_robot)
-    draw_head(up, radius, nose="heads" not in unmeasured)
+    scale = radius / _RADIUS
+    draw_body(up, activity, _BODY[0] * scale, _BODY[1] * scale, 0.7, ignores_robot=ignores_robot)
+    draw_head(up, scale * (_BODY[0] + _BODY[1] / 2), nose="heads" not in unmeasured)
 
 
 def _draw_queue(brush: Brush) -> None:

@@ -121,6 +121,7 @@ def _scene_data(scene: Scene, layers: Layers) -> dict[str, Any]:
             {
                 "id": h.id,
                 "radius": h.radius,
+                "shoulder": h.shoulder if "headings" not in scene.unmeasured else 0.0,
                 "ignores": h.reacts_to_robot == 0.0,
                 "reaction": _REACTIONS[h.reaction] if "robot" not in scene.unmeasured else "",
                 "path": hex_colour(human_tones(k)[-1]),

@@ -15,7 +15,18 @@ import pygame
 
 from ..core.devices import View
 from ..core.geometry import Twist
-from ..core.humans import BODY_X, GAZE_Y, Humans, X, Y, activities_of_present, frozen, human_ids, initial_activities
+from ..core.humans import (
+    BODY_X,
+    GAZE_Y,
+    Humans,
+    X,
+    Y,
+    activities_of_present,
+    constant_of,
+    frozen,
+    human_ids,
+    initial_activities,
+)
 from ..core.portable_math import unit_vector
 from ..core.scene import Scene
 from ..core.snapshot import RobotState, Snapshot
@@ -194,7 +205,6 @@ def snapshot_of(scene: Scene) -> Snapshot:
     for row, human in zip(state, scene.humans, strict=True):
         row[X : Y + 1] = human.pose.position
         row[BODY_X : GAZE_Y + 1] = (*human.pose.direction, *human.pose.direction)
-    radius = np.array([human.radius for human in scene.humans], dtype=float)
     at_rest = RobotState(robot.pose.position, unit_vector(robot.pose.theta), (0.0, 0.0), 0.0, Twist(), False, robot)
     entering_later = {human.id for human in scene.humans if human.enters > 0}
     interactions = tuple(
@@ -203,7 +213,7 @@ def snapshot_of(scene: Scene) -> Snapshot:
     activity = initial_activities(scene)
     if entering_later:
         activity = activities_of_present(activity, human_ids(scene), interactions)
-    humans = Humans(frozen(state), human_ids(scene), frozen(radius), activity)
+    humans = Humans(frozen(state), *constant_of(scene), activity)
     present = humans.select(np.flatnonzero([human.enters == 0 for human in scene.humans]))
     return Snapshot(0, 0.0, scene, at_rest, present, interactions)
 

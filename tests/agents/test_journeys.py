@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
+from sonata2d.agents.pedestrians.wayfinding import ARRIVAL_DISTANCE
 from sonata2d.core.entities import WALKING_TOGETHER, Door, Furniture, Group, Human, Interaction, Place, Queue
 from sonata2d.core.geometry import Disc, Pose, Rectangle
 from sonata2d.core.scene import Rules, Scene, Social
@@ -82,7 +83,7 @@ def test_newcomers_join_at_the_end_and_a_full_queue_is_left_alone() -> None:
 def test_who_was_served_does_something_else_next() -> None:
     run = simulate(room(waiting(1), queues=[QUEUE], social=Social(queues=1.0), robot=CORNER), 15.0)
     left = next(s.tick for s in run if activity(s, 1) == "walking")
-    assert max(math.dist(s.humans[0].pose.position, QUEUE.slot(0)) for s in run[left:]) > 1.9
+    assert max(math.dist(s.humans[0].pose.position, QUEUE.slot(0)) for s in run[left:]) > 1.4
 
 
 # Seats
@@ -210,13 +211,15 @@ def test_wandering_people_stand_at_their_destinations_and_then_go_on() -> None:
             assert np.ptp(path[15:], axis=0).max() < 0.15
 
 
-def test_a_walking_person_stays_at_its_goals_but_not_at_the_last_for_a_time() -> None:
+def test_a_walking_person_stays_at_its_goals_for_a_time_and_at_the_last_for_good() -> None:
     human = walker(1, -3.0, 0.0, behaviour="walking", goals=((0.0, 0.0), (3.0, 0.0)), stays=(4.0,))
     run = simulate(room([human], robot=CORNER), 15.0)
-    at_rest = [s.tick for s in run if activity(s, 1) == "standing"]
-    assert len(at_rest) == pytest.approx(40, abs=1)
-    assert run[at_rest[20]].humans[0].pose.position == pytest.approx((0.0, 0.0), abs=0.1)
-    assert run[-1].humans[0].pose.position == pytest.approx((3.0, 0.0), abs=0.1)
+    kinds = [activity(s, 1) for s in run]
+    changes = [t for t in range(1, len(run)) if kinds[t] != kinds[t - 1]]
+    assert [kinds[t] for t in (0, *changes)] == ["walking", "standing", "walking", "standing"]
+    assert changes[1] - changes[0] == pytest.approx(40, abs=1)
+    assert run[changes[1]].humans[0].pose.position == pytest.approx((0.0, 0.0), abs=0.3)
+    assert run[-1].humans[0].pose.position == pytest.approx((3.0, 0.0), abs=0.3)
 
 
 def test_a_group_pauses_together_side_by_side() -> None:
@@ -237,7 +240,7 @@ def test_people_go_to_places_of_interest_and_stay_there() -> None:
     ]
     assert len(rests) > 60
     distances = np.array([[math.dist(rest, place.position) for place in places] for rest in rests])
-    assert distances.min(axis=1).max() < 0.65
+    assert distances.min(axis=1).max() < 0.5 + ARRIVAL_DISTANCE
     assert set(distances.argmin(axis=1).tolist()) == {0, 1}
 
 
@@ -287,7 +290,9 @@ def test_a_mirrored_queue_and_seat_give_mirrored_motion() -> None:
     queue = Queue(1, Pose(-1.0, 2.0, 0.8), service=(1.0, 1.0))
     stands = [walker(k + 1, *queue.slot(k), 0.8, queue=1, goals=()) for k in range(3)]
     plant = Furniture(21, "plant", Pose(2.62, 0.69), Disc(0.2))  # in front of the chair: it is left to the side
-    scene = room([*stands, sitter], [chair, plant], queues=[queue], social=Social(sit_time=(1.0, 1.0)), robot=CORNER)
+    away = Place(1, 1.0, 3.0, 1e-12, stay=(0.0, 0.0))  # the destination of all, which is mirrored too
+    social, fields = Social(sit_time=(1.0, 1.0)), {"queues": [queue], "places": [away], "robot": CORNER}
+    scene = room([*stands, sitter], [chair, plant], social=social, **fields)  # type: ignore[arg-type]
 
     def pose(p: Pose) -> Pose:
         return Pose(p.x, 0.0 - p.y, 0.0 - p.theta)
@@ -297,13 +302,13 @@ def test_a_mirrored_queue_and_seat_give_mirrored_motion() -> None:
         humans=tuple(replace(human, pose=pose(human.pose)) for human in scene.humans),
         furniture=tuple(replace(piece, pose=pose(piece.pose)) for piece in scene.furniture),
         queues=(replace(queue, pose=pose(queue.pose)),),
+        places=(replace(away, y=-away.y),),
         robot=replace(scene.robot, pose=pose(scene.robot.pose)),
         rules=Rules(side=-1),
     )
     moved = False
     for a, b in zip(simulate(scene, 4.0), simulate(image, 4.0), strict=True):
         assert (a.humans.activity_index == b.humans.activity_index).all()
-        rests = [k for k, human in enumerate(a.humans) if human.activity != "walking"]  # destinations are random
-        assert b.humans.position[rests] * (1, -1) == pytest.approx(a.humans.position[rests], abs=1e-9)
-        moved = moved or (1 in rests and math.dist(a.humans.position[1], queue.slot(0)) < 0.3)
+        assert b.humans.position * (1, -1) == pytest.approx(a.humans.position, abs=1e-9)
+        moved = moved or math.dist(a.humans.position[1], queue.slot(0)) < 0.3
     assert moved

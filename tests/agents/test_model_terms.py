@@ -36,7 +36,10 @@ def agents(
         walks=np.ones(count, dtype=bool),
         **neighbour_lists(1.0 - np.eye(count)),
         group=np.where(np.arange(count) < group, 0, -1),
-        bond=np.ones(count),
+        is_abreast=np.ones(count, dtype=bool),
+        shoulder=np.zeros(count),
+        headway=np.ones(count),
+        politeness=np.ones(count),
     )
 
 
@@ -50,15 +53,29 @@ def test_driving_force_reaches_the_desired_velocity_in_the_relaxation_time() -> 
         base.desired_acceleration(walkers, 0, EAST, 0.0)
 
 
-def test_standing_pedestrians_return_without_overshoot() -> None:
+@pytest.mark.parametrize("body", [EAST, WEST])
+def test_standing_pedestrians_return_without_overshoot(body: tuple[float, float]) -> None:
     x, y, vx, vy = 0.3, -0.2, 0.0, 0.0
-    for _ in range(400):
-        ax, ay = base.standing_acceleration(x, y, vx, vy, 0.0, 0.0)
+    for _ in range(500):
+        ax, ay = base.standing_acceleration(x, y, vx, vy, 0.0, 0.0, *body)
         vx, vy = vx + 0.01 * ax, vy + 0.01 * ay
         x, y = x + 0.01 * vx, y + 0.01 * vy
         assert x > -1e-3
         assert y < 1e-3
     assert max(x, -y) < 0.01
+
+
+def test_standing_pedestrians_step_ahead_faster_than_sideways_and_back() -> None:
+    fastest = []
+    for body in (WEST, (0.0, 1.0), EAST):
+        x, vx = 2.0, 0.0
+        speeds = []
+        for _ in range(400):
+            vx += 0.01 * base.standing_acceleration(x, 0.0, vx, 0.0, 0.0, 0.0, *body)[0]
+            x += 0.01 * vx
+            speeds.append(-vx)
+        fastest.append(max(speeds))
+    assert fastest == pytest.approx([2 * base.STEP_SPEED, base.STEP_SPEED, base.STEP_SPEED], rel=0.05)
 
 
 def test_walls_repel_perpendicularly_and_by_the_gap() -> None:

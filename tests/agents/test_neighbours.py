@@ -33,7 +33,10 @@ def walkers_at(position: Array, group: IntArray, capacity: int) -> Walkers:
     count = len(position)
     vectors, numbers = np.zeros((count, 2)), np.zeros(count)
     lists = np.zeros(count + 1, dtype=np.int64), np.zeros(capacity, dtype=np.int64), np.full(capacity, np.nan)
-    return Walkers(position, vectors, vectors, vectors, numbers, numbers, numbers > 0.0, *lists, group, numbers)
+    flags = numbers > 0.0
+    return Walkers(
+        position, vectors, vectors, vectors, numbers, numbers, flags, *lists, group, flags, numbers, numbers, numbers
+    )
 
 
 def positions(rng: np.random.Generator, count: int) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sonata2d.agents.pedestrians.crowd import Crowd
+from sonata2d.core import proxemics
 from sonata2d.core.entities import Human, Limits, Reaction, Wall
 from sonata2d.core.geometry import Pose, Twist
 from sonata2d.core.portable_math import Array
@@ -50,9 +51,7 @@ def crossing(reaction: Reaction, offset: float = 0.0, clearance: float = 0.83) -
 
 def clearances(snapshots: list[Snapshot], k: int = 0) -> Array:
     """(T,), m, between the outlines of pedestrian k and the robot."""
-    offset = np.array([s.humans.position[k] - s.robot.position for s in snapshots])
-    radii = snapshots[0].humans.radius[k], snapshots[0].robot.radius
-    return np.sqrt(offset[:, 0] ** 2 + offset[:, 1] ** 2) - radii[0] - radii[1]
+    return np.array([proxemics.clearances(s)[k] for s in snapshots])
 
 
 def fraction_looking_at_robot(snapshots: list[Snapshot], k: int = 0) -> float:

@@ -8,26 +8,38 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sonata2d.agents.pedestrians.models import sonata2026
 from sonata2d.agents.pedestrians.models.base import Walkers
 from sonata2d.agents.pedestrians.models.sonata2026 import (
     AHEAD,
     ALIGNMENT,
     ANGLES,
     ASIDE,
+    BRISK_PACE,
     CONTACT,
+    MAXIMUM_ACCELERATION,
+    MAXIMUM_BRAKING,
+    MAXIMUM_GROUP_DISTANCE,
     MOVE_AHEAD,
     MOVE_ASIDE,
     PARAMETERS,
+    SHUFFLE,
+    SLOW_PACE,
+    STREAM_LENGTH,
     WEIGHT,
-    adaptive_acceleration,
+    Memory,
+    Sonata2026Model,
     anticipation_acceleration,
-    anticipation_reach,
-    group_cohesion_acceleration,
+    contact_distance,
+    desired_change,
+    deviate,
+    group_velocity,
     headway_reach,
     headway_speed,
     proximity_acceleration,
-    proximity_reach,
+    repulsion_reach,
     steer,
+    with_body,
 )
 from sonata2d.core.entities import Group, Human
 from sonata2d.core.geometry import Pose
@@ -37,12 +49,60 @@ from sonata2d.core.scene import Rules, Scene
 from ..conftest import neighbour_lists, room
 from .test_crowd import positions, rotated, simulate, two_rooms
 
-STEERING = PARAMETERS._replace(
-    headway_half_width=0.4, standstill_gap=0.1, time_gap=1.0, look_ahead_time=0.5, side_bonus=0.06, habit_bonus=0.0,
-    temperature=0.1,
+GIVEN = PARAMETERS._replace(
+    relaxation_time=0.3, turning_time=0.5, following_time=2.0, headway_half_width=0.4, standstill_gap=0.1, time_gap=1.0,
+    look_ahead_time=0.5, temperature=0.1, side_bonus=0.06, anticipation_strength=0.8, proximity_strength=0.5,
+    decay_length=0.3, cohesion=0.2, spacing=0.9, wander=0.1,
 )  # fmt: skip
 CORNER = Pose(-3.7, -3.7)
 CONTACT_DISTANCE = 0.4
+DISCS = (CONTACT_DISTANCE, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0)
+EAST = (1.0, 0.0)
+DIAGONAL = math.sqrt(0.5)
+
+
+# Drive and body
+
+
+def test_speed_and_direction_change_with_time_constants_of_their_own() -> None:
+    assert desired_change((0.5, 0.2), EAST, 1.3, 0.5, 0.4) == pytest.approx((0.8 / 0.5, -0.2 / 0.4))
+    assert desired_change((0.0, 0.0), EAST, 1.3, 0.01, 0.4) == pytest.approx((MAXIMUM_ACCELERATION, 0.0))
+    assert desired_change((1.3, 0.0), EAST, 0.0, 0.01, 0.4) == pytest.approx((-MAXIMUM_BRAKING, 0.0))
+    assert desired_change((0.5, 0.2), (0.0, 0.0), 1.3, 0.5, 0.4) == pytest.approx((-0.5 / 0.4, -0.2 / 0.4))
+
+
+@pytest.mark.parametrize(
+    ("angle", "pace", "course", "share"),
+    [
+        (0.0, 0.0, 0.0, 1.0),
+        (40.0, BRISK_PACE, 40.0, 1.0),
+        (60.0, BRISK_PACE, 45.0, 1.0),
+        (90.0, BRISK_PACE, 45.0, 0.5),  # slows down, and walks as far to the left as its body permits
+        (120.0, BRISK_PACE, 45.0, 0.0),
+        (180.0, BRISK_PACE, 45.0, 0.0),
+        (90.0, 0.0, 45.0, SHUFFLE),
+        (180.0, SLOW_PACE, 45.0, 0.0),  # stands until the body has turned
+        (90.0, (SLOW_PACE + BRISK_PACE) / 2, 45.0, (0.5 + SHUFFLE) / 2),
+    ],
+)
+def test_a_body_that_faces_elsewhere_turns_first(angle: float, pace: float, course: float, share: float) -> None:
+    x, y = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    expected = math.cos(math.radians(course)), math.sin(math.radians(course)), 1.2 * share
+    assert with_body(EAST, x, y, 1.2, pace) == pytest.approx(expected, abs=1e-9)
+    if angle < 180.0:
+        assert with_body(EAST, x, -y, 1.2, pace) == pytest.approx((expected[0], -expected[1], expected[2]), abs=1e-9)
+
+
+def test_bodies_touch_by_their_depth_in_file_and_by_their_breadth_abreast() -> None:
+    human, east, north = Human(1, Pose(0.0, 0.0)), (1.0, 0.0), (0.0, 1.0)
+    pair = (2 * human.radius, human.shoulder, *east, human.shoulder, *east)
+    assert contact_distance(*east, pair) == pytest.approx(2 * human.radius)
+    assert contact_distance(*north, pair) == pytest.approx(human.breadth)
+    turned = (2 * human.radius, human.shoulder, *east, human.shoulder, *north)
+    assert contact_distance(*east, turned) == pytest.approx(human.radius + human.breadth / 2)
+
+
+# Headway and steering
 
 
 @pytest.mark.parametrize(
@@ -57,21 +117,21 @@ CONTACT_DISTANCE = 0.4
     ],
 )
 def test_the_gap_ahead_determines_the_speed(x: float, y: float, weight: float, speed: float) -> None:
-    assert max(headway_speed(x, y, CONTACT_DISTANCE, weight, STEERING), 0.0) == pytest.approx(speed)
+    for time_gap in (1.0, 0.5):
+        found = headway_speed(x, y, CONTACT_DISTANCE, weight, time_gap, GIVEN)
+        assert max(found, 0.0) == pytest.approx(speed / time_gap)
 
 
-def steered(ahead: float, left: float, cosine: float, side: float = 1.0, queueing: float = 1.0) -> Array:
-    """The direction (ahead, left) and the speed that a pedestrian at rest chooses with another one in its path.
+def steered(ahead: float, left: float, cosine: float, side: float = 1.0) -> Array:
+    """The direction (ahead, left) and the speed that a pedestrian chooses with another one in its path.
 
     Args:
         ahead, left: position of the other one, m.
         cosine: of the two desired directions.
         side: of the rules.
-        queueing: the parameter.
     """
     path = np.array([[ahead, -left, 0.0, 0.0, cosine, CONTACT_DISTANCE, 1.0]])
-    parameters = STEERING._replace(queueing=queueing)
-    return np.array(steer(path, (1.0, 0.0), (0.0, 0.0), 1.3, side, parameters, np.empty(len(ANGLES))))
+    return np.array(steer(path, EAST, 1.3, GIVEN.time_gap, side, GIVEN, np.empty(len(ANGLES))))
 
 
 def test_a_free_path_is_walked_straight_at_the_desired_speed() -> None:
@@ -89,55 +149,71 @@ def test_pedestrians_in_the_same_direction_are_followed_and_not_overtaken() -> N
     ahead, left, speed = steered(1.0, 0.0, 1.0)
     assert (ahead, left) == pytest.approx((1.0, 0.0), abs=0.05)
     assert speed == pytest.approx(0.5, abs=0.1)  # (1 - 0.4 - 0.1) / 1
-    assert abs(steered(1.0, 0.1, 1.0, queueing=0.0)[1]) > 0.3
+    assert abs(steered(1.0, 0.1, 0.0)[1]) > 0.3  # the path of one that crosses is left
 
 
-def anticipation(x: float, y: float, velocity: Array, contact_distance: float, offset: float) -> Array:
+def test_neighbours_out_of_reach_do_not_change_the_choice_of_direction_and_speed() -> None:
+    random, value = np.random.default_rng(2), np.empty(len(ANGLES))
+    held_up = 0
+    for _ in range(2000):
+        velocity, desired_speed = random.normal(scale=1.0, size=(3, 2)), random.uniform(0.0, 2.0)
+        time_gap = PARAMETERS.time_gap * random.uniform(0.7, 1.4)
+        # Two neighbours ahead, and one out of reach that comes nearer, mostly in one of the directions.
+        far = headway_reach(CONTACT_DISTANCE, math.hypot(*velocity[2]), desired_speed, time_gap, PARAMETERS)
+        distance = np.array([*random.uniform(0.4, 1.2, size=2), max(far, 0.0) * random.uniform(1.0001, 1.1)])
+        angle = np.radians(random.choice(ANGLES, size=3)) + random.normal(scale=0.05, size=3)
+        velocity[2] = -np.hypot(*velocity[2]) * np.array((math.cos(angle[2]), -math.sin(angle[2])))
+        path = np.empty((3, 7))
+        path[:, AHEAD], path[:, ASIDE] = distance * np.cos(angle), -distance * np.sin(angle)
+        path[:, MOVE_AHEAD], path[:, MOVE_ASIDE] = velocity.T * PARAMETERS.look_ahead_time
+        path[:, ALIGNMENT] = random.uniform(-1.0, 1.0, size=3)
+        path[:, CONTACT], path[:, WEIGHT] = CONTACT_DISTANCE, random.choice((1.0, 0.4), size=3)
+        own = EAST, desired_speed, time_gap, 1.0, PARAMETERS, value
+        found = steer(path, *own)
+        held_up += found != (*EAST, desired_speed)
+        assert found == steer(path[:2], *own)
+    assert held_up > 300
+
+
+# Repulsion
+
+
+def anticipation(x: float, y: float, velocity: Array, bonus: float = 0.0, side: float = 1.0) -> Array:
     """The anticipation term of two agents, (2, 2); the second one is at (x, y) relative to the first."""
-    parameters = PARAMETERS._replace(
-        anticipation_strength=0.8, anticipation_decay_length=0.5, anticipation_decay_time=1.5,
-        anticipation_offset=abs(offset),
-    )  # fmt: skip
     ux, uy = (velocity[1] - velocity[0]).tolist()
-    side = math.copysign(1.0, offset)
-    first = anticipation_acceleration(x, y, ux, uy, 1.0, contact_distance, side, parameters)
-    second = anticipation_acceleration(-x, -y, -ux, -uy, 1.0, contact_distance, side, parameters)
+    parameters = GIVEN._replace(side_bonus=bonus)
+    first = anticipation_acceleration(x, y, ux, uy, 1.0, DISCS, side, parameters)
+    second = anticipation_acceleration(-x, -y, -ux, -uy, 1.0, DISCS, side, parameters)
     return np.array([first, second])
 
 
-def test_anticipation_by_hand() -> None:
-    """At 1 m/s each, paths cross 2 m ahead of the first and 2.5 m of the second: closest in 2.25 s, 0.354 m apart."""
-    found = anticipation(2.0, -2.5, np.array([[1.0, 0.0], [0.0, 1.0]]), CONTACT_DISTANCE / 2, 0.0)
-    t = 2.25
-    offset = np.array([2.0 - t, -2.5 + t])
-    closing = (2.0 + 2.5) / math.hypot(2.0, 2.5)
-    assert closing > 1.0  # m/s: counts in full
-    size = 0.8 * math.exp((0.2 - math.hypot(*offset)) / 0.5 - t / 1.5)
-    assert found[0] == pytest.approx(-size * offset / math.hypot(*offset), abs=1e-6)
+@pytest.mark.parametrize("speed", [1.0, 0.5])
+def test_anticipation_by_hand(speed: float) -> None:
+    """Paths cross 2 m ahead of the first and 2.7 m of the second: closest half-way in between, 0.495 m apart."""
+    found = anticipation(2.0, -2.7, speed * np.array([[1.0, 0.0], [0.0, 1.0]]))
+    offset = np.array([2.0 - 2.35, -2.7 + 2.35])
+    closing = min(speed * (2.0 + 2.7) / math.hypot(2.0, 2.7), 1.0)
+    assert (closing == 1.0) == (speed == 1.0)  # m/s, from which on it counts in full
+    size = closing * 0.8 * math.exp((CONTACT_DISTANCE - math.hypot(*offset)) / 0.3 - 2.35 / speed / 0.5)
+    assert found[0] == pytest.approx(-size * offset / math.hypot(*offset), rel=1e-5)
     assert found[1] == pytest.approx(-found[0])
 
 
-EAST_AND_WEST = np.array([[1.0, 0.0], [-1.0, 0.0]])
-
-
 def test_pairs_that_separate_do_not_anticipate() -> None:
-    assert np.abs(anticipation(1.0, 0.0, -EAST_AND_WEST, CONTACT_DISTANCE, 0.05)).max() == 0.0
+    assert np.abs(anticipation(1.0, 0.1, np.array([[-1.0, 0.0], [1.0, 0.0]]))).max() == 0.0
 
 
-@pytest.mark.parametrize("offset", [0.05, -0.05])
-def test_head_on_encounters_are_evaded_to_the_biased_side(offset: float) -> None:
-    found = anticipation(3.0, 0.0, EAST_AND_WEST, CONTACT_DISTANCE, offset)
-    assert found[0, 1] * offset < 0.0
-    assert found[1, 1] * offset > 0.0
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_head_on_encounters_are_evaded_to_the_side_of_the_rules(side: float) -> None:
+    found = anticipation(3.0, 0.0, np.array([[1.0, 0.0], [-1.0, 0.0]]), bonus=0.06, side=side)
+    assert found[0, 1] * side < 0.0
+    assert found[1] == pytest.approx(-found[0])
 
 
-def test_proximity_by_hand() -> None:
-    parameters = PARAMETERS._replace(proximity_strength=0.5, proximity_decay_length=0.3, anisotropy=0.2)
-    before, behind = (
-        proximity_acceleration(x, 0.0, (1.0, 0.0), 1.0, CONTACT_DISTANCE, parameters) for x in (0.7, -0.7)
-    )
-    assert before == pytest.approx((-0.5 * math.exp(-1.0), 0.0), abs=1e-6)
-    assert behind == pytest.approx((0.2 * 0.5 * math.exp(-1.0), 0.0), abs=1e-6)
+def test_proximity_is_in_full_ahead_and_nothing_behind() -> None:
+    for x, direction, share in ((0.7, EAST, 1.0), (-0.7, EAST, 0.0), (0.7, (0.0, 1.0), 0.5), (0.7, (0.0, 0.0), 0.5)):
+        push = proximity_acceleration(x, 0.0, direction, 1.0, DISCS, GIVEN)
+        assert push == pytest.approx((-share * 0.5 * math.exp(-1.0), 0.0), abs=1e-6)
 
 
 def test_neighbours_out_of_reach_contribute_next_to_nothing() -> None:
@@ -145,60 +221,93 @@ def test_neighbours_out_of_reach_contribute_next_to_nothing() -> None:
     for _ in range(1000):
         angle, (ux, uy) = random.uniform(-math.pi, math.pi), random.normal(scale=2.0, size=2)
         ahead, left, beyond = math.cos(angle), math.sin(angle), random.uniform(1.000001, 1.2)
-        reach = beyond * anticipation_reach(CONTACT_DISTANCE, math.hypot(ux, uy), PARAMETERS)
-        pair = ahead * reach, left * reach, ux, uy, 1.0, CONTACT_DISTANCE, 1.0, PARAMETERS
-        assert anticipation_acceleration(*pair) == pytest.approx((0.0, 0.0), abs=1e-5)
-        reach = beyond * proximity_reach(CONTACT_DISTANCE, PARAMETERS)
-        found = proximity_acceleration(ahead * reach, left * reach, (1.0, 0.0), 1.0, CONTACT_DISTANCE, PARAMETERS)
-        assert found == pytest.approx((0.0, 0.0), abs=1e-5)
+        reach = beyond * repulsion_reach(CONTACT_DISTANCE, math.hypot(ux, uy), PARAMETERS)
+        x, y = ahead * reach, left * reach
+        assert anticipation_acceleration(x, y, ux, uy, 1.0, DISCS, 1.0, PARAMETERS) == pytest.approx(
+            (0.0, 0.0), abs=1e-4
+        )
+        assert proximity_acceleration(x, y, EAST, 1.0, DISCS, PARAMETERS) == pytest.approx((0.0, 0.0), abs=1e-4)
 
 
-def test_neighbours_out_of_reach_do_not_change_the_choice_of_direction_and_speed() -> None:
-    random, value = np.random.default_rng(2), np.empty(len(ANGLES))
-    held_up = 0
-    for _ in range(2000):
-        velocity, desired_speed = random.normal(scale=1.0, size=(4, 2)), random.uniform(0.0, 2.0)
-        # Two neighbours ahead, and one out of reach that comes nearer, mostly in one of the directions.
-        far = headway_reach(CONTACT_DISTANCE, math.hypot(*velocity[2]), desired_speed, PARAMETERS)
-        distance = np.array([*random.uniform(0.4, 1.2, size=2), max(far, 0.0) * random.uniform(1.0001, 1.1)])
-        angle = np.radians(random.choice(ANGLES, size=3)) + random.normal(scale=0.05, size=3)
-        velocity[2] = -np.hypot(*velocity[2]) * np.array((math.cos(angle[2]), -math.sin(angle[2])))
-        path = np.empty((3, 7))
-        path[:, AHEAD], path[:, ASIDE] = distance * np.cos(angle), -distance * np.sin(angle)
-        path[:, MOVE_AHEAD], path[:, MOVE_ASIDE] = velocity[:3].T * PARAMETERS.look_ahead_time
-        path[:, ALIGNMENT] = random.uniform(-1.0, 1.0, size=3)
-        path[:, CONTACT], path[:, WEIGHT] = CONTACT_DISTANCE, random.choice((1.0, 0.4), size=3)
-        own = (1.0, 0.0), (float(velocity[3, 0]), float(velocity[3, 1])), desired_speed, 1.0, PARAMETERS, value
-        found = steer(path, *own)
-        held_up += found != (1.0, 0.0, desired_speed)
-        assert found == steer(path[:2], *own)
-    assert held_up > 300
+# Groups and streams
 
 
-def test_pedestrians_start_at_once_and_follow_smoothly() -> None:
-    starting, walking, following = (
-        adaptive_acceleration((vx, 0.0), (1.0, 0.0), permitted, 1.3, PARAMETERS)
-        for vx, permitted in ((0.0, 0.5), (1.0, 1.3), (1.0, 0.9))
-    )
-    assert starting[0] == pytest.approx(0.5 / 0.16)
-    assert walking[0] == pytest.approx(0.3 / 0.61)
-    assert following[0] == pytest.approx(-0.1 / 2.0)
-    assert adaptive_acceleration((0.5, 0.2), (1.0, 0.0), 0.5, 0.5, PARAMETERS)[1] == pytest.approx(-0.2 / 0.36)
+def walkers_at(position: list[tuple[float, float]], velocity: list[tuple[float, float]], group: int = -1) -> Walkers:
+    """Discs that head and face east, want to walk at 1.3 m/s, and attend to each other."""
+    count = len(position)
+    east, ones = np.tile(EAST, (count, 1)), np.ones(count)
+    return Walkers(
+        np.array(position), np.array(velocity), east, east, 1.3 * ones, CONTACT_DISTANCE / 2 * ones, ones > 0.0,
+        **neighbour_lists(1.0 - np.eye(count)), group=np.full(count, group), is_abreast=ones > 0.0,
+        shoulder=0.0 * ones, headway=ones, politeness=ones,
+    )  # fmt: skip
 
 
-def test_group_members_behind_accelerate_as_much_as_members_ahead_slow_down() -> None:
-    parameters = PARAMETERS._replace(cohesion=0.2, spacing=0.9, abreast=0.1)
-    east, none, lists = np.tile([1.0, 0.0], (2, 1)), np.zeros((2, 2)), neighbour_lists(1.0 - np.eye(2))
+def test_members_of_a_group_that_lag_hurry_as_much_as_members_ahead_wait() -> None:
+    def added(x: float, y: float, i: int, *, is_abreast: bool = True) -> tuple[float, float]:
+        walkers = walkers_at([(0.0, 0.0), (x, y)], [(0.0, 0.0)] * 2, group=0)
+        walkers.is_abreast[:] = is_abreast
+        return group_velocity(walkers, i, np.zeros(2), 1.0, GIVEN)
 
-    def cohesion(x: float, y: float, i: int) -> tuple[float, float]:
-        position, ones = np.array([[0.0, 0.0], [x, y]]), np.ones(2)
-        group = np.zeros(2, dtype=np.int64)
-        walkers = Walkers(position, none, east, east, ones, ones, ones > 0.0, **lists, group=group, bond=ones)
-        return group_cohesion_acceleration(walkers, i, parameters)
+    assert added(0.3, 0.7, 0) == pytest.approx((0.0, 0.0))  # within a third of the spacing: abreast
+    assert added(0.5, 0.7, 0) == pytest.approx((0.2 * 0.2, 0.0))
+    assert added(0.5, 0.7, 1) == pytest.approx((-0.2 * 0.2, 0.0))
+    assert added(0.5, 0.7, 0, is_abreast=False) == pytest.approx((0.0, 0.0))
+    assert added(0.0, 0.5, 0) == pytest.approx((0.0, -0.2 * 0.1))  # nearer than two thirds of the spacing
+    assert added(0.5, 0.0, 0)[1] == pytest.approx(-added(0.5, 0.0, 1)[1])  # in file: they go to different sides
+    assert added(0.0, 1.4, 0) == pytest.approx((0.0, 0.2 * 0.5))  # half a metre farther than the spacing
+    assert added(0.0, 9.0, 0) == pytest.approx((0.0, 0.2 * MAXIMUM_GROUP_DISTANCE))
 
-    assert cohesion(0.6, 0.5, 0) == pytest.approx((0.06, 0.0))
-    assert cohesion(0.6, 0.5, 1) == pytest.approx((-0.06, 0.0))
-    assert cohesion(0.0, 1.4, 0) == pytest.approx((0.0, 0.1))
+
+def test_a_group_keeps_half_of_the_looseness_with_which_it_comes() -> None:
+    looseness = np.full(2, math.nan)
+    came = walkers_at([(0.0, 0.0), (0.7, 0.7)], [(0.0, 0.0)] * 2, group=0)
+    assert group_velocity(came, 0, looseness, 1.0, GIVEN) == (0.0, 0.0)
+    assert looseness[0] == pytest.approx(0.4)  # it is so much more than a third of the spacing behind
+    assert math.isnan(looseness[1])
+    assert group_velocity(came, 0, looseness, 1.0, GIVEN) == pytest.approx((0.2 * 0.2, 0.0))
+
+
+def test_those_who_walk_in_a_stream_speed_up_slowly_and_others_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = GIVEN._replace(anticipation_strength=0.0, proximity_strength=0.0, wander=0.0)
+    monkeypatch.setattr(sonata2026, "PARAMETERS", given)
+
+    def acceleration(distance: float, pace: float, desired_speed: float = 1.3) -> float:
+        """Of a walker, m/s^2, with another one ahead at a lateral distance that leaves the strip free."""
+        walkers = walkers_at([(0.0, 0.0), (distance, 0.5)], [(pace, 0.0), (1.3, 0.0)])
+        walkers.desired_speed[:] = desired_speed
+        return float(Sonata2026Model(room()).acceleration(walkers)[0, 0])
+
+    stream = math.exp(-math.hypot(1.0, 0.5) / STREAM_LENGTH)
+    time = 0.3 + (2.0 - 0.3) * stream / (1.0 + stream)
+    assert acceleration(1.0, 1.0) == pytest.approx(0.3 / time)
+    assert acceleration(-1.0, 1.0) == pytest.approx(0.3 / 0.3)  # the other one is behind
+    assert acceleration(1.0, 0.2) == pytest.approx(min(1.1 / 0.3, MAXIMUM_ACCELERATION))  # starts
+    assert acceleration(1.0, 1.0, 0.7) == pytest.approx(-0.3 / 0.3)  # slows down
+
+
+def test_deviations_have_mean_0_and_variance_1_and_last_for_their_time() -> None:
+    lag = 10  # ticks
+    memory = Memory(np.array([12345]), np.zeros(1), np.zeros(1))
+    angle = np.array([deviate(memory, 0, math.exp(-1.0 / lag)) for _ in range(40_000)])
+    assert angle.mean() == pytest.approx(0.0, abs=0.1)
+    assert angle.var() == pytest.approx(1.0, abs=0.1)
+    assert np.mean(angle[lag:] * angle[:-lag]) == pytest.approx(math.exp(-1.0), abs=0.1)
+
+
+def test_each_pedestrian_deviates_in_its_own_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sonata2026, "PARAMETERS", PARAMETERS._replace(wander=0.1))
+    humans = [Human(k, Pose(-3.5, y), behaviour="walking", goals=((3.5, y),)) for k, y in ((1, -3.0), (2, 3.0))]
+    together = positions(simulate(room(humans, robot=CORNER), 3.0))
+    alone = positions(simulate(room(humans[1:], robot=CORNER), 3.0))
+    others = positions(simulate(room(humans, robot=CORNER, seed=1), 3.0))
+    start = together[0, :, 1]
+    assert np.abs(together[:, 0, 1] - start[0] - together[:, 1, 1] + start[1]).max() > 0.02
+    assert np.abs(together[:, 1, 1] - others[:, 1, 1]).max() > 0.02
+    assert together[:, 1] == pytest.approx(alone[:, 0], abs=1e-9)  # whoever else is there, out of range
+
+
+# Motion
 
 
 def crossing(side: int = 1) -> Scene:

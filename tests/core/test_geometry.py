@@ -11,13 +11,18 @@ from sonata2d.core.geometry import (
     Barriers,
     Pose,
     canonical_angle,
+    contact_times,
     inside_polygon,
     quantised,
     segment_distances,
     segments_cross,
+    shoulder_line_distances,
+    shoulder_lines,
+    to_shoulder_line,
 )
+from sonata2d.core.portable_math import Array, unit_vector, unit_vectors
 from sonata2d.core.scalar import crosses, gap, is_inside, line_gap, towards
-from sonata2d.core.vectors import wrap_angle
+from sonata2d.core.vectors import lengths, wrap_angle
 
 metres = st.floats(-20.0, 20.0)
 angles = st.floats(-50.0, 50.0)
@@ -122,3 +127,55 @@ def test_joined_barriers_equal_barriers_of_all_edges() -> None:
             getattr(joined, name)[0] = 0.0
     assert first.joined(Barriers.of([])) is first
     assert np.array_equal(Barriers.of([]).joined(first).table, first.table)
+
+
+bodies = st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-4.0, 4.0), st.floats(0.0, 0.3))
+
+
+def line_points(body: tuple[float, float, float, float]) -> Array:
+    """1001 points on a shoulder line; body is x, y, theta and half the length of the line."""
+    x, y, theta, shoulder = body
+    start, end = shoulder_lines(np.array([x, y]), np.array(unit_vector(theta)), shoulder)
+    return start + np.linspace(0.0, 1.0, 1001)[:, None] * (end - start)
+
+
+@given(bodies, st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)))
+def test_nearest_point_of_a_shoulder_line_is_the_nearest_of_many(
+    body: tuple[float, float, float, float], point: tuple[float, float]
+) -> None:
+    x, y, theta, shoulder = body
+    offset, direction = np.array([x, y]) - np.array(point), np.array(unit_vector(theta))
+    found = to_shoulder_line(offset, direction, shoulder)
+    assert float(lengths(found)) == pytest.approx(float(lengths(line_points(body) - np.array(point)).min()), abs=1e-3)
+    assert scalar.to_shoulder_line(*offset, *direction, shoulder) == tuple(found.tolist())
+    assert to_shoulder_line(offset, direction, 0.0).tolist() == offset.tolist()  # a disc, to the last bit
+
+
+@given(bodies, bodies)
+def test_distance_of_shoulder_lines_is_that_of_their_nearest_points(
+    body: tuple[float, float, float, float], other: tuple[float, float, float, float]
+) -> None:
+    offset = np.array(other[:2]) - np.array(body[:2])
+    turned = [np.array(unit_vector(theta)) for theta in (body[2], other[2])]
+    found = float(shoulder_line_distances(offset, turned[0], body[3], turned[1], other[3]))
+    sampled = lengths(line_points(body)[:, None] - line_points(other)[None]).min()
+    assert found == pytest.approx(float(sampled), abs=1e-3)
+
+
+@given(bodies, st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
+def test_time_to_contact_is_the_first_time_at_which_the_outlines_touch(
+    body: tuple[float, float, float, float], vx: float, vy: float
+) -> None:
+    x, y, theta, shoulder = body
+    offset, direction, velocity, radii = np.array([x, y]), np.array(unit_vector(theta)), np.array([vx, vy]), 0.4
+    found = float(contact_times(offset, velocity, radii, direction, shoulder))
+    times = np.linspace(0.0, min(found, 10.0), 200)
+    gaps = lengths(to_shoulder_line(offset - times[:, None] * velocity, direction, shoulder)) - radii
+    assert gaps[:-1].min() > -1e-6 or found == 0.0
+    if found < 10.0:
+        assert gaps[-1] < 1e-6
+
+
+@given(st.lists(angles, min_size=1, max_size=5))
+def test_many_unit_vectors_have_the_bits_of_one(theta: list[float]) -> None:
+    assert unit_vectors(np.array(theta)).tolist() == [list(unit_vector(angle)) for angle in theta]

@@ -91,8 +91,10 @@ def test_outlines_keep_the_clearance_to_others_and_to_each_other() -> None:
     assert not fits((disc, Pose(-2.0, 2.0)), others=others)  # inside the table
     assert not fits((disc, Pose(-2.0, 2.89)), others=others)
     assert fits((disc, Pose(-2.0, 2.91)), others=others)
-    assert fits((disc, Pose(-2.0, -2.0)), (disc, Pose(-1.29, -2.0)))
-    assert not fits((disc, Pose(-2.0, -2.0)), (disc, Pose(-1.31, -2.0)))
+    assert fits((disc, Pose(-2.0, -2.0)), (table, Pose(-0.59, -2.0)))
+    assert not fits((disc, Pose(-2.0, -2.0)), (table, Pose(-0.61, -2.0)))
+    assert fits((disc, Pose(-2.0, -2.0)), (disc, Pose(-1.4, -2.0)))  # people who start together may touch
+    assert not fits((disc, Pose(-2.0, -2.0)), (disc, Pose(-1.41, -2.0)))
 
 
 def test_sight_lines_do_not_cross_walls() -> None:

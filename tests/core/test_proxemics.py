@@ -24,6 +24,13 @@ def test_clearance_is_the_gap_between_outlines() -> None:
     assert s2.clearance(World(room()).snapshot()) == math.inf
 
 
+def test_clearance_is_smaller_beside_a_shoulder_than_before_the_chest() -> None:
+    facing, turned = Human(1, Pose(-1.0, 0.0)), Human(1, Pose(-1.0, 0.0, math.pi / 2))
+    assert clearances(World(room([facing])).snapshot()) == pytest.approx([2.0 - 0.3 - 0.14])
+    assert clearances(World(room([turned])).snapshot()) == pytest.approx([2.0 - 0.3 - 0.225])
+    assert clearances(World(room([Human(1, Pose(-1.0, 0.0), breadth=0.28)])).snapshot()) == pytest.approx([1.56])
+
+
 def test_obstacle_clearance_considers_walls_and_furniture() -> None:
     assert obstacle_clearance(World(room(robot=Pose(-3.0, 0.0))).snapshot()) == pytest.approx(0.7)
     plant = Furniture(9, "plant", Pose(-2.2, 0.0), Disc(0.2))

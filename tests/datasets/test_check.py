@@ -62,7 +62,8 @@ def _move(frames: slice, human: int, x: float, y: float) -> Callable[[Any], None
         (set_value("frames", 3, "robot", 2, 0.5), "frames.2.robot", "rad turned"),
         (_move(slice(0, 7), 1, 9.0, 0.0), "frames.0", "human 2 is outside the room (7 cases"),
         (set_value("frames", 3, "robot", 1, 9.0), "frames.3", "the robot is outside"),
-        (_move(slice(0, 7), 0, 3.9, 0.0), "frames.0.walls", "human 1 is 0.040 m too deep in a wall (the worst of 7"),
+        (_move(slice(0, 7), 0, 3.9, 0.0), "frames.0.walls", "human 1 is 0.065 m too deep in a wall (the worst of 7"),
+        (_move(slice(0, 7), 0, 3.85, 0.0), "frames.0.walls", "human 1 is 0.015 m too deep in a wall"),  # a shoulder is
         (_move(slice(0, 7), 0, 2.0, 3.0), "frames.0.objects", "human 1 is 0.540 m too deep in table 10"),
         (_move(slice(0, 7), 0, -3.5, 3.2), "frames.0.objects", "human 1 is 0.040 m too deep in plant 12"),
         (_move(slice(0, 7), 0, -1.0, 0.3), "frames.0.humans", "human 1 is 0.140 m too deep in the robot"),
@@ -82,13 +83,15 @@ def test_an_edited_episode_is_found(episode: Path, change: Callable[[Any], None]
 def unicycle_file(tmp_path: Path) -> Path:
     """A unicycle drives in a bend and then against a wall."""
     config = s2.ScenarioConfig(
-        humans=4,
+        humans=0,
+        tables=0,
+        plants=0,
         robot={"kinematics": "unicycle"},
         rules={"ends_on": ["time"], "time_limit": 8.0},
     )
     path = tmp_path / "unicycle.json"
     with s2.JsonRecorder(path) as recorder:
-        s2.Episode(s2.generate(config, seed=1), Bend(), observers=[recorder]).run()
+        s2.Episode(s2.generate(config, seed=0), Bend(), observers=[recorder]).run()
     return path
 
 
@@ -124,7 +127,7 @@ def test_a_unicycle_that_slips_is_found(unicycle_file: Path) -> None:
         text = problems_after(_sideways(frame, 0.002, 0.0))
         found = re.findall(r"frames\.(\d+)\.robot: the robot, a unicycle, is 0\.002 m off its heading", text)
         assert found in ([str(frame - 1)], [str(frame)])  # the tick before the frame, or the one after it
-        assert "is 0.002 m from where its drive led" in text
+        assert re.search(r"is 0\.00[12] m from where its drive led", text)
         text = problems_after(_sideways(frame, 0.0, 0.02))
         assert f"frames.{frame}.robot: the robot, a unicycle, is 0.020 m/s fast sideways" in text
     text = problems_after(set_value("frames", 30, "executed", [0.0, 0.1, 0.0]))

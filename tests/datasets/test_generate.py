@@ -153,7 +153,7 @@ def test_a_fast_robot_without_guard_passes_the_check_or_is_refused(tmp_path: Pat
     def scenario(speed: float) -> s2.ScenarioConfig:
         limits = {"ahead": speed, "back": speed, "sideways": 0.5, "acceleration": 100.0, "turn_acceleration": 100.0}
         rules = {"time_limit": 10.0, "ends_on": ["time"], "guard": False}
-        return s2.ScenarioConfig(humans=8, robot={"limits": limits}, rules=rules)
+        return s2.ScenarioConfig(humans=16, robot={"limits": limits}, rules=rules)
 
     generate_dataset(tmp_path / "out", scenario(10.0), f"{__name__}:Rammer", episodes=6)
     pushed = [read_episode(path).states.humans[..., 3:5] for path in sorted((tmp_path / "out").glob("0*.json"))]

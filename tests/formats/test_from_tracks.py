@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.core.entities import PERSON_RADIUS
+from sonata2d.core.entities import PERSON_BREADTH
 from sonata2d.datasets.check import check_episode
 from sonata2d.datasets.replay import check_replay
 from sonata2d.errors import ConfigError, RecordError, SceneError
@@ -90,7 +90,7 @@ def test_simulated_pedestrians_start_and_aim_as_recorded(tmp_path: Path) -> None
     assert person(config, 4).resolved_behaviour == "standing"
     assert [person(config, k).group for k in (1, 2, 3)] == [5, 5, None]
     y = [person(config, k).start[1] for k in (1, 2)]
-    distance = 2 * PERSON_RADIUS - 0.03  # recorded, the bodies would overlap by 11 cm
+    distance = PERSON_BREADTH - 0.03  # recorded, the shoulders would overlap
     assert y == pytest.approx([0.5 - distance / 2, 0.5 + distance / 2], abs=2e-3)
     record = run(config, tmp_path)
     assert record.present[-1].sum() < 4 or len(record) < 100
@@ -105,7 +105,7 @@ def test_single_pedestrians_are_replayed_among_simulated_ones(tmp_path: Path) ->
 def test_pedestrian_recorded_inside_a_wall_starts_beside_it(tmp_path: Path) -> None:
     path = track_file(tmp_path, [(k, 1, 0.4 * k, 0.05, 0) for k in range(10)], walls="x1,y1,x2,y2\n-3,0,3,0\n")
     config = scenario_from_tracks(path, people="simulated", seconds=3.0)
-    assert config.people[0].start == pytest.approx((0.0, PERSON_RADIUS - 0.03), abs=1e-3)
+    assert config.people[0].start == pytest.approx((0.0, PERSON_BREADTH / 2 - 0.03), abs=1e-3)
     run(config, tmp_path)
 
 

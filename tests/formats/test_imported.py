@@ -64,8 +64,8 @@ def test_headings_follow_the_velocity_and_are_kept_while_standing() -> None:
 
 
 def test_estimated_radii_never_overlap() -> None:
-    positions = np.array([[(0.0, 0.0), (5.0, 0.0), (9.0, 3.0)], [(0.0, 0.0), (0.26, 0.0), (9.0, 3.0)]])
+    positions = np.array([[(0.0, 0.0), (5.0, 0.0), (9.0, 3.0)], [(0.0, 0.0), (0.22, 0.0), (9.0, 3.0)]])
     first, second, near_wall = fitting_radii(positions, np.array([(8.9, 0.0, 8.9, 9.0)]))
-    assert first == second == pytest.approx(0.15)
+    assert first == second == pytest.approx(0.13)
     assert near_wall == pytest.approx(0.12)
     assert fitting_radii(positions[:1], np.zeros((0, 4))) == [PERSON_RADIUS] * 3

@@ -219,10 +219,11 @@ def test_mirrored_episode_gives_the_mirrored_graph(runs: list[EpisodeRecord]) ->
             indices = mirrored_nodes(graph)
             assert twin.position[indices] == pytest.approx(graph.position * [-1, 1])
             assert twin.label == pytest.approx(graph.label * [1, -1, -1])
+            # a mirrored file keeps four decimals of the mirrored angles
             for name in ("hum_x_pos", "human_x_vel", "human_a_vel", "hum_orientation_cos", "goal_x_pos", "wall_x_pos"):
-                assert column(twin, name)[indices] == pytest.approx(-column(graph, name), abs=1e-5)
+                assert column(twin, name)[indices] == pytest.approx(-column(graph, name), abs=5e-5)
             for name in ("hum_y_pos", "human_y_vel", "hum_orientation_sin", "goal_dist", "wall_dist"):
-                assert column(twin, name)[indices] == pytest.approx(column(graph, name), abs=1e-5)
+                assert column(twin, name)[indices] == pytest.approx(column(graph, name), abs=5e-5)
 
 
 @pytest.mark.parametrize(

@@ -57,8 +57,9 @@ def test_gaps_are_those_between_outlines(seed: int) -> None:
     gap = column(graph, "gap")[:, 0]
     body, people, objects = Disc(robot.radius), len(scene.humans), len(scene.furniture)
     assert gap[0] == 0.0
-    for k, human in enumerate(scene.humans, 1):
-        assert max(gap[k], 0.0) == pytest.approx(shape_gap(Disc(human.radius), human.pose, body, robot.pose), abs=1e-9)
+    outlines = Barriers.of(edge for human in scene.humans for edge in human.shape.edges(human.pose))
+    expected = outlines.gaps(np.array([robot.pose.position]))[:, 0] - robot.radius
+    assert gap[1 : 1 + people] == pytest.approx(expected, abs=1e-9)
     for k, thing in enumerate(scene.furniture, 1 + people):
         assert max(gap[k], 0.0) == pytest.approx(shape_gap(thing.shape, thing.pose, body, robot.pose), abs=1e-9)
     position = np.array([robot.pose.position])
@@ -80,11 +81,11 @@ def test_nearest_point_is_on_the_outline_at_the_distance_of_the_gap(seed: int, o
     robot = frame.to_local(scene.robot.pose.position)
     distance = np.hypot(near[:, 0] - robot[0], near[:, 1] - robot[1])
     assert distance[1:] == pytest.approx(gap[1:] + scene.robot.radius, abs=1e-9)
-    outlines = [(Disc(human.radius), human.pose) for human in scene.humans]
+    outlines = [(human.shape, human.pose) for human in scene.humans]
     outlines += [(thing.shape, thing.pose) for thing in scene.furniture]
     for (shape, pose), point in zip(outlines, near[1:].tolist(), strict=False):
-        world = Pose(*frame.to_world((point[0], point[1])))
-        assert shape_gap(shape, pose, Disc(0.0), world) == pytest.approx(0.0, abs=1e-9)
+        world = frame.to_world((point[0], point[1]))
+        assert Barriers.of(shape.edges(pose)).gaps(np.array([world])).min() == pytest.approx(0.0, abs=1e-9)
 
 
 def test_robot_inside_an_outline_has_a_negative_gap_and_a_finite_point() -> None:

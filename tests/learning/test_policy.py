@@ -262,7 +262,7 @@ def test_inputs_of_a_mirrored_episode_are_mirrored(tmp_path: Path) -> None:
 
 def test_inputs_agree_with_their_names() -> None:
     rng = RandomStream(3, 0, "people")
-    people = [walker(k, 3 * rng.uniform(-1, 1), 3 * rng.uniform(-1, 1), k) for k in range(1, 6)]
+    people = [walker(k, 3 * rng.uniform(-1, 1), 3 * rng.uniform(-1, 1), k, breadth=0.4) for k in range(1, 6)]  # discs
     scene = replace(room(people), robot=Robot(Pose(-2.0, 1.0, 0.7)))
     policy = KeepsGraphs()
     s2.Episode(scene, policy).step()

@@ -9,9 +9,8 @@ import pytest
 
 from sonata2d.core import proxemics
 from sonata2d.core.entities import AT_LAPTOP, TALKING, Furniture, Group, Human
-from sonata2d.core.geometry import Disc, Pose
+from sonata2d.core.geometry import Disc, Pose, disc_contact_times
 from sonata2d.core.scene import Scene
-from sonata2d.metrics.interactions import times_to_collision
 
 from ..conftest import room
 from .samples import line, record, stay, value
@@ -26,10 +25,11 @@ def test_time_to_collision_with_a_standing_person() -> None:
 
 
 def test_time_to_collision_on_crossing_paths() -> None:
-    """C = (1.5, 1.5), V = (1, 1) m/s, R = 0.5 in the last state: (3 - √(9 - 2 (4.5 - 0.25))) / 2 s."""
+    """C = (1.5, 1.5), V = (1, 1) m/s, R = 0.5 in the last state: (3 - √(9 - 2 (4.5 - 0.25))) / 2 s, for a disc."""
+    disc = room([Human(1, Pose(0.0, 0.0), 0.2, breadth=0.4)])
     robot, person = line((-0.2, 0.0), (0.1, 0.0), 3), line((1.5, 1.7), (0.0, -0.1), 3)
     expected = (3.0 - math.sqrt(9.0 - 2.0 * 4.25)) / 2.0
-    assert value("time_to_collision_min", ONE_PERSON, robot, [person]) == pytest.approx(expected, abs=1e-6)
+    assert value("time_to_collision_min", disc, robot, [person]) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_time_to_collision_without_a_collision_course(robot: list[list[float]], 
 
 
 def test_time_to_collision_of_touching_discs_is_zero() -> None:
-    assert float(times_to_collision(np.array([0.5, 0.0]), np.zeros(2), 0.5)) == 0.0
+    assert float(disc_contact_times(np.array([0.5, 0.0]), np.zeros(2), 0.5)) == 0.0
 
 
 def talking(*positions: tuple[float, float]) -> tuple[Scene, list[list[list[float]]]]:

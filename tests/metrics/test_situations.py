@@ -12,8 +12,8 @@ import pytest
 
 from sonata2d import Episode, JsonRecorder, SocialPlanner, StraightToGoal, generate, load_scenario
 from sonata2d.agents.controllers.base import Controller
-from sonata2d.core.entities import PERSON_RADIUS
-from sonata2d.core.humans import Y
+from sonata2d.core.humans import BODY_Y, Y
+from sonata2d.core.proxemics import clearance
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.errors import ConfigError
 from sonata2d.metrics.encounters import Encounter, Meeting, Tracks, doorways, encounter
@@ -127,7 +127,7 @@ def test_meeting_has_person_time_clearance_and_sight_distance() -> None:
     distances = [math.dist(s.robot.position, s.humans.position[0]) for s in states]
     assert meeting.person == 1
     assert min(distances) == pytest.approx(distances[nearest])
-    assert meeting.clearance == pytest.approx(distances[nearest] - 0.3 - PERSON_RADIUS)
+    assert meeting.clearance == pytest.approx(clearance(states[nearest]))
     assert meeting.sight_distance is not None
     assert 2.0 < meeting.sight_distance < 4.0
 
@@ -151,7 +151,7 @@ def meeting_of_mirror_image(states: tuple[Snapshot, ...]) -> Meeting:
         scene = snapshot.scene
         walls = tuple(replace(w, start=(w.start[0], -w.start[1]), end=(w.end[0], -w.end[1])) for w in scene.walls)
         state = snapshot.humans.state.copy()
-        state[:, Y] *= -1.0
+        state[:, [Y, BODY_Y]] *= -1.0
         return replace(
             snapshot,
             scene=replace(scene, walls=walls),

@@ -41,8 +41,8 @@ def test_the_golden_file_is_read_and_passes_check() -> None:
 
 
 def test_a_file_of_physics_1_is_read_and_passes_check() -> None:
-    """The file lacks all keys that were added after physics 1."""
-    humans = tuple(replace(human, model="moussaid2009") for human in scene().humans)
+    """The file lacks all keys that were added after physics 1; its people are discs."""
+    humans = tuple(replace(human, model="moussaid2009", breadth=2 * human.radius) for human in scene().humans)
     assert read_episode(PHYSICS_1).scene() == replace(scene(), humans=humans)
     assert check_episode(PHYSICS_1) == []
 

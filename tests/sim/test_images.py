@@ -34,7 +34,7 @@ class ImageController(s2.Controller):
 
     def act(self, snapshot):
         green = int((snapshot.image[..., 1] > snapshot.image[..., 0]).sum())
-        return s2.Twist(vx=0.5, omega=0.001 * green)
+        return s2.Twist(vx=0.5, omega=0.0004 * green)
 
     def label(self, snapshot, twist):
         return {"mean": float(snapshot.image.mean())}

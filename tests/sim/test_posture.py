@@ -10,7 +10,7 @@ import pytest
 from sonata2d.core import humans
 from sonata2d.core.portable_math import Array, unit_vectors
 from sonata2d.sim.kernel import posture
-from sonata2d.sim.kernel.posture import BODY_TURN, HEAD_LIMIT, HEAD_TURN
+from sonata2d.sim.kernel.posture import BODY_TURN, HEAD_LIMIT, HEAD_TURN, LATERAL_ACCELERATION
 
 THETA, OMEGA, GAZE = range(3)  # columns of `turn`
 
@@ -56,8 +56,15 @@ def test_the_turn_rate_is_limited_and_equals_the_change_of_heading() -> None:
 
 
 def test_slow_walkers_follow_a_short_change_less_than_fast_ones() -> None:
-    slow, fast = (turn(0.6, speed=speed, ticks=2)[-1, THETA] for speed in (0.1, 1.3))
+    slow, fast = (turn(0.1, speed=speed, ticks=2)[-1, THETA] for speed in (0.1, 1.3))
     assert slow < 0.4 * fast
+
+
+@pytest.mark.parametrize("speed", [0.8, 1.3])
+def test_walkers_turn_in_arcs(speed: float) -> None:
+    fastest = np.abs(turn(2.0, speed=speed)[:, OMEGA]).max()
+    assert fastest == pytest.approx(LATERAL_ACCELERATION / speed)
+    assert fastest < 0.8 * BODY_TURN
 
 
 def test_a_head_turns_faster_than_its_body_and_stops_at_the_limit_of_the_neck() -> None:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from sonata2d.core.entities import Furniture, Human, Limits, Wall
-from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
+from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist, segment_distances, shoulder_lines
 from sonata2d.core.portable_math import Array
+from sonata2d.core.proxemics import clearances
 from sonata2d.core.scene import Rules
 from sonata2d.core.snapshot import CrowdCommands, Snapshot
 from sonata2d.core.vectors import X
@@ -237,8 +238,68 @@ def test_a_robot_without_guard_pushes_people_until_a_wall_stops_them(count: int,
     for _ in range(80):
         snapshot = drive(world, Twist(vx=speed), 1)
         overlap = 0.2 + 0.3 - np.hypot(*(snapshot.humans.position - snapshot.robot.position).T)
-        assert overlap.max() < 0.005 + speed * 0.01  # the motion in a substep
+        assert overlap.max() < 0.01 + 2 * speed * 0.01  # the motion of robot and person in a substep
         assert world.scene.barriers.gaps(snapshot.humans.position).min() > 0.2 - 0.005 - speed * 0.01
     stopped = snapshot.robot.position
     assert stopped[X] == pytest.approx(4.0 - 0.4 * count - 0.3, abs=0.02 * (count + 1))
     assert drive(world, Twist(vx=speed), 200).robot.position == pytest.approx(stopped, abs=0.002)
+
+
+@pytest.mark.parametrize("kinematics", ["holonomic", "unicycle"])
+@pytest.mark.parametrize("theta", [0.0, 0.4, 0.8, 1.2, math.pi / 2, 2.5, -0.7])
+@pytest.mark.parametrize("y", [0.0, 0.2, 0.45])
+def test_guard_stops_the_robot_at_the_shoulders_of_a_standing_person(
+    y: float, theta: float, kinematics: Literal["holonomic", "unicycle"]
+) -> None:
+    scene = room([Human(1, Pose(0.0, y, theta))], robot=Pose(-2.0, 0.0))
+    world = World(replace(scene, robot=replace(scene.robot, kinematics=kinematics)))
+    nearest = math.inf
+    for _ in range(40):
+        snapshot = drive(world, Twist(vx=1.0), 1)
+        nearest = min(nearest, float(clearances(snapshot)[0]))
+        touches = clearances(snapshot)[0] < scene.rules.contact_distance
+        assert touches <= bool(snapshot.contacts)  # contacts within the tick are reported too
+        assert snapshot.humans.position[0].tolist() == [0.0, y]
+    assert nearest > -1e-9
+    if y < 0.4:
+        assert nearest < 0.001
+        assert snapshot.contacts or kinematics == "holonomic"  # which slides past
+
+
+def test_a_person_pressed_against_a_wall_by_the_robot_does_not_turn() -> None:
+    """There is room for the depth of the body, but not for its shoulders."""
+    human = walker(1, 3.855, 0.0, radius=0.14)
+    world = World(room([human], robot=Pose(3.855 - 0.145 - 0.3, 0.0)))
+    gaze = np.array([[0.0, 1.0]])
+    for _ in range(20):
+        world.step(Twist(), CrowdCommands(np.zeros((1, 2)), gaze, gaze, np.zeros(1, dtype=int), ()))
+    snapshot = world.snapshot()
+    assert snapshot.humans.theta[0] < 0.3
+    assert snapshot.humans.head[0] > 1.0
+    assert clearances(snapshot)[0] > -0.01
+
+
+def test_a_shoulder_does_not_sink_into_the_corner_of_a_table() -> None:
+    """Many people, each at a table of its own; the engine misses contacts of torsos with corners of polygons."""
+    walls = ((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0))
+    humans, tables, targets = [], [], []
+    for k in range(400):
+        theta, offset, (x, y) = (
+            0.3 + 0.5 * (k % 20) / 10,
+            -0.2 + 0.02 * (k // 20),
+            (3.0 * (k % 20) - 30, 3.0 * (k // 20) - 30),
+        )
+        tables.append(Furniture(1000 + k, "table", Pose(x, y), Rectangle(0.8, 0.8)))
+        start = Pose(x + 0.75 + offset, y + 0.75 - offset, theta + math.pi)
+        humans.append(Human(k + 1, start, 0.13, behaviour="wandering", velocity=(-0.7, -0.7), breadth=0.5))
+        targets.append(start.direction)
+    world = World(room(humans, tables, robot=Pose(-38.0, -38.0), goal=(38.0, 38.0), polygon=walls))
+    deepest = 0.0
+    for _ in range(6):
+        headings = np.array(targets)
+        world.step(Twist(), CrowdCommands(np.zeros((400, 2)), headings, headings, np.zeros(400, dtype=int), ()))
+        people = world.snapshot().humans
+        lines = shoulder_lines(people.position, people.direction, people.shoulder)
+        gaps = segment_distances(*lines, world.scene.barriers).min(axis=0) - people.radius
+        deepest = max(deepest, -float(gaps.min()))
+    assert 0.0 < deepest < 0.012  # the motion in a substep

@@ -259,14 +259,14 @@ def test_only_a_piece_that_is_longer_than_wide_is_drawn_with_a_front(scene, came
 def test_doors_queues_and_places_are_drawn_where_they_are_and_explained(scene, camera):
     doors = (Door(1, Pose(2.0, 0.0, math.pi / 2), 1.0),)
     there = replace(
-        scene, doors=doors, queues=(Queue(1, Pose(4.5, 1.8, math.pi / 2), 0.7, capacity=2),),
+        scene, doors=doors, queues=(Queue(1, Pose(2.7, 3.7, math.pi / 2), 0.7, capacity=2),),
         places=(Place(1, 2.0, 3.0, 0.5),),
     )  # fmt: skip
     before, drawn = (picture(snapshot_at(s), camera=camera, layers=BARE) for s in (scene, there))
     assert colour_at(before, camera, (2.0, -0.05)) == WALL
     assert colour_at(drawn, camera, (2.0, -0.02)) == FLOOR
     assert colour_at(drawn, camera, (1.2, -0.05)) == WALL
-    for place in ((4.5, 1.8 - 0.13), (4.5, 1.1 + 0.12), (2.0 + 0.49, 3.02)):
+    for place in ((2.7, 3.7 - 0.13), (2.7, 3.0 + 0.12), (2.0 + 0.49, 3.02)):
         assert colour_at(before, camera, place) == FLOOR
         assert colour_at(drawn, camera, place) != FLOOR
     texts = [{entry.text for entry in Legend.of([snapshot_at(s)], Layers(legend=True)).entries} for s in (scene, there)]

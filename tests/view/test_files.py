@@ -14,6 +14,7 @@ import pygame
 import pytest
 from PIL import Image
 
+from sonata2d.core.proxemics import clearance
 from sonata2d.core.snapshot import Contact
 from sonata2d.errors import RenderError
 from sonata2d.view.draw import Layers, picture
@@ -165,7 +166,7 @@ def test_a_page_holds_the_episode(tmp_path, episode):
     assert [row[0] for row in data["robot"]] == pytest.approx([1.0 + 0.1 * k for k in range(12)])
     assert [tick for tick, _ in data["links"]] == [0, 7, 8]
     assert data["commands"][3] == [1.0, 0.0, 0.1]
-    assert data["clearance"][0] == pytest.approx(np.hypot(0.2, 1.1) - 0.5, abs=1e-3)
+    assert data["clearance"][0] == pytest.approx(clearance(episode[0]), abs=1e-3)
 
 
 def test_a_page_explains_its_symbols_in_the_words_of_the_pictures(tmp_path, scene, episode):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -10,6 +11,8 @@ import numpy as np
 import pygame
 import pytest
 
+from sonata2d.core.entities import Human
+from sonata2d.core.geometry import Pose
 from sonata2d.core.humans import BODY_X, GAZE_X, GAZE_Y
 from sonata2d.core.scene import Scene, Unmeasured
 from sonata2d.core.snapshot import Snapshot
@@ -23,7 +26,7 @@ from sonata2d.view.palette import GOAL, ROBOT
 from sonata2d.view.stills import save_moment
 from sonata2d.view.trails import Trails
 
-from .conftest import pixels, snapshot_at
+from .conftest import BARE, pixels, snapshot_at
 
 TRACKS = "frame,ped,x,y\n" + "\n".join(
     f"{frame},{ped},{0.1 * frame + ped},{ped}" for frame in range(20) for ped in (1, 2)
@@ -93,3 +96,16 @@ def test_a_pedestrian_without_heading_is_one_disc(scene: Scene) -> None:
     human = next(iter(snapshot_at(scene).humans))
     assert len(human_parts(human, 0.0)) == 2
     assert len(human_parts(human, 0.0, unmeasured={"headings", "heads"})) == 1
+
+
+def test_a_body_is_drawn_as_broad_as_its_shoulders_and_as_deep_as_its_chest(scene: Scene) -> None:
+    extents = []
+    for theta in (0.0, math.pi / 2):
+        human = Human(1, Pose(1.5, 1.5, theta), 0.15, breadth=0.5)
+        snapshot = snapshot_at(replace(scene, humans=(human,), interactions=()))
+        nobody = replace(snapshot, humans=snapshot.humans.select(np.arange(0)))
+        shown, empty = (pixels(picture(s, layers=BARE, size=(640, 640))) for s in (snapshot, nobody))
+        changed = np.argwhere((shown != empty).any(axis=2))
+        extents.append((np.ptp(changed, axis=0) + 1) * 0.5 / (np.ptp(changed, axis=0).max() + 1))
+    assert extents[0] == pytest.approx([0.3, 0.5], abs=0.02)
+    assert extents[1] == pytest.approx([0.5, 0.3], abs=0.02)

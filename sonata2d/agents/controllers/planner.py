@@ -11,10 +11,10 @@ import numpy as np
 from ...core.compiled import kernel, subroutine
 from ...core.entities import TALKING, WALKING_TOGETHER, Robot
 from ...core.geometry import Barriers, Point, Twist
-from ...core.humans import VX, VY, X, Y
+from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
-from ...core.scalar import END_X, END_Y, RADIUS, START_X, START_Y, clipped, gap, rotation
+from ...core.scalar import END_X, END_Y, RADIUS, START_X, START_Y, clipped, gap, rotation, to_shoulder_line
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from .base import Controller
@@ -316,7 +316,8 @@ class SocialPlanner(Controller):
         now = robot.executed
         best = _cheapest(
             self._numbers, self._layers, self._barriers, self._pairs, self._velocities, self._turns, self._positions,
-            self._progress, humans.state, humans.radius, snapshot.tick, robot.position, robot.direction,
+            self._progress, humans.state, humans.radius, humans.shoulder, snapshot.tick, robot.position,
+            robot.direction,
             float(now.vx), float(now.vy), float(now.omega), float(last.vx), float(last.vy), float(last.omega),
         )  # fmt: skip
         if best < len(self._twists):
@@ -330,7 +331,7 @@ class SocialPlanner(Controller):
 @kernel
 def _cheapest(
     numbers: Array, layers: Array, barriers: Array, pairs: IntArray, velocities: Array, turns: Array, positions: Array,
-    progress: Array, state: Array, radius: Array, tick: int, position: Point, direction: Point,
+    progress: Array, state: Array, radius: Array, shoulder: Array, tick: int, position: Point, direction: Point,
     now_vx: float, now_vy: float, now_omega: float, last_vx: float, last_vy: float, last_omega: float,
 ) -> int:  # fmt: skip
     """The first one of the cheapest candidates.
@@ -344,7 +345,7 @@ def _cheapest(
         turns: (T,), rad/s; the last one is overwritten with the last command's.
         positions: (2, STEPS + 1, T, V), m, world frame; overwritten with the predicted positions of the robot.
         progress: smallest cost of the path to the goal so far, and the tick of that; updated.
-        state, radius: (N, 9) and (N,), of the people.
+        state, radius, shoulder: (N, 9), (N,) and (N,), of the people; see `Humans`.
         tick: of the snapshot.
         position, direction: of the robot, world frame.
         now_vx, now_vy, now_omega: the twist that the drive executed.
@@ -359,9 +360,9 @@ def _cheapest(
     motions, speed = _motions(numbers, velocities, now_vx, now_vy)
     _roll_out(positions, headings, motions, position)
     solids = _nearby_barriers(numbers, barriers, position)
-    people = _nearby_people(numbers, state, radius, position, speed)
+    people = _nearby_people(numbers, state, radius, shoulder, position, speed)
     far = max(PERSONAL_DISTANCE, (speed - SLOW_SPEED) / SPEED_PER_METRE) + 1e-6  # m, beyond which people cost nothing
-    bodies, counts = _predicted_bodies(numbers, state, radius, position, speed, far)
+    bodies, counts = _predicted_bodies(numbers, state, radius, shoulder, position, speed, far)
 
     count = len(pairs)
     end_cost, change, bound = np.empty(count), np.empty(count), np.empty(count)
@@ -556,15 +557,18 @@ def _ground_cost(
 
 
 @subroutine
-def _nearby_people(numbers: Array, state: Array, radius: Array, position: Point, speed: float) -> Array:
+def _nearby_people(
+    numbers: Array, state: Array, radius: Array, shoulder: Array, position: Point, speed: float
+) -> Array:
     """The people before whom the robot might have to brake.
 
     Returns:
-        (n, 4): unit vector to the person, gap, and the person's speed towards the robot; m, m/s.
+        (n, 4): unit vector to the nearest point of the person, gap, and the person's speed towards the robot; m, m/s.
     """
     people, count = np.empty((len(state), 4)), 0
     for j in range(len(state)):
         dx, dy = state[j, X] - position[0], state[j, Y] - position[1]
+        dx, dy = to_shoulder_line(dx, dy, state[j, BODY_X], state[j, BODY_Y], shoulder[j])
         distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
         nx, ny = dx / distance, dy / distance
         space = distance - radius[j] - numbers[ROBOT_RADIUS]
@@ -619,23 +623,25 @@ def _to_world(motions: Array, step: int, v: int, c: float, s: float) -> Point:
 
 @subroutine
 def _predicted_bodies(
-    numbers: Array, state: Array, radius: Array, position: Point, speed: float, far: float
+    numbers: Array, state: Array, radius: Array, shoulder: Array, position: Point, speed: float, far: float
 ) -> tuple[Array, IntArray]:
-    """The people that a trajectory can come near to, where they are in each step if they keep their velocities.
+    """The people that a trajectory can come near to, where they are in each step if they keep velocity and heading.
 
     Returns:
-        (STEPS, N, 3), m: position, and distance between the centres at contact; and (STEPS,), number of rows in use.
+        (STEPS, N, 6): position, m; distance of the robot's centre from the shoulder line at contact, m; heading, unit
+        vector; half the length of the shoulder line, m; and (STEPS,), number of rows in use.
     """
-    bodies, counts = np.empty((STEPS, len(state), 3)), np.zeros(STEPS, dtype=np.int64)
+    bodies, counts = np.empty((STEPS, len(state), 6)), np.zeros(STEPS, dtype=np.int64)
     for k in range(STEPS):
         time = (k + 1.0) * STEP
         for j in range(len(state)):
             x, y = state[j, X] + state[j, VX] * time, state[j, Y] + state[j, VY] * time
             touching = radius[j] + numbers[ROBOT_RADIUS]
-            dx, dy, reach = x - position[0], y - position[1], speed * time + far + touching
+            dx, dy, reach = x - position[0], y - position[1], speed * time + far + touching + shoulder[j]
             if dx * dx + dy * dy < reach * reach:
                 n = counts[k]
                 bodies[k, n, 0], bodies[k, n, 1], bodies[k, n, 2] = x, y, touching
+                bodies[k, n, 3], bodies[k, n, 4], bodies[k, n, 5] = state[j, BODY_X], state[j, BODY_Y], shoulder[j]
                 counts[k] += 1
     return bodies, counts
 
@@ -645,7 +651,8 @@ def _clearance(bodies: Array, counts: IntArray, positions: Array, step: int, v: 
     """Clearance from the nearest person in a step of a trajectory, at most `far`; m."""
     x, y, nearest = positions[X, step + 1, t, v], positions[Y, step + 1, t, v], far
     for n in range(counts[step]):
-        dx, dy, touching = x - bodies[step, n, 0], y - bodies[step, n, 1], bodies[step, n, 2]
+        dx, dy, touching = bodies[step, n, 0] - x, bodies[step, n, 1] - y, bodies[step, n, 2]
+        dx, dy = to_shoulder_line(dx, dy, bodies[step, n, 3], bodies[step, n, 4], bodies[step, n, 5])
         square, reach = dx * dx + dy * dy, nearest + touching
         if square < reach * reach * (1.0 + 1e-9):  # a root for the nearest ones only
             nearest = min(nearest, math.sqrt(square) - touching)

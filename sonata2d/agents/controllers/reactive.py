@@ -115,6 +115,7 @@ class SocialForce(Controller):
         walkers.velocity[:-1], walkers.velocity[-1] = humans.velocity, robot.velocity
         walkers.body_direction[:-1], walkers.body_direction[-1] = humans.direction, robot.direction
         walkers.radius[:-1], walkers.desired_direction[-1] = humans.radius, direction
+        walkers.shoulder[:-1] = humans.shoulder
         offset = walkers.position[:-1] - walkers.position[-1]
         distance = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
         near = np.flatnonzero(distance < INTERACTION_RANGE)
@@ -143,7 +144,10 @@ def _robot_among(count: int, radius: float, speed: float) -> Walkers:
         neighbour=np.zeros(count, dtype=np.int64),
         attention=np.zeros(count),
         group=np.full(count + 1, -1),
-        bond=np.ones(count + 1),
+        is_abreast=np.ones(count + 1, dtype=bool),
+        shoulder=np.zeros(count + 1),
+        headway=np.ones(count + 1),
+        politeness=np.ones(count + 1),
     )
 
 

@@ -14,7 +14,7 @@ from ...core.geometry import Barriers, Point, as_point
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.packing import Bools, Floats, Floats2, Packed, unpack
 from ...core.portable_math import Array, BoolArray, IntArray
-from ...core.scalar import unit_or
+from ...core.scalar import clipped, rotation, unit_or
 from ...core.scene import Scene
 from ...core.snapshot import CrowdCommands, Snapshot
 from ...registry import PEDESTRIAN_MODELS
@@ -45,20 +45,22 @@ from .reactions import (
     robot_repulsion,
     step_back,
 )
+from .shoulders import TWIST_RATE, wanted_twist
 from .social.dynamics import SocialDynamics
 from .social.state import SocialArrays, SocialState
 from .wayfinding import (
     Routes,
     Wayfinding,
     advance_on_paths,
+    corner_speed,
     next_without_destination,
     point_ahead,
     set_targets,
 )
 
 MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
-OWN_GOALS_BOND = 0.1  # bond to the group of members with goals of their own; 1 for wandering members
-ARRIVAL_TIME = 0.4  # s: the desired speed near a final target is at most the remaining distance over this
+STANDING_SPEED, STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
+ARRIVAL_BRAKING = 0.8  # m/s^2, of a walker that arrives where it will stay
 
 # Steps of `plan`, and what it waits for when it returns.
 _FOLLOW, _TARGET, _TURN, _DONE = range(4)
@@ -97,6 +99,7 @@ class Plan(NamedTuple):
         standing_position: (N, 2), m, to which standing pedestrians return if they are pushed.
         facing, gaze: (N, 2), unit vectors of the desired headings and gazes.
         acceleration: (N, 2), m/s^2.
+        twist: (N,), rad, by which the shoulders are turned from the direction of the feet.
     """
 
     preferred_speed: Floats
@@ -105,6 +108,7 @@ class Plan(NamedTuple):
     facing: Floats2
     gaze: Floats2
     acceleration: Floats2
+    twist: Floats
 
 
 class People(NamedTuple):
@@ -157,12 +161,14 @@ class Crowd:
             facing=np.zeros((count, 2)),
             gaze=np.zeros((count, 2)),
             acceleration=np.zeros((count, 2)),
+            twist=np.zeros(count),
         )
         self._walkers = _walkers(scene)
         self._is_present, self._all_present = np.ones(count, dtype=bool), True
         self._evaluations = min(evaluations_per_tick(self._model.evaluations, self._dt), scene.rules.substeps)
         self._interval = self._dt / self._evaluations
         self._robot_position: Point = scene.robot.pose.position
+        self._robot_radius, self._robot_rests, self._robot_is_obstacle = scene.robot.radius, 0, False
         self._people = Packed(self._gather())
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
@@ -178,6 +184,7 @@ class Crowd:
         self._set_presence(state.is_present)
         self._find_neighbours(humans)
         self._social_dynamics.update(tick, humans[:, X : Y + 1], self._walkers)
+        self._watch_robot(robot)
         wayfinding.begin_tick(tick, humans, self._is_present)
         if self._surroundings.obstacles is not wayfinding.space.barriers.table:
             self._surroundings = self._look_around()
@@ -194,6 +201,16 @@ class Crowd:
             leaving=wayfinding.leaving + self._social_dynamics.leaving,
             seats=self._social_dynamics.seats,
         )
+
+    def _watch_robot(self, robot: Array) -> None:
+        """Let paths lead round a robot that stands, as round a piece of furniture, whether it is ignored or not."""
+        is_moving = robot[VX] * robot[VX] + robot[VY] * robot[VY] > STANDING_SPEED * STANDING_SPEED
+        self._robot_rests = 0 if is_moving else self._robot_rests + 1
+        is_obstacle = self._robot_rests * self._dt >= STANDING_TIME
+        if is_obstacle != self._robot_is_obstacle:
+            self._robot_is_obstacle = is_obstacle
+            place = (float(robot[X]), float(robot[Y]))
+            self._wayfinding.set_robot(Barriers.of([(place, place, self._robot_radius)] if is_obstacle else ()))
 
     def _find_neighbours(self, humans: Array) -> None:
         """Fill the neighbour lists; make them longer if necessary."""
@@ -306,7 +323,9 @@ def observe(packed_people: Any, humans: Array, is_present: BoolArray) -> int:
     for k in range(len(humans)):
         walkers.position[k, 0], walkers.position[k, 1] = humans[k, X], humans[k, Y]
         walkers.velocity[k, 0], walkers.velocity[k, 1] = humans[k, VX], humans[k, VY]
-        walkers.body_direction[k, 0], walkers.body_direction[k, 1] = humans[k, BODY_X], humans[k, BODY_Y]
+        c, s = rotation(-people.plan.twist[k])
+        walkers.body_direction[k, 0] = humans[k, BODY_X] * c - humans[k, BODY_Y] * s
+        walkers.body_direction[k, 1] = humans[k, BODY_X] * s + humans[k, BODY_Y] * c
     return find_neighbours(walkers, is_present, people.surroundings.view_blocks)
 
 
@@ -339,7 +358,7 @@ def plan(
     around, routes, social, reactions = people.surroundings, people.routes, people.social, people.reactions
     glances, result, walkers = people.glances, people.plan, people.walkers
     if step == _FOLLOW:
-        item = next_without_destination(routes, first, tick, humans, is_present)
+        item = next_without_destination(routes, first, tick, humans, is_present, social.is_walking)
         if item < len(routes.order):
             return _NEEDS_DESTINATION, item
         if advance_on_paths(
@@ -358,7 +377,7 @@ def plan(
     for k in range(len(humans)):
         if not has_draws(glances, k) and (social.partner_count[k] > 0 or reactions.notices[k]):
             return _NEEDS_DRAWS, 0
-    _orient(walkers, routes, social, reactions, glances, result, tick, humans, is_present, around.dt, is_headed)
+    _orient(walkers, routes, social, reactions, glances, result, tick, humans, is_present, around, is_headed)
     return _IS_PLANNED, 0
 
 
@@ -374,10 +393,11 @@ def _set_desires(
         if social.is_walking[k]:
             ux, uy = unit_or(dx, dy, 1e-3, humans[k, BODY_X], humans[k, BODY_Y])
         walkers.desired_direction[k, 0], walkers.desired_direction[k, 1] = ux, uy
-        speed = result.preferred_speed[k]
+        speed = min(result.preferred_speed[k], corner_speed(routes, k, humans[k, X], humans[k, Y]))
         if routes.is_final[k]:
-            speed = min(speed, math.sqrt(dx * dx + dy * dy) / ARRIVAL_TIME)
+            speed = min(speed, math.sqrt(2.0 * ARRIVAL_BRAKING * math.sqrt(dx * dx + dy * dy)))
         walkers.desired_speed[k] = speed
+        walkers.is_abreast[k] = routes.is_abreast[k] or routes.leader[k] == k
 
 
 @subroutine
@@ -416,9 +436,10 @@ def _react(
 @subroutine
 def _orient(
     walkers: Walkers, routes: Routes, social: SocialArrays, reactions: Reactions, glances: Glances, result: Plan,
-    tick: int, humans: Array, is_present: BoolArray, dt: float, is_headed: bool,
+    tick: int, humans: Array, is_present: BoolArray, around: Surroundings, is_headed: bool,
 ) -> None:  # fmt: skip
     """Choose the desired directions of bodies and heads."""
+    dt = around.dt
     for k in range(len(humans)):
         if not is_present[k]:
             result.facing[k, 0] = result.gaze[k, 0] = 1.0
@@ -428,9 +449,14 @@ def _orient(
         facing_x, facing_y = facing(k, humans, social, ux * speed, uy * speed, reactions)
         if is_headed and social.is_walking[k]:  # motion follows the body, so the body turns to the desired direction
             facing_x, facing_y = ux, uy
+        twist, change = 0.0, TWIST_RATE * dt if tick > 0 else math.inf
+        if social.is_walking[k]:
+            twist = wanted_twist(walkers, k, around.barriers, result.twist[k], around.side)
+        result.twist[k] += clipped(twist - result.twist[k], -change, change)
         lead = max(speed * HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD)
         ahead_x, ahead_y = point_ahead(routes, k, humans[k, X], humans[k, Y], lead)
-        result.facing[k, 0], result.facing[k, 1] = facing_x, facing_y
+        c, s = rotation(result.twist[k])
+        result.facing[k, 0], result.facing[k, 1] = facing_x * c - facing_y * s, facing_x * s + facing_y * c
         result.gaze[k, 0], result.gaze[k, 1] = gaze(
             k, tick, humans, social, facing_x, facing_y, ahead_x, ahead_y, reactions, glances, dt
         )
@@ -455,7 +481,9 @@ def total_acceleration(packed_people: Any, walking: Array, robot_x: float, robot
             ax, ay = walking[k, 0] + push_x, walking[k, 1] + push_y
         else:
             place = result.standing_position
-            ax, ay = standing_acceleration(x, y, vx, vy, place[k, 0], place[k, 1])
+            ax, ay = standing_acceleration(
+                x, y, vx, vy, place[k, 0], place[k, 1], walkers.body_direction[k, 0], walkers.body_direction[k, 1]
+            )
         # The speed after the interval is limited.
         vx_after, vy_after = vx + ax * interval, vy + ay * interval
         speed, maximum = math.sqrt(vx_after * vx_after + vy_after * vy_after), 0.0
@@ -480,7 +508,10 @@ def _walkers(scene: Scene) -> Walkers:
         neighbour=np.zeros(0, dtype=np.int64),
         attention=np.zeros(0),
         group=_walking_groups(scene),
-        bond=np.array([OWN_GOALS_BOND if human.goals else 1.0 for human in scene.humans], dtype=float),
+        is_abreast=np.ones(count, dtype=bool),
+        shoulder=np.array([human.shoulder for human in scene.humans], dtype=float),
+        headway=np.array([human.headway for human in scene.humans], dtype=float),
+        politeness=np.array([human.politeness for human in scene.humans], dtype=float),
     )
 
 

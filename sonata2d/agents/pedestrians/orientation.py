@@ -1,8 +1,7 @@
 """Which way pedestrians turn their bodies and heads; each one's glances are drawn from its own random stream.
 
-- The body of a walker turns to v + w, with its velocity v and its desired velocity w shortened to 0.4 m/s, so that slow
-  walkers do not turn hastily. The head turns to the point on the path 1 s ahead, so that it leads a turn, and at times
-  to companions.
+- The body of a walker turns to where it wants to go, and so leads a turn of its path, by 35 degrees at most. The head
+  turns to the point on the path 1 s ahead, so that it leads the body, and at times to companions.
 - Pedestrians that talk face their partner, or the centre of the group, and look from face to face; pedestrians that
   attend to an object face it.
 - Glances at the robot, when it is in sight, in view and near, are short for `avoids`, longer for `stops`, long and
@@ -32,8 +31,11 @@ from .social.state import SocialArrays
 
 HEAD_LEAD_TIME = 1.0  # s, by which the head leads the path
 MINIMUM_HEAD_LEAD = 0.8  # m, minimum distance ahead on the path
-DESIRED_SPEED_WEIGHT = 0.4  # m/s, maximum length of the desired velocity that is added to the velocity of the body
-IDLE_SPEED, MOVING_SPEED = 0.3, 0.4  # m/s: slower bodies keep their direction; faster scared ones face their path
+LEAD_COSINE, LEAD_SINE = (
+    0.8191520442889918,
+    0.573576436351046,
+)  # of 35 degrees: most by which a body leads its course
+IDLE_SPEED, MOVING_SPEED = 0.3, 0.4  # m/s: slower bodies turn freely; faster scared ones face their path
 VIEW_COSINE = -0.35  # cosine of the angle from the body's direction up to which the robot is noticed
 
 # Columns of the times of glances: shortest and longest look, and shortest and longest pause after it, s; and the
@@ -145,10 +147,14 @@ def facing(
         if not talks and not flees:
             return reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
     if is_walking:
-        speed = math.sqrt(course_x * course_x + course_y * course_y)
-        scale = min(speed, DESIRED_SPEED_WEIGHT) / max(speed, 1e-6)
-        x, y = vx + course_x * scale, vy + course_y * scale
-        return unit_or(x, y, IDLE_SPEED, humans[k, BODY_X], humans[k, BODY_Y])
+        ux, uy = unit_or(course_x, course_y, 0.05, humans[k, BODY_X], humans[k, BODY_Y])
+        speed = math.sqrt(vx * vx + vy * vy)
+        if speed > IDLE_SPEED:
+            x, y = vx / speed, vy / speed
+            if x * ux + y * uy < LEAD_COSINE:
+                sine = LEAD_SINE if x * uy - y * ux >= 0.0 else -LEAD_SINE
+                return LEAD_COSINE * x - sine * y, LEAD_COSINE * y + sine * x
+        return ux, uy
     x, y = _facing_point(k, humans, social)
     return unit_or(x - humans[k, X], y - humans[k, Y], 0.05, humans[k, BODY_X], humans[k, BODY_Y])
 

@@ -62,7 +62,8 @@ class Reactions(NamedTuple):
         weight: (N,), in [0, 1], how much the robot changes the motion; 0: not at all.
         is_alone: (N,) of bool, not in a group.
         clearance: (N,), m, preferred gap to the robot.
-        contact_distance: (N,), m, between the centres of pedestrian and robot at contact.
+        contact_distance: (N,), m, between the centres of pedestrian and robot at which a shoulder may touch the
+            robot: half the breadth and the robot's radius, whatever the heading.
         elapsed: (N,), s, time that the present reaction has lasted.
         is_exhausted: (N,) of bool, the reaction lasted its full duration and is recovering.
         delay: (N,), s, time for which a pedestrian was kept from its path.
@@ -103,7 +104,7 @@ def initial_reactions(scene: Scene) -> Reactions:
         weight=np.array([human.reacts_to_robot for human in humans], dtype=float),
         is_alone=np.array([human.group is None for human in humans], dtype=bool),
         clearance=np.where(kind == SCARED, clearance + SCARED_CLEARANCE, clearance),
-        contact_distance=np.array([human.radius for human in humans], dtype=float) + scene.robot.radius,
+        contact_distance=np.array([human.shape.circumradius for human in humans], dtype=float) + scene.robot.radius,
         elapsed=np.zeros(count),
         is_exhausted=np.zeros(count, dtype=bool),
         delay=np.zeros(count),

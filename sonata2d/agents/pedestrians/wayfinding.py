@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,23 +20,32 @@ import numpy as np
 from ...core.compiled import subroutine
 from ...core.entities import PERSON_RADIUS, Place
 from ...core.geometry import Barriers, Point
-from ...core.humans import X, Y
+from ...core.humans import VX, VY, X, Y
 from ...core.navigation import FreeSpace
 from ...core.packing import Bools, Floats2, Floats3, Ints
-from ...core.portable_math import Array, BoolArray
+from ...core.portable_math import PI, Array, BoolArray
 from ...core.rng import AgentStreams
 from ...core.scalar import Vector
 from ...core.scene import Scene
+from ...core.vectors import length
 from ...core.visibility import is_clear
 
-CLEARANCE = 0.10  # m, of paths from walls, furniture and standing people
+CLEARANCE = 0.05  # m, of shoulders from walls, furniture and standing people, where there is room
+TIGHT_CLEARANCE = 0.03  # m, of a body that passes sideways, where there is none
+DETOUR = 1.3  # length of a path with room over that of one without, up to which the first is preferred
 WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
 ARRIVAL_DISTANCE = 0.5  # m from the goal
+EXIT_DISTANCE = 0.3  # m from the goal at which a pedestrian leaves
+CLUSTER_AREA = 0.5  # m^2, of each pedestrian in a cluster that stands at one goal
+LARGEST_CLUSTER = 3.0  # m, radius
 SPOT_SPACING = 0.7  # m, between the places at which pedestrians stand for a time
 DOORWAY_DEPTH = 0.4  # m, in front of a door, where pedestrians neither stand nor wander to
+BRAKING_TIME = 0.5  # s, in which the velocity of a pedestrian that stops carries it to where it will stand
 STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is to stand there has arrived
 TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
-WAYPOINT_DISTANCE = 0.35  # m from a waypoint at which the next one becomes the target
+WAYPOINT_DISTANCE = 0.6  # m from a waypoint at which the next one becomes the target if nothing is in between
+REACHED_DISTANCE = 0.2  # m from a waypoint at which the next one becomes the target anyway
+TURNING, BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker that turns at a waypoint
 MINIMUM_TRIP = 2.0  # m; random destinations nearer than this are rejected
 CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
 PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
@@ -99,11 +109,12 @@ class Wayfinding:
     Attributes:
         routes: targets and paths.
         space: free space of paths.
-        passable: free space that is narrower by a tolerance: a path that leaves it is blocked.
+        tight: free space of bodies that pass sideways.
+        passable: free space that is wider by a tolerance: a path that leaves it is blocked.
         choose_task: called with index and position when a wandering pedestrian needs a destination; returns True if
             it has set one with `send_to`. None: always choose at random.
-        start_stay: called with index, place (m) and duration (s) when a pedestrian is to stand where it has arrived.
-            None: it goes on.
+        start_stay: called with index, place (m) and duration (s, or infinite) when a pedestrian is to stand where it
+            has arrived. None: it goes on.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -118,6 +129,7 @@ class Wayfinding:
         self._stay = [0.0] * count  # at the present destination, s
         self._place: list[Place | None] = [None] * count  # of interest, of the present destination
         self._spots = np.full((count, 2), math.nan)  # where pedestrians stand for a time, or will, m
+        self._position = self._velocity = self._spots  # of all pedestrians, m and m/s
         self._kept_free = _discs_kept_free(scene)
         self._has_groups = any(group.kind == "walking" for group in scene.groups)
         self._has_exits = any(human.exits for human in humans)
@@ -147,9 +159,12 @@ class Wayfinding:
         self.choose_task: Callable[[int, Point], bool] | None = None
         self.start_stay: Callable[[int, Point, float], None] | None = None
         may_walk = range(count) if scene.social.is_lively else walking
-        self._clearance = max((humans[k].radius for k in may_walk), default=PERSON_RADIUS) + CLEARANCE
+        self._depth = max((humans[k].radius for k in may_walk), default=PERSON_RADIUS)
+        self._breadth = max((humans[k].shape.circumradius for k in may_walk), default=PERSON_RADIUS)
         self.space: FreeSpace
+        self.tight: FreeSpace
         self.passable: FreeSpace
+        self._robot = Barriers.of(())
         self.set_obstacles(scene.standing_humans, scene.shared_spaces)
         xs, ys = zip(*scene.polygon, strict=True)
         self._bounding_box = min(xs), min(ys), max(xs), max(ys)
@@ -162,6 +177,7 @@ class Wayfinding:
             humans: (N, 9), columns of `core.humans`.
             is_present: (N,).
         """
+        self._position, self._velocity = humans[:, X : Y + 1], humans[:, VX : VY + 1]
         for k in self._recorded:
             self.routes.target[k] = self._scene.humans[k].track_position(tick + self._track_look_ahead)
         if tick == 0:
@@ -174,12 +190,15 @@ class Wayfinding:
             x, y = self.routes.path[k, self.routes.length[k] - 1].tolist()
             # A pedestrian without progress is somewhere else on its path.
             if self.start_stay is not None and _near(position[0], position[1], x, y, STOPPING_DISTANCE):
-                self.start_stay(k, (x, y), self._stay[k])
+                self._stay_here(k, position, self._stay[k])
                 return
+        if self.routes.goals_left[k] == 0:
+            self._stay_here(k, position, math.inf)
+            return
         if k in self._goals:
             # Goals of the scene are always approached, straight if there is no free path.
             goal = self._pop_goal(k)
-            path = self.space.path(position, goal)
+            path = self.find_path(position, goal)
             self._set_path(k, np.array([position, goal]) if path is None else path, 1)
             return
         if self.choose_task is not None and self.choose_task(k, position):
@@ -196,10 +215,13 @@ class Wayfinding:
                 continue
             if not self.space.is_free_at(goal) or (is_choosy and self._is_taken(k, goal)):
                 continue
+            # A choosy leader goes where the group can walk abreast as it stands, and where all members have room.
+            if is_choosy and self._is_in_file(k, position, goal):
+                continue
             needs_room = group_half_width > MEMBER_HALF_WIDTH and is_choosy
             if needs_room and self._scene.barriers.gaps(np.array([goal])).min() < group_half_width:
                 continue
-            path = self.space.path(position, goal)
+            path = self.find_path(position, goal)
             if path is not None:
                 self._set_path(k, path)
                 self._place[k] = place
@@ -207,6 +229,25 @@ class Wayfinding:
                 self._plan_stay(k, rng.uniform(low, high) if high > 0.0 else 0.0, goal)
                 return
         self._set_path(k, np.array([position]), 0)
+
+    def _is_in_file(self, k: int, position: Point, goal: Point) -> bool:
+        """Whether a follower of pedestrian k is more ahead or behind than beside it on the way to a goal, m."""
+        ahead, left = goal[0] - position[0], goal[1] - position[1]
+        for other in self.followers(k):
+            x, y = self._position[other, 0] - position[0], self._position[other, 1] - position[1]
+            if abs(x * ahead + y * left) > abs(x * left - y * ahead):
+                return True
+        return False
+
+    def _stay_here(self, k: int, position: Point, duration: float) -> None:
+        """Let pedestrian k stand where it comes to rest if it brakes now: near its destination, not exactly there."""
+        vx, vy = self._velocity[k].tolist()
+        place = position[0] + vx * BRAKING_TIME, position[1] + vy * BRAKING_TIME
+        if not self.space.is_free_at(place):
+            place = position
+        self._spots[k] = place
+        if self.start_stay is not None:
+            self.start_stay(k, place, duration)
 
     def _choose_place(self, k: int) -> Place | None:
         """A place of interest, by weight, other than the one where the pedestrian is; None if there is none."""
@@ -241,15 +282,44 @@ class Wayfinding:
     def find_new_path(self, k: int, position: Point) -> None:
         """Find a new path to the same destination for a pedestrian that was pushed off its path."""
         x, y = self.routes.path[k, self.routes.length[k] - 1].tolist()
-        path = self.space.path(position, (x, y))
+        path = self.find_path(position, (x, y))
         if path is not None:
             self._set_path(k, path)
 
     def set_obstacles(self, standing: Barriers, shared_spaces: Barriers) -> None:
         """Replace the obstacles that paths avoid besides walls and furniture: standing people and their o-spaces."""
-        solids = self._scene.barriers.joined(standing)
-        self.space = FreeSpace(self._scene.outline, solids.joined(shared_spaces), self._clearance)
-        self.passable = FreeSpace(self._scene.outline, solids, self._clearance - CLEARANCE - WALL_TOLERANCE)
+        self._standing, self._shared_spaces = standing, shared_spaces
+        self._update_spaces()
+
+    def set_robot(self, robot: Barriers) -> None:
+        """Replace the outline of the robot that paths avoid: one that stands; empty while it moves."""
+        self._robot = robot
+        self._update_spaces()
+
+    def _update_spaces(self) -> None:
+        solids = self._scene.barriers.joined(self._standing).joined(self._robot)
+        shared_spaces = self._shared_spaces
+        obstacles, outline = solids.joined(shared_spaces), self._scene.outline
+        self.space = FreeSpace(outline, obstacles, self._breadth + CLEARANCE)
+        self.tight = FreeSpace(outline, obstacles, self._depth + TIGHT_CLEARANCE)
+        self.passable = FreeSpace(outline, solids, self._depth - WALL_TOLERANCE)
+
+    def find_path(self, start: Point, goal: Point) -> Array | None:
+        """The path to a goal with room for the shoulders, or a shorter one on which they must turn.
+
+        Args:
+            start, goal: m.
+
+        Returns:
+            (K, 2), m; None if there is no path.
+        """
+        path = self.space.path(start, goal)
+        if path is not None and len(path) == 2:
+            return path  # straight
+        tight = self.tight.path(start, goal)
+        if path is None or tight is None:
+            return tight if path is None else path
+        return tight if _length(path) > DETOUR * _length(tight) else path
 
     def is_open(self, start: Point, end: Point) -> bool:
         """Whether a pedestrian can stand at the end, and walk there straight from the start; m."""
@@ -257,7 +327,7 @@ class Wayfinding:
 
     def send_to(self, k: int, position: Point, destination: Point) -> bool:
         """Send pedestrian k from its position to a destination, m, where it stays; False if there is no path."""
-        path = self.space.path(position, destination)
+        path = self.find_path(position, destination)
         if path is not None:
             self._set_path(k, path)
             self.routes.is_assigned[k], self.routes.is_stopping[k] = True, False
@@ -357,7 +427,9 @@ def _discs_kept_free(scene: Scene) -> list[tuple[float, float, float]]:
 
 
 @subroutine
-def next_without_destination(routes: Routes, first: int, tick: int, humans: Array, is_present: BoolArray) -> int:
+def next_without_destination(
+    routes: Routes, first: int, tick: int, humans: Array, is_present: BoolArray, is_walking: BoolArray
+) -> int:
     """Follow the leaders' paths, up to the first pedestrian that needs a destination.
 
     Args:
@@ -365,7 +437,7 @@ def next_without_destination(routes: Routes, first: int, tick: int, humans: Arra
         first: item of `Routes.order` to begin with.
         tick: that begins.
         humans: (N, 9), columns of `core.humans`.
-        is_present: (N,).
+        is_present, is_walking: (N,).
 
     Returns:
         Item of `Routes.order` whose pedestrian needs a destination; the number of items if there is none.
@@ -379,6 +451,8 @@ def next_without_destination(routes: Routes, first: int, tick: int, humans: Arra
             leader = k  # followers of an absent leader lead themselves
         if leader == k:
             if _needs_destination(routes, k, tick, humans) or _is_stuck(routes, k, tick, humans):
+                return n
+            if routes.goals_left[k] == 0 and _has_settled(routes, k, humans, is_present, is_walking):
                 return n
         elif routes.copied[k] != routes.version[leader] and not routes.is_assigned[k]:
             routes.copied[k] = routes.version[k] = routes.version[leader]
@@ -399,6 +473,22 @@ def _needs_destination(routes: Routes, k: int, tick: int, humans: Array) -> bool
         return bool(count == 0 or tick % CHECK_INTERVAL == 0)
     last = routes.path[k, count - 1]
     return bool(routes.next[k] == count - 1 and _near(humans[k, X], humans[k, Y], last[0], last[1], ARRIVAL_DISTANCE))
+
+
+@subroutine
+def _has_settled(routes: Routes, k: int, humans: Array, is_present: BoolArray, is_walking: BoolArray) -> bool:
+    """Whether a pedestrian has arrived at its last goal, an area that grows with those who stand there."""
+    count = routes.length[k]
+    if routes.is_assigned[k] or routes.is_exiting[k] or count == 0 or routes.next[k] < count - 1:
+        return False
+    x, y = routes.path[k, count - 1, 0], routes.path[k, count - 1, 1]
+    if not _near(humans[k, X], humans[k, Y], x, y, LARGEST_CLUSTER):
+        return False
+    standing = 1
+    for j in range(len(humans)):
+        standing += is_present[j] and not is_walking[j] and _near(humans[j, X], humans[j, Y], x, y, LARGEST_CLUSTER)
+    radius = max(ARRIVAL_DISTANCE, math.sqrt(standing * CLUSTER_AREA / PI))
+    return _near(humans[k, X], humans[k, Y], x, y, radius)
 
 
 @subroutine
@@ -437,9 +527,13 @@ def advance_on_paths(
         has_path = has_path or routes.length[k] > 0
         step = routes.next[k]
         if step < routes.length[k] - 1:
-            x, y = routes.path[k, step, 0], routes.path[k, step, 1]
-            if _near(humans[k, X], humans[k, Y], x, y, WAYPOINT_DISTANCE):
-                routes.next[k] = step + 1
+            px, py, x, y = humans[k, X], humans[k, Y], routes.path[k, step, 0], routes.path[k, step, 1]
+            if _near(px, py, x, y, WAYPOINT_DISTANCE):
+                # Behind a corner the next waypoint may be near, but not in view.
+                next_x, next_y = routes.path[k, step + 1, 0], routes.path[k, step + 1, 1]
+                is_open = is_clear(solids, passable_clearance, px, py, next_x, next_y)
+                if is_open or _near(px, py, x, y, REACHED_DISTANCE):
+                    routes.next[k] = step + 1
     if tick % CHECK_INTERVAL != 0 or not has_path:
         return False
     _find_room_abreast(routes, humans, is_present, space, space_clearance)
@@ -504,8 +598,26 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
             routes.is_exiting[k]
             and routes.goals_left[k] == 0
             and is_last
-            and _near(humans[k, X], humans[k, Y], x, y, ARRIVAL_DISTANCE)
+            and _near(humans[k, X], humans[k, Y], x, y, EXIT_DISTANCE)
         )
+
+
+@subroutine
+def corner_speed(routes: Routes, k: int, x: float, y: float) -> float:
+    """The speed at which pedestrian k at (x, y) can still turn at its next waypoint, m/s."""
+    n = routes.next[k]
+    if routes.length[k] == 0 or n < 0 or n >= routes.length[k] - 1:
+        return math.inf
+    ax, ay = routes.path[k, n, 0] - x, routes.path[k, n, 1] - y
+    bx, by = routes.path[k, n + 1, 0] - routes.path[k, n, 0], routes.path[k, n + 1, 1] - routes.path[k, n, 1]
+    a, b = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
+    if a < 1e-3 or b < 1e-3:
+        return math.inf
+    cosine = (ax * bx + ay * by) / (a * b)
+    # a turn by the angle p begins `WAYPOINT_DISTANCE` before the waypoint, and has the radius of that over tan(p / 2)
+    half = math.sqrt(max(1.0 - cosine, 0.0) / max(1.0 + cosine, 1e-6))
+    square = TURNING * WAYPOINT_DISTANCE / max(half, 1e-6)
+    return math.sqrt(square + 2.0 * BRAKING * max(a - WAYPOINT_DISTANCE, 0.0))
 
 
 @subroutine
@@ -526,6 +638,14 @@ def point_ahead(routes: Routes, k: int, x: float, y: float, distance: float) -> 
         x, y = routes.path[k, n, 0], routes.path[k, n, 1]
         ahead_x, ahead_y, distance = x, y, distance - length
     return ahead_x, ahead_y
+
+
+def _length(path: Array) -> float:
+    """Length of a path (K, 2), m."""
+    total = 0.0
+    for (x, y), (next_x, next_y) in pairwise(path.tolist()):
+        total += length(next_x - x, next_y - y)
+    return total
 
 
 @subroutine

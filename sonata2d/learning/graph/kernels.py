@@ -78,6 +78,7 @@ def modern_features(
     present: IntArray,
     humans: Array,
     radius: Array,
+    shoulder: Array,
     robot: Array,
     robot_radius: float,
     origin: Array,
@@ -91,7 +92,7 @@ def modern_features(
         goal: node of the goal, 1 + P + O.
         present: (P,), indices of the pedestrians that are nodes.
         humans: (H, 7), all pedestrians, world frame.
-        radius: (H,), of all pedestrians, m.
+        radius, shoulder: (H,), of all pedestrians, m; see `Humans`.
         robot: (6,), world frame.
         robot_radius: m.
         origin: (3,), x, y, theta of the frame of reference, world frame.
@@ -104,10 +105,12 @@ def modern_features(
     for k in range(len(features)):
         if k > people:
             _copy(fixed[k - people - 1], body)
-        else:  # a disc: its axes do not matter
+        else:
             _copy(robot if k == 0 else humans[present[k - 1]], body)
             size: float = robot_radius if k == 0 else radius[present[k - 1]]
-            body[LENGTH], body[WIDTH], body[RADIUS] = 2 * size, 2 * size, size
+            half: float = 0.0 if k == 0 else shoulder[present[k - 1]]
+            body[LENGTH], body[WIDTH], body[RADIUS] = 2 * size, 2 * (size + half), size
+            body[AXIS_X], body[AXIS_Y] = unit_vector(body[ROW_THETA])
         if k == 0:
             body[ROW_HEAD] = robot[ROW_THETA]
         row = features[k]
@@ -153,13 +156,13 @@ def _rotated(x: float, y: float, cos: float, sin: float) -> Vector:
 def _nearest_point(body: Array, robot_x: float, robot_y: float) -> tuple[float, float, float]:
     """The point of an outline that is nearest to the robot's centre, and the distance from the outline's core, m.
 
-    Every outline is a core, the centre of a disc or a rectangle, widened by the radius.
+    Every outline is a core, the centre of a disc, the shoulder line of a person or a rectangle, widened by the radius.
     """
     c: float = body[AXIS_X]
     s: float = body[AXIS_Y]
     radius: float = body[RADIUS]
-    half_length: float = 0.0 if radius > 0.0 else body[LENGTH] / 2
-    half_width: float = 0.0 if radius > 0.0 else body[WIDTH] / 2
+    half_length: float = body[LENGTH] / 2 - radius
+    half_width: float = body[WIDTH] / 2 - radius
     dx, dy = robot_x - body[ROW_X], robot_y - body[ROW_Y]
     x = min(max(dx * c + dy * s, -half_length), half_length)
     y = min(max(dy * c - dx * s, -half_width), half_width)

@@ -99,6 +99,7 @@ def modern_rows(scene_nodes: SceneNodes, nodes: Nodes, observations: Sequence[Ob
             nodes.present,
             observation.humans,
             scene_nodes.radius,
+            scene_nodes.shoulder,
             observation.robot,
             scene.robot.radius,
             origin,

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.entities import Interaction
 from ...core.geometry import Disc
-from ...core.humans import frozen
+from ...core.humans import constant_of, frozen
 from ...core.portable_math import Array, BoolArray, IntArray, arctan2, unit_vectors
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
@@ -96,14 +96,14 @@ class SceneNodes:
         fixed: (O + 1 + M, 12), objects, goal and pieces of walls: x, y, theta, zero velocity, direction of the head,
             size, radius, unit vector of theta; world frame.
         pieces: (M, 4), ends of the pieces of walls, m, world frame.
-        radius: (H,), of all pedestrians, m.
+        radius, shoulder: (H,), of all pedestrians, m; see `Humans`.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self._wall_indices, self.pieces = wall_pieces(_wall_ends(scene))
         self.fixed = frozen(np.concatenate((_object_rows(scene), _goal_row(scene), _wall_rows(self.pieces))))
-        self.radius = np.array([human.radius for human in scene.humans], dtype=float)
+        _, self.radius, self.shoulder = constant_of(scene)
         self._nodes: tuple[bytes, Nodes] | None = None  # of the last observations, by who is present
 
     def of(self, observations: Sequence[Observation]) -> Nodes:

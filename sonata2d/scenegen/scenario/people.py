@@ -38,7 +38,8 @@ class PersonSpec(Settings):
             walls and the robot, and pushes others aside.
         group: number of the group. The members of a group talk if they stand; else they walk together, and the first
             member leads.
-        desired_speed, radius: m/s, m; default: drawn from the section `person`.
+        desired_speed, radius, breadth: m/s, m, m; default: drawn from the section `person`.
+        headway, politeness: factors; default: drawn from the section `person`.
         reacts_to_robot: 0 (ignores the robot) to 1; default: drawn from the section `person`.
         reaction: kind of reaction to the robot; default: drawn from the section `person`.
     """
@@ -59,6 +60,9 @@ class PersonSpec(Settings):
     group: PositiveInt | None = None
     desired_speed: Range | None = None
     radius: Range | None = None
+    breadth: Range | None = None
+    headway: PositiveFloat | None = None
+    politeness: NonNegativeFloat | None = None
     reacts_to_robot: Fraction | None = None
     reaction: Reaction | None = None
 
@@ -108,6 +112,9 @@ class PersonSpec(Settings):
             raise PydanticCustomError("exits", "exits needs goals to leave at", {"path": ("exits",)})
         if self.desired_speed is not None and not self.desired_speed.min > 0.0:
             raise PydanticCustomError("speed", "a desired speed must be above 0", {"path": ("desired_speed",)})
+        if self.breadth is not None and not 0.0 < self.breadth.min <= self.breadth.max <= 1.0:
+            message = "a person's breadth must be above 0 and 1 m or less"
+            raise PydanticCustomError("breadth", message, {"path": ("breadth",)})
         if self.radius is not None and not self.radius.min >= 0.1:
             raise PydanticCustomError("radius", "a person's radius must be 0.1 m or more", {"path": ("radius",)})
         return self

@@ -16,7 +16,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ...core.entities import DEFAULT_MODEL, PERSON_RADIUS, EndsOn, Formation, Kinematics, Limits, Reaction
+from ...core.entities import DEFAULT_MODEL, EndsOn, Formation, Kinematics, Limits, Reaction
 from ...core.geometry import Disc, Point, Rectangle, Shape, quantised
 from ...core.labels import Kind, LabelSpec, When
 from ...core.limits import MAX_COUNT
@@ -223,24 +223,39 @@ class ClearanceConfig(Normal):
     max: PositiveFloat = 1.37
 
 
+class FactorConfig(Normal):
+    """Distribution of a factor by which persons differ: a normal distribution truncated at min and max."""
+
+    mean: PositiveFloat = 1.0
+    sd: PositiveFloat = 0.2
+    min: PositiveFloat = 0.5
+    max: PositiveFloat = 1.5
+
+
 class PersonConfig(Settings):
     """Properties of the pedestrians.
 
     Attributes:
-        radius: of the solid outline, m.
+        radius: half the depth of the body, m.
+        breadth: of the shoulders, m; twice the radius or less gives a disc.
         wall_distance: minimum distance of a pedestrian's centre from walls at the start, m.
         model: pedestrian model of all pedestrians: sonata2026, moussaid2009, helbing1995, helbing2000, farina2017 or
             orca2011; see models.md.
         desired_speed: distribution of the desired speed, m/s.
+        headway: distribution of the factor of the time gap that a pedestrian keeps to those ahead.
+        politeness: distribution of the factor of the strength with which a pedestrian avoids others.
         ignores_robot: probability that a pedestrian does not react to the robot, drawn for each pedestrian.
         reactions: weight of each reaction of the other pedestrians to the robot: avoids, stops, curious, scared,
             ignores; a list of names gives equal weights.
         robot_clearance: distribution of the clearance at which a pedestrian wants to pass the robot, m.
     """
 
-    radius: Range = Range(PERSON_RADIUS, PERSON_RADIUS)
+    radius: Range = Range(0.13, 0.15)
+    breadth: Range = Range(0.4, 0.5)
     wall_distance: NonNegativeFloat = 0.4
     desired_speed: SpeedConfig = SpeedConfig()
+    headway: FactorConfig = FactorConfig()
+    politeness: FactorConfig = FactorConfig()
     model: ModelName = DEFAULT_MODEL
     ignores_robot: Fraction = 0.0
     reactions: dict[Reaction, NonNegativeFloat] = Field(default={"avoids": 1.0})
@@ -264,6 +279,13 @@ class PersonConfig(Settings):
         if not radius.min >= 0.1:
             raise PydanticCustomError("radius", "a person's radius must be 0.1 m or more")
         return radius
+
+    @field_validator("breadth", mode="after")
+    @classmethod
+    def _check_breadth(cls, breadth: Range) -> Range:
+        if not 0.0 < breadth.min <= breadth.max <= 1.0:
+            raise PydanticCustomError("breadth", "a person's breadth must be above 0 and 1 m or less")
+        return breadth
 
 
 class GroupConfig(Settings):

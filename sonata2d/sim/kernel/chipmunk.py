@@ -5,6 +5,8 @@ Compiled kernels call them by their addresses, the interpreter calls them throug
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -18,7 +20,7 @@ from ...core.packing import Floats, Floats2, Ints
 
 # Items of `Engine.handle`, addresses: of C functions, of the space, of the requests for reading and writing, and of the
 # robot's body.
-_STEP, _EACH_BODY, _GET, _SET, _SPACE, _READ, _WRITE, _PLACE, _ROBOT = range(9)
+_STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SPACE, _READ, _WRITE, _PLACE, _ROBOT = range(10)
 _READ_COUNT, _WRITE_COUNT, _PLACE_COUNT = 0, 4, 8  # items of `Engine.counts`: the fields `num` of the buffers
 
 
@@ -30,6 +32,7 @@ _FUNCTIONS = [
         "cpSpaceEachBody",
         "pmSpaceBodyGetIteratorFuncBatched",
         "pmSpaceBodySetIteratorFuncBatched",
+        "cpSegmentShapeSetEndpoints",
     )
 ]
 
@@ -44,6 +47,8 @@ class Engine(NamedTuple):
         counts: memory of the engine's buffer headers.
         bodies: (M, 4), x, y, vx, vy, m and m/s: what `read_bodies` reads.
         forces: (M, 2), N: what `apply_forces` writes.
+        torsos: (N,), addresses of the pedestrians' shapes.
+        shoulder: (N,), half the length of their shoulder lines, m.
         robot: (4,), x, y, vx, vy, m and m/s: what `place_robot` writes, then the robot's motion after the step.
     """
 
@@ -51,6 +56,8 @@ class Engine(NamedTuple):
     counts: Counts
     bodies: Floats2
     forces: Floats2
+    torsos: Ints
+    shoulder: Floats
     robot: Floats
 
 
@@ -59,13 +66,17 @@ class EngineMemory:
 
     Args:
         space: with all its bodies.
+        torsos: segments, the shapes of the pedestrians.
+        shoulder: (N,), half the length of their shoulder lines, m.
         robot: one of them.
 
     Attributes:
         engine: the space for kernels.
     """
 
-    def __init__(self, space: pymunk.Space, robot: pymunk.Body) -> None:
+    def __init__(
+        self, space: pymunk.Space, robot: pymunk.Body, torsos: Sequence[pymunk.Segment], shoulder: NDArray[Any]
+    ) -> None:
         count = len(space.bodies)
         # The engine would move a buffer with fewer than two free places, so that all are longer than needed.
         numbers = np.zeros(4 * count + 8), np.zeros(2 * count + 8), np.zeros(4 + 8)
@@ -87,9 +98,11 @@ class EngineMemory:
         addresses = [*_FUNCTIONS, *(int(ffi.cast("intptr_t", item)) for item in items)]
         counts = np.frombuffer(ffi.buffer(self._headers), dtype=np.int32)
         bodies, forces = numbers[0][: 4 * count].reshape(count, 4), numbers[1][: 2 * count].reshape(count, 2)
+        shapes = np.array([int(ffi.cast("intptr_t", torso._shape)) for torso in torsos], dtype=np.int64)
         motion_of_robot = numbers[2][:4]
         motion_of_robot[:2] = robot.position
-        self.engine = Engine(np.array(addresses, dtype=np.int64), counts, bodies, forces, motion_of_robot)
+        handle = np.array(addresses, dtype=np.int64)
+        self.engine = Engine(handle, counts, bodies, forces, shapes, shoulder, motion_of_robot)
 
 
 def _pointer(kind: str, address: int) -> Any:
@@ -109,9 +122,14 @@ def _interpreted_each_body(function: int, space: int, visit: int, request: int) 
     lib.cpSpaceEachBody(_pointer("cpSpace *", space), visitor, _pointer("void *", request))
 
 
+def _interpreted_set_ends(function: int, shape: int, ax: float, ay: float, bx: float, by: float) -> None:
+    lib.cpSegmentShapeSetEndpoints(_pointer("cpShape *", shape), (float(ax), float(ay)), (float(bx), float(by)))
+
+
 if IS_COMPILED:
     from llvmlite import ir
     from numba import types
+    from numba.core import cgutils
     from numba.extending import intrinsic
 
     @intrinsic  # type: ignore[untyped-decorator]
@@ -147,13 +165,34 @@ if IS_COMPILED:
 
         return types.void(types.int64, types.int64, types.int64, types.int64), generate
 
+    @intrinsic  # type: ignore[untyped-decorator]
+    def _compiled_set_ends(typing_context: Any, function: Any, shape: Any, ax: Any, ay: Any, bx: Any, by: Any) -> Any:
+        """Call the C function at an address with an address and two vectors of two numbers."""
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64), *[ir.DoubleType()] * 4])
+            passed = list(arguments[1:])
+            if sys.platform == "win32":  # which passes addresses of the vectors, others their numbers
+                pair = ir.ArrayType(ir.DoubleType(), 2)
+                places = [cgutils.alloca_once(builder, pair) for _ in range(2)]
+                for n, number in enumerate(passed[1:]):
+                    builder.store(number, cgutils.gep_inbounds(builder, places[n // 2], 0, n % 2))
+                function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64), *[pair.as_pointer()] * 2])
+                passed = [passed[0], *places]
+            builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), passed)
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.int64, *[types.float64] * 4), generate
+
     _call_step: Any = _compiled_step
     _call_visit: Any = _compiled_visit
     _call_each_body: Any = _compiled_each_body
+    _call_set_ends: Any = _compiled_set_ends
 else:
     _call_step = _interpreted_step
     _call_visit = _interpreted_visit
     _call_each_body = _interpreted_each_body
+    _call_set_ends = _interpreted_set_ends
 
 
 @subroutine
@@ -176,6 +215,16 @@ def apply_forces(engine: Engine) -> None:
     handle = engine.handle
     engine.counts[_WRITE_COUNT] = 0
     _call_each_body(handle[_EACH_BODY], handle[_SPACE], handle[_SET], handle[_WRITE])
+
+
+@subroutine
+def turn_torso(engine: Engine, k: int, x: float, y: float) -> None:
+    """Lay the shoulder line of pedestrian k across its heading, a unit vector.
+
+    The engine's bodies do not rotate: it would compute sines and cosines, whose last bits depend on the C library.
+    """
+    half = engine.shoulder[k]
+    _call_set_ends(engine.handle[_SET_ENDS], engine.torsos[k], -y * half, x * half, y * half, -x * half)
 
 
 @subroutine

@@ -4,6 +4,8 @@ The velocity towards each outline is limited to gap / h, so that a body that mov
 holonomic robot slides along it; a unicycle is slowed down along its heading, since its wheels do not slip.
 Contacts are detected from gaps as well, and faults from wanted velocities: a robot that wants to move into an outline
 that it touches is at fault even if the guard holds it back.
+
+The outline of a pedestrian is that of the engine, with its heading in the substep.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from ...core.compiled import subroutine
 from ...core.humans import VX, VY, X, Y
 from ...core.packing import Floats, Floats2, Ints
 from ...core.portable_math import Array
-from ...core.scalar import ALONG_X, ALONG_Y, RADIUS, START_X, START_Y, Vector, gap
+from ...core.scalar import ALONG_X, ALONG_Y, RADIUS, START_X, START_Y, Vector, clipped, gap, line_gap, to_shoulder_line
 from ...core.snapshot import CLOSING_SPEED
 from .rules import CONTACT_DISTANCE, GUARD, HOLONOMIC, HUMAN_RANGE, OWN_SPEED, ROBOT_RADIUS, TICK
 
@@ -35,7 +37,9 @@ class Guard(NamedTuple):
     """What the safety guard knows during a tick.
 
     Attributes:
-        radius: (N,), m, of the pedestrians.
+        radius: (N,), m, half the depth of the pedestrians.
+        shoulder: (N,), m, half the length of their shoulder lines.
+        torso: (N, 2), unit vectors of their headings in the substep.
         human_contact: (N,) of int, the bits above, of contacts during the tick.
         barrier_contact: (B,) of int, the same for walls and furniture.
         near: (N + B,) of int, the pedestrians and then the barriers that can come near within the tick.
@@ -45,6 +49,8 @@ class Guard(NamedTuple):
     """
 
     radius: Floats
+    shoulder: Floats
+    torso: Floats2
     human_contact: Ints
     barrier_contact: Ints
     near: Ints
@@ -64,7 +70,8 @@ def find_near(guard: Guard, bodies: Array, barriers: Array, rules: Array) -> Non
     found = 0
     for k in range(last):
         dx, dy = bodies[k, X] - x, bodies[k, Y] - y
-        if math.sqrt(dx * dx + dy * dy) - guard.radius[k] - rules[ROBOT_RADIUS] < own + rules[HUMAN_RANGE]:
+        widest = guard.radius[k] + guard.shoulder[k] + rules[ROBOT_RADIUS]
+        if math.sqrt(dx * dx + dy * dy) - widest < own + rules[HUMAN_RANGE]:
             guard.near[found] = k
             found += 1
     guard.counts[0] = found
@@ -73,6 +80,16 @@ def find_near(guard: Guard, bodies: Array, barriers: Array, rules: Array) -> Non
             guard.near[found] = k
             found += 1
     guard.counts[1] = found - guard.counts[0]
+
+
+@subroutine
+def _room(guard: Guard, k: int, x: float, y: float, barriers: Array) -> float:
+    """Gap between the outline of pedestrian k, at (x, y), and the nearest solid, m."""
+    sx, sy = -guard.torso[k, 1] * guard.shoulder[k], guard.torso[k, 0] * guard.shoulder[k]
+    nearest: float = math.inf
+    for n in range(len(barriers)):
+        nearest = min(nearest, line_gap(barriers, n, x + sx, y + sy, x - sx, y - sy))
+    return nearest - float(guard.radius[k])
 
 
 @subroutine
@@ -96,18 +113,22 @@ def limited(
         Velocity, m/s, world frame; the fraction of it with which the robot pushes pedestrians, 0 under the guard; and
         whether the guard reduced it.
     """
-    humans, count, is_guarded = guard.counts[0], guard.counts[0] + guard.counts[1], rules[GUARD] != 0.0
+    people, count, is_guarded = guard.counts[0], guard.counts[0] + guard.counts[1], rules[GUARD] != 0.0
     push = 0.0 if is_guarded else 1.0
     if count == 0:
         return (wanted_x, wanted_y), push, False
     last, separation = bodies.shape[0] - 1, guard.separation
     px, py = bodies[last, X], bodies[last, Y]
     depth = 0.0 if is_guarded else PUSH_DEPTH * math.sqrt(wanted_x * wanted_x + wanted_y * wanted_y) * h
-    for n in range(humans):
+    for n in range(people):
         k = guard.near[n]
         x, y = bodies[k, X] + bodies[k, VX] * h, bodies[k, Y] + bodies[k, VY] * h  # at the end of the substep
-        _separate(separation[n], x - px, y - py, guard.radius[k] + rules[ROBOT_RADIUS], depth, h)
-    for n in range(humans, count):
+        dx, dy = to_shoulder_line(x - px, y - py, guard.torso[k, 0], guard.torso[k, 1], guard.shoulder[k])
+        allowed = depth
+        if not is_guarded:  # a person that is pressed against something stops the robot
+            allowed = clipped(_room(guard, k, x, y, barriers), 0.0, depth)
+        _separate(separation[n], dx, dy, guard.radius[k] + rules[ROBOT_RADIUS], allowed, h)
+    for n in range(people, count):
         k = guard.near[n]
         ax, ay, dx, dy = barriers[k, START_X], barriers[k, START_Y], barriers[k, ALONG_X], barriers[k, ALONG_Y]
         square = dx * dx + dy * dy
@@ -129,7 +150,7 @@ def limited(
             continue
         guard.counts[2] = 1
         own_speed = wanted_x * nx + wanted_y * ny
-        if n >= humans:
+        if n >= people:
             guard.barrier_contact[k] |= _faults(own_speed, 0.0)
             continue
         away = bodies[k, VX] * nx + bodies[k, VY] * ny

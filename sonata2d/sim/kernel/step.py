@@ -9,16 +9,17 @@ from ...core.compiled import kernel, subroutine
 from ...core.humans import BODY_X, BODY_Y, OMEGA, VX, VY, X, Y
 from ...core.packing import Bools, Floats, Floats2, unpack
 from ...core.portable_math import Array
-from ...core.scalar import Vector, clipped, rotation
+from ...core.scalar import Vector, clipped, length, line_gap, rotation, to_shoulder_line
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED
-from .chipmunk import Engine, apply_forces, place_robot, read_bodies, step_space
-from .posture import turn
+from .chipmunk import Engine, apply_forces, place_robot, read_bodies, step_space, turn_torso
+from .posture import BODY_RATE, NECK, NECK_RATE, turn
 from .rules import (
     ACCELERATION,
     AHEAD,
     BACK,
     GUARD,
     HOLONOMIC,
+    ROBOT_RADIUS,
     SIDE,
     SIDEWAYS,
     SUBSTEP,
@@ -30,6 +31,7 @@ from .rules import (
 from .safety import Guard, find_near, limited
 
 MASS = 75.0  # kg, of a pedestrian
+MAXIMUM_DEPTH = 0.005  # m, of overlap that a body causes by turning between the robot and a solid
 ROBOT_MASS = 1e6  # kg; so large that contacts do not move the robot, and their impulse can still be read
 
 # Items of the scratch array `drive`: the twist of the drive in this tick (body frame), the sums of the executed
@@ -121,10 +123,13 @@ def advance(
         drive[_COS], drive[_SIN] = rotation(omega * h * 0.5)
         robot[GUARDED] = 0.0
         find_near(guard, engine.bodies, barriers, rules)
+        for k in range(count):
+            _turn_body(matter, k)
     for k in range(count):
         for axis in range(2):
             engine.forces[k, axis] = 0.0 if matter.is_absent[k] else matter.acceleration[k, axis] * MASS
-    for _ in range(first, end):
+    for substep in range(first, end):
+        _turn_torsos(matter, int(rules[SUBSTEPS]) - substep)
         _move_robot(matter, h)
         apply_forces(engine)
         step_space(engine, h)
@@ -134,8 +139,56 @@ def advance(
         robot[EXECUTED_VX], robot[EXECUTED_VY] = drive[_SUM_X] / rules[SUBSTEPS], drive[_SUM_Y] / rules[SUBSTEPS]
         robot[EXECUTED_OMEGA] = robot[OMEGA] = drive[_OMEGA]
         copy_bodies(engine.bodies, robot, humans)
-        for k in range(count):
-            turn(humans, matter.posture, k, matter.facing, matter.gaze, rules[SIDE], rules[TICK])
+
+
+@subroutine
+def _turn_body(matter: Matter, k: int) -> None:
+    """Turn body and head of pedestrian k by one tick; only its head if the robot presses it against something solid.
+
+    The engine can move a torso that turns out of its neighbours, but not out of a place that has become too narrow.
+    """
+    humans, posture, facing, rules = matter.humans, matter.posture, matter.facing, matter.rules
+    x, y, neck_rate, neck = humans[k, BODY_X], humans[k, BODY_Y], posture[k, NECK_RATE], posture[k, NECK]
+    depth = _depth(matter, k)
+    turn(humans, posture, k, facing, matter.gaze, rules[SIDE], rules[TICK])
+    if depth > -math.inf and _depth(matter, k) > max(depth, MAXIMUM_DEPTH):
+        humans[k, BODY_X], humans[k, BODY_Y], facing[k, 0], facing[k, 1] = x, y, x, y
+        posture[k, BODY_RATE], posture[k, NECK_RATE], posture[k, NECK] = 0.0, neck_rate, neck
+        turn(humans, posture, k, facing, matter.gaze, rules[SIDE], rules[TICK])
+
+
+@subroutine
+def _depth(matter: Matter, k: int) -> float:
+    """Room that pedestrian k lacks between the robot and the nearest solid, m; minus infinity far from the robot."""
+    guard, robot, humans = matter.guard, matter.robot, matter.humans
+    bx, by, shoulder = humans[k, BODY_X], humans[k, BODY_Y], guard.shoulder[k]
+    x, y = humans[k, X], humans[k, Y]
+    dx, dy, contact = x - robot[X], y - robot[Y], guard.radius[k] + matter.rules[ROBOT_RADIUS]
+    if length(dx, dy) > contact + shoulder:
+        return -math.inf
+    dx, dy = to_shoulder_line(dx, dy, bx, by, shoulder)
+    gap, sx, sy = math.inf, -by * shoulder, bx * shoulder
+    for b in range(len(matter.barriers)):
+        gap = min(gap, line_gap(matter.barriers, b, x + sx, y + sy, x - sx, y - sy))
+    depth: float = contact - length(dx, dy) + guard.radius[k] - gap
+    return depth
+
+
+@subroutine
+def _turn_torsos(matter: Matter, remaining: int) -> None:
+    """Turn the torsos in the engine towards the pedestrians' headings, which they have after the remaining substeps.
+
+    A torso that turned by a whole tick at once would lie several centimetres deep in its neighbours.
+    """
+    humans, torso = matter.humans, matter.guard.torso
+    for k in range(len(humans)):
+        x, y = humans[k, BODY_X], humans[k, BODY_Y]
+        if remaining > 1:
+            x, y = torso[k, 0] + (x - torso[k, 0]) / remaining, torso[k, 1] + (y - torso[k, 1]) / remaining
+            norm = math.sqrt(x * x + y * y)
+            x, y = x / norm, y / norm
+        torso[k, 0], torso[k, 1] = x, y
+        turn_torso(matter.engine, k, x, y)
 
 
 @subroutine

@@ -31,7 +31,8 @@ class Walkers(NamedTuple):
         position: (M, 2), m.
         velocity: (M, 2), m/s.
         desired_direction: (M, 2), unit vectors towards the next waypoint; zero for agents that stand.
-        body_direction: (M, 2), unit vectors.
+        body_direction: (M, 2), unit vectors of the direction in which the feet point: that of the shoulders, unless
+            they are turned in a narrow gap.
         desired_speed: (M,), m/s.
         radius: (M,), m.
         walks: (M,) of bool, the agents whose accelerations are used. The others are there to be avoided; a model may
@@ -41,7 +42,10 @@ class Walkers(NamedTuple):
         attention: (K,), how much the agent attends to each neighbour, in [0, 1]. Zero where a wall blocks the line of
             sight and for members of the group beyond the interaction range.
         group: (M,) of int, the same number for the members of a walking group, less than M; -1 without a group.
-        bond: (M,), in [0, 1], how closely each agent keeps to its group: less for members with goals of their own.
+        is_abreast: (M,) of bool, whether there is room for each agent to walk abreast of its group.
+        shoulder: (M,), half the length of the shoulder line, across `body_direction`, m; 0 for a disc.
+        headway, politeness: (M,), factors of each agent's time gap to those ahead and of the strength with which it
+            avoids others; 1 on average.
     """
 
     position: Floats2
@@ -55,7 +59,10 @@ class Walkers(NamedTuple):
     neighbour: Ints
     attention: Floats
     group: Ints
-    bond: Floats
+    is_abreast: Bools
+    shoulder: Floats
+    headway: Floats
+    politeness: Floats
 
 
 def evaluations_per_tick(evaluations: int, dt: float) -> int:
@@ -187,22 +194,36 @@ def desired_acceleration(walkers: Walkers, i: int, direction: Vector, relaxation
 
 
 STANDING_RATE = 2.0  # 1/s; most of the way back takes about 2 / STANDING_RATE seconds
+STEP_SPEED = 0.25  # m/s, of steps sideways and backwards
+STANDING_LIMIT = 1.5  # m/s^2, so that a pedestrian that stops to stand brakes as walkers do
 
 
 @subroutine
-def standing_acceleration(x: float, y: float, vx: float, vy: float, standing_x: float, standing_y: float) -> Vector:
-    """Return a standing pedestrian that was pushed to its place: a critically damped spring.
+def standing_acceleration(
+    x: float, y: float, vx: float, vy: float, standing_x: float, standing_y: float, body_x: float, body_y: float
+) -> Vector:
+    """Return a standing pedestrian that was pushed to its place: a critically damped spring of limited force.
+
+    It steps ahead at up to 0.5 m/s, sideways and backwards at half that speed.
 
     Args:
         x, y: position, m.
         vx, vy: velocity, m/s.
         standing_x, standing_y: the place, m.
+        body_x, body_y: unit vector of its heading.
 
     Returns:
         m/s^2.
     """
     stiffness, damping = STANDING_RATE * STANDING_RATE, 2.0 * STANDING_RATE
-    return (standing_x - x) * stiffness - vx * damping, (standing_y - y) * stiffness - vy * damping
+    dx, dy = standing_x - x, standing_y - y
+    distance = max(length(dx, dy), 1e-6)
+    ahead = max((dx * body_x + dy * body_y) / distance, 0.0)
+    reach = STEP_SPEED * (1.0 + ahead) * 2.0 / STANDING_RATE  # m, from which the spring moves a body at this speed
+    scale = min(1.0, reach / distance)
+    ax, ay = dx * scale * stiffness - vx * damping, dy * scale * stiffness - vy * damping
+    scale = min(1.0, STANDING_LIMIT / max(length(ax, ay), 1e-6))
+    return ax * scale, ay * scale
 
 
 SIDE_BIAS = 0.003  # sideways component of a biased direction: 3 mm per metre

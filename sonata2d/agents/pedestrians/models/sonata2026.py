@@ -8,125 +8,148 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....core.compiled import kernel, subroutine
-from ....core.packing import pack, unpack
+from ....core.packing import Floats, Ints, Packed, pack, unpack
 from ....core.portable_math import PI, Array, unit_vectors
-from ....core.scalar import Vector, clipped, exp, length
+from ....core.rng import AgentStreams
+from ....core.scalar import RADIUS, Vector, clipped, exp, length, rotation, towards
 from ....core.scene import Scene
-from .base import KernelModel, Walkers, offset_of_group, wall_acceleration
+from .base import KernelModel, Walkers
 
 
 class Sonata2026(NamedTuple):
-    """Parameters, found by `benchmarks/calibrate.py` and set by hand; `docs/models.md` says which.
+    """Parameters, all found by `benchmarks/calibrate.py`.
 
     Attributes:
-        relaxation_time: time constant of the speed of a pedestrian that walks freely, s.
-        following_time: of the speed of a pedestrian that others slow down to `FOLLOWING_FRACTION` of its desired speed
-            or less, s.
-        starting_time: of the speed of a pedestrian that hardly moves, s.
-        turning_time: of the velocity component across the path, s.
+        relaxation_time: time constant of the speed along the chosen direction, s.
+        turning_time: of the velocity component across it, s; also the shortest time in which a walker would reach a
+            thing or a person in its way.
+        following_time: of the speed along it of a walker that speeds up in a dense stream, s: people in company walk at
+            the speed of the stream rather than close every gap.
         headway_half_width: half the width of the strip ahead in which others count, m.
         standstill_gap: gap at which the permitted speed is 0, m; below 0, bodies would touch first.
         time_gap: time in which the gap beyond `standstill_gap` would be walked, s.
+        look_ahead_time: time for which the motion of others is predicted, and over which the force of a predicted
+            approach and the deviation of a walker from its direction fall to 1/e, s.
         temperature: difference of values at which the weight of a direction falls to 1/e, m/s.
-        habit_bonus: additional value of the current direction, m/s, so that a chosen side is kept.
-        look_ahead_time: time for which the motion of others is predicted, s.
-        queueing: in [0, 1]; 1 follows pedestrians that walk in the same direction, 0 overtakes them.
-        side_bonus: additional value of directions to the side of the rules, m/s.
+        side_bonus: additional value of directions to the side of the rules, m/s; over the look-ahead time it gives the
+            distance by which others are perceived to the opposite side.
         anticipation_strength: m/s^2, where the outlines would touch.
-        anticipation_decay_length: predicted gap over which the force falls to 1/e, m.
-        anticipation_decay_time: time to the closest approach over which the force falls to 1/e, s.
-        anticipation_offset: by which others are perceived to one side, m: head-on encounters are then evaded to the
-            side of the rules.
         proximity_strength: m/s^2, at contact.
-        proximity_decay_length: distance over which the repulsion falls to 1/e, m.
-        anisotropy: weight of neighbours behind, in [0, 1]; 1 ahead.
-        wall_strength: m/s^2, at contact.
-        wall_decay_length: distance over which the repulsion falls to 1/e, m.
-        abreast: pull along the desired direction, per metre that the other members are ahead (or behind), 1/s^2.
-        cohesion: pull towards the centre of the other members, per metre beyond its distance in an abreast formation,
-            1/s^2.
+        decay_length: gap over which both forces fall to 1/e, m.
+        cohesion: rate at which members of a group return to their formation, 1/s.
         spacing: between neighbours abreast, m.
-        group_attention: attention between members of a group with goals of their own.
+        wander: standard deviation of the angle by which a pedestrian deviates from its direction, rad.
     """
 
-    relaxation_time: float = 0.61
-    following_time: float = 2.0
-    starting_time: float = 0.16
-    turning_time: float = 0.36
-    headway_half_width: float = 0.3
-    standstill_gap: float = -0.13
-    time_gap: float = 0.95
-    temperature: float = 0.08
-    habit_bonus: float = 0.5
-    look_ahead_time: float = 1.18
-    queueing: float = 1.0
-    side_bonus: float = 0.08
-    anticipation_strength: float = 1.01
-    anticipation_decay_length: float = 0.47
-    anticipation_decay_time: float = 0.9
-    anticipation_offset: float = 0.1
-    proximity_strength: float = 0.45
-    proximity_decay_length: float = 0.22
-    anisotropy: float = 0.47
-    wall_strength: float = 0.2
-    wall_decay_length: float = 0.05
-    abreast: float = 0.25
-    cohesion: float = 0.4
-    spacing: float = 0.85
-    group_attention: float = 0.42
+    relaxation_time: float = 0.168
+    turning_time: float = 0.43
+    following_time: float = 1.604
+    headway_half_width: float = 0.299
+    standstill_gap: float = -0.218
+    time_gap: float = 0.592
+    look_ahead_time: float = 1.355
+    temperature: float = 0.083
+    side_bonus: float = 0.109
+    anticipation_strength: float = 1.521
+    proximity_strength: float = 0.125
+    decay_length: float = 1.14
+    cohesion: float = 0.229
+    spacing: float = 1.062
+    wander: float = 0.02
 
 
 PARAMETERS = Sonata2026()
 
-FAST_WALK = 1.0  # m/s, from which the starting time has no effect
-FOLLOWING_FRACTION = 0.8  # of the desired speed; at lower permitted speeds the following time applies in full
-MAXIMUM_SPEED_CHANGE = 4.0  # m/s^2, limit of acceleration and braking along the path
+MAXIMUM_ACCELERATION, MAXIMUM_BRAKING = 2.0, 4.0  # m/s^2, along the direction of the drive
 LONGEST_PREDICTION = 10.0  # s, limit of the time to the closest approach
 EXPONENT = 12.0  # terms of a pair are left out where their decay is below e^-12 = 6e-6
 ROUNDING = 1e-3  # m, more than the rounding errors of a distance
 
+# A stream: strangers ahead that walk within 60 degrees of the same direction, by distance; those who start are quick.
+STREAM_COSINE, STREAM_LENGTH, STREAM_PACE = 0.5, 1.0, 0.3  # m, m/s
+
+# How a walker turns. Its velocity deviates from the heading of its body by 45 degrees at most; farther directions make
+# the body turn first. A walker that faces more than 60 degrees away slows down, and stands from 120 degrees on; one
+# that stands sets off within 25 degrees, and shuffles sideways until then.
+SIDESTEP_COSINE = SIDESTEP_SINE = 0.7071067811865476
+SLOW_PACE, BRISK_PACE = 0.4, 0.8  # m/s, between which the two rules for walking and for standing mix
+SETTING_OFF_COSINE, SETTING_OFF_RANGE = 0.85, 0.12
+SHUFFLE = 0.15  # speed of a sideways shuffle as a fraction of the forward speed
+
 
 @subroutine
-def adaptive_acceleration(
-    velocity: Vector, direction: Vector, speed: float, desired_speed: float, parameters: Sonata2026
+def desired_change(
+    velocity: Vector, direction: Vector, speed: float, relaxation_time: float, turning_time: float
 ) -> Vector:
-    """Like `desired_acceleration`, for pedestrians that start at once, follow others smoothly and turn quickly.
+    """Accelerate towards a desired velocity, with time constants of their own along and across it.
 
     Args:
         velocity: m/s.
-        direction: unit vector; zero to stop.
-        speed: the speed that the others permit, m/s.
-        desired_speed: the speed without the others, m/s.
-        parameters: the time constants.
+        direction: of the desired velocity, a unit vector; zero to stop.
+        speed: of the desired velocity, m/s.
+        relaxation_time, turning_time: along and across the direction, s.
 
     Returns:
         m/s^2.
 
-    Source: ours; the time constants were fitted to recorded pedestrians.
+    Source: Helbing & Molnár, Phys. Rev. E 51 (1995) 4282, eq. 2, which has one time constant.
     """
-    p, vx, vy, ex, ey = parameters, velocity[0], velocity[1], direction[0], direction[1]
+    vx, vy, ex, ey = velocity[0], velocity[1], direction[0], direction[1]
     ahead = vx * ex + vy * ey
-    # A pedestrian that wants to stop (desired speed 0) is not held back by others.
-    reduction = 1.0 - speed / desired_speed if desired_speed > 1e-3 else 0.0
-    held = clipped(reduction / (1.0 - FOLLOWING_FRACTION), 0.0, 1.0)
-    tau = p.relaxation_time + (p.following_time - p.relaxation_time) * held
-    tau = p.starting_time + (tau - p.starting_time) * clipped(ahead / FAST_WALK, 0.0, 1.0)
-    change = clipped((speed - ahead) / tau, -MAXIMUM_SPEED_CHANGE, MAXIMUM_SPEED_CHANGE)
-    return ex * change - (vx - ex * ahead) / p.turning_time, ey * change - (vy - ey * ahead) / p.turning_time
+    change = clipped((speed - ahead) / relaxation_time, -MAXIMUM_BRAKING, MAXIMUM_ACCELERATION)
+    return ex * change - (vx - ex * ahead) / turning_time, ey * change - (vy - ey * ahead) / turning_time
+
+
+@subroutine
+def with_body(body: Vector, x: float, y: float, speed: float, pace: float) -> tuple[float, float, float]:
+    """What a body that faces elsewhere can do of a desired velocity.
+
+    Args:
+        body: unit vector of the direction in which the feet point.
+        x, y: desired direction, a unit vector or zero.
+        speed: desired speed, m/s.
+        pace: present speed, m/s.
+
+    Returns:
+        Direction x, y and speed, m/s.
+    """
+    cosine = body[0] * x + body[1] * y
+    walking = clipped((pace - SLOW_PACE) / (BRISK_PACE - SLOW_PACE), 0.0, 1.0)
+    shuffling = SHUFFLE * clipped(1.0 + 2.0 * cosine, 0.0, 1.0)
+    standing = max(clipped((cosine - SETTING_OFF_COSINE) / SETTING_OFF_RANGE, 0.0, 1.0), shuffling)
+    speed = speed * (walking * clipped(0.5 + cosine, 0.0, 1.0) + (1.0 - walking) * standing)
+    if cosine < SIDESTEP_COSINE:
+        sine = SIDESTEP_SINE if body[0] * y - body[1] * x >= 0.0 else -SIDESTEP_SINE
+        x, y = SIDESTEP_COSINE * body[0] - sine * body[1], SIDESTEP_COSINE * body[1] + sine * body[0]
+    return x, y, speed
+
+
+# Two bodies: sum of the radii, and for each one half the shoulder line (m) and the unit vector of its heading.
+Bodies = tuple[float, float, float, float, float, float, float]
+
+
+@subroutine
+def contact_distance(nx: float, ny: float, bodies: Bodies) -> float:
+    """Distance of the centres of two bodies whose outlines touch in a direction, a unit vector; m.
+
+    It is the sum of their extents in this direction, which is exact where neither body is beside the other's end.
+    """
+    radii, first, x1, y1, second, x2, y2 = bodies
+    return radii + first * abs(nx * y1 - ny * x1) + second * abs(nx * y2 - ny * x2)
 
 
 @subroutine
 def proximity_acceleration(
-    dx: float, dy: float, direction: Vector, weight: float, contact_distance: float, parameters: Sonata2026
+    dx: float, dy: float, direction: Vector, weight: float, bodies: Bodies, parameters: Sonata2026
 ) -> Vector:
-    """Repulsion from the present position of a neighbour.
+    """Repulsion from the present position of a neighbour: in full ahead, nothing behind.
 
     Args:
         dx, dy: vector to the neighbour, m.
         direction: forward, a unit vector; zero: all directions have equal weight.
         weight: attention to the neighbour, in [0, 1].
-        contact_distance: distance of centres at contact, m.
-        parameters: strength, decay length and anisotropy.
+        bodies: of the pair.
+        parameters: strength and decay length.
 
     Returns:
         m/s^2.
@@ -136,17 +159,15 @@ def proximity_acceleration(
     p = parameters
     d = max(length(dx, dy), 0.01)
     cosine = (dx * direction[0] + dy * direction[1]) / d
-    sight = p.anisotropy + (1.0 - p.anisotropy) * (0.5 + 0.5 * cosine)
-    decay = exp(min(contact_distance - d, 0.0) / p.proximity_decay_length)
-    push = weight * sight * (-p.proximity_strength) * decay / d
+    decay = exp(min(contact_distance(dx / d, dy / d, bodies) - d, 0.0) / p.decay_length)
+    push = weight * (0.5 + 0.5 * cosine) * (-p.proximity_strength) * decay / d
     return push * dx, push * dy
 
 
 @subroutine
 def anticipation_acceleration(
-    dx: float, dy: float, ux: float, uy: float, weight: float, contact_distance: float, side: float,
-    parameters: Sonata2026,
-) -> Vector:  # fmt: skip
+    dx: float, dy: float, ux: float, uy: float, weight: float, bodies: Bodies, side: float, parameters: Sonata2026
+) -> Vector:
     """Repulsion between the positions of a pair at its closest approach, predicted with constant velocities.
 
     A pair that does not approach contributes nothing; the force scales with the closing speed, up to 1 m/s.
@@ -155,9 +176,9 @@ def anticipation_acceleration(
         dx, dy: vector to the neighbour, m.
         ux, uy: velocity of the neighbour relative to the agent, m/s.
         weight: attention to the neighbour, in [0, 1].
-        contact_distance: distance of centres at contact, m.
-        side: of the rules, +1 or -1; others are perceived on the opposite side.
-        parameters: strength, decay length and time, and offset.
+        bodies: of the pair.
+        side: of the rules, +1 or -1; others are perceived on the opposite side, so that head-on encounters are evaded.
+        parameters: strength, decay length, look-ahead time and side bonus.
 
     Returns:
         m/s^2.
@@ -172,48 +193,80 @@ def anticipation_acceleration(
     t = min(closing / max(square, 1e-4), LONGEST_PREDICTION)
     closing = min(closing / max(length(dx, dy), 0.01), 1.0)  # m/s
     fx, fy = dx + ux * t, dy + uy * t  # to the neighbour at the closest approach
-    scale = side * p.anticipation_offset / math.sqrt(max(square, 1e-6))
-    fx, fy = fx + uy * scale, fy - ux * scale  # perpendicular to the relative velocity
+    offset = side * p.side_bonus * p.look_ahead_time / math.sqrt(max(square, 1e-6))
+    fx, fy = fx + uy * offset, fy - ux * offset  # perpendicular to the relative velocity
     d = max(length(fx, fy), 0.01)
-    near = exp(min(contact_distance - d, 0.0) / p.anticipation_decay_length - t / p.anticipation_decay_time)
+    near = exp(min(contact_distance(fx / d, fy / d, bodies) - d, 0.0) / p.decay_length - t / p.look_ahead_time)
     push = weight * closing * (-p.anticipation_strength) * near / d
     return push * fx, push * fy
 
 
-MAXIMUM_GROUP_DISTANCE = 1.0  # m; a larger lag, or a larger excess distance from the group, pulls no harder
+@subroutine
+def are_together(walkers: Walkers, i: int, j: int) -> bool:
+    """Whether two agents are members of one group."""
+    return bool(walkers.group[i] >= 0 and walkers.group[i] == walkers.group[j])
+
+
+MAXIMUM_GROUP_DISTANCE = 1.0  # m; a larger deviation from the formation pulls no harder
+FORMATION_TOLERANCE = 1.0 / 3.0  # of the spacing: real groups are not exactly abreast, and not exactly spaced
 
 
 @subroutine
-def group_cohesion_acceleration(walkers: Walkers, i: int, parameters: Sonata2026) -> Vector:
-    """Keep walking groups abreast and close together.
+def group_velocity(walkers: Walkers, i: int, looseness: Array, side: float, parameters: Sonata2026) -> Vector:
+    """Keep walking groups abreast and together: members that lag walk faster, those ahead slower.
 
-    Members behind speed up as much as members ahead slow down, so that a group keeps its pace.
+    Where there is no room beside each other, members walk in file. A group that comes in a looser formation than that
+    of the parameters keeps to that one. Members that walk the other way are left alone.
 
     Args:
         walkers: all agents.
         i: index of the agent.
-        parameters: cohesion, spacing and abreast.
+        looseness: (M,), m, of each agent's group, see `Memory`; is set when the agent first has company.
+        side: of the rules, +1 or -1: to which members that walk exactly in file give way.
+        parameters: cohesion and spacing.
 
     Returns:
-        m/s^2; zero for an agent without a group.
+        What is added to the desired velocity, m/s; zero for an agent without a group.
 
     Source: the aims are those of Moussaïd et al., PLoS ONE 5 (2010) e10047; the formula is ours.
     """
-    p, limit, bond = parameters, MAXIMUM_GROUP_DISTANCE, walkers.bond[i]
-    cx, cy, count = offset_of_group(walkers, i)
+    p, limit = parameters, MAXIMUM_GROUP_DISTANCE
+    if walkers.group[i] < 0:
+        return 0.0, 0.0
+    ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
+    is_new = math.isnan(looseness[i])
+    tolerance = FORMATION_TOLERANCE * p.spacing + (0.0 if is_new else 0.5 * looseness[i])
+    cx, cy, left, count = 0.0, 0.0, 0.0, 0.0
+    for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        j = walkers.neighbour[n]
+        turned = ex * walkers.desired_direction[j, 0] + ey * walkers.desired_direction[j, 1] < 0.0
+        if are_together(walkers, i, j) and not turned:
+            dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
+            cx, cy, count = cx + dx, cy + dy, count + 1.0
+            aside = ex * dy - ey * dx  # to the left
+            missing = clipped(p.spacing - tolerance - abs(aside), 0.0, limit)
+            # the one behind goes to the side of the rules, the one ahead to the other
+            is_left = aside > 0.0 if abs(aside) > ROUNDING else side * (ex * dx + ey * dy) > 0.0
+            left += -missing if is_left else missing
     if count == 0.0:
         return 0.0, 0.0
-    width = p.spacing * 0.5 * (count + 1.0)
     cx, cy = cx / count, cy / count
-    ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
-    lag = bond * p.abreast * clipped(cx * ex + cy * ey, -limit, limit)
-    distance = length(cx, cy)
-    pull = bond * p.cohesion * clipped(distance - width, 0.0, limit) / max(distance, 1e-6)
-    return lag * ex + pull * cx, lag * ey + pull * cy
+    lag, left = cx * ex + cy * ey, clipped(left, -limit, limit)
+    lag = clipped(lag - clipped(lag, -tolerance, tolerance), -limit, limit)
+    excess = max(length(cx, cy) - p.spacing * 0.5 * (count + 1.0), 0.0)
+    if is_new:
+        looseness[i] = min(max(abs(lag), abs(left), excess), limit)
+        return 0.0, 0.0
+    if not walkers.is_abreast[i]:
+        lag = left = 0.0
+    pull = clipped(excess - looseness[i], 0.0, limit) / max(length(cx, cy), 1e-6)
+    return p.cohesion * (lag * ex - left * ey + pull * cx), p.cohesion * (lag * ey + left * ex + pull * cy)
 
 
 @subroutine
-def headway_speed(ahead: float, aside: float, contact_distance: float, weight: float, parameters: Sonata2026) -> float:
+def headway_speed(
+    ahead: float, aside: float, contact: float, weight: float, time_gap: float, parameters: Sonata2026
+) -> float:
     """The speed that a neighbour permits: (gap - standstill_gap) / time_gap.
 
     The gap is the clearance along the path. It grows without bound towards the edge of the strip, so that the speed
@@ -221,9 +274,10 @@ def headway_speed(ahead: float, aside: float, contact_distance: float, weight: f
 
     Args:
         ahead, aside: position of the neighbour along and across the path, m.
-        contact_distance: distance of centres at contact, m.
+        contact: distance of centres at contact, m.
         weight: attention to the neighbour, in [0, 1]; smaller weights enlarge the gap.
-        parameters: half width of the strip, standstill gap and time gap.
+        time_gap: of the agent, s.
+        parameters: half width of the strip and standstill gap.
 
     Returns:
         m/s; negative if the gap is too small, inf outside the strip.
@@ -237,7 +291,7 @@ def headway_speed(ahead: float, aside: float, contact_distance: float, weight: f
     effect = weight * (1.0 - edge * edge)
     if not effect > 0.0:
         return math.inf
-    return (ahead - contact_distance - p.standstill_gap) / (effect * p.time_gap)
+    return (ahead - contact - p.standstill_gap) / (effect * time_gap)
 
 
 @subroutine
@@ -257,21 +311,22 @@ _TURNS = unit_vectors(np.array(ANGLES) * (PI / 180.0))  # (K, 2)
 
 @subroutine
 def steer(
-    path: Array, direction: Vector, velocity: Vector, desired_speed: float, side: float, parameters: Sonata2026,
+    path: Array, direction: Vector, desired_speed: float, time_gap: float, side: float, parameters: Sonata2026,
     value: Array,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Choose the direction and speed with the best progress.
 
     The value of a direction is the speed that its headway permits, times its cosine with the desired direction.
     Oncoming pedestrians count as nearer, and receding ones as farther, by the distance that they walk within the
-    look-ahead time. The result is the mean of the directions weighted by their values, so that a small change of the
-    positions changes the direction by little.
+    look-ahead time; pedestrians that walk in the same direction do not count: they are followed, not overtaken. The
+    result is the mean of the directions weighted by their values, so that a small change of the positions changes the
+    direction by little.
 
     Args:
         path: (N, 7), neighbours that the agent attends to; columns `AHEAD` to `WEIGHT`.
         direction: desired direction, a unit vector; zero for an agent that stands.
-        velocity: m/s.
         desired_speed: m/s.
+        time_gap: of the agent, s.
         side: of the rules, +1 or -1.
         parameters: of the headway and the choice.
         value: (K,), overwritten by the values of the directions, m/s.
@@ -286,8 +341,8 @@ def steer(
     for j in range(len(path)):
         ahead, aside, contact, weight = path[j, AHEAD], path[j, ASIDE], path[j, CONTACT], path[j, WEIGHT]
         future = predicted(ahead, path[j, MOVE_AHEAD])
-        free_speed = min(free_speed, headway_speed(ahead, aside, contact, weight, p))
-        future_speed = min(future_speed, headway_speed(future, aside, contact, weight, p))
+        free_speed = min(free_speed, headway_speed(ahead, aside, contact, weight, time_gap, p))
+        future_speed = min(future_speed, headway_speed(future, aside, contact, weight, time_gap, p))
     free_speed, future_speed = max(free_speed, 0.0), max(future_speed, 0.0)
     # Only pedestrians that are held up choose a direction; the others keep the desired one.
     if not min(free_speed, future_speed) < desired_speed or (ex == 0.0 and ey == 0.0):
@@ -297,22 +352,17 @@ def steer(
         value[k] = math.inf
     for j in range(len(path)):
         ahead, aside, move_ahead, move_aside = path[j, AHEAD], path[j, ASIDE], path[j, MOVE_AHEAD], path[j, MOVE_ASIDE]
-        obstruction = path[j, WEIGHT] * (1.0 - p.queueing * clipped(2.0 * path[j, ALIGNMENT], 0.0, 1.0))
+        obstruction = path[j, WEIGHT] * (1.0 - clipped(2.0 * path[j, ALIGNMENT], 0.0, 1.0))
         if obstruction > 0.0:
             for k in range(len(ANGLES)):
                 c, s = _TURNS[k, 0], _TURNS[k, 1]
                 future = predicted(ahead * c - aside * s, move_ahead * c - move_aside * s)
-                speed = headway_speed(future, ahead * s + aside * c, path[j, CONTACT], obstruction, p)
+                speed = headway_speed(future, ahead * s + aside * c, path[j, CONTACT], obstruction, time_gap, p)
                 value[k] = min(value[k], speed)
-    # The current direction relative to the desired one: ahead, left; below 1 m/s shorter in proportion to the speed.
-    size = max(length(velocity[0], velocity[1]), 1.0)
-    current_x = (velocity[0] * ex + velocity[1] * ey) / size
-    current_y = (velocity[1] * ex - velocity[0] * ey) / size
     best = -math.inf
     for k in range(len(ANGLES)):
         c, s = _TURNS[k, 0], _TURNS[k, 1]
-        habit = p.habit_bonus * (current_x * c + current_y * s)
-        value[k] = min(max(value[k], 0.0), desired_speed) * c - side * p.side_bonus * s + habit
+        value[k] = min(max(value[k], 0.0), desired_speed) * c - side * p.side_bonus * s
         best = max(best, value[k])
     x, y = 0.0, 0.0
     for k in range(len(ANGLES)):
@@ -324,97 +374,195 @@ def steer(
     speed = math.inf
     for j in range(len(path)):
         along, across = path[j, AHEAD] * x - path[j, ASIDE] * y, path[j, AHEAD] * y + path[j, ASIDE] * x
-        speed = min(speed, headway_speed(along, across, path[j, CONTACT], path[j, WEIGHT], p))
+        speed = min(speed, headway_speed(along, across, path[j, CONTACT], path[j, WEIGHT], time_gap, p))
     return ex * x - ey * y, ey * x + ex * y, min(max(speed, 0.0), desired_speed)
 
 
-BACKWARDS_SPEED = 0.2  # backward speed as a fraction of the forward speed
+class Memory(NamedTuple):
+    """What the model remembers of each agent, for the kernel.
+
+    Attributes:
+        generator: (M,) of int, state of its random number generator.
+        deviation: (M,), from its direction, in standard deviations; 0 at the start.
+        looseness: (M,), by which its group deviates from an ideal formation when they meet, m; NaN before.
+    """
+
+    generator: Ints
+    deviation: Floats
+    looseness: Floats
+
+
+_MULTIPLIER, _INCREMENT, _MASK = 1664525, 1013904223, 0xFFFFFFFF  # of the generator, modulo 2^32
+_DRAWS = 4  # uniform numbers whose sum is nearly normal
+
+
+@subroutine
+def deviate(memory: Memory, i: int, keep: float) -> float:
+    """Advance the deviation of agent i by one tick: an Ornstein-Uhlenbeck process of variance 1.
+
+    Args:
+        memory: updated.
+        i: index of the agent.
+        keep: factor by which the deviation falls within a tick, in (0, 1).
+
+    Returns:
+        The deviation, in standard deviations.
+
+    Source: the generator is that of Press et al., Numerical Recipes, section 7.1.
+    """
+    total, state = 0.0, memory.generator[i]
+    for _ in range(_DRAWS):
+        state = (_MULTIPLIER * state + _INCREMENT) & _MASK
+        total += state / 2147483648.0 - 1.0  # uniform in [-1, 1), of variance 1/3
+    memory.generator[i] = state
+    kick = math.sqrt((1.0 - keep * keep) * 3.0 / _DRAWS)
+    memory.deviation[i] = keep * memory.deviation[i] + kick * total
+    return float(memory.deviation[i])
 
 
 @kernel
 def _accelerations(
-    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, acceleration: Array
-) -> None:
+    packed_walkers: Any, packed_parameters: Any, packed_memory: Any, barriers: Array, side: float, dt: float,
+    acceleration: Array,
+) -> None:  # fmt: skip
     """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Sonata2026)
+    memory = unpack(packed_memory, Memory)
     p, position, velocity, radius = parameters, walkers.position, walkers.velocity, walkers.radius
-    direction, desired_speed, group = walkers.desired_direction, walkers.desired_speed, walkers.group
+    direction, desired_speed, body = walkers.desired_direction, walkers.desired_speed, walkers.body_direction
     path, value, pace = np.empty((len(position), 7)), np.empty(len(ANGLES)), np.empty(len(position))
+    keep = exp(-dt / p.look_ahead_time)
     for i in range(len(position)):
         pace[i] = length(velocity[i, 0], velocity[i, 1])
     for i in range(len(position)):
         acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
             continue
-        own_direction, own_velocity = (direction[i, 0], direction[i, 1]), (velocity[i, 0], velocity[i, 1])
-        ex, ey = own_direction
-        # Members that keep less to their group (bond < 1) attend less to the other members.
-        reduction = (1.0 - p.group_attention) * (1.0 - walkers.bond[i])
-        anticipation_x, anticipation_y, proximity_x, proximity_y = 0.0, 0.0, 0.0, 0.0
+        c, s = rotation(side * clipped(p.wander * deviate(memory, i, keep), -0.4, 0.4))
+        ex, ey = direction[i, 0] * c - direction[i, 1] * s, direction[i, 0] * s + direction[i, 1] * c
+        time_gap, politeness = p.time_gap * walkers.headway[i], walkers.politeness[i]
+        push_x, push_y, stream, members = 0.0, 0.0, 0.0, 1.0
         count = 0
         for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
             j, weight = walkers.neighbour[n], walkers.attention[n]
-            if group[i] >= 0 and group[j] == group[i]:
-                weight = weight * (1.0 - reduction)
             if weight == 0.0:
                 continue
             dx, dy, contact = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1], radius[j] + radius[i]
-            square = dx * dx + dy * dy
+            alignment = direction[j, 0] * ex + direction[j, 1] * ey
+            if are_together(walkers, i, j):
+                members += 1.0
+            elif alignment > STREAM_COSINE and dx * ex + dy * ey > 0.0:
+                stream += weight * exp(-length(dx, dy) / STREAM_LENGTH)
+            square, widest = dx * dx + dy * dy, contact + walkers.shoulder[i] + walkers.shoulder[j]
             # Neighbours out of reach contribute next to nothing, or permit the desired speed in every direction.
-            if not _is_beyond(square, anticipation_reach(contact, pace[i] + pace[j], p)):
+            if not _is_beyond(square, repulsion_reach(widest, pace[i] + pace[j], p)):
+                bodies = (contact, walkers.shoulder[i], body[i, 0], body[i, 1], walkers.shoulder[j], body[j, 0],
+                          body[j, 1])  # fmt: skip
                 ux, uy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
-                x, y = anticipation_acceleration(dx, dy, ux, uy, weight, contact, side, p)
-                anticipation_x += x
-                anticipation_y += y
-            if not _is_beyond(square, proximity_reach(contact, p)):
-                x, y = proximity_acceleration(dx, dy, own_direction, weight, contact, p)
-                proximity_x += x
-                proximity_y += y
-            if not _is_beyond(square, headway_reach(contact, pace[j], desired_speed[i], p)):
+                x, y = anticipation_acceleration(dx, dy, ux, uy, weight * politeness, bodies, side, p)
+                push_x += x
+                push_y += y
+                x, y = proximity_acceleration(dx, dy, (ex, ey), weight * politeness, bodies, p)
+                push_x += x
+                push_y += y
+            if not _is_beyond(square, headway_reach(contact, pace[j], desired_speed[i], time_gap, p)):
                 x, y = velocity[j, 0] * p.look_ahead_time, velocity[j, 1] * p.look_ahead_time
                 path[count, AHEAD], path[count, ASIDE] = dx * ex + dy * ey, dx * ey - dy * ex
                 path[count, MOVE_AHEAD], path[count, MOVE_ASIDE] = x * ex + y * ey, x * ey - y * ex
-                path[count, ALIGNMENT] = direction[j, 0] * ex + direction[j, 1] * ey
+                path[count, ALIGNMENT] = alignment
                 path[count, CONTACT], path[count, WEIGHT] = contact, weight
                 count += 1
-        x, y, speed = steer(path[:count], own_direction, own_velocity, desired_speed[i], side, p, value)
-        # Pedestrians that face away from their direction turn before they walk.
-        facing = walkers.body_direction[i, 0] * x + walkers.body_direction[i, 1] * y
-        speed = speed * clipped(1.0 + facing, BACKWARDS_SPEED, 1.0)
-        drive = adaptive_acceleration(own_velocity, (x, y), speed, desired_speed[i], p)
-        cohesion = group_cohesion_acceleration(walkers, i, p)
-        wall = wall_acceleration(
-            barriers, position[i, 0], position[i, 1], radius[i], p.wall_strength, p.wall_decay_length
-        )
-        acceleration[i, 0] = drive[0] + cohesion[0] + anticipation_x + proximity_x + wall[0]
-        acceleration[i, 1] = drive[1] + cohesion[1] + anticipation_y + proximity_y + wall[1]
+        x, y, speed = steer(path[:count], (ex, ey), desired_speed[i], time_gap, side, p, value)
+        x, y, speed = with_body((body[i, 0], body[i, 1]), x, y, speed, pace[i])
+        own_velocity = (velocity[i, 0], velocity[i, 1])
+        ahead, tau = velocity[i, 0] * x + velocity[i, 1] * y, p.relaxation_time
+        if speed > ahead:
+            walking = clipped((ahead - STREAM_PACE) / (BRISK_PACE - STREAM_PACE), 0.0, 1.0)
+            tau += (p.following_time - tau) * walking * stream / (1.0 + stream)
+        drive = desired_change(own_velocity, (x, y), speed, tau, p.turning_time)
+        group = group_velocity(walkers, i, memory.looseness, side, p)
+        # Each member of a group evades less, so that the group keeps its formation, and others walk round it.
+        ax = drive[0] + group[0] / p.relaxation_time + push_x / members
+        ay = drive[1] + group[1] / p.relaxation_time + push_y / members
+        after = (velocity[i, 0] + ax * dt, velocity[i, 1] + ay * dt)
+        vx, vy = without_bumps(walkers, i, after, barriers, p.turning_time)
+        acceleration[i, 0], acceleration[i, 1] = (vx - velocity[i, 0]) / dt, (vy - velocity[i, 1]) / dt
 
 
 @subroutine
-def proximity_reach(contact_distance: float, parameters: Sonata2026) -> float:
-    """Distance of centres beyond which `proximity_acceleration` is left out, m."""
-    return contact_distance + EXPONENT * parameters.proximity_decay_length
+def held_back(velocity: Vector, normal: Vector, maximum: float) -> Vector:
+    """A velocity whose component along a unit vector is limited, m/s."""
+    excess = max(velocity[0] * normal[0] + velocity[1] * normal[1] - maximum, 0.0)
+    return velocity[0] - excess * normal[0], velocity[1] - excess * normal[1]
 
 
 @subroutine
-def anticipation_reach(contact_distance: float, relative_speed: float, parameters: Sonata2026) -> float:
-    """Distance of centres beyond which `anticipation_acceleration` is left out up to a relative speed, m."""
+def without_bumps(walkers: Walkers, i: int, velocity: Vector, barriers: Array, time: float) -> Vector:
+    """A velocity that takes agent i into nothing: towards all things and people at most their gap in a given time.
+
+    A walker that evades others, or turns wide, so comes to a wall gently, and goes along it. People that walk the
+    same way are left out: their speeds differ by little, and in a full door people do touch.
+
+    Args:
+        walkers: all agents.
+        i: index of an agent that walks.
+        velocity: that it wants, m/s.
+        barriers: rows of `Barriers.table`: walls and furniture.
+        time: s.
+
+    Returns:
+        m/s.
+
+    Source: ours.
+    """
+    x, y, radius, shoulder = walkers.position[i, 0], walkers.position[i, 1], walkers.radius[i], walkers.shoulder[i]
+    bx, by, direction = walkers.body_direction[i, 0], walkers.body_direction[i, 1], walkers.desired_direction
+    reach = radius + shoulder + time * length(velocity[0], velocity[1])
+    for k in range(len(barriers)):
+        dx, dy = towards(barriers, k, x, y)
+        square, limit = dx * dx + dy * dy, reach + barriers[k, RADIUS]
+        if square > limit * limit:
+            continue
+        distance = max(math.sqrt(square), 1e-6)
+        nx, ny = dx / distance, dy / distance
+        gap = distance - barriers[k, RADIUS] - radius - shoulder * abs(nx * by - ny * bx)
+        velocity = held_back(velocity, (nx, ny), max(gap, 0.0) / time)
+    for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        j = walkers.neighbour[n]
+        dx, dy = walkers.position[j, 0] - x, walkers.position[j, 1] - y
+        square, limit = dx * dx + dy * dy, reach + walkers.radius[j] + walkers.shoulder[j]
+        alignment = direction[j, 0] * direction[i, 0] + direction[j, 1] * direction[i, 1]
+        if square > limit * limit or walkers.attention[n] == 0.0 or alignment > 0.0:
+            continue
+        distance = max(math.sqrt(square), 1e-6)
+        nx, ny = dx / distance, dy / distance
+        bodies = (radius + walkers.radius[j], shoulder, bx, by, walkers.shoulder[j], walkers.body_direction[j, 0],
+                  walkers.body_direction[j, 1])  # fmt: skip
+        gap = max(distance - contact_distance(nx, ny, bodies), 0.0)
+        receding = max(walkers.velocity[j, 0] * nx + walkers.velocity[j, 1] * ny, 0.0)
+        velocity = held_back(velocity, (nx, ny), receding + gap / time)
+    return velocity
+
+
+@subroutine
+def repulsion_reach(contact: float, relative_speed: float, parameters: Sonata2026) -> float:
+    """Distance of centres beyond which both forces are left out up to a relative speed, m."""
     p = parameters
-    gap = EXPONENT * p.anticipation_decay_length + p.anticipation_offset
-    return contact_distance + gap + LONGEST_PREDICTION * relative_speed
+    gap = EXPONENT * p.decay_length + p.side_bonus * p.look_ahead_time
+    return contact + gap + LONGEST_PREDICTION * relative_speed
 
 
 @subroutine
 def headway_reach(
-    contact_distance: float, neighbour_speed: float, desired_speed: float, parameters: Sonata2026
+    contact: float, neighbour_speed: float, desired_speed: float, time_gap: float, parameters: Sonata2026
 ) -> float:
     """Distance of centres beyond which a neighbour in the strip permits the desired speed, m.
 
     It is ahead by its distance less the half width of the strip at least, and comes nearer by its own motion.
     """
     p = parameters
-    gap = p.standstill_gap + p.time_gap * desired_speed
-    return contact_distance + gap + p.headway_half_width + p.look_ahead_time * neighbour_speed + ROUNDING
+    gap = p.standstill_gap + time_gap * desired_speed
+    return contact + gap + p.headway_half_width + p.look_ahead_time * neighbour_speed + ROUNDING
 
 
 @subroutine
@@ -424,13 +572,39 @@ def _is_beyond(square: float, reach: float) -> bool:
 
 
 class Sonata2026Model(KernelModel):
-    """Headway, steering, anticipation, proximity, walls and group cohesion; parameters in `Sonata2026`."""
+    """Headway, steering, anticipation, proximity and groups; parameters in `Sonata2026`."""
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
         self._parameters = pack(PARAMETERS)  # read here, so that `benchmarks/calibrate.py` can replace it
+        self._seeds, self._ids = (scene.seed, scene.episode), [human.id for human in scene.humans]
+        self._memory = Packed(Memory(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)))
 
     def acceleration(self, walkers: Walkers) -> Array:
         acceleration = self._output(walkers)
-        _accelerations(self._packed(walkers), self._parameters, self._barriers, self._side, acceleration)
+        if len(acceleration) > len(self._memory.value.generator):
+            self._add_agents(len(acceleration))
+        _accelerations(
+            self._packed(walkers),
+            self._parameters,
+            self._memory.argument,
+            self._barriers,
+            self._side,
+            self._dt,
+            acceleration,
+        )
         return acceleration
+
+    def _add_agents(self, count: int) -> None:
+        """Extend the memory to a number of agents, which may exceed that of the humans: a robot can be one."""
+        known, ids = self._memory.value, self._ids
+        others = range(max(ids, default=0) + 1, max(ids, default=0) + 1 + max(count - len(ids), 0))
+        streams = AgentStreams(*self._seeds, "deviations", [*ids, *others])
+        added = np.array([streams[k].integer(0, _MASK) for k in range(len(known.generator), count)], dtype=np.int64)
+        self._memory = Packed(
+            Memory(
+                np.concatenate((known.generator, added)),
+                np.concatenate((known.deviation, np.zeros(len(added)))),
+                np.concatenate((known.looseness, np.full(len(added), math.nan))),
+            )
+        )

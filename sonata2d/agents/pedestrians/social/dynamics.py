@@ -24,12 +24,13 @@ from .tasks import Kind, Task
 OBJECT_RELATIONS = {"laptop": AT_LAPTOP, "plant": AT_PLANT}  # AT_OBJECT for all other types
 NOT_VISITED = ("table", "chair")
 OBJECT_CLEARANCE = 0.30  # m, between the outlines of a pedestrian and the object that it attends to
-ARRIVAL_DISTANCE = 0.4  # m, from the position of a task
+ARRIVAL_DISTANCE = 0.25  # m, from the position of a task
 APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
 MEETING_DISTANCE, SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
 POSITION_SPACING = 0.7  # m, between the positions of two tasks
 MEMBER_SPACING, MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
 LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
+FOREVER = 1e6  # s
 LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
 
 
@@ -69,7 +70,7 @@ class SocialDynamics:
         self._lines = [QueueLine(queue, social, self._rng, self._dt) for queue in scene.queues]
         self._exits = Exits(scene, wayfinding)
         self.leaving: tuple[int, ...] = ()
-        self._is_changed = False  # whether the people who stand have changed since the last update of the obstacles
+        self._is_changed = True  # whether the people who stand have changed since the last update of the obstacles
         wayfinding.start_stay = self._start_stay
         if self._settings.is_lively:
             wayfinding.choose_task = self._choose_task
@@ -182,6 +183,7 @@ class SocialDynamics:
         task = self._tasks.pop(k)
         if task.kind != "stay":
             self._last[k] = task.kind
+            self._has_walked.discard(k)
         self._seats.release(k)
         if not self._social.is_walking[k]:
             self._is_changed = self._is_changed or self._social.is_in_the_way(k)
@@ -220,7 +222,7 @@ class SocialDynamics:
 
     def _start_stay(self, k: int, place: Point, duration: float) -> None:
         """Pedestrian k, which has arrived at a place, m, stands there for a time, s, and its followers beside it."""
-        until = self._tick + int(duration / self._dt)
+        until = self._tick + int(min(duration, FOREVER) / self._dt)
         self._stand(k, place, until)
         followers = [other for other in self._wayfinding.followers(k) if not self._social.is_absent(other)]
         taken = [place]
@@ -320,7 +322,6 @@ class SocialDynamics:
         if not self._wayfinding.send_to(k, position, task.position):
             return False
         self._tasks[k] = task
-        self._has_walked.discard(k)
         return True
 
     def _may_lead_out(self, k: int) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -11,8 +11,11 @@ from ....core.entities import TALKING, WALKING_TOGETHER, Interaction
 from ....core.geometry import Barriers, Disc, Point, Pose
 from ....core.humans import ACTIVITIES, activity_indices, frozen
 from ....core.packing import Bools, Floats2, Ints, Ints2
-from ....core.portable_math import BoolArray, IntArray
+from ....core.portable_math import BoolArray, IntArray, angle_of
 from ....core.scene import Scene, closed_outlines
+from ....core.vectors import lengths
+
+LARGEST_CIRCLE = 1.0  # m, from the centre of a conversation to its members, up to which others do not walk through it
 
 Posture = Literal["standing", "sitting", "queueing"]  # activity of a pedestrian that neither walks nor interacts
 
@@ -165,11 +168,24 @@ class SocialState:
         return is_here and not self._is_brief[k] and self._posture[k] != "sitting"
 
     def shared_spaces(self) -> Barriers:
-        """The outlines of the spaces between the members of initial talking formations."""
-        return closed_outlines(
-            [(float(x), float(y)) for x, y in self.standing_position[formation].tolist()]
-            for formation in self._formations
-        )
+        """The outlines of the spaces between people who talk: initial formations, and circles that form later."""
+        rings = (self.standing_position[ring].tolist() for ring in (*self._formations, *self._circles()))
+        return closed_outlines([(x, y) for x, y in ring] for ring in rings)
+
+    def _circles(self) -> Iterator[list[int]]:
+        """The members of each conversation that is no initial formation, in their order round its centre."""
+        known = {k for formation in self._formations for k in formation}
+        standing = [k for k in np.flatnonzero(~self.is_walking).tolist() if self.is_in_the_way(k)]
+        for k in standing:
+            members = [k, *(other for other in self.partners[k] if other in standing)]
+            if len(members) < 2 or k != min(members) or known.intersection(members):
+                continue
+            places = self.standing_position[members].tolist()
+            centre = np.array([sum(xs) for xs in zip(*places, strict=True)]) / len(places)
+            offset = np.array(places) - centre
+            if lengths(offset).max() <= LARGEST_CIRCLE:
+                angle = [angle_of(y, x) for x, y in offset.tolist()]
+                yield [member for _, member in sorted(zip(angle, members, strict=True))]
 
     def _interacts(self, k: int) -> bool:
         """Whether pedestrian k attends to anything, or is attended to."""

@@ -1,0 +1,76 @@
+"""Shoulders turn in narrow gaps: a body is broader than deep, and passes sideways where it does not pass straight.
+
+People turn their shoulders if a gap is narrower than 1.3 times the breadth of their shoulders, and as far as they need
+to keep this proportion.
+
+Source: Warren & Whang, J. Exp. Psychol. Hum. Percept. Perform. 13 (1987) 371.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ...core.compiled import subroutine
+from ...core.portable_math import PI, Array
+from ...core.scalar import RADIUS, angle_of, towards
+from .models.base import Walkers
+
+APERTURE_RATIO = 1.3  # of a gap to the breadth of a body that passes it
+MAXIMUM_TWIST = PI / 3  # rad, of the shoulders
+TWIST_RATE = 2.0  # rad/s
+GAP_AHEAD = 0.35  # m, where walls are looked for besides the present position
+NEAR_BEHIND, NEAR_AHEAD = 0.1, 0.7  # m, behind and ahead of the centre, between which other pedestrians count
+WALL_AHEAD = 0.2  # m, by which the nearest point of a wall can be off the line across the direction
+BESIDE = 1.0  # m, to each side; what is farther away leaves room
+UNDECIDED = 0.1  # m, difference of the room at both sides below which a twist keeps its side
+
+
+@subroutine
+def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: float) -> float:
+    """The angle by which agent i wants to turn its shoulders, rad; 0 where there is room.
+
+    The shoulder on the side with less room goes back.
+
+    Args:
+        walkers: all agents, with their neighbours.
+        i: index of an agent that walks.
+        barriers: rows of `Barriers.table`.
+        twist: the present angle, rad.
+        side: of the rules, +1 or -1: the shoulder that goes back where both sides are alike.
+    """
+    x, y, radius = walkers.position[i, 0], walkers.position[i, 1], walkers.radius[i]
+    breadth, depth = 2.0 * (radius + walkers.shoulder[i]), 2.0 * radius
+    if not breadth > depth:
+        return 0.0
+    ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
+    left, right = BESIDE, BESIDE  # free distance from the centre
+    for b in range(len(barriers)):
+        for n in range(2):
+            dx, dy = towards(barriers, b, x + ex * GAP_AHEAD * n, y + ey * GAP_AHEAD * n)
+            ahead, aside = dx * ex + dy * ey, ex * dy - ey * dx
+            free = math.sqrt(dx * dx + dy * dy) - barriers[b, RADIUS]
+            if abs(ahead) < WALL_AHEAD and free < BESIDE:
+                if aside > 0.0:
+                    left = min(left, free)
+                else:
+                    right = min(right, free)
+    for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        j = walkers.neighbour[n]
+        dx, dy = walkers.position[j, 0] - x, walkers.position[j, 1] - y
+        ahead, aside = dx * ex + dy * ey, ex * dy - ey * dx
+        if walkers.attention[n] > 0.0 and -NEAR_BEHIND < ahead < NEAR_AHEAD and abs(aside) < BESIDE:
+            bx, by = walkers.body_direction[j, 0], walkers.body_direction[j, 1]
+            extent = walkers.radius[j] + walkers.shoulder[j] * abs(bx * ex + by * ey)
+            free = max(abs(aside) - extent, 0.0)
+            if aside > 0.0:
+                left = min(left, free)
+            else:
+                right = min(right, free)
+    cosine = ((left + right) / APERTURE_RATIO - depth) / (breadth - depth)
+    if cosine >= 1.0:
+        return 0.0
+    sign = 1.0 if left < right else -1.0
+    if abs(left - right) < UNDECIDED:
+        sign = side if twist == 0.0 else (1.0 if twist > 0.0 else -1.0)
+    cosine = max(cosine, 0.0)
+    return sign * min(angle_of(math.sqrt(1.0 - cosine * cosine), cosine), MAXIMUM_TWIST)

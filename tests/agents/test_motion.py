@@ -1,0 +1,120 @@
+"""Motion of pedestrians that an onlooker would notice: arrivals, gaps, robots in the way, turns."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import sonata2d as s2
+from sonata2d.core.entities import Human
+from sonata2d.core.geometry import Pose
+from sonata2d.core.portable_math import Array
+from sonata2d.core.snapshot import Snapshot
+
+from ..conftest import room
+from .test_crowd import positions, simulate, two_rooms
+
+CORNER = Pose(-3.7, -3.7)
+
+
+def going(number: int, x: float, y: float, *goals: tuple[float, float], **fields: object) -> Human:
+    """A pedestrian that walks to goals and does not react to the robot; it faces the first of them."""
+    theta = math.atan2(goals[0][1] - y, goals[0][0] - x)
+    return Human(number, Pose(x, y, theta), behaviour="walking", goals=goals, reacts_to_robot=0.0, **fields)  # type: ignore[arg-type]
+
+
+def speeds(snapshots: list[Snapshot]) -> Array:
+    """(T, N), m/s."""
+    return np.linalg.norm([snapshot.humans.velocity for snapshot in snapshots], axis=2)
+
+
+def test_a_pedestrian_stops_at_its_goal_without_turning_back() -> None:
+    snapshots = simulate(room([going(1, -3.0, 0.0, (2.0, 0.5))], robot=CORNER), 10.0)
+    path, speed = positions(snapshots)[:, 0], speeds(snapshots)[:, 0]
+    along = path @ np.array((5.0, 0.5)) / math.hypot(5.0, 0.5)
+    assert np.linalg.norm(path[-1] - (2.0, 0.5)) < 0.3
+    assert np.diff(along).min() > -0.002
+    assert speed[-20:].max() < 0.01
+    assert snapshots[-1].humans[0].activity == "standing"
+    braking = np.diff(speed)[10:] / 0.1
+    assert braking.min() > -2.0  # m/s^2
+
+
+@pytest.mark.parametrize("count", [2, 12])
+def test_pedestrians_with_one_goal_come_to_rest_around_it(count: int) -> None:
+    angles = 2.0 * math.pi * np.arange(count) / count + 0.1
+    humans = [going(k + 1, 3.2 * math.cos(a), 3.2 * math.sin(a), (0.0, 0.0)) for k, a in enumerate(angles)]
+    snapshots = simulate(room(humans, robot=CORNER), 25.0)
+    path = positions(snapshots)
+    assert speeds(snapshots)[-30:].max() < 0.05
+    assert np.linalg.norm(path[-1], axis=1).max() < 1.7
+    assert {human.activity for human in snapshots[-1].humans} == {"standing"}
+
+
+def test_a_ring_of_people_who_change_sides_dissolves() -> None:
+    angles = 2.0 * math.pi * np.arange(20) / 20
+    ends = -3.4 * np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    humans = [going(k + 1, -x, -y, (x, y)) for k, (x, y) in enumerate(ends.tolist())]
+    path = positions(simulate(room(humans, robot=CORNER), 20.0))
+    distances = np.linalg.norm(path[-1] - ends, axis=1)
+    assert np.median(distances) < 0.6
+    assert distances.max() < 1.5  # whose place is taken stops before it
+
+
+def test_a_person_passes_a_gap_of_half_a_metre_and_turns_its_shoulders() -> None:
+    snapshots = simulate(two_rooms(0.5, [going(1, -2.0, 0.0, (2.5, 0.0))], robot=CORNER), 8.0)
+    path, body = positions(snapshots)[:, 0], np.array([snapshot.humans.theta[0] for snapshot in snapshots])
+    assert np.linalg.norm(path[-1] - (2.5, 0.0)) < 0.3
+    assert np.abs(body[np.abs(path[:, 0]) < 0.5]).max() > math.radians(20.0)
+    assert np.abs(body[(path[:, 0] < -1.0) | (path[:, 0] > 1.5)]).max() < math.radians(10.0)
+
+
+def test_people_walk_round_a_standing_robot_that_they_ignore() -> None:
+    snapshots = simulate(room([going(1, -3.5, 0.05, (3.5, 0.05))], robot=Pose(0.5, 0.0)), 9.0)
+    path = positions(snapshots)[:, 0]
+    assert min(map(s2.clearance, snapshots)) > 0.0
+    assert path[-1, 0] > 3.0
+
+
+def courses(preset: str, seed: int) -> tuple[Array, Array]:
+    """Velocities, m/s, and unit vectors of the bodies, (T, N, 2), in 40 s of a preset; NaN for absent people."""
+    scene = s2.generate(s2.load_scenario(preset), seed=seed)
+    row = {human.id: k for k, human in enumerate(scene.humans)}
+    velocity, body = np.full((2, 400, len(row), 2), np.nan)
+    for tick, snapshot in enumerate(simulate(scene, 40.0)):
+        present = [row[k] for k in snapshot.humans.id.tolist()]
+        velocity[tick, present], body[tick, present] = snapshot.humans.velocity, snapshot.humans.direction
+    return velocity, body
+
+
+@pytest.fixture(scope="module")
+def hall() -> list[tuple[Array, Array]]:
+    return [courses("crowded-hall", seed) for seed in range(3)]
+
+
+def test_walking_people_hardly_ever_turn_about(hall: list[tuple[Array, Array]]) -> None:
+    """By more than 120 degrees within 1.6 s, at 0.6 m/s before and after; some do where the crowd shuts them in."""
+    about, walked = 0, 0.0
+    for velocity, _ in hall:
+        speed = np.linalg.norm(velocity, axis=2)
+        before, after = velocity[:-16], velocity[16:]
+        both = speed[:-16] * speed[16:]
+        turns = (speed[:-16] > 0.6) & (speed[16:] > 0.6) & ((before * after).sum(axis=2) < -0.5 * both)
+        about += int((np.diff(turns.astype(int), axis=0, prepend=0) == 1).sum())
+        walked += float((speed > 0.6).sum()) / 10.0
+    assert walked > 1000.0
+    assert about < walked / 100.0
+
+
+def test_walking_people_face_where_they_walk(hall: list[tuple[Array, Array]]) -> None:
+    slip = np.concatenate([slips(velocity, body) for velocity, body in hall])
+    assert slip.mean() <= 0.02
+
+
+def slips(velocity: Array, body: Array) -> Array:
+    """Whether the body is more than 45 degrees off the course, for every person and tick at 0.6 m/s or more."""
+    speed = np.linalg.norm(velocity, axis=2)
+    is_off = (velocity * body).sum(axis=2) < math.sqrt(0.5) * speed
+    return is_off[speed > 0.6]
