@@ -56,7 +56,7 @@ NEUTRAL = {
 }  # fmt: skip
 FRAME, TICKS = 0.4, 4  # s between the frames of recordings, and ticks in a frame
 SECONDS = {"corridor_uni": 60.0}  # of the free runs; 300 s of the others
-SKIPPED = {"eth": 4, "zara01": 3, "corridor_uni": 4}  # every n-th window is used during the search
+SKIPPED = {"eth": 2, "zara01": 2, "corridor_uni": 4}  # every n-th window is used during the search
 # Targets: replays (ADE in m; distances of distributions in m and 1/s) and free runs (AUC; distances in m/s).
 REPLAY = {"eth": (0.20, 0.015, 0.02), "zara01": (0.17, 0.015, 0.02), "corridor_uni": (0.40, 0.03, None)}
 FREE = {"eth": (0.65, 0.05), "zara01": (0.60, 0.03), "corridor_uni": (0.70, 0.12)}
@@ -159,7 +159,7 @@ def _replay(protocol: Any, path: str, name: str, fast: bool) -> dict[str, float]
     step = SKIPPED[name] if fast else 1
     row = _in_windows(protocol, simulate, path, step)
     scale = _straight(protocol, path, step) / _straight(protocol, path, 1)
-    noise = 0.7 if fast else 1.0  # fewer windows make distributions differ more
+    noise = 0.9 if fast else 1.0  # fewer windows make distributions differ more
     found = {f"{name} ADE": row["ADE"] / (ade * scale), f"{name} nearest": noise * row["W_nn"] / nearest}
     if urgency is not None:
         found[f"{name} urgency"] = noise * row["W_urgency"] / urgency
