@@ -41,7 +41,8 @@ def simulate(
 
     Args:
         initial_positions, initial_velocities: (N, 2), m and m/s.
-        goals: (N, 2), m; a pedestrian that is at its goal stands, and one that comes to it walks on.
+        goals: (N, 2), m; a pedestrian that is at its goal stands, and one that comes to it stops near it, but walks on
+            if it starts less than 1 m from it.
         desired_speeds: (N,), m/s.
         obstacles: (M, 4), walls as x1, y1, x2, y2, m.
         dt: time between returned positions, s.
@@ -106,7 +107,7 @@ def scene_from_state(
         humans=tuple(
             Human(
                 id=k + 1,
-                pose=Pose(x, y, float(np.arctan2(offset[k, Y], offset[k, X]))),
+                pose=Pose(x, y, angle_of(float(offset[k, Y]), float(offset[k, X]))),
                 radius=radius,
                 desired_speed=float(speeds[k]),
                 behaviour="standing" if stands[k] else "walking",

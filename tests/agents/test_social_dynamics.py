@@ -215,6 +215,15 @@ def test_others_walk_round_people_who_talk() -> None:
     assert abs(path[np.abs(path[:, 0] - 1.0).argmin(), 1]) > 0.6  # beside both
 
 
+def test_a_conversation_that_has_grown_can_be_joined() -> None:
+    ring = [(math.cos(a), math.sin(a), a + math.pi) for a in (0.0, 2.1, 4.2)]
+    people = [Human(k, Pose(0.7 * x, 0.7 * y, theta)) for k, (x, y, theta) in enumerate(ring, 1)]
+    talks = (Interaction(1, TALKING, 2), Interaction(1, TALKING, 3), Interaction(2, TALKING, 3))
+    social = Social(joins=1.0, talk_time=(15.0, 15.0))
+    scene = room([*people, walker(4, -3.0, 0.0)], interactions=talks, social=social, robot=CORNER)
+    assert max(sum(i.relation == TALKING for i in s.interactions) for s in simulate(scene, 25.0)) == 6
+
+
 # F-formations
 
 

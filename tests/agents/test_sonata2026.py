@@ -37,7 +37,6 @@ from sonata2d.agents.pedestrians.models.sonata2026 import (
     headway_reach,
     headway_speed,
     proximity_acceleration,
-    repulsion_reach,
     steer,
     with_body,
 )
@@ -88,9 +87,11 @@ def test_speed_and_direction_change_with_time_constants_of_their_own() -> None:
 def test_a_body_that_faces_elsewhere_turns_first(angle: float, pace: float, course: float, share: float) -> None:
     x, y = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     expected = math.cos(math.radians(course)), math.sin(math.radians(course)), 1.2 * share
-    assert with_body(EAST, x, y, 1.2, pace) == pytest.approx(expected, abs=1e-9)
+    assert with_body(EAST, x, y, 1.2, pace, 1.0) == pytest.approx(expected, abs=1e-9)
     if angle < 180.0:
-        assert with_body(EAST, x, -y, 1.2, pace) == pytest.approx((expected[0], -expected[1], expected[2]), abs=1e-9)
+        assert with_body(EAST, x, -y, 1.2, pace, -1.0) == pytest.approx(
+            (expected[0], -expected[1], expected[2]), abs=1e-9
+        )
 
 
 def test_bodies_touch_by_their_depth_in_file_and_by_their_breadth_abreast() -> None:
@@ -214,19 +215,6 @@ def test_proximity_is_in_full_ahead_and_nothing_behind() -> None:
     for x, direction, share in ((0.7, EAST, 1.0), (-0.7, EAST, 0.0), (0.7, (0.0, 1.0), 0.5), (0.7, (0.0, 0.0), 0.5)):
         push = proximity_acceleration(x, 0.0, direction, 1.0, DISCS, GIVEN)
         assert push == pytest.approx((-share * 0.5 * math.exp(-1.0), 0.0), abs=1e-6)
-
-
-def test_neighbours_out_of_reach_contribute_next_to_nothing() -> None:
-    random = np.random.default_rng(1)
-    for _ in range(1000):
-        angle, (ux, uy) = random.uniform(-math.pi, math.pi), random.normal(scale=2.0, size=2)
-        ahead, left, beyond = math.cos(angle), math.sin(angle), random.uniform(1.000001, 1.2)
-        reach = beyond * repulsion_reach(CONTACT_DISTANCE, math.hypot(ux, uy), PARAMETERS)
-        x, y = ahead * reach, left * reach
-        assert anticipation_acceleration(x, y, ux, uy, 1.0, DISCS, 1.0, PARAMETERS) == pytest.approx(
-            (0.0, 0.0), abs=1e-4
-        )
-        assert proximity_acceleration(x, y, EAST, 1.0, DISCS, PARAMETERS) == pytest.approx((0.0, 0.0), abs=1e-4)
 
 
 # Groups and streams

@@ -87,10 +87,11 @@ class SocialForce(Controller):
         vx, vy = self._next_velocity(snapshot, direction)
         c, s = robot.direction
         ahead, left = vx * c + vy * s, vy * c - vx * s
-        if self._model.headed:  # motion follows the body, so the body turns to the waypoint
+        is_slow = math.sqrt(vx * vx + vy * vy) <= 0.1
+        if self._model.headed or is_slow:  # models whose motion follows the body need it to face the waypoint
             turn = angle_of(direction[1] * c - direction[0] * s, direction[0] * c + direction[1] * s)
         else:
-            turn = angle_of(left, ahead) if math.sqrt(vx * vx + vy * vy) > 0.1 else 0.0
+            turn = angle_of(left, ahead)
         return Twist(ahead, left, self.gain * turn)
 
     def _next_velocity(self, snapshot: Snapshot, direction: Point) -> Point:

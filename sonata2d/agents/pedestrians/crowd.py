@@ -63,7 +63,7 @@ STANDING_SPEED, STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower f
 ARRIVAL_BRAKING = 0.8  # m/s^2, of a walker that arrives where it will stay
 
 # Steps of `plan`, and what it waits for when it returns.
-_FOLLOW, _TARGET, _TURN, _DONE = range(4)
+_FOLLOW, _TARGET, _TURN = range(3)
 _NEEDS_DESTINATION, _NEEDS_PATHS, _NEEDS_DRAWS, _IS_PLANNED = range(4)
 
 
@@ -446,7 +446,7 @@ def _orient(
             result.facing[k, 1] = result.gaze[k, 1] = 0.0
             continue
         ux, uy, speed = walkers.desired_direction[k, 0], walkers.desired_direction[k, 1], walkers.desired_speed[k]
-        facing_x, facing_y = facing(k, humans, social, ux * speed, uy * speed, reactions)
+        facing_x, facing_y = facing(k, humans, social, ux * speed, uy * speed, reactions, around.side)
         if is_headed and social.is_walking[k]:  # motion follows the body, so the body turns to the desired direction
             facing_x, facing_y = ux, uy
         twist, change = 0.0, TWIST_RATE * dt if tick > 0 else math.inf

@@ -128,7 +128,7 @@ def _draw_ticks(glances: Glances, k: int, low: float, high: float, dt: float) ->
 
 @subroutine
 def facing(
-    k: int, humans: Array, social: SocialArrays, course_x: float, course_y: float, reactions: Reactions
+    k: int, humans: Array, social: SocialArrays, course_x: float, course_y: float, reactions: Reactions, side: float
 ) -> Vector:
     """The direction that the body of pedestrian k turns to, a unit vector.
 
@@ -138,6 +138,7 @@ def facing(
         social: what the pedestrians are doing.
         course_x, course_y: desired velocity, m/s.
         reactions: to the robot.
+        side: of the rules, +1 or -1: to which a body turns about.
     """
     vx, vy, is_walking = humans[k, VX], humans[k, VY], social.is_walking[k]
     if reactions.faces_robot[k] and not social.has_object[k]:
@@ -152,7 +153,8 @@ def facing(
         if speed > IDLE_SPEED:
             x, y = vx / speed, vy / speed
             if x * ux + y * uy < LEAD_COSINE:
-                sine = LEAD_SINE if x * uy - y * ux >= 0.0 else -LEAD_SINE
+                turn = x * uy - y * ux
+                sine = LEAD_SINE if turn > 0.0 or (turn == 0.0 and side < 0.0) else -LEAD_SINE
                 return LEAD_COSINE * x - sine * y, LEAD_COSINE * y + sine * x
         return ux, uy
     x, y = _facing_point(k, humans, social)

@@ -61,7 +61,9 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
         if walkers.attention[n] > 0.0 and -NEAR_BEHIND < ahead < NEAR_AHEAD and abs(aside) < BESIDE:
             bx, by = walkers.body_direction[j, 0], walkers.body_direction[j, 1]
             extent = walkers.radius[j] + walkers.shoulder[j] * abs(bx * ex + by * ey)
-            free = max(abs(aside) - extent, 0.0)
+            if abs(aside) < extent:
+                continue  # ahead, not beside: it is followed or evaded
+            free = abs(aside) - extent
             if aside > 0.0:
                 left = min(left, free)
             else:

@@ -36,7 +36,7 @@ DETOUR = 1.3  # length of a path with room over that of one without, up to which
 WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
 ARRIVAL_DISTANCE = 0.5  # m from the goal
 EXIT_DISTANCE = 0.3  # m from the goal at which a pedestrian leaves
-CLUSTER_AREA = 0.5  # m^2, of each pedestrian in a cluster that stands at one goal
+CLUSTER_AREA = 0.7  # m^2, of each pedestrian in a cluster that stands at one goal
 LARGEST_CLUSTER = 3.0  # m, radius
 SPOT_SPACING = 0.7  # m, between the places at which pedestrians stand for a time
 DOORWAY_DEPTH = 0.4  # m, in front of a door, where pedestrians neither stand nor wander to
@@ -130,6 +130,7 @@ class Wayfinding:
         self._place: list[Place | None] = [None] * count  # of interest, of the present destination
         self._spots = np.full((count, 2), math.nan)  # where pedestrians stand for a time, or will, m
         self._position = self._velocity = self._spots  # of all pedestrians, m and m/s
+        self._is_present = np.ones(count, dtype=bool)
         self._kept_free = _discs_kept_free(scene)
         self._has_groups = any(group.kind == "walking" for group in scene.groups)
         self._has_exits = any(human.exits for human in humans)
@@ -177,7 +178,7 @@ class Wayfinding:
             humans: (N, 9), columns of `core.humans`.
             is_present: (N,).
         """
-        self._position, self._velocity = humans[:, X : Y + 1], humans[:, VX : VY + 1]
+        self._position, self._velocity, self._is_present = humans[:, X : Y + 1], humans[:, VX : VY + 1], is_present
         for k in self._recorded:
             self.routes.target[k] = self._scene.humans[k].track_position(tick + self._track_look_ahead)
         if tick == 0:
@@ -277,6 +278,7 @@ class Wayfinding:
         offset = self._spots - goal
         near = offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1] < SPOT_SPACING * SPOT_SPACING
         near[k] = False
+        near &= self._is_present
         return bool(near.any()) or any(_near(x, y, *goal, radius) for x, y, radius in self._kept_free)
 
     def find_new_path(self, k: int, position: Point) -> None:
@@ -303,6 +305,7 @@ class Wayfinding:
         self.space = FreeSpace(outline, obstacles, self._breadth + CLEARANCE)
         self.tight = FreeSpace(outline, obstacles, self._depth + TIGHT_CLEARANCE)
         self.passable = FreeSpace(outline, solids, self._depth - WALL_TOLERANCE)
+        self._places = FreeSpace(outline, solids, self._breadth + CLEARANCE)  # also those between people who talk
 
     def find_path(self, start: Point, goal: Point) -> Array | None:
         """The path to a goal with room for the shoulders, or a shorter one on which they must turn.
@@ -323,7 +326,7 @@ class Wayfinding:
 
     def is_open(self, start: Point, end: Point) -> bool:
         """Whether a pedestrian can stand at the end, and walk there straight from the start; m."""
-        return self.space.is_open(start, end)
+        return self._places.is_open(start, end)
 
     def send_to(self, k: int, position: Point, destination: Point) -> bool:
         """Send pedestrian k from its position to a destination, m, where it stays; False if there is no path."""

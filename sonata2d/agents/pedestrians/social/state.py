@@ -62,7 +62,7 @@ class SocialState:
         humans = scene.humans
         self._index = {human.id: k for k, human in enumerate(humans)}
         self._ids = [human.id for human in humans]
-        self._radius = [human.radius for human in humans]
+        self._radius = [human.shape.circumradius for human in humans]  # standing people turn
         self._object_positions = {thing.id: thing.pose.position for thing in scene.furniture}
         self.is_walking = np.array([human.walks_at_start for human in humans], dtype=bool)
         self._posture = [
