@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -359,3 +361,10 @@ def test_a_walking_group_stays_together_and_keeps_its_speed() -> None:
     assert (distances > 0.6).all()
     assert (distances < 1.2).all()
     assert (path[-1, :, 0] - path[0, :, 0]) / 3.9 == pytest.approx([1.1] * 3, abs=0.1)
+
+
+def test_the_page_of_the_models_has_the_parameters() -> None:
+    page = (Path(__file__).parents[2] / "docs/models.md").read_text(encoding="utf-8")
+    table = page[page.index("| drive | τ =") : page.index("Mirroring a scene and")]
+    numbers = [float(number) for number in re.findall(r"(?:= |spacing )(-?[\d.]+)", table)]
+    assert sorted(numbers) == sorted(PARAMETERS)
