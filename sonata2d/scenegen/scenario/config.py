@@ -125,7 +125,7 @@ class ScenarioConfig(Settings):
     label: LabelConfig = LabelConfig()
     clearance: PositiveFloat = 0.05
     max_attempts: PositiveInt = 200
-    max_layouts: PositiveInt = 10
+    max_layouts: PositiveInt = 50
     drop: bool = False
     flip: Fraction = 0.0
 
