@@ -86,6 +86,42 @@ def to_shoulder_line(dx: float, dy: float, body_x: float, body_y: float, shoulde
 
 
 @subroutine
+def outline_gap(
+    barriers: Array, x: float, y: float, body_x: float, body_y: float, radius: float, shoulder: float
+) -> float:
+    """Gap between the outline of a person and the nearest barrier, m; negative where they overlap.
+
+    Args:
+        barriers: rows of `Barriers.table`.
+        x, y: position, m.
+        body_x, body_y: unit vector of the heading.
+        radius, shoulder: half the depth of the body, and half the length of the shoulder line, m.
+    """
+    nearest, along_x, along_y = math.inf, -body_y * shoulder, body_x * shoulder
+    for k in range(len(barriers)):
+        nearest = min(nearest, line_gap(barriers, k, x + along_x, y + along_y, x - along_x, y - along_y))
+    return nearest - radius
+
+
+@subroutine
+def turned_towards(x: float, y: float, to_x: float, to_y: float, cosine: float, sine: float, side: float) -> Vector:
+    """A unit vector that is turned towards another by a given angle at most.
+
+    Args:
+        x, y: unit vector that is turned.
+        to_x, to_y: unit vector towards which it is turned, and which is the result if it is within the angle.
+        cosine, sine: of the angle.
+        side: to which a turn towards the opposite direction goes: 1 to the right, -1 to the left.
+    """
+    if x * to_x + y * to_y >= cosine:
+        return to_x, to_y
+    turn = x * to_y - y * to_x
+    if not (turn > 0.0 or (turn == 0.0 and side < 0.0)):
+        sine = -sine
+    return cosine * x - sine * y, cosine * y + sine * x
+
+
+@subroutine
 def inverse_square(x: float, y: float) -> float:
     """Inverse of the squared length of a vector; 0 for the null vector."""
     square = x * x + y * y

@@ -237,7 +237,7 @@ def _robot(row: Array, shape: JsonDict) -> JsonDict:
 
 
 def _people(record: EpisodeRecord, rows: list[list[float]], present: list[bool]) -> list[JsonDict]:
-    """Poses of the pedestrians who are present; velocities (world frame), head and body under keys of our own.
+    """Poses of the pedestrians who are present; velocities (world frame), head and body have keys of sonata2d.
 
     Readers match the pedestrians of two steps by id, and mask those who are in one of them only.
     """

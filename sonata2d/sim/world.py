@@ -273,8 +273,8 @@ def _seat_group(index: int) -> int:
 def _static_shapes(ground: pymunk.Body, furniture: Furniture) -> list[pymunk.Shape]:
     """The outline of an object.
 
-    The engine misses contacts of polygons with segments whose ends were set anew, as those of torsos are in every
-    substep. So a rectangle has four segments for sides.
+    A rectangle consists of four segments: the engine misses contacts between a polygon and a segment whose ends are
+    moved, and the ends of a torso move in every substep.
     """
     if isinstance(furniture.shape, Disc):
         return [pymunk.Circle(ground, furniture.shape.radius, furniture.pose.position)]

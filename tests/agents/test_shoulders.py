@@ -19,7 +19,7 @@ DEPTH, SHOULDER = 2 * PERSON_RADIUS, PERSON_BREADTH / 2 - PERSON_RADIUS
 
 
 def walkers(*others: tuple[float, float], shoulder: float = SHOULDER) -> Walkers:
-    """A person at the origin who walks east, and others who face east."""
+    """A person that walks east from the origin, and other people, who face east."""
     count = 1 + len(others)
     east, ones = np.tile((1.0, 0.0), (count, 1)), np.ones(count)
     return Walkers(

@@ -24,7 +24,7 @@ from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.packing import Floats2, Ints
 from ...core.portable_math import Array
 from ...core.rng import AgentStreams
-from ...core.scalar import Vector, choice, unit_or
+from ...core.scalar import Vector, choice, turned_towards, unit_or
 from ...core.scene import Scene
 from .reactions import AVOIDS, CURIOUS, SCARED, STOPS, Reactions
 from .social.state import SocialArrays
@@ -34,7 +34,7 @@ MINIMUM_HEAD_LEAD = 0.8  # m, minimum distance ahead on the path
 LEAD_COSINE, LEAD_SINE = (
     0.8191520442889918,
     0.573576436351046,
-)  # of 35 degrees: most by which a body leads its course
+)  # of 35 degrees, by which a body leads its course at most
 IDLE_SPEED, MOVING_SPEED = 0.3, 0.4  # m/s: slower bodies turn freely; faster scared ones face their path
 VIEW_COSINE = -0.35  # cosine of the angle from the body's direction up to which the robot is noticed
 
@@ -151,11 +151,7 @@ def facing(
         ux, uy = unit_or(course_x, course_y, 0.05, humans[k, BODY_X], humans[k, BODY_Y])
         speed = math.sqrt(vx * vx + vy * vy)
         if speed > IDLE_SPEED:
-            x, y = vx / speed, vy / speed
-            if x * ux + y * uy < LEAD_COSINE:
-                turn = x * uy - y * ux
-                sine = LEAD_SINE if turn > 0.0 or (turn == 0.0 and side < 0.0) else -LEAD_SINE
-                return LEAD_COSINE * x - sine * y, LEAD_COSINE * y + sine * x
+            return turned_towards(vx / speed, vy / speed, ux, uy, LEAD_COSINE, LEAD_SINE, side)
         return ux, uy
     x, y = _facing_point(k, humans, social)
     return unit_or(x - humans[k, X], y - humans[k, Y], 0.05, humans[k, BODY_X], humans[k, BODY_Y])

@@ -17,7 +17,18 @@ from ...core.compiled import subroutine
 from ...core.humans import VX, VY, X, Y
 from ...core.packing import Floats, Floats2, Ints
 from ...core.portable_math import Array
-from ...core.scalar import ALONG_X, ALONG_Y, RADIUS, START_X, START_Y, Vector, clipped, gap, line_gap, to_shoulder_line
+from ...core.scalar import (
+    ALONG_X,
+    ALONG_Y,
+    RADIUS,
+    START_X,
+    START_Y,
+    Vector,
+    clipped,
+    gap,
+    outline_gap,
+    to_shoulder_line,
+)
 from ...core.snapshot import CLOSING_SPEED
 from .rules import CONTACT_DISTANCE, GUARD, HOLONOMIC, HUMAN_RANGE, OWN_SPEED, ROBOT_RADIUS, TICK
 
@@ -83,16 +94,6 @@ def find_near(guard: Guard, bodies: Array, barriers: Array, rules: Array) -> Non
 
 
 @subroutine
-def _room(guard: Guard, k: int, x: float, y: float, barriers: Array) -> float:
-    """Gap between the outline of pedestrian k, at (x, y), and the nearest solid, m."""
-    sx, sy = -guard.torso[k, 1] * guard.shoulder[k], guard.torso[k, 0] * guard.shoulder[k]
-    nearest: float = math.inf
-    for n in range(len(barriers)):
-        nearest = min(nearest, line_gap(barriers, n, x + sx, y + sy, x - sx, y - sy))
-    return nearest - float(guard.radius[k])
-
-
-@subroutine
 def limited(
     guard: Guard, wanted_x: float, wanted_y: float, bodies: Array, barriers: Array, rules: Array, h: float
 ) -> tuple[Vector, float, bool]:
@@ -126,7 +127,8 @@ def limited(
         dx, dy = to_shoulder_line(x - px, y - py, guard.torso[k, 0], guard.torso[k, 1], guard.shoulder[k])
         allowed = depth
         if not is_guarded:  # a person that is pressed against something stops the robot
-            allowed = clipped(_room(guard, k, x, y, barriers), 0.0, depth)
+            torso, radius, shoulder = guard.torso[k], guard.radius[k], guard.shoulder[k]
+            allowed = clipped(outline_gap(barriers, x, y, torso[0], torso[1], radius, shoulder), 0.0, depth)
         _separate(separation[n], dx, dy, guard.radius[k] + rules[ROBOT_RADIUS], allowed, h)
     for n in range(people, count):
         k = guard.near[n]

@@ -9,7 +9,7 @@ from ...core.compiled import kernel, subroutine
 from ...core.humans import BODY_X, BODY_Y, OMEGA, VX, VY, X, Y
 from ...core.packing import Bools, Floats, Floats2, unpack
 from ...core.portable_math import Array
-from ...core.scalar import Vector, clipped, length, line_gap, rotation, to_shoulder_line
+from ...core.scalar import Vector, clipped, length, outline_gap, rotation, to_shoulder_line
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED
 from .chipmunk import Engine, apply_forces, place_robot, read_bodies, step_space, turn_torso
 from .posture import BODY_RATE, NECK, NECK_RATE, turn
@@ -167,10 +167,7 @@ def _depth(matter: Matter, k: int) -> float:
     if length(dx, dy) > contact + shoulder:
         return -math.inf
     dx, dy = to_shoulder_line(dx, dy, bx, by, shoulder)
-    gap, sx, sy = math.inf, -by * shoulder, bx * shoulder
-    for b in range(len(matter.barriers)):
-        gap = min(gap, line_gap(matter.barriers, b, x + sx, y + sy, x - sx, y - sy))
-    depth: float = contact - length(dx, dy) + guard.radius[k] - gap
+    depth: float = contact - length(dx, dy) - outline_gap(matter.barriers, x, y, bx, by, guard.radius[k], shoulder)
     return depth
 
 

@@ -11,7 +11,7 @@ from ....core.compiled import kernel, subroutine
 from ....core.packing import Floats, Ints, Packed, pack, unpack
 from ....core.portable_math import PI, Array, unit_vectors
 from ....core.rng import AgentStreams
-from ....core.scalar import RADIUS, Vector, clipped, exp, length, rotation, towards
+from ....core.scalar import RADIUS, Vector, clipped, exp, length, rotation, towards, turned_towards
 from ....core.scene import Scene
 from .base import KernelModel, Walkers
 
@@ -64,7 +64,8 @@ MAXIMUM_ACCELERATION, MAXIMUM_BRAKING = 2.0, 4.0  # m/s^2, along the direction o
 LONGEST_PREDICTION = 10.0  # s, limit of the time to the closest approach
 ROUNDING = 1e-3  # m, more than the rounding errors of a distance
 
-# A stream: strangers ahead that walk within 60 degrees of the same direction, by distance; those who start are quick.
+# A stream: strangers ahead whose direction differs by at most 60 degrees; each counts less the farther away it is. A
+# walker slower than the pace, which has just started, is not slowed down by the stream.
 STREAM_COSINE, STREAM_LENGTH, STREAM_PACE = 0.5, 1.0, 0.3  # m, m/s
 
 # How a walker turns. Its velocity deviates from the heading of its body by 45 degrees at most; farther directions make
@@ -118,10 +119,7 @@ def with_body(body: Vector, x: float, y: float, speed: float, pace: float, side:
     shuffling = SHUFFLE * clipped(1.0 + 2.0 * cosine, 0.0, 1.0)
     standing = max(clipped((cosine - SETTING_OFF_COSINE) / SETTING_OFF_RANGE, 0.0, 1.0), shuffling)
     speed = speed * (walking * clipped(0.5 + cosine, 0.0, 1.0) + (1.0 - walking) * standing)
-    if cosine < SIDESTEP_COSINE:
-        turn = body[0] * y - body[1] * x
-        sine = SIDESTEP_SINE if turn > 0.0 or (turn == 0.0 and side < 0.0) else -SIDESTEP_SINE
-        x, y = SIDESTEP_COSINE * body[0] - sine * body[1], SIDESTEP_COSINE * body[1] + sine * body[0]
+    x, y = turned_towards(body[0], body[1], x, y, SIDESTEP_COSINE, SIDESTEP_SINE, side)
     return x, y, speed
 
 
@@ -490,7 +488,7 @@ def _accelerations(
 
 @subroutine
 def held_back(velocity: Vector, normal: Vector, maximum: float) -> Vector:
-    """A velocity whose component along a unit vector is limited, m/s."""
+    """Limit the component of a velocity along a unit vector; all in m/s."""
     excess = max(velocity[0] * normal[0] + velocity[1] * normal[1] - maximum, 0.0)
     return velocity[0] - excess * normal[0], velocity[1] - excess * normal[1]
 
@@ -518,6 +516,7 @@ def without_bumps(walkers: Walkers, i: int, velocity: Vector, barriers: Array, t
     bx, by, direction = walkers.body_direction[i, 0], walkers.body_direction[i, 1], walkers.desired_direction
     reach = radius + shoulder + time * length(velocity[0], velocity[1])
     for _ in range(2):  # a limit may push the walker towards what was passed before
+        before = velocity
         for k in range(len(barriers)):
             dx, dy = towards(barriers, k, x, y)
             square, limit = dx * dx + dy * dy, reach + barriers[k, RADIUS]
@@ -541,6 +540,8 @@ def without_bumps(walkers: Walkers, i: int, velocity: Vector, barriers: Array, t
             gap = max(distance - contact_distance(nx, ny, bodies), 0.0)
             receding = max(walkers.velocity[j, 0] * nx + walkers.velocity[j, 1] * ny, 0.0)
             velocity = held_back(velocity, (nx, ny), receding + gap / time)
+        if velocity[0] == before[0] and velocity[1] == before[1]:
+            break
     return velocity
 
 

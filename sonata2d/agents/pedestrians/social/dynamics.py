@@ -70,7 +70,7 @@ class SocialDynamics:
         self._lines = [QueueLine(queue, social, self._rng, self._dt) for queue in scene.queues]
         self._exits = Exits(scene, wayfinding)
         self.leaving: tuple[int, ...] = ()
-        self._is_changed = True  # whether the people who stand have changed since the last update of the obstacles
+        self._is_changed = True  # whether other people stand than at the last update of the obstacles
         wayfinding.start_stay = self._start_stay
         if self._settings.is_lively:
             wayfinding.choose_task = self._choose_task
