@@ -1,16 +1,19 @@
 """Fit the parameters of the default pedestrian model to recorded pedestrians, from start to end.
 
-    python benchmarks/calibrate.py REALISM.py TURING.py SCENE.csv [SCENE.csv ...] [--minutes 120] [--state FILE]
-    python benchmarks/calibrate.py REALISM.py TURING.py SCENE.csv [SCENE.csv ...] --ablation
+    python benchmarks/calibrate.py REALISM.py TURING.py WALKS.py SCENE.csv ... [--minutes 120] [--state FILE]
+    python benchmarks/calibrate.py REALISM.py TURING.py WALKS.py SCENE.csv ... --ablation
+    python benchmarks/calibrate.py REALISM.py TURING.py WALKS.py SCENE.csv ... --held-back
 
 REALISM.py evaluates short replays, a corridor and doors: `Scene`, `replay`, `corridor` and `bottleneck`, which take a
 function like `sonata2d.testing.realism.simulate`. TURING.py compares a free run with the recording: `compare`, which
-takes two track files; in a free run everybody enters where and when the recorded person did. Each figure is divided by
-its target, and the cost is a sum over all figures that grows quickly above their targets. CMA-ES (package `cma`)
-minimises it; its state is saved after every generation, and a second call continues. The first call starts from the
-middle of the ranges, or with `--refine` from the present parameters: no parameter is set by hand. Prints each
-generation, the best parameters as arguments of `Sonata2026`, and all figures, unabridged, at the end; `--ablation`
-prints the figures with each parameter neutralised.
+takes two track files; in a free run everybody enters where and when the recorded person did. WALKS.py measures turns
+and groups in a data set: `dataset`, which takes its folder. Each figure is divided by its target, and the cost is a sum
+over all figures that grows quickly above their targets. CMA-ES (package `cma`) minimises it; its state is saved after
+every generation, and a second call continues. The first call starts from the middle of the ranges, or with `--refine`
+from the present parameters: no parameter is set by hand. Prints each generation, the best parameters as arguments of
+`Sonata2026`, and all figures, unabridged, at the end; `--ablation` prints the figures with each parameter neutralised.
+`--held-back` prints the figures of what the search does not use: the other windows, densities and widths of doors, and
+a later part of a recording.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ import csv
 import importlib.util
 import json
 import math
+import os
 import pickle
 import tempfile
 import time
@@ -28,8 +32,9 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import sonata2d as s2
 import sonata2d.agents.pedestrians.models.sonata2026 as model
 from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.core.geometry import Twist
@@ -60,6 +65,10 @@ SKIPPED = {"eth": 2, "zara01": 2, "corridor_uni": 4}  # every n-th window is use
 # Targets: replays (ADE in m; distances of distributions in m and 1/s) and free runs (AUC; distances in m/s).
 REPLAY = {"eth": (0.20, 0.015, 0.02), "zara01": (0.17, 0.015, 0.02), "corridor_uni": (0.40, 0.03, None)}
 FREE = {"eth": (0.65, 0.05), "zara01": (0.60, 0.03), "corridor_uni": (0.70, 0.12)}
+LATER = {"eth": (300.0, 300.0)}  # s, begin and length of a free run that the search does not use
+HALL, EPISODES, EPISODE_TIME = "crowded-hall", 6, 40.0  # preset, number and duration (s) of the episodes for WALKS.py
+DENSITIES, OTHER_DENSITIES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0), (0.75, 1.25, 1.75, 2.5, 3.5)  # 1/m2
+WIDTHS, OTHER_WIDTHS = (0.8, 1.2), (1.0, 1.4, 1.6)  # m
 WEIGHTS = {"ADE": 2.5, "energy": 0.1}  # 1 for the other figures; the energy law is measured from few encounters
 
 
@@ -75,27 +84,25 @@ def module(path: str) -> Any:
 
 
 @cache
-def free_scene(path: str) -> Scene:
+def free_scene(path: str, begin: float, seconds: float) -> Scene:
     """The scene of a free run: pedestrians ignore the robot."""
-    seconds = SECONDS.get(Path(path).stem, 300.0)
-    scene = generate(scenario_from_tracks(path, people="simulated", seconds=seconds), seed=0)
+    scene = generate(scenario_from_tracks(path, people="simulated", start=begin, seconds=seconds), seed=0)
     return replace(scene, humans=tuple(replace(human, reacts_to_robot=0.0) for human in scene.humans))
 
 
-def free_run(path: str, out: Path) -> tuple[Path, Path]:
-    """Simulate a recording freely; write the simulated tracks, and the recording cut to the same time."""
-    scene, group = free_scene(path), {}
+def free_run(path: str, begin: float, seconds: float, out: Path) -> tuple[Path, Path]:
+    """Simulate a part of a recording freely; write the simulated tracks, and the recorded ones."""
+    scene, group = free_scene(path, begin, seconds), {}
     with open(path, newline="") as file:
         recorded = list(csv.DictReader(file))
-    first = min(int(row["frame"]) for row in recorded)
-    seconds = SECONDS.get(Path(path).stem, 300.0)
+    first = min(int(row["frame"]) for row in recorded) + int(begin / FRAME)
     real, simulated = out / "real.csv", out / "simulated.csv"
     with real.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["frame", "ped", "x", "y", "group"])
         for row in recorded:
             group[row["ped"]] = row.get("group", "")
-            if (int(row["frame"]) - first) * FRAME <= seconds:
+            if 0.0 <= (int(row["frame"]) - first) * FRAME <= seconds:
                 writer.writerow([int(row["frame"]) - first, row["ped"], row["x"], row["y"], row.get("group", "")])
     world, crowd = World(scene), Crowd(scene)
     with simulated.open("w", newline="") as file:
@@ -110,66 +117,128 @@ def free_run(path: str, out: Path) -> tuple[Path, Path]:
     return real, simulated
 
 
-def figures(
-    parameters: dict[str, float], realism: str, turing: str, scenes: Sequence[str], fast: bool
-) -> dict[str, float]:
+class Protocols(NamedTuple):
+    """What evaluates the parameters: paths of the three protocols and of the recordings."""
+
+    realism: str
+    turing: str
+    walks: str
+    scenes: Sequence[str]
+
+
+def figures(parameters: dict[str, float], protocols: Protocols, fast: bool) -> dict[str, float]:
     """Every figure divided by its target: 1 is on target.
 
     Args:
         parameters: of the model.
-        realism, turing: files of the two protocols.
-        scenes: recordings.
+        protocols: and recordings.
         fast: whether to use fewer windows, densities and widths, as during the search.
     """
     model.PARAMETERS = model.PARAMETERS._replace(**parameters)
     found: dict[str, float] = {}
-    for path in scenes:
+    for path in protocols.scenes:
         name = Path(path).stem
         if name in REPLAY:
-            found |= _replay(module(realism), path, name, fast)
+            found |= _replay(module(protocols.realism), path, name, slice(None, None, SKIPPED[name] if fast else None))
         if name in FREE:
-            found |= _free(module(turing), path, name)
-    few = {"densities": (0.5, 1.0, 1.5, 2.0, 3.0, 4.0), "settle": 5, "measure": 5} if fast else {}
-    corridor = module(realism).corridor(simulate, **few)
-    found["corridor Weidmann"], found["corridor measured"] = corridor["rmse"] / 0.12, corridor["rmse_measured"] / 0.20
-    few = {"widths": (0.8, 1.2), "limit": 60.0} if fast else {}
-    for row in module(realism).bottleneck(simulate, **few)["rows"]:
+            found |= _free(module(protocols.turing), path, name, 0.0, SECONDS.get(name, 300.0))
+    found |= _hall(module(protocols.walks), 0)
+    if fast:
+        return found | _crowds(module(protocols.realism), DENSITIES, 5, WIDTHS, 60.0)
+    return found | _crowds(module(protocols.realism), None, 8, (0.8, 1.0, 1.2, 1.6), 120.0)
+
+
+def held_back(protocols: Protocols) -> dict[str, float]:
+    """`figures` of the present parameters on what the search does not use."""
+    found: dict[str, float] = {}
+    for path in protocols.scenes:
+        name = Path(path).stem
+        if name in REPLAY:
+            found |= _replay(module(protocols.realism), path, name, slice(1, None, SKIPPED[name]))
+        if name in LATER:
+            found |= _free(module(protocols.turing), path, name, *LATER[name])
+    found |= _hall(module(protocols.walks), EPISODES)
+    return found | _crowds(module(protocols.realism), OTHER_DENSITIES, 5, OTHER_WIDTHS, 120.0)
+
+
+def _crowds(
+    protocol: Any, densities: Sequence[float] | None, seconds: int, widths: Sequence[float], limit: float
+) -> dict[str, float]:
+    """Speeds in a corridor, and flows through doors."""
+    chosen = {} if densities is None else {"densities": densities}
+    corridor = protocol.corridor(simulate, settle=seconds, measure=seconds, **chosen)
+    found = {"corridor Weidmann": corridor["rmse"] / 0.12, "corridor measured": corridor["rmse_measured"] / 0.20}
+    for row in protocol.bottleneck(simulate, widths=widths, limit=limit)["rows"]:
         found[f"door {row['width']}"] = abs(row["specific_flow"] - 2.0) / 0.15
         found[f"not passed at {row['width']}"] = max(72 - row["passed"], 0) / 5.0
     return found
 
 
+class Still(s2.Controller):
+    """Leaves the robot where it is."""
+
+    def act(self, snapshot: s2.Snapshot) -> s2.Twist:
+        return s2.Twist()
+
+
 @cache
-def _straight(protocol: Any, path: str, step: int) -> float:
-    """ADE of walking straight to the goal in every n-th window, m: how hard these windows are."""
-    return float(_in_windows(protocol, protocol.load("straight"), path, step)["ADE"])
+def hall_scene(episode: int) -> Scene:
+    """A scene of the preset in which pedestrians ignore the robot."""
+    config = s2.load_scenario(HALL)
+    person = config.person.model_copy(update={"ignores_robot": 1.0})
+    rules = config.rules.model_copy(update={"ends_on": ("time",), "time_limit": EPISODE_TIME})
+    return generate(config.model_copy(update={"person": person, "rules": rules}), seed=episode)
 
 
-def _in_windows(protocol: Any, walk: Any, path: str, step: int) -> Any:
+def _hall(protocol: Any, first: int) -> dict[str, float]:
+    """Turns and groups in episodes of a crowded hall."""
+    with tempfile.TemporaryDirectory() as folder:
+        for episode in range(first, first + EPISODES):
+            with s2.JsonRecorder(Path(folder) / f"{episode:06}.json") as recorder:
+                s2.Episode(hall_scene(episode), Still(), observers=[recorder]).run()
+        row = protocol.dataset(Path(folder))
+    pairs, angle = row["pairs p50 p90"] or (math.inf, math.inf), row["pairs angle"] or [1.0]
+    return {
+        "hall about-faces": row["about-faces/min"] / 0.5,
+        "hall slip": row["slip"] / 0.01,
+        "hall bend speed": 0.8 / (row["bend speed"] or 0.8),
+        "hall pairs p90": pairs[1] / 1.7,
+        "hall pairs angle": 60.0 / max(angle[0], 1.0),
+    }
+
+
+@cache
+def _straight(protocol: Any, path: str, start: int | None, step: int | None) -> float:
+    """ADE of walking straight to the goal in a part of the windows, m: how hard these windows are."""
+    return float(_in_windows(protocol, protocol.load("straight"), path, slice(start, None, step))["ADE"])
+
+
+def _in_windows(protocol: Any, walk: Any, path: str, chosen: slice) -> Any:
     every = protocol.windows
-    protocol.windows = lambda scene, oracle: list(every(scene, oracle))[::step]
+    protocol.windows = lambda scene, oracle: list(every(scene, oracle))[chosen]
     try:
         return protocol.replay(walk, protocol.Scene(path))
     finally:
         protocol.windows = every
 
 
-def _replay(protocol: Any, path: str, name: str, fast: bool) -> dict[str, float]:
+def _replay(protocol: Any, path: str, name: str, chosen: slice) -> dict[str, float]:
+    """Short replays in a part of the windows; the target of the ADE is scaled by how hard they are."""
     ade, nearest, urgency = REPLAY[name]
-    step = SKIPPED[name] if fast else 1
-    row = _in_windows(protocol, simulate, path, step)
-    scale = _straight(protocol, path, step) / _straight(protocol, path, 1)
-    noise = 0.9 if fast else 1.0  # fewer windows make distributions differ more
+    row = _in_windows(protocol, simulate, path, chosen)
+    scale = _straight(protocol, path, chosen.start, chosen.step) / _straight(protocol, path, None, None)
+    noise = 1.0 if chosen.step is None else 0.9  # fewer windows make distributions differ more
     found = {f"{name} ADE": row["ADE"] / (ade * scale), f"{name} nearest": noise * row["W_nn"] / nearest}
     if urgency is not None:
         found[f"{name} urgency"] = noise * row["W_urgency"] / urgency
     return found | {f"{name} contacts": row["contacts"] / 2.0, f"{name} walls": row["wall_hits"] / 0.5}
 
 
-def _free(protocol: Any, path: str, name: str) -> dict[str, float]:
+def _free(protocol: Any, path: str, name: str, begin: float, seconds: float) -> dict[str, float]:
+    """A free run of a part of a recording, s."""
     auc, speed = FREE[name]
     with tempfile.TemporaryDirectory() as folder:
-        real, simulated = free_run(path, Path(folder))
+        real, simulated = free_run(path, begin, seconds, Path(folder))
         row = protocol.compare(str(real), str(simulated), name)
     found = {f"{name} AUC": row["AUC"] / auc, f"{name} free speed": row["W speed"] / speed}
     found |= {f"{name} free nearest": row["W nearest"] / 0.04, f"{name} free urgency": row["W urgency"] / 0.05}
@@ -213,8 +282,8 @@ def encoded(parameters: dict[str, float]) -> list[float]:
     return point
 
 
-def cost_of_point(point: Any, realism: str, turing: str, scenes: Sequence[str]) -> float:
-    return cost(figures(decoded(point), realism, turing, scenes, fast=True))
+def cost_of_point(point: Any, protocols: Protocols) -> float:
+    return cost(figures(decoded(point), protocols, fast=True))
 
 
 def show(ratios: dict[str, float]) -> None:
@@ -222,50 +291,61 @@ def show(ratios: dict[str, float]) -> None:
         print(f"{name:28} {value:6.2f} of the target")
 
 
-def ablate(arguments: argparse.Namespace) -> None:
+def ablate(protocols: Protocols) -> None:
     """Print the figures that get worse by a tenth of their target without each parameter."""
-    evaluate = partial(figures, realism=arguments.realism, turing=arguments.turing, scenes=arguments.scenes, fast=False)
     own = model.PARAMETERS._asdict()
-    whole = evaluate(own)
-    print(f"{'all parameters':24} cost {cost(whole):7.2f}")
+    whole = figures(own, protocols, fast=False)
+    print(f"{'all parameters':32} cost {cost(whole):7.2f}")
     for name, value in NEUTRAL.items():
-        without = evaluate({**own, name: own[value] if isinstance(value, str) else value})
+        without = figures({**own, name: own[value] if isinstance(value, str) else value}, protocols, fast=False)
         worse = {k: f"{whole[k]:.2f} -> {without[k]:.2f}" for k in whole if without[k] > max(whole[k], 0.9) + 0.1}
         print(f"{'without ' + name:32} cost {cost(without):7.2f}  {json.dumps(worse)}", flush=True)
 
 
+def search(protocols: Protocols, minutes: float, workers: int, state: Path, *, refine: bool) -> None:
+    """Minimise the cost."""
+    import cma
+
+    os.environ["OMP_NUM_THREADS"] = "1"  # of each worker: threads of several workers would wait for each other
+    options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "popsize": 12}
+    start = encoded(model.PARAMETERS._asdict()) if refine else [0.5] * len(RANGES)
+    strategy = cma.CMAEvolutionStrategy(start, 0.1 if refine else 0.2, options)
+    if state.exists():
+        strategy = pickle.loads(state.read_bytes())
+    begin = time.monotonic()
+    with ProcessPoolExecutor(workers) as pool:
+        while time.monotonic() < begin + 60.0 * minutes and not strategy.stop():
+            points = strategy.ask()
+            strategy.tell(points, list(pool.map(partial(cost_of_point, protocols=protocols), points)))
+            state.write_bytes(pickle.dumps(strategy))
+            elapsed = (time.monotonic() - begin) / 60.0
+            print(f"{strategy.countevals:5d} {strategy.result.fbest:9.3f} {elapsed:7.1f} min", flush=True)
+    best = {name: round(value, 4) for name, value in decoded(strategy.result.xbest).items()}
+    print(best)
+    ratios = figures(best, protocols, fast=False)
+    print(f"cost {cost(ratios):.2f}")
+    show(ratios)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("realism")
-    parser.add_argument("turing")
+    for name in ("realism", "turing", "walks"):
+        parser.add_argument(name)
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--minutes", type=float, default=120.0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--state", type=Path, default=Path("calibration.pickle"))
     parser.add_argument("--refine", action="store_true")
     parser.add_argument("--ablation", action="store_true")
+    parser.add_argument("--held-back", action="store_true")
     arguments = parser.parse_args()
+    protocols = Protocols(arguments.realism, arguments.turing, arguments.walks, tuple(arguments.scenes))
     if arguments.ablation:
-        ablate(arguments)
-        return
-    import cma
-
-    options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "popsize": 12}
-    start = encoded(model.PARAMETERS._asdict()) if arguments.refine else [0.5] * len(RANGES)
-    search = cma.CMAEvolutionStrategy(start, 0.1 if arguments.refine else 0.2, options)
-    if arguments.state.exists():
-        search = pickle.loads(arguments.state.read_bytes())
-    until = time.monotonic() + 60.0 * arguments.minutes
-    fixed = {"realism": arguments.realism, "turing": arguments.turing, "scenes": arguments.scenes}
-    with ProcessPoolExecutor(arguments.workers) as pool:
-        while time.monotonic() < until and not search.stop():
-            points = search.ask()
-            search.tell(points, list(pool.map(partial(cost_of_point, **fixed), points)))
-            arguments.state.write_bytes(pickle.dumps(search))
-            print(f"{search.countevals:5d} {search.result.fbest:9.3f}", flush=True)
-    best = {name: round(value, 4) for name, value in decoded(search.result.xbest).items()}
-    print(best)
-    show(figures(best, **fixed, fast=False))
+        ablate(protocols)
+    elif arguments.held_back:
+        show(held_back(protocols))
+    else:
+        search(protocols, arguments.minutes, arguments.workers, arguments.state, refine=arguments.refine)
 
 
 if __name__ == "__main__":

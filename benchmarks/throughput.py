@@ -82,8 +82,8 @@ def engine_steps(work: Callable[[], Any], *, through_pymunk: bool) -> list[float
     spaces: list[Any] = []
 
     class Memory(chipmunk.EngineMemory):
-        def __init__(self, space: Any) -> None:
-            super().__init__(space)
+        def __init__(self, space: Any, *arguments: Any) -> None:
+            super().__init__(space, *arguments)
             spaces.append((space, space._space))
 
     class Unpacked:
@@ -99,11 +99,13 @@ def engine_steps(work: Callable[[], Any], *, through_pymunk: bool) -> list[float
         seconds.append(time.perf_counter() - start)
 
     interpreted = {name: getattr(getattr(step, name), "py_func", getattr(step, name)) for name in KERNELS}
+    calls = ("each_body", "visit", "set_ends")
     with (
         patch.object(world, "EngineMemory", Memory),
         patch.multiple(world, Packed=Unpacked, **interpreted),
         patch.multiple(step, unpack=lambda value, kind: value),
-        patch.multiple(chipmunk, _call_each_body=chipmunk._interpreted_each_body, _call_step=step_space),
+        patch.multiple(chipmunk, **{f"_call_{name}": getattr(chipmunk, f"_interpreted_{name}") for name in calls}),
+        patch.object(chipmunk, "_call_step", step_space),
     ):
         work()
     return seconds

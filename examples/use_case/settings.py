@@ -95,8 +95,8 @@ SIZES = {
         scenes={"few": 60, "many": 1000, "everywhere": 20},
         bias=60,
         fewest_runs=10,
-        careful={PRESET: 600, "sonata-2020-crowded": 100, "other": 30},
-        shipped_met={PRESET: 300, "sonata-2020-crowded": 60, "other": 20},
+        careful={PRESET: 600, "sonata-2020-crowded": 100, "lively": 100, "other": 30},
+        shipped_met={PRESET: 300, "sonata-2020-crowded": 60, "lively": 60, "other": 20},
         shipped_epochs=10,
     ),
     "small": Settings(

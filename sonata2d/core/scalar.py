@@ -86,6 +86,30 @@ def to_shoulder_line(dx: float, dy: float, body_x: float, body_y: float, shoulde
 
 
 @subroutine
+def shoulder_line_distance(
+    dx: float, dy: float, bx: float, by: float, shoulder: float, other_bx: float, other_by: float, other_shoulder: float
+) -> float:
+    """`geometry.shoulder_line_distances` of one pair, m.
+
+    Args:
+        dx, dy: from the middle of the first line to that of the other one, m.
+        bx, by, other_bx, other_by: unit vectors of the headings.
+        shoulder, other_shoulder: half the length of the lines, m.
+    """
+    nearest, ahead, other_ahead = math.inf, 1.0, 1.0
+    for end in (-1.0, 1.0):
+        x, y = dx + end * by * shoulder, dy - end * bx * shoulder  # from an end of the first line
+        line_x, line_y = to_shoulder_line(x, y, other_bx, other_by, other_shoulder)
+        nearest = min(nearest, length(line_x, line_y))
+        other_ahead *= x * other_bx + y * other_by
+        x, y = dx + end * other_by * other_shoulder, dy - end * other_bx * other_shoulder  # to an end of the other one
+        line_x, line_y = to_shoulder_line(x, y, bx, by, shoulder)
+        nearest = min(nearest, length(line_x, line_y))
+        ahead *= x * bx + y * by
+    return 0.0 if ahead < 0.0 and other_ahead < 0.0 else nearest
+
+
+@subroutine
 def outline_gap(
     barriers: Array, x: float, y: float, body_x: float, body_y: float, radius: float, shoulder: float
 ) -> float:

@@ -58,9 +58,11 @@ def simulate(
         initial_positions, initial_velocities, goals, desired_speeds, obstacles, groups,
         dt=dt, model=model, radius=radius, breadth=breadth,
     )  # fmt: skip
-    facing = Crowd(scene).act(World(scene).snapshot()).facing.tolist()
+    first = Crowd(scene)
+    facing = first.act(World(scene).snapshot()).facing.tolist()
     scene = replace(scene, humans=tuple(_turned(h, x, y) for h, (x, y) in zip(scene.humans, facing, strict=True)))
     world, crowd = World(scene), Crowd(scene)
+    crowd.turn_shoulders_like(first)
     positions = np.empty((steps, len(initial_positions), 2))
     for step in range(steps):
         world.step(Twist(), crowd.act(world.snapshot()))

@@ -207,6 +207,20 @@ def test_people_who_are_absent_have_no_effect(name: str) -> None:
     assert with_absent == without
 
 
+def test_the_robot_keeps_its_memory_under_a_model_when_people_come_and_go() -> None:
+    """Rows of absent people are kept, since the model remembers the deviation of each row."""
+    leaves = replace(walker(1, -2.0, 3.5), leaves=5)
+    episode = Episode(room([leaves, walker(2, -2.0, -3.5)]), controller := SocialForce(model="sonata2026"))
+    memory = []
+    for _ in range(10):
+        episode.step()
+        memory.append(controller._model._memory.value.deviation.copy())  # type: ignore[attr-defined]
+    changes = np.abs(np.diff(np.array(memory), axis=0))
+    assert changes.shape[1] == 3
+    assert (changes[:, 2] > 0.0).all()
+    assert (changes[:, :2] == 0.0).all()
+
+
 def test_a_copy_of_social_force_gives_the_same_commands() -> None:
     episode = Episode(room([walker(1, 0.0, 0.5), walker(2, -1.0, -0.5)]), controller := SocialForce())
     for _ in range(3):

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.core.entities import Human
-from sonata2d.core.geometry import Pose
+from sonata2d.agents.pedestrians.crowd import Crowd
+from sonata2d.core.entities import Group, Human
+from sonata2d.core.geometry import Pose, Twist
 from sonata2d.core.portable_math import Array
 from sonata2d.core.snapshot import Snapshot
+from sonata2d.sim.world import World
 
 from ..conftest import room
 from .test_crowd import positions, simulate, two_rooms
@@ -69,6 +71,42 @@ def test_a_person_passes_a_gap_of_half_a_metre_and_turns_its_shoulders() -> None
     assert np.linalg.norm(path[-1] - (2.5, 0.0)) < 0.3
     assert np.abs(body[np.abs(path[:, 0]) < 0.5]).max() > math.radians(20.0)
     assert np.abs(body[(path[:, 0] < -1.0) | (path[:, 0] > 1.5)]).max() < math.radians(10.0)
+
+
+def test_feet_keep_their_direction_while_shoulders_turn() -> None:
+    scene = two_rooms(0.5, [going(1, -2.0, 0.0, (2.5, 0.0))], robot=CORNER)
+    world, crowd, seen = World(scene), Crowd(scene), []
+    for _ in range(80):
+        snapshot = world.snapshot()
+        commands = crowd.act(snapshot)
+        feet, body = crowd._walkers.body_direction[0], snapshot.humans.direction[0]
+        seen.append((snapshot.humans.position[0, 0], math.atan2(feet[1], feet[0]), math.atan2(body[1], body[0])))
+        world.step(Twist(), commands)
+    x, feet_angle, body_angle = np.array(seen).T
+    walking = x < 1.5
+    assert np.abs(body_angle[walking]).max() > math.radians(20.0)
+    assert np.abs(feet_angle[walking]).max() < math.radians(5.0)
+
+
+def test_people_who_stop_at_a_full_goal_face_it() -> None:
+    humans = [going(k + 1, -3.5 + 0.1 * k, -0.5 + 0.5 * (k % 3), (2.0, 0.0)) for k in range(9)]
+    last = simulate(room(humans, robot=CORNER), 25.0)[-1].humans
+    offset = np.array((2.0, 0.0)) - last.position
+    distance = np.linalg.norm(offset, axis=1)
+    cosine = (last.direction * offset).sum(axis=1) / distance
+    assert (distance > 0.6).sum() >= 2
+    assert cosine[distance > 0.6].min() > math.cos(math.radians(60.0))
+
+
+@pytest.mark.parametrize(("width", "is_abreast"), [(0.9, False), (3.6, True)])
+def test_members_with_goals_of_their_own_come_abreast_only_where_there_is_room(width: float, is_abreast: bool) -> None:
+    """The second member walks beside the first one towards a door."""
+    pair = [going(k + 1, -1.2, 0.9 * k, (3.0, 0.0), group=1) for k in range(2)]
+    scene = two_rooms(width, pair, robot=CORNER, groups=(Group(1, "walking", (1, 2)),))
+    world, crowd = World(scene), Crowd(scene)
+    for _ in range(8):
+        world.step(Twist(), crowd.act(world.snapshot()))
+    assert crowd._walkers.is_abreast.tolist() == [True, is_abreast]
 
 
 def test_people_walk_round_a_standing_robot_that_they_ignore() -> None:

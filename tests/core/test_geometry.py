@@ -160,6 +160,7 @@ def test_distance_of_shoulder_lines_is_that_of_their_nearest_points(
     found = float(shoulder_line_distances(offset, turned[0], body[3], turned[1], other[3]))
     sampled = lengths(line_points(body)[:, None] - line_points(other)[None]).min()
     assert found == pytest.approx(float(sampled), abs=1e-3)
+    assert scalar.shoulder_line_distance(*offset, *turned[0], body[3], *turned[1], other[3]) == pytest.approx(found)
 
 
 @given(bodies, st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))

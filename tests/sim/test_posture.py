@@ -9,8 +9,9 @@ import pytest
 
 from sonata2d.core import humans
 from sonata2d.core.portable_math import Array, unit_vectors
+from sonata2d.core.turning import BODY_TURN, LATERAL_ACCELERATION
 from sonata2d.sim.kernel import posture
-from sonata2d.sim.kernel.posture import BODY_TURN, HEAD_LIMIT, HEAD_TURN, LATERAL_ACCELERATION
+from sonata2d.sim.kernel.posture import HEAD_LIMIT, HEAD_TURN
 
 THETA, OMEGA, GAZE = range(3)  # columns of `turn`
 

@@ -10,13 +10,22 @@ import numpy as np
 import pytest
 
 from sonata2d.core.entities import Furniture, Human, Limits, Wall
-from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist, segment_distances, shoulder_lines
+from sonata2d.core.geometry import (
+    Disc,
+    Pose,
+    Rectangle,
+    Twist,
+    segment_distances,
+    shoulder_line_distances,
+    shoulder_lines,
+)
 from sonata2d.core.portable_math import Array
 from sonata2d.core.proxemics import clearances
 from sonata2d.core.scene import Rules
 from sonata2d.core.snapshot import CrowdCommands, Snapshot
+from sonata2d.core.turning import BODY_TURN
 from sonata2d.core.vectors import X
-from sonata2d.sim.kernel.posture import BODY_TURN, HEAD_LIMIT
+from sonata2d.sim.kernel.posture import HEAD_LIMIT
 from sonata2d.sim.world import World
 
 from ..conftest import room, walker
@@ -266,17 +275,25 @@ def test_guard_stops_the_robot_at_the_shoulders_of_a_standing_person(
         assert snapshot.contacts or kinematics == "holonomic"  # which slides past
 
 
-def test_a_person_pressed_against_a_wall_by_the_robot_does_not_turn() -> None:
-    """There is room for the depth of the body, but not for its shoulders."""
-    human = walker(1, 3.855, 0.0, radius=0.14)
-    world = World(room([human], robot=Pose(3.855 - 0.145 - 0.3, 0.0)))
-    gaze = np.array([[0.0, 1.0]])
+@pytest.mark.parametrize("between", [0, 1])
+def test_a_person_pressed_against_a_wall_by_the_robot_does_not_turn(between: int) -> None:
+    """There is room for the depth of the body, but not for its shoulders; another person may pass the pressure on."""
+    humans = [walker(k + 1, 3.855 - 0.285 * k, 0.0, radius=0.14) for k in range(1 + between)]
+    world = World(room(humans, robot=Pose(3.855 - 0.285 * between - 0.145 - 0.3, 0.0)))
+    heading = np.array([[0.0, 1.0]] + [[1.0, 0.0]] * between)
     for _ in range(20):
-        world.step(Twist(), CrowdCommands(np.zeros((1, 2)), gaze, gaze, np.zeros(1, dtype=int), ()))
-    snapshot = world.snapshot()
-    assert snapshot.humans.theta[0] < 0.3
-    assert snapshot.humans.head[0] > 1.0
-    assert clearances(snapshot)[0] > -0.01
+        acceleration = np.zeros((1 + between, 2))
+        world.step(Twist(), CrowdCommands(acceleration, heading, heading, np.zeros(1 + between, dtype=int), ()))
+    people = world.snapshot().humans
+    assert people.theta[0] < 0.3
+    assert people.head[0] > 1.0
+    assert clearances(world.snapshot()).min() > -0.01
+    if between:
+        offset = people.position[1] - people.position[0]
+        distance = shoulder_line_distances(
+            offset, people.direction[0], people.shoulder[0], people.direction[1], people.shoulder[1]
+        )
+        assert distance > 0.28 - 0.01
 
 
 def test_a_shoulder_does_not_sink_into_the_corner_of_a_table() -> None:

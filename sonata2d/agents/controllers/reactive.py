@@ -74,7 +74,7 @@ class SocialForce(Controller):
         self._route = FreeSpace(scene.outline, barriers, scene.robot.radius + 0.05).towards(scene.goal.position)
         self._waypoint = scene.goal.position
         self._model = pedestrian_model(self.model)(scene)
-        self._walkers = _robot_among(0, scene.robot.radius, self.speed)
+        self._walkers = _robot_among(len(scene.humans), scene.robot.radius, self.speed)
 
     def act(self, snapshot: Snapshot) -> Twist:
         robot, goal = snapshot.robot, snapshot.goal
@@ -107,16 +107,18 @@ class SocialForce(Controller):
         return float(velocity[-1, 0]), float(velocity[-1, 1])
 
     def _observe(self, snapshot: Snapshot, direction: Point) -> None:
-        """Set the model's input: the humans that are present, then the robot with its desired direction."""
-        humans, robot = snapshot.humans, snapshot.robot
-        if len(self._walkers.position) != len(humans) + 1:
-            self._walkers = _robot_among(len(humans), robot.radius, self.speed)
-        walkers = self._walkers
-        walkers.position[:-1], walkers.position[-1] = humans.position, robot.position
-        walkers.velocity[:-1], walkers.velocity[-1] = humans.velocity, robot.velocity
-        walkers.body_direction[:-1], walkers.body_direction[-1] = humans.direction, robot.direction
-        walkers.radius[:-1], walkers.desired_direction[-1] = humans.radius, direction
-        walkers.shoulder[:-1] = humans.shoulder
+        """Set the model's input: the humans of the scene, then the robot with its desired direction.
+
+        Absent humans keep their rows, so that the robot's row, and what the model remembers of it, stays the same.
+        """
+        humans, robot, walkers = snapshot.humans, snapshot.robot, self._walkers
+        count = len(walkers.position) - 1
+        walkers.position[:-1], walkers.position[-1] = humans.expand(humans.position, count, math.inf), robot.position
+        walkers.velocity[:-1], walkers.velocity[-1] = humans.expand(humans.velocity, count, 0.0), robot.velocity
+        walkers.body_direction[:-1] = humans.expand(humans.direction, count, 0.0)
+        walkers.body_direction[-1], walkers.desired_direction[-1] = robot.direction, direction
+        walkers.radius[:-1] = humans.expand(humans.radius, count, 0.0)
+        walkers.shoulder[:-1] = humans.expand(humans.shoulder, count, 0.0)
         offset = walkers.position[:-1] - walkers.position[-1]
         distance = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
         near = np.flatnonzero(distance < INTERACTION_RANGE)

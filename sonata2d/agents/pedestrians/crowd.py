@@ -14,9 +14,10 @@ from ...core.geometry import Barriers, Point, as_point
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.packing import Bools, Floats, Floats2, Packed, unpack
 from ...core.portable_math import Array, BoolArray, IntArray
-from ...core.scalar import clipped, rotation, unit_or
+from ...core.scalar import length, rotation, unit_or
 from ...core.scene import Scene
 from ...core.snapshot import CrowdCommands, Snapshot
+from ...core.turning import body_turn, critically_damped
 from ...registry import PEDESTRIAN_MODELS
 from .models.base import (
     Walkers,
@@ -45,7 +46,7 @@ from .reactions import (
     robot_repulsion,
     step_back,
 )
-from .shoulders import TWIST_RATE, wanted_twist
+from .shoulders import wanted_twist
 from .social.dynamics import SocialDynamics
 from .social.state import SocialArrays, SocialState
 from .wayfinding import (
@@ -99,7 +100,9 @@ class Plan(NamedTuple):
         standing_position: (N, 2), m, to which standing pedestrians return if they are pushed.
         facing, gaze: (N, 2), unit vectors of the desired headings and gazes.
         acceleration: (N, 2), m/s^2.
-        twist: (N,), rad, by which the shoulders are turned from the direction of the feet.
+        wanted_twist: (N,), rad, by which the shoulders should be turned from the direction of the feet.
+        twist: (N,), rad, by which they are turned.
+        twist_rate: (N,), rad/s, at which this angle changes.
     """
 
     preferred_speed: Floats
@@ -108,7 +111,9 @@ class Plan(NamedTuple):
     facing: Floats2
     gaze: Floats2
     acceleration: Floats2
+    wanted_twist: Floats
     twist: Floats
+    twist_rate: Floats
 
 
 class People(NamedTuple):
@@ -161,7 +166,9 @@ class Crowd:
             facing=np.zeros((count, 2)),
             gaze=np.zeros((count, 2)),
             acceleration=np.zeros((count, 2)),
+            wanted_twist=np.zeros(count),
             twist=np.zeros(count),
+            twist_rate=np.zeros(count),
         )
         self._walkers = _walkers(scene)
         self._is_present, self._all_present = np.ones(count, dtype=bool), True
@@ -201,6 +208,10 @@ class Crowd:
             leaving=wayfinding.leaving + self._social_dynamics.leaving,
             seats=self._social_dynamics.seats,
         )
+
+    def turn_shoulders_like(self, other: Crowd) -> None:
+        """Assume that the shoulders are turned already as those of another crowd of the same people should be."""
+        self._plan.twist[:] = other._plan.wanted_twist
 
     def _watch_robot(self, robot: Array) -> None:
         """Let paths lead round a robot that stands, as round a piece of furniture, whether it is ignored or not."""
@@ -397,7 +408,7 @@ def _set_desires(
         if routes.is_final[k]:
             speed = min(speed, math.sqrt(2.0 * ARRIVAL_BRAKING * math.sqrt(dx * dx + dy * dy)))
         walkers.desired_speed[k] = speed
-        walkers.is_abreast[k] = routes.is_abreast[k] or routes.leader[k] == k
+        walkers.is_abreast[k] = routes.is_abreast[k] or routes.first[k] == k
 
 
 @subroutine
@@ -449,13 +460,16 @@ def _orient(
         facing_x, facing_y = facing(k, humans, social, ux * speed, uy * speed, reactions, around.side)
         if is_headed and social.is_walking[k]:  # motion follows the body, so the body turns to the desired direction
             facing_x, facing_y = ux, uy
-        twist, change = 0.0, TWIST_RATE * dt if tick > 0 else math.inf
+        twist = 0.0
         if social.is_walking[k]:
             twist = wanted_twist(walkers, k, around.barriers, result.twist[k], around.side)
-        result.twist[k] += clipped(twist - result.twist[k], -change, change)
+        # The body turns by the dynamics of `critically_damped`, and so does the twist, which is a part of this turn.
+        rate, limit = body_turn(length(humans[k, VX], humans[k, VY]))
+        change, result.twist_rate[k] = critically_damped(twist - result.twist[k], result.twist_rate[k], rate, limit, dt)
+        result.wanted_twist[k], result.twist[k] = twist, result.twist[k] + change
         lead = max(speed * HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD)
         ahead_x, ahead_y = point_ahead(routes, k, humans[k, X], humans[k, Y], lead)
-        c, s = rotation(result.twist[k])
+        c, s = rotation(twist)
         result.facing[k, 0], result.facing[k, 1] = facing_x * c - facing_y * s, facing_x * s + facing_y * c
         result.gaze[k, 0], result.gaze[k, 1] = gaze(
             k, tick, humans, social, facing_x, facing_y, ahead_x, ahead_y, reactions, glances, dt

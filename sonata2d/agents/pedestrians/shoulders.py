@@ -17,7 +17,6 @@ from .models.base import Walkers
 
 APERTURE_RATIO = 1.3  # of a gap to the breadth of a body that passes it
 MAXIMUM_TWIST = PI / 3  # rad, of the shoulders
-TWIST_RATE = 2.0  # rad/s
 GAP_AHEAD = 0.35  # m, where walls are looked for besides the present position
 NEAR_BEHIND, NEAR_AHEAD = 0.1, 0.7  # m, behind and ahead of the centre, between which other pedestrians count
 WALL_AHEAD = 0.2  # m, by which the nearest point of a wall can be off the line across the direction

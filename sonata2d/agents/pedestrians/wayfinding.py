@@ -19,7 +19,7 @@ import numpy as np
 
 from ...core.compiled import subroutine
 from ...core.entities import PERSON_RADIUS, Place
-from ...core.geometry import Barriers, Point
+from ...core.geometry import Barriers, Point, as_point
 from ...core.humans import VX, VY, X, Y
 from ...core.navigation import FreeSpace
 from ...core.packing import Bools, Floats2, Floats3, Ints
@@ -62,6 +62,8 @@ class Routes(NamedTuple):
     Attributes:
         order: (W,) of int, the pedestrians that have a path, in the order in which they are processed.
         leader: (N,) of int, for each of these the leader of its group, or the pedestrian itself; else -1.
+        first: (N,) of int, the first member of the group of each pedestrian, with or without goals of its own; the
+            pedestrian itself if it has no group.
         path: (N, P, 2), m, waypoints; the first `length` ones of each row are valid.
         length: (N,) of int; 0 means that the pedestrian stays where it is.
         next: (N,) of int, index of the present waypoint; of an empty path -1 or 0.
@@ -71,7 +73,7 @@ class Routes(NamedTuple):
         is_assigned: (N,) of bool, the destination is set from outside.
         is_stopping: (N,) of bool, the pedestrian will stand at its destination for a time.
         is_exiting: (N,) of bool, the pedestrian leaves the scene at its destination.
-        is_abreast: (N,) of bool, followers with room to walk beside their leader.
+        is_abreast: (N,) of bool, pedestrians with room to walk beside the first member of their group.
         checkpoint: (N, 2), m, position at the last progress check; NaN before the first.
         target: (N, 2), m, the present waypoint.
         is_final: (N,) of bool, whether the target is where the pedestrian will stay.
@@ -81,6 +83,7 @@ class Routes(NamedTuple):
 
     order: Ints
     leader: Ints
+    first: Ints
     path: Floats3
     length: Ints
     next: Ints
@@ -138,6 +141,7 @@ class Wayfinding:
         self.routes = Routes(
             order=np.array(walking, dtype=np.int64),
             leader=np.full(count, -1),
+            first=np.arange(count),
             path=np.zeros((count, _WAYPOINTS, 2)),
             length=np.zeros(count, dtype=np.int64),
             next=np.zeros(count, dtype=np.int64),
@@ -281,10 +285,15 @@ class Wayfinding:
         near &= self._is_present
         return bool(near.any()) or any(_near(x, y, *goal, radius) for x, y, radius in self._kept_free)
 
+    def destination(self, k: int) -> Point | None:
+        """The end of the path of pedestrian k, m; None if it has none."""
+        count = self.routes.length[k]
+        return as_point(self.routes.path[k, count - 1]) if count > 0 else None
+
     def find_new_path(self, k: int, position: Point) -> None:
         """Find a new path to the same destination for a pedestrian that was pushed off its path."""
-        x, y = self.routes.path[k, self.routes.length[k] - 1].tolist()
-        path = self.find_path(position, (x, y))
+        destination = self.destination(k)
+        path = None if destination is None else self.find_path(position, destination)
         if path is not None:
             self._set_path(k, path)
 
@@ -363,7 +372,7 @@ class Wayfinding:
 
     def lead_itself(self, k: int) -> None:
         """Let pedestrian k follow no other one any more."""
-        self.routes.leader[k] = k
+        self.routes.leader[k] = self.routes.first[k] = k
 
     @property
     def leaving(self) -> tuple[int, ...]:
@@ -378,6 +387,8 @@ class Wayfinding:
         # Members with goals of their own, or whose leader does not walk, lead themselves.
         followed = [k if k in self._goals else leader_of.get(k, k) for k in walking]
         walks = set(walking)
+        for k, leader in leader_of.items():
+            self.routes.first[k] = leader if leader in walks else k
         self.routes.leader[walking] = [
             leader if leader in walks else k for k, leader in zip(walking, followed, strict=True)
         ]
@@ -559,14 +570,14 @@ def advance_on_paths(
 
 @subroutine
 def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, space: Array, clearance: float) -> None:
-    """Find the followers with room to walk beside their leader, in its direction."""
+    """Find the pedestrians with room to walk beside the first member of their group, in its direction."""
     for n in range(len(routes.order)):
         k = routes.order[n]
-        leader = routes.leader[k]
+        first = routes.first[k]
         routes.is_abreast[k] = False
-        if leader == k or not is_present[k] or not is_present[leader] or routes.leader[leader] < 0:
+        if first == k or not is_present[k] or not is_present[first] or routes.leader[first] < 0:
             continue
-        dx, dy = routes.target[leader, 0] - humans[leader, X], routes.target[leader, 1] - humans[leader, Y]
+        dx, dy = routes.target[first, 0] - humans[first, X], routes.target[first, 1] - humans[first, Y]
         distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
         scale = min(distance, ROOM_AHEAD) / distance
         x, y = humans[k, X], humans[k, Y]
@@ -588,7 +599,7 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
             continue
         leader = routes.leader[k]
         # Followers abreast aim at the leader's target, shifted by their present offset from the leader.
-        if routes.is_abreast[k] and is_present[leader]:
+        if leader != k and routes.is_abreast[k] and is_present[leader]:
             for axis in range(2):
                 shifted = routes.target[leader, axis] + humans[k, X + axis] - humans[leader, X + axis]
                 routes.target[k, axis] = shifted

@@ -1,12 +1,5 @@
-"""How bodies and heads turn: towards their targets, with critical damping and limited turn rates.
-
-The angle x to the target obeys x″ = −2 r x′ − r² x, solved in closed form over a tick. The rate r of a body grows with
-the walking speed, so that fast walkers face the direction in which they walk and slow ones turn calmly. The turn rate
-of a body is limited to a / v at speed v, with the lateral acceleration a, so that walkers turn in arcs. A head
-compensates the turn of its body, so that the gaze stays on its target.
-
-Source: the headed social force of Farina et al., PLoS ONE 12(1) (2017) e0169734, whose torque −k_θ (θ − θ₀) − k_ω ω is
-damped critically for α = 1; its k_λ |f₀| is r² here.
+"""How bodies and heads turn towards their targets: see `core.turning`; a head compensates the turn of its body, so that
+the gaze stays on its target.
 """
 
 from __future__ import annotations
@@ -16,15 +9,12 @@ import math
 from ...core.compiled import subroutine
 from ...core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY
 from ...core.portable_math import PI, Array
-from ...core.scalar import Vector, angle_of, clipped, exp, rotation
+from ...core.scalar import Vector, angle_of, clipped, rotation
+from ...core.turning import BODY_TURN, body_turn, critically_damped
 
-BODY_TURN = 2.1  # rad/s, maximum turn rate of a body
-LATERAL_ACCELERATION = 1.2  # m/s^2, maximum of a walker; recorded ones exceed 0.8 to 1.0 in 1 % of the time
 HEAD_TURN = 4.5  # rad/s, maximum turn rate of a head relative to the body
 HEAD_LIMIT = 1.2  # rad, maximum angle of a head to either side of the body's heading
-WALKING_RATE, STANDING_RATE = 8.0, 3.0  # 1/s, rate of a body that walks at `BRISK_SPEED` or more, and that stands
 HEAD_RATE = 10.0  # 1/s
-BRISK_SPEED = 1.0  # m/s
 ABOUT_TURN = 2.8  # rad; towards a target angle beyond it, a turn that has begun continues to the same side
 TURNING = 0.2  # rad/s (of a head: rad); above it a turn has begun
 _MAX_ROTATION = 0.45  # rad, up to which `rotation` is accurate enough
@@ -46,13 +36,11 @@ def turn(state: Array, posture: Array, k: int, facing: Array, gaze: Array, side:
         dt: tick, s.
     """
     vx, vy, x, y = state[k, VX], state[k, VY], state[k, BODY_X], state[k, BODY_Y]
-    speed = math.sqrt(vx * vx + vy * vy)
-    rate = STANDING_RATE + (WALKING_RATE - STANDING_RATE) * min(speed / BRISK_SPEED, 1.0)
-    limit = min(BODY_TURN, LATERAL_ACCELERATION / max(speed, 0.1))
+    rate, limit = body_turn(math.sqrt(vx * vx + vy * vy))
     to_facing = _angle_between(x, y, facing[k, 0], facing[k, 1], side)
     to_gaze = _angle_between(x, y, gaze[k, 0], gaze[k, 1], side)
     remaining = _same_side(to_facing, posture[k, BODY_RATE])
-    turned, posture[k, BODY_RATE] = _critically_damped(remaining, posture[k, BODY_RATE], rate, limit, dt)
+    turned, posture[k, BODY_RATE] = critically_damped(remaining, posture[k, BODY_RATE], rate, limit, dt)
     x, y = _rotated(x, y, turned, BODY_TURN * dt)
     _turn_head(posture, k, turned, to_gaze - turned, dt)
     state[k, BODY_X], state[k, BODY_Y], state[k, OMEGA] = x, y, turned / dt
@@ -69,32 +57,11 @@ def _turn_head(posture: Array, k: int, body_turned: float, target: float, dt: fl
         target += 2.0 * PI
     target = clipped(_same_side(target, before), -HEAD_LIMIT, HEAD_LIMIT)
     steady = before - body_turned  # the angle that keeps the gaze where it is
-    step, rate = _critically_damped(target - steady, posture[k, NECK_RATE], HEAD_RATE, HEAD_TURN, dt)
+    step, rate = critically_damped(target - steady, posture[k, NECK_RATE], HEAD_RATE, HEAD_TURN, dt)
     maximum = HEAD_TURN * dt
     neck = clipped(before + clipped(steady + step - before, -maximum, maximum), -HEAD_LIMIT, HEAD_LIMIT)
     posture[k, NECK] = neck
     posture[k, NECK_RATE] = rate if abs(neck) < HEAD_LIMIT else 0.0
-
-
-@subroutine
-def _critically_damped(remaining: float, speed: float, rate: float, maximum: float, dt: float) -> Vector:
-    """Turn towards a target for one tick by the closed-form solution of a critically damped oscillator.
-
-    Args:
-        remaining: angle to the target, rad.
-        speed: turn rate at the start, rad/s.
-        rate: 1/s.
-        maximum: turn rate that the result is limited to, rad/s.
-        dt: s.
-
-    Returns:
-        Angle turned, rad, and turn rate at the end, rad/s.
-    """
-    slope = (speed - rate * remaining) * dt
-    decay = exp(-(rate * dt))
-    turned = remaining + (slope - remaining) * decay
-    after = (speed - rate * slope) * decay
-    return clipped(turned, -(maximum * dt), maximum * dt), clipped(after, -maximum, maximum)
 
 
 @subroutine

@@ -9,7 +9,7 @@ from ...core.compiled import kernel, subroutine
 from ...core.humans import BODY_X, BODY_Y, OMEGA, VX, VY, X, Y
 from ...core.packing import Bools, Floats, Floats2, unpack
 from ...core.portable_math import Array
-from ...core.scalar import Vector, clipped, length, outline_gap, rotation, to_shoulder_line
+from ...core.scalar import Vector, clipped, length, outline_gap, rotation, shoulder_line_distance, to_shoulder_line
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED
 from .chipmunk import Engine, apply_forces, place_robot, read_bodies, step_space, turn_torso
 from .posture import BODY_RATE, NECK, NECK_RATE, turn
@@ -31,7 +31,8 @@ from .rules import (
 from .safety import Guard, find_near, limited
 
 MASS = 75.0  # kg, of a pedestrian
-MAXIMUM_DEPTH = 0.005  # m, of overlap that a body causes by turning between the robot and a solid
+PRESSED_RANGE = 1.2  # m, from the robot; people within it may be pressed against each other and against solids
+MAXIMUM_DEPTH = 0.005  # m, of overlap that a body causes by turning in a crowd that is pressed by the robot
 ROBOT_MASS = 1e6  # kg; so large that contacts do not move the robot, and their impulse can still be read
 
 # Items of the scratch array `drive`: the twist of the drive in this tick (body frame), the sums of the executed
@@ -143,31 +144,45 @@ def advance(
 
 @subroutine
 def _turn_body(matter: Matter, k: int) -> None:
-    """Turn body and head of pedestrian k by one tick; only its head if the robot presses it against something solid.
+    """Turn body and head of pedestrian k by one tick; only its head where a crowd pressed by the robot leaves no room.
 
     The engine can move a torso that turns out of its neighbours, but not out of a place that has become too narrow.
     """
     humans, posture, facing, rules = matter.humans, matter.posture, matter.facing, matter.rules
     x, y, neck_rate, neck = humans[k, BODY_X], humans[k, BODY_Y], posture[k, NECK_RATE], posture[k, NECK]
-    depth = _depth(matter, k)
+    is_near = _is_near_robot(matter, k)
+    depth = _depth(matter, k) if is_near else 0.0
     turn(humans, posture, k, facing, matter.gaze, rules[SIDE], rules[TICK])
-    if depth > -math.inf and _depth(matter, k) > max(depth, MAXIMUM_DEPTH):
+    if is_near and _depth(matter, k) > max(depth, MAXIMUM_DEPTH):
         humans[k, BODY_X], humans[k, BODY_Y], facing[k, 0], facing[k, 1] = x, y, x, y
         posture[k, BODY_RATE], posture[k, NECK_RATE], posture[k, NECK] = 0.0, neck_rate, neck
         turn(humans, posture, k, facing, matter.gaze, rules[SIDE], rules[TICK])
 
 
 @subroutine
+def _is_near_robot(matter: Matter, k: int) -> bool:
+    """Whether pedestrian k is so near to the robot that at most one other stands between them."""
+    robot, x, y = matter.robot, matter.humans[k, X], matter.humans[k, Y]
+    return length(x - robot[X], y - robot[Y]) < PRESSED_RANGE
+
+
+@subroutine
 def _depth(matter: Matter, k: int) -> float:
-    """Room that pedestrian k lacks between the robot and the nearest solid, m; minus infinity far from the robot."""
-    guard, robot, humans = matter.guard, matter.robot, matter.humans
-    bx, by, shoulder = humans[k, BODY_X], humans[k, BODY_Y], guard.shoulder[k]
+    """Room that pedestrian k lacks, m: between the robot and the nearest solid, or to another pedestrian."""
+    guard, robot, humans, rules = matter.guard, matter.robot, matter.humans, matter.rules
+    bx, by, radius, shoulder = humans[k, BODY_X], humans[k, BODY_Y], guard.radius[k], guard.shoulder[k]
     x, y = humans[k, X], humans[k, Y]
-    dx, dy, contact = x - robot[X], y - robot[Y], guard.radius[k] + matter.rules[ROBOT_RADIUS]
-    if length(dx, dy) > contact + shoulder:
-        return -math.inf
-    dx, dy = to_shoulder_line(dx, dy, bx, by, shoulder)
-    depth: float = contact - length(dx, dy) - outline_gap(matter.barriers, x, y, bx, by, guard.radius[k], shoulder)
+    dx, dy = to_shoulder_line(x - robot[X], y - robot[Y], bx, by, shoulder)
+    to_robot = length(dx, dy) - radius - rules[ROBOT_RADIUS]
+    depth: float = -outline_gap(matter.barriers, x, y, bx, by, radius, shoulder) - min(to_robot, 0.0)
+    for n in range(guard.counts[0]):
+        j = guard.near[n]
+        if j == k:
+            continue
+        dx, dy, radii = humans[j, X] - x, humans[j, Y] - y, radius + guard.radius[j]
+        if length(dx, dy) < radii + shoulder + guard.shoulder[j]:
+            body, other = (bx, by, shoulder), (humans[j, BODY_X], humans[j, BODY_Y], guard.shoulder[j])
+            depth = max(depth, radii - shoulder_line_distance(dx, dy, *body, *other))
     return depth
 
 

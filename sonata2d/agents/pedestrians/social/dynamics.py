@@ -66,6 +66,7 @@ class SocialDynamics:
         self._has_walked = set(range(len(humans)))  # no task since the last walk: may take one on the next arrival
         self._have_met: set[int] | None = None  # pairs i < j as i N + j, since they were last SEPARATION apart
         self._tick, self._position = 0, social.standing_position
+        self._feet = np.zeros((len(humans), 2))  # unit vectors of the directions in which feet point
         self._seats = Seats(scene, social, wayfinding, self._dt)
         self._lines = [QueueLine(queue, social, self._rng, self._dt) for queue in scene.queues]
         self._exits = Exits(scene, wayfinding)
@@ -90,7 +91,7 @@ class SocialDynamics:
             position: (N, 2), m, of all pedestrians of the scene; arbitrary for absent ones.
             walkers: their neighbours.
         """
-        self._tick, self._position, self.leaving = tick, position, ()
+        self._tick, self._position, self._feet, self.leaving = tick, position, walkers.body_direction, ()
         if self._tasks:
             for k, task in list(self._tasks.items()):
                 self._advance_task(k, task)
@@ -236,11 +237,11 @@ class SocialDynamics:
                 self._tasks[follower] = Task("stay", spot, place, until=until)
 
     def _stand(self, k: int, place: Point, until: int) -> None:
-        """Pedestrian k stands at a place, m, until a tick, and faces where it was going."""
-        (x, y), (px, py) = place, as_point(self._position[k])
-        dx, dy = x - px, y - py
-        scale = 3.0 / max(length(dx, dy), 1e-6)
-        facing_point = x + dx * scale, y + dy * scale
+        """Pedestrian k stands at a place, m, until a tick; it faces where its feet point, or a full goal before it."""
+        dx, dy = self._feet[k].tolist()
+        facing_point = self._wayfinding.destination(k)
+        if facing_point is None or distance(place, facing_point) < ARRIVAL_DISTANCE:
+            facing_point = place[0] + 3.0 * dx, place[1] + 3.0 * dy
         is_brief = (until - self._tick) * self._dt < LONG_STAY
         self._wayfinding.stop(k)
         self._social.start_standing(k, place, facing_point, is_brief=is_brief)
