@@ -12,8 +12,8 @@ over all figures that grows quickly above their targets. CMA-ES (package `cma`) 
 every generation, and a second call continues. The first call starts from the middle of the ranges, or with `--refine`
 from the present parameters: no parameter is set by hand. Prints each generation, the best parameters as arguments of
 `Sonata2026`, and all figures, unabridged, at the end; `--ablation` prints the figures with each parameter neutralised.
-`--held-back` prints the figures of what the search does not use: the other windows, densities and widths of doors, and
-a later part of a recording.
+`--held-back` prints figures of what the search does not use: other windows (which overlap with its own), other
+episodes, densities and widths of doors, and a later part of a recording as a free run.
 """
 
 from __future__ import annotations
@@ -69,7 +69,8 @@ LATER = {"eth": (300.0, 300.0)}  # s, begin and length of a free run that the se
 HALL, EPISODES, EPISODE_TIME = "crowded-hall", 6, 40.0  # preset, number and duration (s) of the episodes for WALKS.py
 DENSITIES, OTHER_DENSITIES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0), (0.75, 1.25, 1.75, 2.5, 3.5)  # 1/m2
 WIDTHS, OTHER_WIDTHS = (0.8, 1.2), (1.0, 1.4, 1.6)  # m
-WEIGHTS = {"ADE": 2.5, "energy": 0.1}  # 1 for the other figures; the energy law is measured from few encounters
+# 1 for the other figures; the energy law is measured from few encounters.
+WEIGHTS = {"ADE": 2.5, "AUC": 2.5, "free speed": 2.5, "energy": 0.1}
 
 
 @cache
@@ -95,7 +96,7 @@ def free_run(path: str, begin: float, seconds: float, out: Path) -> tuple[Path, 
     scene, group = free_scene(path, begin, seconds), {}
     with open(path, newline="") as file:
         recorded = list(csv.DictReader(file))
-    first = min(int(row["frame"]) for row in recorded) + int(begin / FRAME)
+    first = min(int(row["frame"]) for row in recorded) + round(begin / FRAME)
     real, simulated = out / "real.csv", out / "simulated.csv"
     with real.open("w", newline="") as file:
         writer = csv.writer(file)
@@ -197,14 +198,21 @@ def _hall(protocol: Any, first: int) -> dict[str, float]:
             with s2.JsonRecorder(Path(folder) / f"{episode:06}.json") as recorder:
                 s2.Episode(hall_scene(episode), Still(), observers=[recorder]).run()
         row = protocol.dataset(Path(folder))
-    pairs, angle = row["pairs p50 p90"] or (math.inf, math.inf), row["pairs angle"] or [1.0]
+    pairs, angle = row["pairs p50 p90"] or (None, None), row["pairs angle"] or [None]
     return {
-        "hall about-faces": row["about-faces/min"] / 0.5,
-        "hall slip": row["slip"] / 0.01,
-        "hall bend speed": 0.8 / (row["bend speed"] or 0.8),
-        "hall pairs p90": pairs[1] / 1.7,
-        "hall pairs angle": 60.0 / max(angle[0], 1.0),
+        "hall about-faces": _limited(row["about-faces/min"], 0.5),
+        "hall slip": _limited(row["slip"], 0.01),
+        "hall bend speed": _limited(row["bend speed"], 0.8, is_minimum=True),
+        "hall pairs p90": _limited(pairs[1], 1.7),
+        "hall pairs angle": _limited(angle[0], 60.0, is_minimum=True),
     }
+
+
+def _limited(value: float | None, target: float, *, is_minimum: bool = False) -> float:
+    """A figure divided by its target, or the target by the figure, at most 3; 3 if it could not be measured."""
+    if value is None:
+        return 3.0
+    return min(target / max(value, 1e-9) if is_minimum else value / target, 3.0)
 
 
 @cache
@@ -309,7 +317,7 @@ def search(protocols: Protocols, minutes: float, workers: int, state: Path, *, r
     os.environ["OMP_NUM_THREADS"] = "1"  # of each worker: threads of several workers would wait for each other
     options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "popsize": 12}
     start = encoded(model.PARAMETERS._asdict()) if refine else [0.5] * len(RANGES)
-    strategy = cma.CMAEvolutionStrategy(start, 0.1 if refine else 0.2, options)
+    strategy = cma.CMAEvolutionStrategy(start, 0.07 if refine else 0.2, options)
     if state.exists():
         strategy = pickle.loads(state.read_bytes())
     begin = time.monotonic()

@@ -20,19 +20,19 @@ BRISK_SPEED = 1.0  # m/s
 
 
 @subroutine
-def body_turn(speed: float) -> Vector:
+def turn_limits(speed: float) -> Vector:
     """Rate, 1/s, and maximum turn rate, rad/s, with which the body of a pedestrian turns at a walking speed, m/s."""
     rate = STANDING_RATE + (WALKING_RATE - STANDING_RATE) * min(speed / BRISK_SPEED, 1.0)
     return rate, min(BODY_TURN, LATERAL_ACCELERATION / max(speed, 0.1))
 
 
 @subroutine
-def critically_damped(remaining: float, speed: float, rate: float, maximum: float, dt: float) -> Vector:
+def critically_damped(remaining: float, turn_rate: float, rate: float, maximum: float, dt: float) -> Vector:
     """Turn towards a target for one tick by the closed-form solution of a critically damped oscillator.
 
     Args:
         remaining: angle to the target, rad.
-        speed: turn rate at the start, rad/s.
+        turn_rate: at the start, rad/s.
         rate: 1/s.
         maximum: turn rate that the result is limited to, rad/s.
         dt: s.
@@ -40,8 +40,8 @@ def critically_damped(remaining: float, speed: float, rate: float, maximum: floa
     Returns:
         Angle turned, rad, and turn rate at the end, rad/s.
     """
-    slope = (speed - rate * remaining) * dt
+    slope = (turn_rate - rate * remaining) * dt
     decay = exp(-(rate * dt))
     turned = remaining + (slope - remaining) * decay
-    after = (speed - rate * slope) * decay
+    after = (turn_rate - rate * slope) * decay
     return clipped(turned, -(maximum * dt), maximum * dt), clipped(after, -maximum, maximum)

@@ -19,6 +19,7 @@ from ..pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE
 from .base import Controller
 
 REPLANNING_INTERVAL = 5  # ticks
+FAR = 1e4  # m, coordinates of humans that are absent
 
 
 class StraightToGoal(Controller):
@@ -74,7 +75,9 @@ class SocialForce(Controller):
         self._route = FreeSpace(scene.outline, barriers, scene.robot.radius + 0.05).towards(scene.goal.position)
         self._waypoint = scene.goal.position
         self._model = pedestrian_model(self.model)(scene)
-        self._walkers = _robot_among(len(scene.humans), scene.robot.radius, self.speed)
+        count = len(scene.humans)
+        self._walkers = _robot_among(count, scene.robot.radius, self.speed)
+        self._far = np.stack((FAR + np.arange(count + 1.0), np.full(count + 1, FAR)), axis=1)  # m, of absent humans
 
     def act(self, snapshot: Snapshot) -> Twist:
         robot, goal = snapshot.robot, snapshot.goal
@@ -109,16 +112,17 @@ class SocialForce(Controller):
     def _observe(self, snapshot: Snapshot, direction: Point) -> None:
         """Set the model's input: the humans of the scene, then the robot with its desired direction.
 
-        Absent humans keep their rows, so that the robot's row, and what the model remembers of it, stays the same.
+        Absent humans keep their rows, at far places, so that the robot keeps its row and what the model remembers of
+        it.
         """
         humans, robot, walkers = snapshot.humans, snapshot.robot, self._walkers
-        count = len(walkers.position) - 1
-        walkers.position[:-1], walkers.position[-1] = humans.expand(humans.position, count, math.inf), robot.position
-        walkers.velocity[:-1], walkers.velocity[-1] = humans.expand(humans.velocity, count, 0.0), robot.velocity
-        walkers.body_direction[:-1] = humans.expand(humans.direction, count, 0.0)
-        walkers.body_direction[-1], walkers.desired_direction[-1] = robot.direction, direction
-        walkers.radius[:-1] = humans.expand(humans.radius, count, 0.0)
-        walkers.shoulder[:-1] = humans.expand(humans.shoulder, count, 0.0)
+        rows = slice(0, len(walkers.position) - 1) if humans.row is None else humans.row
+        walkers.position[:] = self._far
+        walkers.position[rows], walkers.position[-1] = humans.position, robot.position
+        walkers.velocity[rows], walkers.velocity[-1] = humans.velocity, robot.velocity
+        walkers.body_direction[rows], walkers.body_direction[-1] = humans.direction, robot.direction
+        walkers.radius[rows], walkers.shoulder[rows] = humans.radius, humans.shoulder
+        walkers.desired_direction[-1] = direction
         offset = walkers.position[:-1] - walkers.position[-1]
         distance = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
         near = np.flatnonzero(distance < INTERACTION_RANGE)
@@ -134,12 +138,12 @@ def _robot_among(count: int, radius: float, speed: float) -> Walkers:
         radius: of the robot, m.
         speed: desired speed of the robot, m/s.
     """
-    vectors, is_robot = np.zeros((4, count + 1, 2)), np.arange(count + 1) == count
+    vectors, is_robot = np.zeros((3, count + 1, 2)), np.arange(count + 1) == count
     return Walkers(
         position=vectors[0],
         velocity=vectors[1],
         desired_direction=vectors[2],
-        body_direction=vectors[3],
+        body_direction=np.tile((1.0, 0.0), (count + 1, 1)),
         desired_speed=np.where(is_robot, speed, 0.0),
         radius=np.full(count + 1, float(radius)),
         walks=is_robot,

@@ -17,7 +17,7 @@ from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.scalar import length, rotation, unit_or
 from ...core.scene import Scene
 from ...core.snapshot import CrowdCommands, Snapshot
-from ...core.turning import body_turn, critically_damped
+from ...core.turning import critically_damped, turn_limits
 from ...registry import PEDESTRIAN_MODELS
 from .models.base import (
     Walkers,
@@ -211,7 +211,7 @@ class Crowd:
 
     def turn_shoulders_like(self, other: Crowd) -> None:
         """Assume that the shoulders are turned already as those of another crowd of the same people should be."""
-        self._plan.twist[:] = other._plan.wanted_twist
+        self._plan.wanted_twist[:] = self._plan.twist[:] = other._plan.wanted_twist
 
     def _watch_robot(self, robot: Array) -> None:
         """Let paths lead round a robot that stands, as round a piece of furniture, whether it is ignored or not."""
@@ -369,7 +369,7 @@ def plan(
     around, routes, social, reactions = people.surroundings, people.routes, people.social, people.reactions
     glances, result, walkers = people.glances, people.plan, people.walkers
     if step == _FOLLOW:
-        item = next_without_destination(routes, first, tick, humans, is_present, social.is_walking)
+        item = next_without_destination(routes, first, tick, humans, is_present, social.is_walking, around.barriers)
         if item < len(routes.order):
             return _NEEDS_DESTINATION, item
         if advance_on_paths(
@@ -462,9 +462,9 @@ def _orient(
             facing_x, facing_y = ux, uy
         twist = 0.0
         if social.is_walking[k]:
-            twist = wanted_twist(walkers, k, around.barriers, result.twist[k], around.side)
+            twist = wanted_twist(walkers, k, around.barriers, result.wanted_twist[k], around.side)
         # The body turns by the dynamics of `critically_damped`, and so does the twist, which is a part of this turn.
-        rate, limit = body_turn(length(humans[k, VX], humans[k, VY]))
+        rate, limit = turn_limits(length(humans[k, VX], humans[k, VY]))
         change, result.twist_rate[k] = critically_damped(twist - result.twist[k], result.twist_rate[k], rate, limit, dt)
         result.wanted_twist[k], result.twist[k] = twist, result.twist[k] + change
         lead = max(speed * HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD)

@@ -34,7 +34,7 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
         walkers: all agents, with their neighbours.
         i: index of an agent that walks.
         barriers: rows of `Barriers.table`.
-        twist: the present angle, rad.
+        twist: the angle that it wanted before, rad.
         side: of the rules, +1 or -1: the shoulder that goes back where both sides are alike.
     """
     x, y, radius = walkers.position[i, 0], walkers.position[i, 1], walkers.radius[i]

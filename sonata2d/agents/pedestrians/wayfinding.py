@@ -73,7 +73,7 @@ class Routes(NamedTuple):
         is_assigned: (N,) of bool, the destination is set from outside.
         is_stopping: (N,) of bool, the pedestrian will stand at its destination for a time.
         is_exiting: (N,) of bool, the pedestrian leaves the scene at its destination.
-        is_abreast: (N,) of bool, pedestrians with room to walk beside the first member of their group.
+        is_abreast: (N,) of bool, pedestrians with room to walk beside the first member of their group, or without one.
         checkpoint: (N, 2), m, position at the last progress check; NaN before the first.
         target: (N, 2), m, the present waypoint.
         is_final: (N,) of bool, whether the target is where the pedestrian will stay.
@@ -285,15 +285,15 @@ class Wayfinding:
         near &= self._is_present
         return bool(near.any()) or any(_near(x, y, *goal, radius) for x, y, radius in self._kept_free)
 
-    def destination(self, k: int) -> Point | None:
-        """The end of the path of pedestrian k, m; None if it has none."""
+    def last_goal(self, k: int) -> Point | None:
+        """The last goal of pedestrian k if it is on its way to it, m."""
         count = self.routes.length[k]
-        return as_point(self.routes.path[k, count - 1]) if count > 0 else None
+        return as_point(self.routes.path[k, count - 1]) if count > 0 and self.routes.goals_left[k] == 0 else None
 
     def find_new_path(self, k: int, position: Point) -> None:
         """Find a new path to the same destination for a pedestrian that was pushed off its path."""
-        destination = self.destination(k)
-        path = None if destination is None else self.find_path(position, destination)
+        x, y = self.routes.path[k, self.routes.length[k] - 1].tolist()
+        path = self.find_path(position, (x, y))
         if path is not None:
             self._set_path(k, path)
 
@@ -442,7 +442,7 @@ def _discs_kept_free(scene: Scene) -> list[tuple[float, float, float]]:
 
 @subroutine
 def next_without_destination(
-    routes: Routes, first: int, tick: int, humans: Array, is_present: BoolArray, is_walking: BoolArray
+    routes: Routes, first: int, tick: int, humans: Array, is_present: BoolArray, is_walking: BoolArray, barriers: Array
 ) -> int:
     """Follow the leaders' paths, up to the first pedestrian that needs a destination.
 
@@ -452,6 +452,7 @@ def next_without_destination(
         tick: that begins.
         humans: (N, 9), columns of `core.humans`.
         is_present, is_walking: (N,).
+        barriers: rows of `Barriers.table`: walls and furniture.
 
     Returns:
         Item of `Routes.order` whose pedestrian needs a destination; the number of items if there is none.
@@ -466,7 +467,7 @@ def next_without_destination(
         if leader == k:
             if _needs_destination(routes, k, tick, humans) or _is_stuck(routes, k, tick, humans):
                 return n
-            if routes.goals_left[k] == 0 and _has_settled(routes, k, humans, is_present, is_walking):
+            if routes.goals_left[k] == 0 and _has_settled(routes, k, humans, is_present, is_walking, barriers):
                 return n
         elif routes.copied[k] != routes.version[leader] and not routes.is_assigned[k]:
             routes.copied[k] = routes.version[k] = routes.version[leader]
@@ -490,10 +491,15 @@ def _needs_destination(routes: Routes, k: int, tick: int, humans: Array) -> bool
 
 
 @subroutine
-def _has_settled(routes: Routes, k: int, humans: Array, is_present: BoolArray, is_walking: BoolArray) -> bool:
-    """Whether a pedestrian has arrived at its last goal, an area that grows with those who stand there."""
+def _has_settled(
+    routes: Routes, k: int, humans: Array, is_present: BoolArray, is_walking: BoolArray, barriers: Array
+) -> bool:
+    """Whether a pedestrian has arrived at its last goal, an area that grows with those who stand there.
+
+    Its path may lead round those who stand, but not round a wall.
+    """
     count = routes.length[k]
-    if routes.is_assigned[k] or routes.is_exiting[k] or count == 0 or routes.next[k] < count - 1:
+    if routes.is_assigned[k] or routes.is_exiting[k] or count == 0:
         return False
     x, y = routes.path[k, count - 1, 0], routes.path[k, count - 1, 1]
     if not _near(humans[k, X], humans[k, Y], x, y, LARGEST_CLUSTER):
@@ -502,7 +508,7 @@ def _has_settled(routes: Routes, k: int, humans: Array, is_present: BoolArray, i
     for j in range(len(humans)):
         standing += is_present[j] and not is_walking[j] and _near(humans[j, X], humans[j, Y], x, y, LARGEST_CLUSTER)
     radius = max(ARRIVAL_DISTANCE, math.sqrt(standing * CLUSTER_AREA / PI))
-    return _near(humans[k, X], humans[k, Y], x, y, radius)
+    return _near(humans[k, X], humans[k, Y], x, y, radius) and is_clear(barriers, 0.0, humans[k, X], humans[k, Y], x, y)
 
 
 @subroutine
@@ -574,8 +580,8 @@ def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, spa
     for n in range(len(routes.order)):
         k = routes.order[n]
         first = routes.first[k]
-        routes.is_abreast[k] = False
-        if first == k or not is_present[k] or not is_present[first] or routes.leader[first] < 0:
+        routes.is_abreast[k] = not is_present[first]
+        if first == k or not is_present[k] or not is_present[first]:
             continue
         dx, dy = routes.target[first, 0] - humans[first, X], routes.target[first, 1] - humans[first, Y]
         distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)

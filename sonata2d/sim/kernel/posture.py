@@ -10,7 +10,7 @@ from ...core.compiled import subroutine
 from ...core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY
 from ...core.portable_math import PI, Array
 from ...core.scalar import Vector, angle_of, clipped, rotation
-from ...core.turning import BODY_TURN, body_turn, critically_damped
+from ...core.turning import BODY_TURN, critically_damped, turn_limits
 
 HEAD_TURN = 4.5  # rad/s, maximum turn rate of a head relative to the body
 HEAD_LIMIT = 1.2  # rad, maximum angle of a head to either side of the body's heading
@@ -36,7 +36,7 @@ def turn(state: Array, posture: Array, k: int, facing: Array, gaze: Array, side:
         dt: tick, s.
     """
     vx, vy, x, y = state[k, VX], state[k, VY], state[k, BODY_X], state[k, BODY_Y]
-    rate, limit = body_turn(math.sqrt(vx * vx + vy * vy))
+    rate, limit = turn_limits(math.sqrt(vx * vx + vy * vy))
     to_facing = _angle_between(x, y, facing[k, 0], facing[k, 1], side)
     to_gaze = _angle_between(x, y, gaze[k, 0], gaze[k, 1], side)
     remaining = _same_side(to_facing, posture[k, BODY_RATE])
@@ -48,7 +48,7 @@ def turn(state: Array, posture: Array, k: int, facing: Array, gaze: Array, side:
 
 
 @subroutine
-def _turn_head(posture: Array, k: int, body_turned: float, target: float, dt: float) -> None:
+def _turn_head(posture: Array, k: int, turn_limitsed: float, target: float, dt: float) -> None:
     """Turn the head of pedestrian k towards a target angle relative to its body, which has just turned; rad."""
     before = posture[k, NECK]
     if target > PI:
@@ -56,7 +56,7 @@ def _turn_head(posture: Array, k: int, body_turned: float, target: float, dt: fl
     elif target <= -PI:
         target += 2.0 * PI
     target = clipped(_same_side(target, before), -HEAD_LIMIT, HEAD_LIMIT)
-    steady = before - body_turned  # the angle that keeps the gaze where it is
+    steady = before - turn_limitsed  # the angle that keeps the gaze where it is
     step, rate = critically_damped(target - steady, posture[k, NECK_RATE], HEAD_RATE, HEAD_TURN, dt)
     maximum = HEAD_TURN * dt
     neck = clipped(before + clipped(steady + step - before, -maximum, maximum), -HEAD_LIMIT, HEAD_LIMIT)

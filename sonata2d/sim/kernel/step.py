@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ...core.compiled import kernel, subroutine
 from ...core.humans import BODY_X, BODY_Y, OMEGA, VX, VY, X, Y
 from ...core.packing import Bools, Floats, Floats2, unpack
@@ -31,8 +33,8 @@ from .rules import (
 from .safety import Guard, find_near, limited
 
 MASS = 75.0  # kg, of a pedestrian
-PRESSED_RANGE = 1.2  # m, from the robot; people within it may be pressed against each other and against solids
-MAXIMUM_DEPTH = 0.005  # m, of overlap that a body causes by turning in a crowd that is pressed by the robot
+TOUCHING = 0.01  # m, gap of outlines below which they press against each other
+MAXIMUM_DEPTH = 0.005  # m, of overlap that a pressed body causes by turning
 ROBOT_MASS = 1e6  # kg; so large that contacts do not move the robot, and their impulse can still be read
 
 # Items of the scratch array `drive`: the twist of the drive in this tick (body frame), the sums of the executed
@@ -124,8 +126,7 @@ def advance(
         drive[_COS], drive[_SIN] = rotation(omega * h * 0.5)
         robot[GUARDED] = 0.0
         find_near(guard, engine.bodies, barriers, rules)
-        for k in range(count):
-            _turn_body(matter, k)
+        _turn_bodies(matter)
     for k in range(count):
         for axis in range(2):
             engine.forces[k, axis] = 0.0 if matter.is_absent[k] else matter.acceleration[k, axis] * MASS
@@ -143,46 +144,78 @@ def advance(
 
 
 @subroutine
-def _turn_body(matter: Matter, k: int) -> None:
-    """Turn body and head of pedestrian k by one tick; only its head where a crowd pressed by the robot leaves no room.
+def _turn_bodies(matter: Matter) -> None:
+    """Turn bodies and heads by one tick; only the heads of people who are pressed by the robot and lack the room.
 
     The engine can move a torso that turns out of its neighbours, but not out of a place that has become too narrow.
     """
+    count, touching = len(matter.humans), 0
+    pressed = np.zeros(count, np.bool_)
+    for k in range(count):
+        pressed[k] = _robot_gap(matter, k) < TOUCHING
+        touching += pressed[k]
+    if touching > 0:  # those who touch the robot press others
+        first, torso = pressed.copy(), matter.guard.torso
+        for j in range(count):
+            if not first[j]:
+                continue
+            for k in range(count):
+                if not pressed[k]:
+                    pressed[k] = _gap(matter, k, j, torso[k, 0], torso[k, 1]) < TOUCHING
+    for k in range(count):
+        _turn_body(matter, k, pressed[k])
+
+
+@subroutine
+def _turn_body(matter: Matter, k: int, is_pressed: bool) -> None:
+    """Turn body and head of pedestrian k by one tick; only its head if it is pressed and lacks the room."""
     humans, posture, facing, rules = matter.humans, matter.posture, matter.facing, matter.rules
     x, y, neck_rate, neck = humans[k, BODY_X], humans[k, BODY_Y], posture[k, NECK_RATE], posture[k, NECK]
-    is_near = _is_near_robot(matter, k)
-    depth = _depth(matter, k) if is_near else 0.0
     turn(humans, posture, k, facing, matter.gaze, rules[SIDE], rules[TICK])
-    if is_near and _depth(matter, k) > max(depth, MAXIMUM_DEPTH):
+    if not is_pressed:
+        return
+    depth = _depth(matter, k, x, y)
+    if _depth(matter, k, humans[k, BODY_X], humans[k, BODY_Y]) > max(depth, MAXIMUM_DEPTH):
         humans[k, BODY_X], humans[k, BODY_Y], facing[k, 0], facing[k, 1] = x, y, x, y
         posture[k, BODY_RATE], posture[k, NECK_RATE], posture[k, NECK] = 0.0, neck_rate, neck
         turn(humans, posture, k, facing, matter.gaze, rules[SIDE], rules[TICK])
 
 
 @subroutine
-def _is_near_robot(matter: Matter, k: int) -> bool:
-    """Whether pedestrian k is so near to the robot that at most one other stands between them."""
-    robot, x, y = matter.robot, matter.humans[k, X], matter.humans[k, Y]
-    return length(x - robot[X], y - robot[Y]) < PRESSED_RANGE
+def _robot_gap(matter: Matter, k: int) -> float:
+    """Gap between the robot and pedestrian k at the start of the tick, m."""
+    guard, robot, humans, torso = matter.guard, matter.robot, matter.humans, matter.guard.torso
+    dx, dy, radii = humans[k, X] - robot[X], humans[k, Y] - robot[Y], guard.radius[k] + matter.rules[ROBOT_RADIUS]
+    if length(dx, dy) < radii + guard.shoulder[k] + TOUCHING:
+        dx, dy = to_shoulder_line(dx, dy, torso[k, 0], torso[k, 1], guard.shoulder[k])
+    gap: float = length(dx, dy) - radii
+    return gap
 
 
 @subroutine
-def _depth(matter: Matter, k: int) -> float:
-    """Room that pedestrian k lacks, m: between the robot and the nearest solid, or to another pedestrian."""
+def _gap(matter: Matter, k: int, j: int, bx: float, by: float) -> float:
+    """Gap between pedestrian k with the heading (bx, by) and pedestrian j, m; far ones have that of discs."""
+    guard, humans, torso = matter.guard, matter.humans, matter.guard.torso
+    dx, dy, radii = humans[j, X] - humans[k, X], humans[j, Y] - humans[k, Y], guard.radius[k] + guard.radius[j]
+    distance = length(dx, dy)
+    if distance < radii + guard.shoulder[k] + guard.shoulder[j] + TOUCHING:
+        body, other = (bx, by, guard.shoulder[k]), (torso[j, 0], torso[j, 1], guard.shoulder[j])
+        distance = shoulder_line_distance(dx, dy, *body, *other)
+    gap: float = distance - radii
+    return gap
+
+
+@subroutine
+def _depth(matter: Matter, k: int, bx: float, by: float) -> float:
+    """Room that pedestrian k lacks with the heading (bx, by), m: between robot and solids, or to other pedestrians."""
     guard, robot, humans, rules = matter.guard, matter.robot, matter.humans, matter.rules
-    bx, by, radius, shoulder = humans[k, BODY_X], humans[k, BODY_Y], guard.radius[k], guard.shoulder[k]
-    x, y = humans[k, X], humans[k, Y]
+    x, y, radius, shoulder = humans[k, X], humans[k, Y], guard.radius[k], guard.shoulder[k]
     dx, dy = to_shoulder_line(x - robot[X], y - robot[Y], bx, by, shoulder)
     to_robot = length(dx, dy) - radius - rules[ROBOT_RADIUS]
     depth: float = -outline_gap(matter.barriers, x, y, bx, by, radius, shoulder) - min(to_robot, 0.0)
-    for n in range(guard.counts[0]):
-        j = guard.near[n]
-        if j == k:
-            continue
-        dx, dy, radii = humans[j, X] - x, humans[j, Y] - y, radius + guard.radius[j]
-        if length(dx, dy) < radii + shoulder + guard.shoulder[j]:
-            body, other = (bx, by, shoulder), (humans[j, BODY_X], humans[j, BODY_Y], guard.shoulder[j])
-            depth = max(depth, radii - shoulder_line_distance(dx, dy, *body, *other))
+    for j in range(len(humans)):
+        if j != k:
+            depth = max(depth, -_gap(matter, k, j, bx, by))
     return depth
 
 

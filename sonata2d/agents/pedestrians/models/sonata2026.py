@@ -41,21 +41,21 @@ class Sonata2026(NamedTuple):
         wander: standard deviation of the angle by which a pedestrian deviates from its direction, rad.
     """
 
-    relaxation_time: float = 0.168
-    turning_time: float = 0.43
-    following_time: float = 1.604
-    headway_half_width: float = 0.299
-    standstill_gap: float = -0.218
-    time_gap: float = 0.592
-    look_ahead_time: float = 1.355
-    temperature: float = 0.083
-    side_bonus: float = 0.109
-    anticipation_strength: float = 1.521
-    proximity_strength: float = 0.125
-    decay_length: float = 1.14
-    cohesion: float = 0.229
-    spacing: float = 1.062
-    wander: float = 0.02
+    relaxation_time: float = 0.246
+    turning_time: float = 0.421
+    following_time: float = 1.576
+    headway_half_width: float = 0.203
+    standstill_gap: float = -0.2
+    time_gap: float = 0.664
+    look_ahead_time: float = 1.29
+    temperature: float = 0.063
+    side_bonus: float = 0.122
+    anticipation_strength: float = 1.171
+    proximity_strength: float = 0.238
+    decay_length: float = 0.67
+    cohesion: float = 0.351
+    spacing: float = 1.179
+    wander: float = 0.016
 
 
 PARAMETERS = Sonata2026()
@@ -478,13 +478,10 @@ def _accelerations(
             walking = clipped((ahead - STREAM_PACE) / (BRISK_PACE - STREAM_PACE), 0.0, 1.0)
             tau += (p.following_time - tau) * walking * stream / (1.0 + stream)
         drive = desired_change(own_velocity, (x, y), speed, tau, p.turning_time)
-        gx, gy = group_velocity(walkers, i, memory.looseness, side, p)
-        along = gx * x + gy * y
-        gx, gy = (gx - along * x) / p.turning_time, (gy - along * y) / p.turning_time
-        along = along / p.relaxation_time
+        group = group_velocity(walkers, i, memory.looseness, side, p)
         # Each member of a group evades less, so that the group keeps its formation, and others walk round it.
-        ax = drive[0] + along * x + gx + push_x / members
-        ay = drive[1] + along * y + gy + push_y / members
+        ax = drive[0] + group[0] / p.relaxation_time + push_x / members
+        ay = drive[1] + group[1] / p.relaxation_time + push_y / members
         after = (velocity[i, 0] + ax * dt, velocity[i, 1] + ay * dt)
         vx, vy = without_bumps(walkers, i, after, barriers, p.turning_time)
         acceleration[i, 0], acceleration[i, 1] = (vx - velocity[i, 0]) / dt, (vy - velocity[i, 1]) / dt

@@ -24,11 +24,12 @@ from .tasks import Kind, Task
 OBJECT_RELATIONS = {"laptop": AT_LAPTOP, "plant": AT_PLANT}  # AT_OBJECT for all other types
 NOT_VISITED = ("table", "chair")
 OBJECT_CLEARANCE = 0.30  # m, between the outlines of a pedestrian and the object that it attends to
-ARRIVAL_DISTANCE = 0.25  # m, from the position of a task
+PLACE_TOLERANCE = 0.25  # m, from the position of a task
 APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
 MEETING_DISTANCE, SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
 POSITION_SPACING = 0.7  # m, between the positions of two tasks
 MEMBER_SPACING, MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
+GOAL_DISTANCE = 0.5  # m, from a goal, beyond which others stand between it and a pedestrian that has arrived
 LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
 FOREVER = 1e6  # s
 LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
@@ -163,7 +164,7 @@ class SocialDynamics:
         partner_left = task.partner is not None and self._social.is_walking[task.partner]
         if partner_left or self._tick >= task.until or not self._follow_tail(k, task):
             self._leave(k)
-        elif distance(as_point(self._position[k]), task.position) < ARRIVAL_DISTANCE:
+        elif distance(as_point(self._position[k]), task.position) < PLACE_TOLERANCE:
             self._arrive(k, task)
 
     def _follow_tail(self, k: int, task: Task) -> bool:
@@ -231,17 +232,20 @@ class SocialDynamics:
             spot = self._spot_beside(follower, k, place, taken)
             taken.append(spot)
             position = as_point(self._position[follower])
-            if distance(position, spot) < ARRIVAL_DISTANCE or not self._wayfinding.send_to(follower, position, spot):
-                self._stand(follower, spot if distance(position, spot) < ARRIVAL_DISTANCE else position, until)
+            if distance(position, spot) < PLACE_TOLERANCE or not self._wayfinding.send_to(follower, position, spot):
+                self._stand(follower, spot if distance(position, spot) < PLACE_TOLERANCE else position, until)
             else:
                 self._tasks[follower] = Task("stay", spot, place, until=until)
 
     def _stand(self, k: int, place: Point, until: int) -> None:
-        """Pedestrian k stands at a place, m, until a tick; it faces where its feet point, or a full goal before it."""
-        dx, dy = self._feet[k].tolist()
-        facing_point = self._wayfinding.destination(k)
-        if facing_point is None or distance(place, facing_point) < ARRIVAL_DISTANCE:
-            facing_point = place[0] + 3.0 * dx, place[1] + 3.0 * dy
+        """Pedestrian k stands at a place, m, until a tick.
+
+        It faces where its feet point; at its last goal, if others stand there and it is ahead, it faces that goal.
+        """
+        (x, y), (dx, dy) = place, self._feet[k].tolist()
+        facing_point, goal = (x + 3.0 * dx, y + 3.0 * dy), self._wayfinding.last_goal(k)
+        if goal is not None and distance(place, goal) > GOAL_DISTANCE and (goal[0] - x) * dx + (goal[1] - y) * dy > 0.0:
+            facing_point = goal
         is_brief = (until - self._tick) * self._dt < LONG_STAY
         self._wayfinding.stop(k)
         self._social.start_standing(k, place, facing_point, is_brief=is_brief)
