@@ -66,7 +66,7 @@ DIAGONAL = math.sqrt(0.5)
 
 
 def test_speed_and_direction_change_with_time_constants_of_their_own() -> None:
-    assert desired_change((0.5, 0.2), EAST, 1.3, 0.5, 0.4) == pytest.approx((0.8 / 0.5, -0.2 / 0.4))
+    assert desired_change((0.8, 0.2), EAST, 1.3, 0.5, 0.4) == pytest.approx((0.5 / 0.5, -0.2 / 0.4))
     assert desired_change((0.0, 0.0), EAST, 1.3, 0.01, 0.4) == pytest.approx((MAXIMUM_ACCELERATION, 0.0))
     assert desired_change((1.3, 0.0), EAST, 0.0, 0.01, 0.4) == pytest.approx((-MAXIMUM_BRAKING, 0.0))
     assert desired_change((0.5, 0.2), (0.0, 0.0), 1.3, 0.5, 0.4) == pytest.approx((-0.5 / 0.4, -0.2 / 0.4))

@@ -12,6 +12,7 @@ import pytest
 
 from sonata2d import Episode, JsonRecorder, SocialPlanner, StraightToGoal, generate, load_scenario
 from sonata2d.agents.controllers.base import Controller
+from sonata2d.core.geometry import inside_polygon
 from sonata2d.core.humans import BODY_Y, Y
 from sonata2d.core.proxemics import clearance
 from sonata2d.core.snapshot import Snapshot
@@ -128,8 +129,17 @@ def test_meeting_has_person_time_clearance_and_sight_distance() -> None:
     assert meeting.person == 1
     assert min(distances) == pytest.approx(distances[nearest])
     assert meeting.clearance == pytest.approx(clearance(states[nearest]))
-    assert meeting.sight_distance is not None
-    assert 2.0 < meeting.sight_distance < 4.0
+    assert meeting.sight_distance == pytest.approx(
+        next(d for d, s in zip(distances, states, strict=True) if is_seen(s))
+    )
+    assert 1.0 < meeting.sight_distance < distances[0] - 1.0
+
+
+def is_seen(snapshot: Snapshot) -> bool:
+    """Whether the line from the robot to the first person lies in the room."""
+    fraction = np.linspace(0.0, 1.0, 1000)[:, None]
+    line = (1.0 - fraction) * np.array(snapshot.robot.position) + fraction * snapshot.humans.position[0]
+    return bool(inside_polygon(line, snapshot.scene.outline).all())
 
 
 def test_meeting_of_a_mirrored_episode_changes_sides_only() -> None:

@@ -41,21 +41,21 @@ class Sonata2026(NamedTuple):
         wander: standard deviation of the angle by which a pedestrian deviates from its direction, rad.
     """
 
-    relaxation_time: float = 0.246
-    turning_time: float = 0.421
-    following_time: float = 1.576
-    headway_half_width: float = 0.203
-    standstill_gap: float = -0.2
-    time_gap: float = 0.664
-    look_ahead_time: float = 1.29
-    temperature: float = 0.063
-    side_bonus: float = 0.122
-    anticipation_strength: float = 1.171
-    proximity_strength: float = 0.238
-    decay_length: float = 0.67
-    cohesion: float = 0.351
-    spacing: float = 1.179
-    wander: float = 0.016
+    relaxation_time: float = 0.168
+    turning_time: float = 0.43
+    following_time: float = 1.604
+    headway_half_width: float = 0.299
+    standstill_gap: float = -0.218
+    time_gap: float = 0.592
+    look_ahead_time: float = 1.355
+    temperature: float = 0.083
+    side_bonus: float = 0.109
+    anticipation_strength: float = 1.521
+    proximity_strength: float = 0.125
+    decay_length: float = 1.14
+    cohesion: float = 0.229
+    spacing: float = 1.062
+    wander: float = 0.02
 
 
 PARAMETERS = Sonata2026()
