@@ -96,7 +96,8 @@ class GroupMeeting:
 
     Attributes:
         group: id.
-        blocks_path: whether the straight line from the robot's start to its goal leads through the group.
+        blocks_path: whether the straight line from the robot's start to its goal leads through the circle around the
+            group, bodies included.
         distance: smallest distance of the robot's centre from the centre of the group, m.
         radius: mean distance of the members from the centre of the group at that moment, m.
         joined: whether the robot stands as near to the centre as the members do at the end.
@@ -254,7 +255,8 @@ def _door_width(tracks: Tracks, k: int) -> float | None:
 def _group_meeting(tracks: Tracks, group: Group) -> GroupMeeting | None:
     """The meeting with a group; None if the group is never together."""
     column = {human.id: k for k, human in enumerate(tracks.scene.humans)}
-    members = tracks.humans[:, [column[m] for m in group.members]]
+    rows = [column[m] for m in group.members]
+    members, extent = tracks.humans[:, rows], max(tracks.scene.humans[k].radius for k in rows)
     centre = _centres(members, in_circle=group.kind == "talking" and len(group.members) > 2)
     radius = lengths(members - centre[:, None]).mean(axis=1)
     distance = np.where(radius < MAX_GROUP_RADIUS, lengths(centre - tracks.robot), np.nan)
@@ -265,7 +267,7 @@ def _group_meeting(tracks: Tracks, group: Group) -> GroupMeeting | None:
     straight = Barriers(tracks.robot[:1], goal, np.zeros(1))
     return GroupMeeting(
         group=group.id,
-        blocks_path=bool(straight.gaps(centre[nearest : nearest + 1])[0, 0] < radius[nearest]),
+        blocks_path=bool(straight.gaps(centre[nearest : nearest + 1])[0, 0] < radius[nearest] + extent),
         distance=float(distance[nearest]),
         radius=float(radius[nearest]),
         joined=bool(distance[-1] < radius[-1] + JOIN_TOLERANCE),
