@@ -123,7 +123,8 @@ def outline_gap(
     """
     nearest, along_x, along_y = math.inf, -body_y * shoulder, body_x * shoulder
     for k in range(len(barriers)):
-        nearest = min(nearest, line_gap(barriers, k, x + along_x, y + along_y, x - along_x, y - along_y))
+        if gap(barriers, k, x, y) - shoulder < nearest:
+            nearest = min(nearest, line_gap(barriers, k, x + along_x, y + along_y, x - along_x, y - along_y))
     return nearest - radius
 
 

@@ -80,7 +80,7 @@ are twists in the body frame: forward, left, counter-clockwise. Each file names 
 frames are rounded to {precision}.
 
 {figures}## Known limits
-{simulated} simulated: social forces, disc-shaped bodies, no gestures, faces or intentions beyond those in the file.
+{simulated} simulated: social forces, oblong bodies that turn, no gestures, faces or intentions beyond those in the file.
 Use the data for training and comparison, not as evidence of how people feel about a robot.
 """
 
@@ -324,7 +324,7 @@ def _responsible_ai(manifest: JsonDict) -> JsonDict:
         "dataCollectionType": ["Experiments"] * bool(driven) + ["Software Collection"] * (len(driven) < len(sources)),
         "dataBiases": biases,
         "dataLimitations": [
-            "Pedestrians are simulated by social forces, with disc-shaped bodies, and without gestures, faces or"
+            "Pedestrians are simulated by social forces, with oblong bodies, and without gestures, faces or"
             " intentions beyond those in the files."
         ],
         "dataUseCases": [

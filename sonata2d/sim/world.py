@@ -10,6 +10,7 @@ anew for every episode, in a fixed order, before its first step: only then does 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ import pymunk
 from ..core.compiled import say_if_slow
 from ..core.devices import DeviceEvent
 from ..core.entities import Furniture, Human
-from ..core.geometry import Disc, Point, Twist
+from ..core.geometry import Disc, Edge, Point, Twist
 from ..core.humans import (
     BODY_X,
     BODY_Y,
@@ -237,7 +238,7 @@ def _space_with_obstacles(scene: Scene) -> pymunk.Space:
     space = pymunk.Space()
     space.iterations, space.collision_slop = scene.rules.iterations, 0.001  # pymunk's default slop is 0.1 m
     space.collision_bias = OVERLAP_LEFT
-    shapes: list[pymunk.Shape] = [pymunk.Segment(space.static_body, w.start, w.end, 0.0) for w in scene.walls]
+    shapes = _static_segments(space.static_body, [(w.start, w.end, 0.0) for w in scene.walls])
     for k, piece in enumerate(scene.furniture):
         if piece.on is None:
             solid = _static_shapes(space.static_body, piece)
@@ -278,7 +279,17 @@ def _static_shapes(ground: pymunk.Body, furniture: Furniture) -> list[pymunk.Sha
     """
     if isinstance(furniture.shape, Disc):
         return [pymunk.Circle(ground, furniture.shape.radius, furniture.pose.position)]
-    return [pymunk.Segment(ground, a, b, radius) for a, b, radius in furniture.shape.edges(furniture.pose)]
+    return _static_segments(ground, furniture.shape.edges(furniture.pose))
+
+
+def _static_segments(ground: pymunk.Body, edges: Sequence[Edge]) -> list[pymunk.Shape]:
+    """Segments, and a circle at each of their ends.
+
+    The engine misses contacts between the end of one segment and the side of another, such as a door jamb and a torso.
+    """
+    ends = dict.fromkeys((point, radius) for start, end, radius in edges for point in (start, end))
+    segments = [pymunk.Segment(ground, start, end, radius) for start, end, radius in edges]
+    return [*segments, *(pymunk.Circle(ground, radius, point) for point, radius in ends)]
 
 
 def _body(

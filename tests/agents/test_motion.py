@@ -10,8 +10,8 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.pedestrians.crowd import Crowd
-from sonata2d.core.entities import Group, Human
-from sonata2d.core.geometry import Pose, Twist
+from sonata2d.core.entities import Group, Human, Wall
+from sonata2d.core.geometry import Pose, Twist, segment_distances, shoulder_lines
 from sonata2d.core.portable_math import Array
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.sim.world import World
@@ -127,6 +127,19 @@ def test_members_with_goals_of_their_own_come_abreast_only_where_there_is_room(w
     for _ in range(8):
         world.step(Twist(), crowd.act(world.snapshot()))
     assert crowd._walkers.is_abreast.tolist() == [True, is_abreast]
+
+
+def test_a_crowd_in_a_door_is_not_pressed_into_its_jambs() -> None:
+    ends = [(side * (2.0 + 0.9 * (k // 2)), (0.5 + 0.1 * (k % 3)) * (-1) ** k) for side in (-1, 1) for k in range(8)]
+    humans = [going(k + 1, x, y, (-math.copysign(3.4, x), y)) for k, (x, y) in enumerate(ends)]
+    polygon = ((-7.0, -3.5), (7.0, -3.5), (7.0, 3.5), (-7.0, 3.5))
+    inner = [Wall((0.0, -3.5), (0.0, -0.4)), Wall((0.0, 0.4), (0.0, 3.5))]
+    scene = room(humans, inner=inner, polygon=polygon, robot=Pose(-6.4, -3.0), goal=(-6.4, 3.0))
+    for snapshot in simulate(scene, 20.0):
+        people = snapshot.humans
+        lines = shoulder_lines(people.position, people.direction, people.shoulder)
+        gaps = segment_distances(*lines, scene.barriers).min(axis=0) - people.radius
+        assert gaps.min() > -0.012  # the motion in a substep
 
 
 def test_people_walk_round_a_standing_robot_that_they_ignore() -> None:
