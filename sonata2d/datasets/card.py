@@ -80,7 +80,7 @@ are twists in the body frame: forward, left, counter-clockwise. Each file names 
 frames are rounded to {precision}.
 
 {figures}## Known limits
-{simulated} simulated: social forces, oblong bodies that turn, no gestures, faces or intentions beyond those in the file.
+{simulated} simulated: social forces, oblong bodies, no gestures, faces or intentions beyond those in the file.
 Use the data for training and comparison, not as evidence of how people feel about a robot.
 """
 
