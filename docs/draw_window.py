@@ -1,6 +1,6 @@
 """Draws the pictures of docs/window.md: opens the window, presses keys, and saves its content.
 
-    python docs/draw_window.py [FOLDER]
+    python -m docs.draw_window [FOLDER]
 
 Needs no display; with one, a real window opens.
 """
@@ -13,29 +13,28 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-if not os.environ.get("DISPLAY"):
-    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+import pygame
+
+from sonata2d import load_scenario
+from sonata2d.collect.rating import RatingSession
+from sonata2d.collect.session import Session
+from sonata2d.datasets.generate import generate_dataset
+from sonata2d.scenegen.scenario.config import ScenarioConfig
+from sonata2d.view.stills import save_surface
+from sonata2d.window.collect_screen import CollectScreen
+from sonata2d.window.controls_screen import ControlsScreen
+from sonata2d.window.input import InputDevices
+from sonata2d.window.rate_screen import RateScreen
+from sonata2d.window.view_screen import ViewScreen
+from tests.window.volunteer import Person
+
 ROOT = Path(__file__).parent.parent
-sys.path.insert(0, str(ROOT))
-
-import pygame  # noqa: E402
-
-from sonata2d import load_scenario  # noqa: E402
-from sonata2d.collect.rating import RatingSession  # noqa: E402
-from sonata2d.collect.session import Session  # noqa: E402
-from sonata2d.datasets.generate import generate_dataset  # noqa: E402
-from sonata2d.scenegen.scenario.config import ScenarioConfig  # noqa: E402
-from sonata2d.view.stills import save_surface  # noqa: E402
-from sonata2d.window.collect_screen import CollectScreen  # noqa: E402
-from sonata2d.window.controls_screen import ControlsScreen  # noqa: E402
-from sonata2d.window.input import InputDevices  # noqa: E402
-from sonata2d.window.rate_screen import RateScreen  # noqa: E402
-from sonata2d.window.view_screen import ViewScreen  # noqa: E402
-from tests.window.volunteer import Person  # noqa: E402
 
 
 def main(folder: Path) -> None:
     """Draw all pictures."""
+    if not os.environ.get("DISPLAY"):
+        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         os.environ["SONATA2D_CONFIG"] = str(Path(scratch) / "config")

@@ -157,9 +157,8 @@ class _KernelFiles:
     def save_overload(self, signature: Any, result: Any) -> None:
         """Keep what numba has compiled; called by numba within `compile`."""
         name = self._name(signature)
-        if (
-            name is not None and not result.library.has_dynamic_globals
-        ):  # such machine code is valid in this process only
+        # Machine code with dynamic globals contains addresses, which are valid in this process only.
+        if name is not None and not result.library.has_dynamic_globals:
             with suppress(Exception):  # a full disk, a class that cannot be pickled: the kernel works all the same
                 _write(name, dumps(result._reduce()))
 

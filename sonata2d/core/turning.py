@@ -4,8 +4,8 @@ The angle x to the target obeys x″ = −2 r x′ − r² x, solved in closed f
 the walking speed, so that fast walkers face the direction in which they walk and slow ones turn calmly. The turn rate
 of a body is limited to a / v at speed v, with the lateral acceleration a, so that walkers turn in arcs.
 
-Source: the headed social force of Farina et al., PLoS ONE 12(1) (2017) e0169734, whose torque −k_θ (θ − θ₀) − k_ω ω is
-damped critically for α = 1; its k_λ |f₀| is r² here.
+Source: Farina et al., Walking ahead: the headed social force model, PLoS ONE 12(1) (2017) e0169734. Its torque is
+−k_θ (θ − θ₀) − k_ω ω, with critical damping for α = 1; r² is its k_λ |f₀|.
 """
 
 from __future__ import annotations

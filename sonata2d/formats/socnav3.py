@@ -237,7 +237,9 @@ def _robot(row: Array, shape: JsonDict) -> JsonDict:
 
 
 def _people(record: EpisodeRecord, rows: list[list[float]], present: list[bool]) -> list[JsonDict]:
-    """Poses of the pedestrians who are present; velocities (world frame), head and body have keys of sonata2d.
+    """Poses of the pedestrians who are present, and their velocities (world frame), heads and bodies.
+
+    SocNav3 itself has no keys for the latter.
 
     Readers match the pedestrians of two steps by id, and mask those who are in one of them only.
     """

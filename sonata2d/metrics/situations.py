@@ -118,9 +118,10 @@ def _meeting_of_kind(description: str, kind: Kind) -> Callable[[Encounter], Verd
 
 def _intersection(found: Encounter) -> Verdict:
     def crosses(m: Meeting) -> bool:
-        is_crossing = m.crossing_delay is not None and m.crossing_delay < MAX_CROSSING_DELAY
-        is_crossing = is_crossing and m.door_width is None  # ways through one doorway often cross
-        return m.clearance < MEETING_CLEARANCE and is_crossing and SAME_WAY_ANGLE < m.angle < HEAD_ON_ANGLE
+        if m.crossing_delay is None or m.door_width is not None:  # paths through one doorway often cross
+            return False
+        is_near = m.crossing_delay < MAX_CROSSING_DELAY and m.clearance < MEETING_CLEARANCE
+        return is_near and SAME_WAY_ANGLE < m.angle < HEAD_ON_ANGLE
 
     return _first_match(found, "crossed the robot's path", crosses)
 

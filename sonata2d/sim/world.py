@@ -274,8 +274,8 @@ def _seat_group(index: int) -> int:
 def _static_shapes(ground: pymunk.Body, furniture: Furniture) -> list[pymunk.Shape]:
     """The outline of an object.
 
-    A rectangle consists of four segments: the engine misses contacts between a polygon and a segment whose ends are
-    moved, and the ends of a torso move in every substep.
+    A rectangle consists of four segments. A polygon would not do: the engine misses its contacts with torsos, which are
+    segments that turn.
     """
     if isinstance(furniture.shape, Disc):
         return [pymunk.Circle(ground, furniture.shape.radius, furniture.pose.position)]

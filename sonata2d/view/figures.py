@@ -65,7 +65,7 @@ def draw_body(
 
 
 def draw_plain_body(brush: Brush, activity: str, r: float, *, ignores_robot: bool = False) -> None:
-    """Draw a disc of radius r, m, for a pedestrian whose heading is not known."""
+    """Draw a pedestrian of unknown heading as a disc of radius r, m."""
     _draw_outline(brush, activity, 0.7, r, 0.0, ignores_robot=ignores_robot)
 
 

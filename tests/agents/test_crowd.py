@@ -15,7 +15,7 @@ import pytest
 import sonata2d as s2
 from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.agents.pedestrians.models.base import attention_to
-from sonata2d.agents.pedestrians.wayfinding import point_ahead
+from sonata2d.agents.pedestrians.routes import point_ahead
 from sonata2d.core.entities import AT_LAPTOP, TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction, Wall
 from sonata2d.core.geometry import Pose, Rectangle, Twist
 from sonata2d.core.portable_math import Array, BoolArray

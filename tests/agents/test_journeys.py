@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.agents.pedestrians.wayfinding import ARRIVAL_DISTANCE
+from sonata2d.agents.pedestrians.routes import ARRIVAL_DISTANCE
 from sonata2d.core.entities import WALKING_TOGETHER, Door, Furniture, Group, Human, Interaction, Place, Queue
 from sonata2d.core.geometry import Disc, Pose, Rectangle
 from sonata2d.core.scene import Rules, Scene, Social

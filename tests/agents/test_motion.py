@@ -63,7 +63,7 @@ def test_a_ring_of_people_who_change_sides_dissolves() -> None:
     path = positions(simulate(room(humans, robot=CORNER), 20.0))
     distances = np.linalg.norm(path[-1] - ends, axis=1)
     assert np.median(distances) < 0.6
-    assert distances.max() < 1.5  # a pedestrian whose place is taken stops before it
+    assert distances.max() < 1.5  # a pedestrian stops near its goal if somebody stands there
 
 
 def test_a_person_passes_a_gap_of_half_a_metre_and_turns_its_shoulders() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.agents.pedestrians.wayfinding import EXIT_DISTANCE
+from sonata2d.agents.pedestrians.routes import EXIT_DISTANCE
 from sonata2d.core.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction
 from sonata2d.core.geometry import Point, Pose
 from sonata2d.core.scene import Rules, Scene

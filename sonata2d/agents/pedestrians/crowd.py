@@ -46,18 +46,11 @@ from .reactions import (
     robot_repulsion,
     step_back,
 )
+from .routes import Routes, advance_on_paths, corner_speed, next_without_destination, point_ahead, set_targets
 from .shoulders import wanted_twist
 from .social.dynamics import SocialDynamics
 from .social.state import SocialArrays, SocialState
-from .wayfinding import (
-    Routes,
-    Wayfinding,
-    advance_on_paths,
-    corner_speed,
-    next_without_destination,
-    point_ahead,
-    set_targets,
-)
+from .wayfinding import Wayfinding
 
 MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
 STANDING_SPEED, STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle

@@ -31,10 +31,7 @@ from .social.state import SocialArrays
 
 HEAD_LEAD_TIME = 1.0  # s, by which the head leads the path
 MINIMUM_HEAD_LEAD = 0.8  # m, minimum distance ahead on the path
-LEAD_COSINE, LEAD_SINE = (
-    0.8191520442889918,
-    0.573576436351046,
-)  # of 35 degrees, by which a body leads its course at most
+LEAD_COSINE, LEAD_SINE = 0.8191520442889918, 0.573576436351046  # of 35 degrees, the most a body leads its course by
 IDLE_SPEED, MOVING_SPEED = 0.3, 0.4  # m/s: slower bodies turn freely; faster scared ones face their path
 VIEW_COSINE = -0.35  # cosine of the angle from the body's direction up to which the robot is noticed
 

@@ -1,5 +1,6 @@
-"""How bodies and heads turn towards their targets: see `core.turning`; a head compensates the turn of its body, so that
-the gaze stays on its target.
+"""How bodies and heads turn towards their targets, with the dynamics of `core.turning`.
+
+A head compensates the turn of its body, so that the gaze stays on its target.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def turn(state: Array, posture: Array, k: int, facing: Array, gaze: Array, side:
 
 
 @subroutine
-def _turn_head(posture: Array, k: int, turn_limitsed: float, target: float, dt: float) -> None:
+def _turn_head(posture: Array, k: int, body_turned: float, target: float, dt: float) -> None:
     """Turn the head of pedestrian k towards a target angle relative to its body, which has just turned; rad."""
     before = posture[k, NECK]
     if target > PI:
@@ -56,7 +57,7 @@ def _turn_head(posture: Array, k: int, turn_limitsed: float, target: float, dt: 
     elif target <= -PI:
         target += 2.0 * PI
     target = clipped(_same_side(target, before), -HEAD_LIMIT, HEAD_LIMIT)
-    steady = before - turn_limitsed  # the angle that keeps the gaze where it is
+    steady = before - body_turned  # the angle that keeps the gaze where it is
     step, rate = critically_damped(target - steady, posture[k, NECK_RATE], HEAD_RATE, HEAD_TURN, dt)
     maximum = HEAD_TURN * dt
     neck = clipped(before + clipped(steady + step - before, -maximum, maximum), -HEAD_LIMIT, HEAD_LIMIT)

@@ -145,23 +145,18 @@ def advance(
 
 @subroutine
 def _turn_bodies(matter: Matter) -> None:
-    """Turn bodies and heads by one tick; only the heads of people who are pressed by the robot and lack the room.
+    """Turn bodies and heads by one tick. People whom the robot presses turn only their heads if they lack the room.
 
     The engine can move a torso that turns out of its neighbours, but not out of a place that has become too narrow.
     """
-    count, touching = len(matter.humans), 0
+    count, torso = len(matter.humans), matter.guard.torso
     pressed = np.zeros(count, np.bool_)
     for k in range(count):
         pressed[k] = _robot_gap(matter, k) < TOUCHING
-        touching += pressed[k]
-    if touching > 0:  # those who touch the robot press others
-        first, torso = pressed.copy(), matter.guard.torso
-        for j in range(count):
-            if not first[j]:
-                continue
-            for k in range(count):
-                if not pressed[k]:
-                    pressed[k] = _gap(matter, k, j, torso[k, 0], torso[k, 1]) < TOUCHING
+    for j in np.flatnonzero(pressed):  # those who touch the robot press others
+        for k in range(count):
+            if not pressed[k]:
+                pressed[k] = _gap(matter, k, int(j), torso[k, 0], torso[k, 1]) < TOUCHING
     for k in range(count):
         _turn_body(matter, k, pressed[k])
 
@@ -185,16 +180,15 @@ def _turn_body(matter: Matter, k: int, is_pressed: bool) -> None:
 def _robot_gap(matter: Matter, k: int) -> float:
     """Gap between the robot and pedestrian k at the start of the tick, m."""
     guard, robot, humans, torso = matter.guard, matter.robot, matter.humans, matter.guard.torso
-    dx, dy, radii = humans[k, X] - robot[X], humans[k, Y] - robot[Y], guard.radius[k] + matter.rules[ROBOT_RADIUS]
-    if length(dx, dy) < radii + guard.shoulder[k] + TOUCHING:
-        dx, dy = to_shoulder_line(dx, dy, torso[k, 0], torso[k, 1], guard.shoulder[k])
-    gap: float = length(dx, dy) - radii
+    dx, dy = humans[k, X] - robot[X], humans[k, Y] - robot[Y]
+    dx, dy = to_shoulder_line(dx, dy, torso[k, 0], torso[k, 1], guard.shoulder[k])
+    gap: float = length(dx, dy) - guard.radius[k] - matter.rules[ROBOT_RADIUS]
     return gap
 
 
 @subroutine
 def _gap(matter: Matter, k: int, j: int, bx: float, by: float) -> float:
-    """Gap between pedestrian k with the heading (bx, by) and pedestrian j, m; far ones have that of discs."""
+    """Gap between pedestrian k with the heading (bx, by) and pedestrian j, m; too large if they are far apart."""
     guard, humans, torso = matter.guard, matter.humans, matter.guard.torso
     dx, dy, radii = humans[j, X] - humans[k, X], humans[j, Y] - humans[k, Y], guard.radius[k] + guard.radius[j]
     distance = length(dx, dy)

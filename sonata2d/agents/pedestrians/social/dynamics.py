@@ -13,6 +13,7 @@ from ....core.rng import AgentStreams
 from ....core.scene import Scene
 from ....core.vectors import length
 from ..models.base import Walkers
+from ..routes import ARRIVAL_DISTANCE
 from ..wayfinding import Wayfinding
 from .exits import Exits
 from .f_formations import MAXIMUM_MEMBERS, PAIR_DISTANCE, distance, joining_positions, widen
@@ -29,7 +30,6 @@ APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is 
 MEETING_DISTANCE, SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
 POSITION_SPACING = 0.7  # m, between the positions of two tasks
 MEMBER_SPACING, MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
-GOAL_DISTANCE = 0.5  # m, from a goal, beyond which others stand between it and a pedestrian that has arrived
 LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
 FOREVER = 1e6  # s
 LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
@@ -244,7 +244,11 @@ class SocialDynamics:
         """
         (x, y), (dx, dy) = place, self._feet[k].tolist()
         facing_point, goal = (x + 3.0 * dx, y + 3.0 * dy), self._wayfinding.last_goal(k)
-        if goal is not None and distance(place, goal) > GOAL_DISTANCE and (goal[0] - x) * dx + (goal[1] - y) * dy > 0.0:
+        if (
+            goal is not None
+            and distance(place, goal) > ARRIVAL_DISTANCE
+            and (goal[0] - x) * dx + (goal[1] - y) * dy > 0.0
+        ):
             facing_point = goal
         is_brief = (until - self._tick) * self._dt < LONG_STAY
         self._wayfinding.stop(k)

@@ -1,0 +1,302 @@
+"""Routes of walking pedestrians: what happens on their paths in every tick, compiled.
+
+`Wayfinding` fills `Routes` with destinations and paths. The functions here follow them: waypoints, leaders, arrivals,
+blocked paths, targets.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ...core.compiled import subroutine
+from ...core.humans import X, Y
+from ...core.packing import Bools, Floats2, Floats3, Ints
+from ...core.portable_math import PI, Array, BoolArray
+from ...core.scalar import Vector
+from ...core.visibility import is_clear
+
+ARRIVAL_DISTANCE = 0.5  # m from the goal
+EXIT_DISTANCE = 0.3  # m from the goal at which a pedestrian leaves
+CLUSTER_AREA = 0.7  # m^2, of each pedestrian in a cluster that stands at one goal
+LARGEST_CLUSTER = 3.0  # m, radius
+WAYPOINT_DISTANCE = 0.6  # m from a waypoint at which the next one becomes the target if nothing is in between
+REACHED_DISTANCE = 0.2  # m from a waypoint at which the next one becomes the target anyway
+TURNING, BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker that turns at a waypoint
+CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
+PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
+MINIMUM_PROGRESS = 0.4  # m
+ROOM_AHEAD = 1.5  # m, free distance that a follower needs to walk beside its leader
+
+
+class Routes(NamedTuple):
+    """Targets and paths of all pedestrians, for kernels.
+
+    Attributes:
+        order: (W,) of int, the pedestrians that have a path, in the order in which they are processed.
+        leader: (N,) of int, for each of these the leader of its group, or the pedestrian itself; else -1.
+        first: (N,) of int, the first member of the group of each pedestrian, with or without goals of its own; the
+            pedestrian itself if it has no group.
+        path: (N, P, 2), m, waypoints; the first `length` ones of each row are valid.
+        length: (N,) of int; 0 means that the pedestrian stays where it is.
+        next: (N,) of int, index of the present waypoint; of an empty path -1 or 0.
+        version: (N,) of int, a number of its own for every path; followers share that of the path that they copied.
+        copied: (N,) of int, version of the leader's path that a follower copied last.
+        goals_left: (N,) of int, goals of the scene that are still to be visited; -1 for pedestrians without goals.
+        is_assigned: (N,) of bool, the destination is set from outside.
+        is_stopping: (N,) of bool, the pedestrian will stand at its destination for a time.
+        is_exiting: (N,) of bool, the pedestrian leaves the scene at its destination.
+        is_abreast: (N,) of bool, pedestrians with room to walk beside the first member of their group, or without one.
+        checkpoint: (N, 2), m, position at the last progress check; NaN before the first.
+        target: (N, 2), m, the present waypoint.
+        is_final: (N,) of bool, whether the target is where the pedestrian will stay.
+        is_leaving: (N,) of bool, the pedestrian has reached the place where it leaves the scene.
+        is_blocked: (N,) of bool, the pedestrian was pushed off its path and needs another one.
+    """
+
+    order: Ints
+    leader: Ints
+    first: Ints
+    path: Floats3
+    length: Ints
+    next: Ints
+    version: Ints
+    copied: Ints
+    goals_left: Ints
+    is_assigned: Bools
+    is_stopping: Bools
+    is_exiting: Bools
+    is_abreast: Bools
+    checkpoint: Floats2
+    target: Floats2
+    is_final: Bools
+    is_leaving: Bools
+    is_blocked: Bools
+
+
+@subroutine
+def next_without_destination(
+    routes: Routes, first: int, tick: int, humans: Array, is_present: BoolArray, is_walking: BoolArray, barriers: Array
+) -> int:
+    """Follow the leaders' paths, up to the first pedestrian that needs a destination.
+
+    Args:
+        routes: followers copy the paths of their leaders.
+        first: item of `Routes.order` to begin with.
+        tick: that begins.
+        humans: (N, 9), columns of `core.humans`.
+        is_present, is_walking: (N,).
+        barriers: rows of `Barriers.table`: walls and furniture.
+
+    Returns:
+        Item of `Routes.order` whose pedestrian needs a destination; the number of items if there is none.
+    """
+    for n in range(first, len(routes.order)):
+        k = routes.order[n]
+        if not is_present[k]:
+            continue
+        leader = routes.leader[k]
+        if leader != k and not is_present[leader]:
+            leader = k  # followers of an absent leader lead themselves
+        if leader == k:
+            if _needs_destination(routes, k, tick, humans) or _is_stuck(routes, k, tick, humans):
+                return n
+            if routes.goals_left[k] == 0 and _has_settled(routes, k, humans, is_present, is_walking, barriers):
+                return n
+        elif routes.copied[k] != routes.version[leader] and not routes.is_assigned[k]:
+            routes.copied[k] = routes.version[k] = routes.version[leader]
+            count = routes.length[leader]
+            for w in range(count):
+                routes.path[k, w, 0], routes.path[k, w, 1] = routes.path[leader, w, 0], routes.path[leader, w, 1]
+            routes.length[k], routes.next[k] = count, min(1, count - 1)
+    return len(routes.order)
+
+
+@subroutine
+def _needs_destination(routes: Routes, k: int, tick: int, humans: Array) -> bool:
+    """Whether a pedestrian has arrived; without a path it tries again every `CHECK_INTERVAL`."""
+    if routes.is_assigned[k] or routes.goals_left[k] == 0:
+        return False
+    count = routes.length[k]
+    if count < 2:
+        return bool(count == 0 or tick % CHECK_INTERVAL == 0)
+    last = routes.path[k, count - 1]
+    return bool(routes.next[k] == count - 1 and is_near(humans[k, X], humans[k, Y], last[0], last[1], ARRIVAL_DISTANCE))
+
+
+@subroutine
+def _has_settled(
+    routes: Routes, k: int, humans: Array, is_present: BoolArray, is_walking: BoolArray, barriers: Array
+) -> bool:
+    """Whether a pedestrian has arrived at its last goal, an area that grows with those who stand there.
+
+    Its path may lead round those who stand, but not round a wall.
+    """
+    count = routes.length[k]
+    if routes.is_assigned[k] or routes.is_exiting[k] or count == 0:
+        return False
+    x, y = routes.path[k, count - 1, 0], routes.path[k, count - 1, 1]
+    if not is_near(humans[k, X], humans[k, Y], x, y, LARGEST_CLUSTER):
+        return False
+    standing = 1
+    for j in range(len(humans)):
+        standing += is_present[j] and not is_walking[j] and is_near(humans[j, X], humans[j, Y], x, y, LARGEST_CLUSTER)
+    radius = max(ARRIVAL_DISTANCE, math.sqrt(standing * CLUSTER_AREA / PI))
+    return is_near(humans[k, X], humans[k, Y], x, y, radius) and is_clear(
+        barriers, 0.0, humans[k, X], humans[k, Y], x, y
+    )
+
+
+@subroutine
+def _is_stuck(routes: Routes, k: int, tick: int, humans: Array) -> bool:
+    """Whether a wandering pedestrian made no progress since the last check, `PROGRESS_INTERVAL` ticks ago."""
+    if routes.goals_left[k] >= 0 or routes.is_assigned[k] or (tick + k) % PROGRESS_INTERVAL != 0:
+        return False
+    x, y = routes.checkpoint[k, 0], routes.checkpoint[k, 1]
+    routes.checkpoint[k, 0], routes.checkpoint[k, 1] = humans[k, X], humans[k, Y]
+    return not math.isnan(x) and is_near(humans[k, X], humans[k, Y], x, y, MINIMUM_PROGRESS)
+
+
+@subroutine
+def advance_on_paths(
+    routes: Routes, tick: int, humans: Array, is_present: BoolArray, solids: Array, space: Array,
+    space_clearance: float, passable_clearance: float,
+) -> bool:  # fmt: skip
+    """Aim at the next waypoint when the present one is reached or the next one is in view; find blocked paths.
+
+    Args:
+        routes: updated.
+        tick: that begins.
+        humans: (N, 9), columns of `core.humans`.
+        is_present: (N,).
+        solids, space: barriers that must not be touched, and those that paths avoid; rows of `Barriers.table`.
+        space_clearance, passable_clearance: of paths from `space`, and of bodies from `solids`, m.
+
+    Returns:
+        Whether a path is blocked, see `Routes.is_blocked`.
+    """
+    has_path = False
+    for n in range(len(routes.order)):
+        k = routes.order[n]
+        if not is_present[k]:
+            continue
+        has_path = has_path or routes.length[k] > 0
+        step = routes.next[k]
+        if step < routes.length[k] - 1:
+            px, py, x, y = humans[k, X], humans[k, Y], routes.path[k, step, 0], routes.path[k, step, 1]
+            if is_near(px, py, x, y, WAYPOINT_DISTANCE):
+                # Behind a corner the next waypoint may be near, but not in view.
+                next_x, next_y = routes.path[k, step + 1, 0], routes.path[k, step + 1, 1]
+                is_open = is_clear(solids, passable_clearance, px, py, next_x, next_y)
+                if is_open or is_near(px, py, x, y, REACHED_DISTANCE):
+                    routes.next[k] = step + 1
+    if tick % CHECK_INTERVAL != 0 or not has_path:
+        return False
+    _find_room_abreast(routes, humans, is_present, space, space_clearance)
+    any_blocked = False
+    for n in range(len(routes.order)):
+        k = routes.order[n]
+        if not is_present[k] or routes.length[k] == 0:
+            continue
+        px, py, step = humans[k, X], humans[k, Y], routes.next[k]
+        following = min(step + 1, routes.length[k] - 1)
+        x, y = routes.path[k, following, 0], routes.path[k, following, 1]
+        if is_clear(space, space_clearance, px, py, x, y):
+            routes.next[k] = following
+            continue
+        x, y = routes.path[k, step, 0], routes.path[k, step, 1]
+        if not is_clear(solids, passable_clearance, px, py, x, y):
+            routes.is_blocked[k] = any_blocked = True
+    return any_blocked
+
+
+@subroutine
+def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, space: Array, clearance: float) -> None:
+    """Find the pedestrians with room to walk beside the first member of their group, in its direction."""
+    for n in range(len(routes.order)):
+        k = routes.order[n]
+        first = routes.first[k]
+        routes.is_abreast[k] = not is_present[first]
+        if first == k or not is_present[k] or not is_present[first]:
+            continue
+        dx, dy = routes.target[first, 0] - humans[first, X], routes.target[first, 1] - humans[first, Y]
+        distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
+        scale = min(distance, ROOM_AHEAD) / distance
+        x, y = humans[k, X], humans[k, Y]
+        routes.is_abreast[k] = is_clear(space, clearance, x, y, x + dx * scale, y + dy * scale)
+
+
+@subroutine
+def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
+    """Set the targets to the present waypoints, and find the pedestrians that are about to stay or to leave."""
+    for n in range(len(routes.order)):
+        k = routes.order[n]
+        if is_present[k] and routes.length[k] > 0:
+            step = routes.next[k]
+            routes.target[k, 0], routes.target[k, 1] = routes.path[k, step, 0], routes.path[k, step, 1]
+    for n in range(len(routes.order)):
+        k = routes.order[n]
+        if not is_present[k]:
+            routes.is_leaving[k] = False
+            continue
+        leader = routes.leader[k]
+        # Followers abreast aim at the leader's target, shifted by their present offset from the leader.
+        if leader != k and routes.is_abreast[k] and is_present[leader]:
+            for axis in range(2):
+                shifted = routes.target[leader, axis] + humans[k, X + axis] - humans[leader, X + axis]
+                routes.target[k, axis] = shifted
+        stays = routes.is_assigned[k] or routes.is_stopping[k] or routes.goals_left[k] == 0
+        is_last = stays and routes.next[k] == routes.length[k] - 1
+        routes.is_final[k] = routes.length[k] > 0 and is_last and not routes.is_exiting[k]
+        x, y = routes.target[k, 0], routes.target[k, 1]
+        routes.is_leaving[k] = (
+            # those that leave through doors are found by `SocialDynamics`
+            routes.is_exiting[k]
+            and routes.goals_left[k] == 0
+            and is_last
+            and is_near(humans[k, X], humans[k, Y], x, y, EXIT_DISTANCE)
+        )
+
+
+@subroutine
+def corner_speed(routes: Routes, k: int, x: float, y: float) -> float:
+    """The speed at which pedestrian k at (x, y) can still turn at its next waypoint, m/s."""
+    n = routes.next[k]
+    if routes.length[k] == 0 or n < 0 or n >= routes.length[k] - 1:
+        return math.inf
+    ax, ay = routes.path[k, n, 0] - x, routes.path[k, n, 1] - y
+    bx, by = routes.path[k, n + 1, 0] - routes.path[k, n, 0], routes.path[k, n + 1, 1] - routes.path[k, n, 1]
+    a, b = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
+    if a < 1e-3 or b < 1e-3:
+        return math.inf
+    cosine = (ax * bx + ay * by) / (a * b)
+    # a turn by the angle p begins `WAYPOINT_DISTANCE` before the waypoint, and has the radius of that over tan(p / 2)
+    half = math.sqrt(max(1.0 - cosine, 0.0) / max(1.0 + cosine, 1e-6))
+    square = TURNING * WAYPOINT_DISTANCE / max(half, 1e-6)
+    return math.sqrt(square + 2.0 * BRAKING * max(a - WAYPOINT_DISTANCE, 0.0))
+
+
+@subroutine
+def point_ahead(routes: Routes, k: int, x: float, y: float, distance: float) -> Vector:
+    """The point at a distance ahead of (x, y) on the path of pedestrian k, or the end of the path; m.
+
+    Returns:
+        The target of a pedestrian without a path.
+    """
+    ahead_x, ahead_y = routes.target[k, 0], routes.target[k, 1]
+    if routes.leader[k] < 0:
+        return ahead_x, ahead_y
+    for n in range(max(routes.next[k], 0), routes.length[k]):  # `next` is -1 on an empty path
+        dx, dy = routes.path[k, n, 0] - x, routes.path[k, n, 1] - y
+        length = math.sqrt(dx * dx + dy * dy)
+        if length >= distance:
+            return x + dx * (distance / length), y + dy * (distance / length)
+        x, y = routes.path[k, n, 0], routes.path[k, n, 1]
+        ahead_x, ahead_y, distance = x, y, distance - length
+    return ahead_x, ahead_y
+
+
+@subroutine
+def is_near(x: float, y: float, other_x: float, other_y: float, radius: float) -> bool:
+    dx, dy = other_x - x, other_y - y
+    return dx * dx + dy * dy < radius * radius
