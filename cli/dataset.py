@@ -51,7 +51,9 @@ def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers
             click.echo(line)
         if len(lines) > MAX_PROBLEMS:
             click.echo(f"... and {len(lines) - MAX_PROBLEMS} more; --json prints all")
-        done = "".join([", replayed" if replay else "", ", rerun" if rerun else ""])
+        refused = len({problem.file for problem in problems if problem.place == "physics"})
+        reach = f"{len(files) - refused} of them " if refused else ""
+        done = "".join([f", {reach}replayed" if replay else "", f", {reach}rerun" if rerun else ""])
         count = sum(not problem.is_warning for problem in problems)
         warnings = f", {counted(len(problems) - count, 'warning')}" if len(problems) > count else ""
         found = counted(count, "problem") if count else "no problems"

@@ -136,7 +136,7 @@ def _episode_rows(path: Path) -> Rows:
     record = read_episode(path)
     scene, document = record.scene(), record.document
     counts = {"ticks": len(record), **record.counts()}
-    walking = sum(human.behaviour != "standing" for human in scene.humans)
+    walking = sum(human.walks_at_start and human.enters == 0 for human in scene.humans)
     recorded = sum(human.behaviour == "recorded" for human in scene.humans)
     sometimes_absent = int((~record.states.present).any(axis=0).sum())
     rows: Rows = [
@@ -146,7 +146,7 @@ def _episode_rows(path: Path) -> Rows:
         ("controller", record.controller_info.path),
         ("contributor", record.contributor),
         ("context", record.context),
-        ("people", f"{len(scene.humans)}, {walking} of them walking"),
+        ("people", f"{len(scene.humans)}, {walking} of them walking at the start"),
         *([("recorded people", recorded)] if recorded else []),
         *([("people who come or go", sometimes_absent)] if sometimes_absent else []),
         ("ignore the robot", sum(human.reacts_to_robot == 0.0 for human in scene.humans)),

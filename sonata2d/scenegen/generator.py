@@ -18,6 +18,7 @@ from .floor_plans import FloorPlan, draw_floor_plan
 from .journeys import Journeys, plan_journeys, with_visitors
 from .placed import (
     apply_jitter,
+    check_goals,
     check_placed_positions,
     create_placed_entities,
     mirror_config,
@@ -116,7 +117,7 @@ def _try_layout(
     check_placed_positions(given, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
     furniture_outlines = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     layout = Layout(plan, config, reserved_outlines(config), furniture_outlines)
-    place_given(config, given, layout)
+    place_given(config, given, layout, fixed)
     layout.occupy(list(journeys.zones))
     placed: dict[int, list[Pose]] = {}
     for k in sorted(range(len(clusters)), key=lambda k: (clusters[k].fixed is None, -cluster_radius(clusters[k]))):
@@ -132,6 +133,7 @@ def _try_layout(
     # The given pedestrians are the first ones; drawn entities get the ids that these leave free.
     taken, taken_groups = {human.id for human in given.humans}, {group.id for group in given.groups}
     entities = number_entities(drawn, humans, furniture, taken, taken_groups, manners)
+    check_goals(given, plan.outline, plan.barriers, entities.furniture)
     people = zip(given.humans, config.people, strict=True)
     return Scene(
         name=config.name,

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
-from ..core.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction
-from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
+from ..core.entities import TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction
+from ..core.geometry import Barriers, Disc, Point, Pose, canonical_angle, inside_polygon, quantised
 from ..core.limits import MAX_TRACK_POINTS
-from ..core.outlines import outline_row
+from ..core.navigation import FreeSpace
+from ..core.outlines import outline_row, shape_gap
 from ..core.portable_math import PI, Array, angle_of
 from ..core.rng import RandomStream
 from ..errors import SceneError
@@ -23,6 +24,7 @@ from .scenario.sections import FurnitureConfig, PersonConfig
 
 _SLOW = 0.1  # m/s, below which a velocity does not determine where a pedestrian faces
 _TOLERANCE = 1e-6  # ticks, rounding error of a time divided by the tick
+_SQUEEZE = 0.01  # m, that bodies need on both sides to pass a gap
 _MAX_OVERLAP, _POINT_RADIUS = 0.09, 1e-6  # m, overlap of given outlines at the start, which the physics resolves
 
 # Random offsets and mirroring of given positions
@@ -334,8 +336,16 @@ def check_placed_positions(placed: PlacedEntities, outline: Array, robot: Pose |
                 raise SceneError(f"the robot would start on person {human.id}; give it another pose")
 
 
-def place_given(config: ScenarioConfig, placed: PlacedEntities, layout: Layout) -> None:
+def place_given(
+    config: ScenarioConfig, placed: PlacedEntities, layout: Layout, furniture: tuple[Furniture, ...]
+) -> None:
     """Occupy the space of the given pedestrians that are present at tick 0.
+
+    Args:
+        config: the pedestrians as the scenario lists them, and their clearances.
+        placed: the pedestrians.
+        layout: the room with the given furniture.
+        furniture: the given furniture.
 
     Raises:
         SceneError: a pedestrian that is not recorded would overlap a wall, furniture or another pedestrian.
@@ -343,9 +353,12 @@ def place_given(config: ScenarioConfig, placed: PlacedEntities, layout: Layout) 
     for person, human in zip(config.people, placed.humans, strict=True):
         if human.behaviour != "recorded" and not _fits(person, human, layout):
             x, y = human.pose.position
-            raise SceneError(
-                f"person {human.id} does not fit at ({x:g}, {y:g}); move it, reduce its jitter, or widen the room"
+            piece = _piece_at((x, y), furniture)
+            where = "" if piece is None else f", on the {piece.type} at ({piece.pose.x:g}, {piece.pose.y:g})"
+            remedy = (
+                "move it, reduce its jitter, or widen the room" if piece is None else f"move it or the {piece.type}"
             )
+            raise SceneError(f"person {human.id} does not fit at ({x:g}, {y:g}){where}; {remedy}")
         if human.enters == 0:
             layout.occupy([(Disc(human.shape.circumradius), human.pose)])
 
@@ -365,3 +378,47 @@ def _fits(person: PersonSpec, human: Human, layout: Layout) -> bool:
     return is_in_room and (
         human.enters > 0 or layout.is_free(centre, human.pose, _POINT_RADIUS, -math.inf, ignores_robot=True)
     )
+
+
+def check_goals(placed: PlacedEntities, outline: Array, walls: Barriers, furniture: tuple[Furniture, ...]) -> None:
+    """Check that the given pedestrians can reach their goals.
+
+    Those that leave at their last goal are not checked: recorded people leave through doors that their scene lacks.
+
+    Args:
+        placed: the given pedestrians.
+        outline: (K, 2), m, of the room.
+        walls: of the room.
+        furniture: all of it.
+
+    Raises:
+        SceneError: a goal lies in a piece of furniture, or every way to it is narrower than the pedestrian.
+    """
+    walking = [human for human in placed.humans if human.behaviour == "walking" and not human.exits]
+    if not walking:
+        return
+    solid = [piece for piece in furniture if piece.on is None]
+    barriers = walls.joined(Barriers.of(edge for piece in solid for edge in piece.shape.edges(piece.pose)))
+    for human in walking:
+        for x, y in human.goals:
+            piece = _piece_at((x, y), furniture)
+            if piece is not None:
+                where = f"the {piece.type} at ({piece.pose.x:g}, {piece.pose.y:g})"
+                raise SceneError(f"the goal ({x:g}, {y:g}) of person {human.id} is in {where}; move one of them")
+    # one space for all, which their graph of paths takes long to build for
+    space = FreeSpace(outline, barriers, min(human.radius for human in walking) + _SQUEEZE)
+    for human in walking:
+        for (x, y), (u, v) in pairwise([human.pose.position, *human.goals]):
+            if space.path((x, y), (u, v)) is None:
+                raise SceneError(
+                    f"person {human.id} cannot walk from ({x:g}, {y:g}) to its goal ({u:g}, {v:g}): a gap on the way "
+                    f"is narrower than its body, {2.0 * human.radius:.2g} m; widen the gap, or move the goal"
+                )
+
+
+def _piece_at(point: Point, furniture: tuple[Furniture, ...]) -> Furniture | None:
+    """Return the piece of furniture on the floor that covers a point, m."""
+    for piece in furniture:
+        if piece.on is None and shape_gap(piece.shape, piece.pose, Disc(_POINT_RADIUS), Pose(*point)) == 0.0:
+            return piece
+    return None

@@ -228,8 +228,28 @@ def test_a_group_pauses_together_side_by_side() -> None:
     both = [s for s in run if {activity(s, 1), activity(s, 2)} == {"standing"}]
     assert len(both) > 60
     for snapshot in both[::10]:
-        assert math.dist(*snapshot.humans.position) < 1.6
+        assert math.dist(*snapshot.humans.position) < 1.25
     assert all(s.interactions == run[0].interactions for s in run)  # they stay a group
+
+
+def test_followers_reach_their_leader_when_it_pauses() -> None:
+    config = s2.load_scenario("crowded-hall")
+    config = config.model_copy(update={"rules": config.rules.model_copy(update={"ends_on": ("time",)})})
+    distances = []
+    for scene in (s2.generate(config, seed, 0) for seed in (2, 3)):
+        groups = [group.members for group in scene.groups if group.kind == "walking"]
+        assert groups
+        since: dict[int, int] = {}
+        for snapshot in steps_of(scene, 40.0):
+            human = {h.id: h for h in snapshot.humans}
+            for leader, *followers in groups:
+                rests = leader in human and human[leader].activity == "standing"
+                since[leader] = since.get(leader, 0) + 1 if rests else 0
+                if since[leader] == 45:
+                    first = human[leader].pose.position
+                    distances += [math.dist(human[k].pose.position, first) for k in followers if k in human]
+    assert len(distances) > 5
+    assert max(distances) < 1.3
 
 
 def test_people_go_to_places_of_interest_and_stay_there() -> None:

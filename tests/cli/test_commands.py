@@ -113,7 +113,7 @@ def test_describe_summarises_data_sets_and_episodes(sonata2d: Run) -> None:
     sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --no-picture")
     assert "episodes         2 of 2" in sonata2d("describe out").output
     values = json.loads(sonata2d("describe out/000000.json --json").output)
-    assert values["people"] == "4, 2 of them walking"
+    assert values["people"] == "4, 2 of them walking at the start"
     assert values["labels"] == "the command itself"
 
 

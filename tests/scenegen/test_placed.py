@@ -273,3 +273,28 @@ def test_scenes_of_every_preset_can_be_generated_again_from_their_settings(name:
         scene = s2.generate(s2.load_scenario(name), 9, episode)
         assert s2.generate(s2.ScenarioConfig(**scene.settings or {}), 9, episode) == scene
         assert math.dist(scene.robot.pose.position, scene.goal.position) > scene.goal.distance
+
+
+TABLE = {"type": "table", "x": 2.0, "y": 1.0, "size": (1.6, 0.9)}
+
+
+def test_a_start_or_a_goal_in_furniture_is_an_error_that_names_it() -> None:
+    with pytest.raises(SceneError, match=r"person 1 does not fit at \(2\.2, 1\.1\), on the table at \(2, 1\); move it"):
+        scene_with({"x": 2.2, "y": 1.1, "goals": [(0, 0)]}, furniture=[TABLE])
+    with pytest.raises(SceneError, match=r"the goal \(2, 1\) of person 1 is in the table at \(2, 1\); move one"):
+        scene_with({"x": -2, "y": 1, "goals": [(0, 0), (2, 1)]}, furniture=[TABLE])
+
+
+def test_a_goal_behind_a_gap_that_is_narrower_than_the_body_is_an_error() -> None:
+    def scene(gap: float, **person: Any) -> Scene:
+        walls = [(0, -4, 0, -gap / 2), (0, gap / 2, 0, 4)]
+        return scene_with(
+            {"x": -2, "y": 1, "goals": [(2, 1)], "radius": 0.14, **person}, room={**SQUARE, "walls": walls}
+        )
+
+    with pytest.raises(
+        SceneError, match=r"person 1 cannot walk from \(-2, 1\) to its goal \(2, 1\): .* 0\.28 m; widen"
+    ):
+        scene(0.26)
+    assert scene(0.32).humans
+    assert scene(0.26, exits=True).humans  # as people of recordings do

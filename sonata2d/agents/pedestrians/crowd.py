@@ -37,6 +37,7 @@ from .orientation import (
     has_draws,
     initial_glances,
 )
+from .passages import Passages, find_passages, give_way
 from .reactions import (
     Reactions,
     adjust_course,
@@ -114,6 +115,7 @@ class People(NamedTuple):
 
     surroundings: Surroundings
     routes: Routes
+    passages: Passages
     social: SocialArrays
     reactions: Reactions
     glances: Glances
@@ -146,6 +148,7 @@ class Crowd:
         self._wayfinding = Wayfinding(scene)
         self._social = SocialState(scene)
         self._social_dynamics = SocialDynamics(scene, self._social, self._wayfinding)
+        self._passages = find_passages(scene)
         self._reactions = initial_reactions(scene)
         self._glances, self._glance_streams = initial_glances(scene, self._reactions), GlanceStreams(scene)
         self._barriers = scene.barriers.table
@@ -289,6 +292,7 @@ class Crowd:
         return People(
             self._surroundings,
             self._wayfinding.routes,
+            self._passages,
             self._social.arrays,
             self._reactions,
             self._glances,
@@ -373,11 +377,12 @@ def plan(
     if step <= _TARGET:
         set_targets(routes, humans, is_present)
         _set_desires(walkers, routes, social, result, humans, is_present)
+        give_way(people.passages, routes, walkers, humans, is_present, around.side, around.dt)
         for k in range(len(humans)):
             result.robot_in_sight[k] = is_present[k] and not is_hidden(
                 humans[k, X], humans[k, Y], robot[X], robot[Y], around.view_blocks
             )
-        _react(walkers, social, reactions, result, robot, humans, is_present, around)
+        _react(walkers, social, reactions, result, robot, humans, is_present, routes.target, around)
     for k in range(len(humans)):
         if not has_draws(glances, k) and (social.partner_count[k] > 0 or reactions.notices[k]):
             return _NEEDS_DRAWS, 0
@@ -407,7 +412,7 @@ def _set_desires(
 @subroutine
 def _react(
     walkers: Walkers, social: SocialArrays, reactions: Reactions, result: Plan, robot: Array, humans: Array,
-    is_present: BoolArray, around: Surroundings,
+    is_present: BoolArray, target: Array, around: Surroundings,
 ) -> None:  # fmt: skip
     """Adjust desired directions and speeds, and the positions of standing pedestrians, to the robot."""
     any_notices, any_changed = False, False
@@ -423,7 +428,7 @@ def _react(
             reactions.delay[k] = max(reactions.delay[k] - 0.5 * around.dt, 0.0)
         elif adjust_course(
             reactions, k, robot, humans, walkers.radius[k], direction[k, 0] * speed[k], direction[k, 1] * speed[k],
-            speed[k], social.is_walking[k], around.barriers, around.side, around.dt,
+            speed[k], (target[k, 0], target[k, 1]), social.is_walking[k], around.barriers, around.side, around.dt,
         ):  # fmt: skip
             any_changed = True
     for k in range(len(humans)):

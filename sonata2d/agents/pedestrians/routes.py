@@ -26,7 +26,7 @@ TURNING, BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker that
 CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
 PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
 MINIMUM_PROGRESS = 0.4  # m
-ROOM_AHEAD = 1.5  # m, free distance that a follower needs to walk beside its leader
+ROOM_AHEAD = 1.5  # m, free distance that a follower needs to walk beside its leader, and a walker to turn at a corner
 
 
 class Routes(NamedTuple):
@@ -185,9 +185,10 @@ def advance_on_paths(
         if step < routes.length[k] - 1:
             px, py, x, y = humans[k, X], humans[k, Y], routes.path[k, step, 0], routes.path[k, step, 1]
             if is_near(px, py, x, y, WAYPOINT_DISTANCE):
-                # Behind a corner the next waypoint may be near, but not in view.
-                next_x, next_y = routes.path[k, step + 1, 0], routes.path[k, step + 1, 1]
-                is_open = is_clear(solids, passable_clearance, px, py, next_x, next_y)
+                # Behind a corner the way on may be near, but not in view.
+                dx, dy = routes.path[k, step + 1, 0] - px, routes.path[k, step + 1, 1] - py
+                part = min(1.0, ROOM_AHEAD / max(math.sqrt(dx * dx + dy * dy), 1e-6))
+                is_open = is_clear(solids, passable_clearance, px, py, px + dx * part, py + dy * part)
                 if is_open or is_near(px, py, x, y, REACHED_DISTANCE):
                     routes.next[k] = step + 1
     if tick % CHECK_INTERVAL != 0 or not has_path:
@@ -240,8 +241,8 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
             routes.is_leaving[k] = False
             continue
         leader = routes.leader[k]
-        # Followers abreast aim at the leader's target, shifted by their present offset from the leader.
-        if leader != k and routes.is_abreast[k] and is_present[leader]:
+        # Followers abreast without a target of their own aim at that of the leader, shifted by their present offset.
+        if leader != k and routes.is_abreast[k] and is_present[leader] and not routes.is_assigned[k]:
             for axis in range(2):
                 shifted = routes.target[leader, axis] + humans[k, X + axis] - humans[leader, X + axis]
                 routes.target[k, axis] = shifted

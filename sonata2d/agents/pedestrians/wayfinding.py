@@ -261,6 +261,8 @@ class Wayfinding:
     def find_path(self, start: Point, goal: Point) -> Array | None:
         """The path to a goal with room for the shoulders, or a shorter one on which they must turn.
 
+        Where there is none, a path on which bodies touch the walls, or on which they pass between people who talk.
+
         Args:
             start, goal: m.
 
@@ -271,8 +273,10 @@ class Wayfinding:
         if path is not None and len(path) == 2:
             return path  # straight
         tight = self.tight.path(start, goal)
-        if path is None or tight is None:
-            return tight if path is None else path
+        if path is None:
+            return self.passable.path(start, goal) if tight is None else tight
+        if tight is None:
+            return path
         return tight if _length(path) > DETOUR * _length(tight) else path
 
     def is_open(self, start: Point, end: Point) -> bool:
