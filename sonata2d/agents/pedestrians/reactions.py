@@ -29,7 +29,7 @@ from ...core.compiled import subroutine
 from ...core.humans import VX, VY, X, Y
 from ...core.packing import Bools, Floats, Floats2, Ints
 from ...core.portable_math import Array
-from ...core.scalar import Vector, exp, gap, length
+from ...core.scalar import Vector, exp, gap
 from ...core.scene import Scene
 from .velocity_obstacle import evasive_velocity, fill_walls, in_conflict, limited_by_walls
 
@@ -165,7 +165,7 @@ def _is_approached(reactions: Reactions, k: int, robot: Array, minimum: float) -
 @subroutine
 def adjust_course(
     reactions: Reactions, k: int, robot: Array, humans: Array, radius: float, desired_x: float, desired_y: float,
-    speed: float, target: Vector, is_walking: bool, barriers: Array, side: float, dt: float,
+    speed: float, is_walking: bool, destination: float, barriers: Array, side: float, dt: float,
 ) -> bool:  # fmt: skip
     """Adjust the desired velocity of pedestrian k to the robot; whether it changed.
 
@@ -176,8 +176,8 @@ def adjust_course(
         radius: of the pedestrian, m.
         desired_x, desired_y: desired velocity without the robot, m/s.
         speed: desired speed without the robot, m/s.
-        target: where the pedestrian walks to, m.
         is_walking: whether the pedestrian walks.
+        destination: distance of its destination from the robot, m; inf before the last part of the path.
         barriers: rows of `Barriers.table`.
         side: +1 passes on the right, -1 on the left, where both cost the same.
         dt: tick, s.
@@ -186,9 +186,8 @@ def adjust_course(
     px, py = _preferred_velocity(reactions, k, robot, desired_x, desired_y, speed)
     distance = _passing_distance(reactions, k)
     if robot[VX] * robot[VX] + robot[VY] * robot[VY] < APPROACH_SPEED * APPROACH_SPEED:
-        # A path that leads past a robot at rest, or ends near it, is accepted.
-        target_distance = length(target[0] - robot[X], target[1] - robot[Y])
-        distance = min(distance, max(target_distance, reactions.contact_distance[k] + TIGHT_CLEARANCE))
+        # It accepts a destination that is near to a robot at rest.
+        distance = min(distance, max(destination, reactions.contact_distance[k] + TIGHT_CLEARANCE))
     vx, vy, passing_side, has_walls = px, py, 0.0, False
     if in_conflict(x, y, px - robot[VX], py - robot[VY], distance):
         fill_walls(reactions.walls, humans[k, X], humans[k, Y], radius, barriers)
