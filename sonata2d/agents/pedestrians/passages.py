@@ -16,7 +16,7 @@ from ...core.compiled import kernel, subroutine
 from ...core.humans import X, Y
 from ...core.packing import Floats, Floats2, Ints, Ints2
 from ...core.portable_math import Array, BoolArray
-from ...core.scalar import END_X, END_Y, RADIUS, START_X, START_Y, gap, is_inside, length, towards
+from ...core.scalar import END_X, RADIUS, START_X, gap, is_inside, length, towards
 from ...core.scene import Scene
 from .models.base import Walkers
 from .routes import Routes
@@ -69,42 +69,42 @@ def _find(barriers: Array, edges: Array, frame: Array) -> int:
     """Fill the rows of `Passages.frame` and return their number; every passage begins at an end of a barrier."""
     count = 0
     for k in range(len(barriers)):
-        for end in range(2):
-            x, y = barriers[k, START_X], barriers[k, START_Y]
-            if end == 1:
-                x, y = barriers[k, END_X], barriers[k, END_Y]
+        for column in (START_X, END_X):
+            x, y = barriers[k, column], barriers[k, column + 1]
             for j in range(len(barriers)):
                 dx, dy = towards(barriers, j, x, y)
                 size = max(length(dx, dy), 1e-6)
-                first = barriers[k, RADIUS] / size
                 width = size - barriers[k, RADIUS] - barriers[j, RADIUS]
-                if not NARROWEST < width < WIDEST:
+                if not NARROWEST < width < WIDEST or count == len(frame):
                     continue
-                dx, dy = dx / size, dy / size
-                middle = first * size + 0.5 * width
-                mx, my = x + dx * middle, y + dy * middle
-                if count == len(frame) or not _is_passage(barriers, edges, mx, my, dx, dy, width):
-                    continue
-                is_new = True
-                for n in range(count):
-                    is_new = is_new and length(frame[n, 0] - mx, frame[n, 1] - my) > SAME_PLACE
-                if is_new:
-                    frame[count, 0], frame[count, 1], frame[count, 2], frame[count, 3] = mx, my, dx, dy
-                    frame[count, 4] = 0.5 * width
+                ux, uy, middle = dx / size, dy / size, barriers[k, RADIUS] + 0.5 * width
+                mx, my = x + ux * middle, y + uy * middle
+                if _is_passage(barriers, edges, mx, my, ux, uy, width) and not _is_known(frame[:count], mx, my):
+                    row = frame[count]
+                    row[0], row[1], row[2], row[3], row[4] = mx, my, ux, uy, 0.5 * width
                     count += 1
     return count
 
 
 @subroutine
 def _is_passage(barriers: Array, edges: Array, x: float, y: float, ux: float, uy: float, width: float) -> bool:
-    """Whether a circle round (x, y), as wide as the gap, is free, and wider ones on both sides of it."""
+    """Whether a circle round (x, y), as wide as the gap, is free, and so are larger ones on both sides of it."""
+    dx, dy = -uy * ROOM_AHEAD, ux * ROOM_AHEAD
     for k in range(len(barriers)):
-        is_narrower = gap(barriers, k, x, y) < 0.5 * width - 1e-6
-        if is_narrower or gap(barriers, k, x - uy * ROOM_AHEAD, y + ux * ROOM_AHEAD) < ROOM:
+        if gap(barriers, k, x, y) < 0.5 * width - 1e-6:
             return False
-        if gap(barriers, k, x + uy * ROOM_AHEAD, y - ux * ROOM_AHEAD) < ROOM:
+        if min(gap(barriers, k, x + dx, y + dy), gap(barriers, k, x - dx, y - dy)) < ROOM:
             return False
     return is_inside(edges, x, y)
+
+
+@subroutine
+def _is_known(frame: Array, x: float, y: float) -> bool:
+    """Whether a passage was found near (x, y) already, as from the other one of its two ends."""
+    for n in range(len(frame)):
+        if length(frame[n, 0] - x, frame[n, 1] - y) < SAME_PLACE:
+            return True
+    return False
 
 
 @subroutine
