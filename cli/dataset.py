@@ -52,8 +52,8 @@ def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers
         if len(lines) > MAX_PROBLEMS:
             click.echo(f"... and {len(lines) - MAX_PROBLEMS} more; --json prints all")
         refused = len({problem.file for problem in problems if problem.place == "physics"})
-        reach = f"{len(files) - refused} of them " if refused else ""
-        done = "".join([f", {reach}replayed" if replay else "", f", {reach}rerun" if rerun else ""])
+        how_many = f"{len(files) - refused} of them " if refused else ""
+        done = "".join([f", {how_many}replayed" if replay else "", f", {how_many}rerun" if rerun else ""])
         count = sum(not problem.is_warning for problem in problems)
         warnings = f", {counted(len(problems) - count, 'warning')}" if len(problems) > count else ""
         found = counted(count, "problem") if count else "no problems"

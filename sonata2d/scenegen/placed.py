@@ -383,7 +383,8 @@ def _fits(person: PersonSpec, human: Human, layout: Layout) -> bool:
 def check_goals(placed: PlacedEntities, outline: Array, walls: Barriers, furniture: tuple[Furniture, ...]) -> None:
     """Check that the given pedestrians can reach their goals.
 
-    Those that leave at their last goal are not checked: recorded people leave through doors that their scene lacks.
+    Paths of those that leave at their last goal are not checked: recorded people leave through doors that their scene
+    lacks.
 
     Args:
         placed: the given pedestrians.
@@ -392,28 +393,40 @@ def check_goals(placed: PlacedEntities, outline: Array, walls: Barriers, furnitu
         furniture: all of it.
 
     Raises:
-        SceneError: a goal lies in a piece of furniture, or every way to it is narrower than the pedestrian.
+        SceneError: a goal lies in a wall or in a piece of furniture, or every way to it is too narrow.
     """
-    walking = [human for human in placed.humans if human.behaviour == "walking" and not human.exits]
-    if not walking:
+    walking = [human for human in placed.humans if human.behaviour == "walking"]
+    staying = [human for human in walking if not human.exits]
+    _check_goals_are_free(walking, furniture)
+    if not staying:
         return
-    solid = [piece for piece in furniture if piece.on is None]
-    barriers = walls.joined(Barriers.of(edge for piece in solid for edge in piece.shape.edges(piece.pose)))
-    for human in walking:
+    for human in staying:
+        gaps = walls.gaps(np.array(human.goals)).min(axis=0)
+        for (x, y), gap in zip(human.goals, gaps.tolist(), strict=True):
+            if gap < _POINT_RADIUS:
+                raise SceneError(f"the goal ({x:g}, {y:g}) of person {human.id} is in a wall; move it")
+    barriers = walls.joined(
+        Barriers.of(edge for piece in furniture if piece.on is None for edge in piece.shape.edges(piece.pose))
+    )
+    widest = FreeSpace(outline, barriers, max(human.radius for human in staying) + _SQUEEZE)
+    for human in staying:
+        own = FreeSpace(outline, barriers, human.radius + _SQUEEZE)
+        for (x, y), (u, v) in pairwise([human.pose.position, *human.goals]):
+            # one space for all is faster where the widest body passes
+            if widest.path((x, y), (u, v)) is None and own.path((x, y), (u, v)) is None:
+                raise SceneError(
+                    f"person {human.id} cannot walk from ({x:g}, {y:g}) to its goal ({u:g}, {v:g}): a gap on the way "
+                    f"is too narrow for its body, which is {2.0 * human.radius:.2g} m deep; widen it, or move the goal"
+                )
+
+
+def _check_goals_are_free(humans: list[Human], furniture: tuple[Furniture, ...]) -> None:
+    for human in humans:
         for x, y in human.goals:
             piece = _piece_at((x, y), furniture)
             if piece is not None:
                 where = f"the {piece.type} at ({piece.pose.x:g}, {piece.pose.y:g})"
                 raise SceneError(f"the goal ({x:g}, {y:g}) of person {human.id} is in {where}; move one of them")
-    # one space for all, which their graph of paths takes long to build for
-    space = FreeSpace(outline, barriers, min(human.radius for human in walking) + _SQUEEZE)
-    for human in walking:
-        for (x, y), (u, v) in pairwise([human.pose.position, *human.goals]):
-            if space.path((x, y), (u, v)) is None:
-                raise SceneError(
-                    f"person {human.id} cannot walk from ({x:g}, {y:g}) to its goal ({u:g}, {v:g}): a gap on the way "
-                    f"is narrower than its body, {2.0 * human.radius:.2g} m; widen the gap, or move the goal"
-                )
 
 
 def _piece_at(point: Point, furniture: tuple[Furniture, ...]) -> Furniture | None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sonata2d.agents.pedestrians.models.base import Walkers
-from sonata2d.agents.pedestrians.shoulders import APERTURE_RATIO, MAXIMUM_TWIST, wanted_twist
+from sonata2d.agents.pedestrians.shoulders import APERTURE_RATIO, MAXIMUM_TWIST, MAXIMUM_TWIST_IN_GAP, wanted_twist
 from sonata2d.core.entities import PERSON_BREADTH, PERSON_RADIUS
 from sonata2d.core.geometry import Barriers
 
@@ -52,8 +52,11 @@ def test_shoulders_do_not_turn_where_there_is_room() -> None:
     assert twist(0.25, 0.25, shoulder=0.0) == 0.0  # a disc
 
 
-def test_shoulders_turn_by_60_degrees_at_most() -> None:
-    assert twist(0.16, 0.16) == pytest.approx(math.radians(60.0)) == pytest.approx(MAXIMUM_TWIST)
+def test_shoulders_turn_by_80_degrees_at_most_between_walls_and_by_60_among_people() -> None:
+    assert twist(0.16, 0.16) == pytest.approx(math.radians(80.0)) == pytest.approx(MAXIMUM_TWIST_IN_GAP)
+    beside = walkers((0.0, 0.4), (0.0, -0.4))
+    assert abs(wanted_twist(beside, 0, NO_WALLS, 0.0, 1.0)) == pytest.approx(math.radians(60.0))
+    assert pytest.approx(math.radians(60.0)) == MAXIMUM_TWIST
 
 
 def test_the_shoulder_with_less_room_goes_back() -> None:

@@ -19,6 +19,7 @@ from sonata2d_cli.main import COMMANDS
 from sonata2d.core import compiled
 from sonata2d.datasets.generate import KEEPABLE
 from sonata2d.errors import ControllerWarning
+from sonata2d.version import PHYSICS_VERSION
 
 from .conftest import Run
 
@@ -86,6 +87,16 @@ def test_generated_data_set_passes_all_checks(sonata2d: Run) -> None:
     sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --compress zst --no-picture")
     assert "no problems" in sonata2d("check out --replay --rerun --workers 1").output
     assert "no problems" in sonata2d("check out/000001.json.zst --replay").output
+
+
+def test_check_says_how_many_files_it_could_replay(sonata2d: Run, here: Path) -> None:
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
+    text = (here / "out/000000.json").read_text()
+    (here / "old.json").write_text(text.replace(f'"physics":{PHYSICS_VERSION}', '"physics":2'))
+    output = sonata2d("check old.json --replay", code=1).output
+    assert "physics version 2, which this sonata2d" in output
+    assert "1 file checked, 0 of them replayed, 1 problem" in output
+    assert "1 file checked, replayed, no problems" in sonata2d("check out/000000.json --replay").output
 
 
 def test_controller_from_a_file_drives_and_labels(sonata2d: Run, here: Path) -> None:

@@ -281,20 +281,28 @@ TABLE = {"type": "table", "x": 2.0, "y": 1.0, "size": (1.6, 0.9)}
 def test_a_start_or_a_goal_in_furniture_is_an_error_that_names_it() -> None:
     with pytest.raises(SceneError, match=r"person 1 does not fit at \(2\.2, 1\.1\), on the table at \(2, 1\); move it"):
         scene_with({"x": 2.2, "y": 1.1, "goals": [(0, 0)]}, furniture=[TABLE])
-    with pytest.raises(SceneError, match=r"the goal \(2, 1\) of person 1 is in the table at \(2, 1\); move one"):
-        scene_with({"x": -2, "y": 1, "goals": [(0, 0), (2, 1)]}, furniture=[TABLE])
+    for exits in (False, True):
+        with pytest.raises(SceneError, match=r"the goal \(2, 1\) of person 1 is in the table at \(2, 1\); move one"):
+            scene_with({"x": -2, "y": 1, "goals": [(0, 0), (2, 1)], "exits": exits}, furniture=[TABLE])
 
 
-def test_a_goal_behind_a_gap_that_is_narrower_than_the_body_is_an_error() -> None:
-    def scene(gap: float, **person: Any) -> Scene:
-        walls = [(0, -4, 0, -gap / 2), (0, gap / 2, 0, 4)]
-        return scene_with(
-            {"x": -2, "y": 1, "goals": [(2, 1)], "radius": 0.14, **person}, room={**SQUARE, "walls": walls}
-        )
+def with_gap(width: float, *people: dict[str, Any]) -> Scene:
+    """Two rooms, and a gap between them at the origin."""
+    walls = [(0, -4, 0, -width / 2), (0, width / 2, 0, 4)]
+    return scene_with(*people, room={**SQUARE, "walls": walls})
 
-    with pytest.raises(
-        SceneError, match=r"person 1 cannot walk from \(-2, 1\) to its goal \(2, 1\): .* 0\.28 m; widen"
-    ):
-        scene(0.26)
-    assert scene(0.32).humans
-    assert scene(0.26, exits=True).humans  # as people of recordings do
+
+def test_a_goal_in_a_wall_is_an_error() -> None:
+    with pytest.raises(SceneError, match=r"the goal \(0, 2\) of person 1 is in a wall; move it"):
+        with_gap(0.8, {"x": -2, "y": 1, "goals": [(0, 2)]})
+
+
+def test_a_goal_behind_a_gap_that_is_too_narrow_is_an_error() -> None:
+    slim, stout = ({"x": -2, "y": y, "goals": [(2, y)], "radius": radius} for y, radius in ((1, 0.14), (-1, 0.2)))
+    problem = r"person 1 cannot walk from \(-2, 1\) to its goal \(2, 1\): .* too narrow for its body, .* 0\.28 m deep"
+    with pytest.raises(SceneError, match=problem):
+        with_gap(0.26, slim)
+    assert with_gap(0.32, slim).humans
+    assert with_gap(0.26, slim | {"exits": True}).humans  # as people of recordings do
+    with pytest.raises(SceneError, match="person 2 cannot walk"):
+        with_gap(0.32, slim, stout)

@@ -382,7 +382,7 @@ def plan(
             result.robot_in_sight[k] = is_present[k] and not is_hidden(
                 humans[k, X], humans[k, Y], robot[X], robot[Y], around.view_blocks
             )
-        _react(walkers, social, reactions, result, robot, humans, is_present, routes, around)
+        _react(walkers, social, reactions, result, robot, humans, is_present, around)
     for k in range(len(humans)):
         if not has_draws(glances, k) and (social.partner_count[k] > 0 or reactions.notices[k]):
             return _NEEDS_DRAWS, 0
@@ -412,7 +412,7 @@ def _set_desires(
 @subroutine
 def _react(
     walkers: Walkers, social: SocialArrays, reactions: Reactions, result: Plan, robot: Array, humans: Array,
-    is_present: BoolArray, routes: Routes, around: Surroundings,
+    is_present: BoolArray, around: Surroundings,
 ) -> None:  # fmt: skip
     """Adjust desired directions and speeds, and the positions of standing pedestrians, to the robot."""
     any_notices, any_changed = False, False
@@ -424,14 +424,11 @@ def _react(
     for k in range(len(humans)):
         if not is_present[k]:
             continue
-        destination = math.inf
-        if routes.next[k] == routes.length[k] - 1:
-            destination = length(routes.target[k, 0] - robot[X], routes.target[k, 1] - robot[Y])
         if not any_notices:
             reactions.delay[k] = max(reactions.delay[k] - 0.5 * around.dt, 0.0)
         elif adjust_course(
             reactions, k, robot, humans, walkers.radius[k], direction[k, 0] * speed[k], direction[k, 1] * speed[k],
-            speed[k], social.is_walking[k], destination, around.barriers, around.side, around.dt,
+            speed[k], social.is_walking[k], around.barriers, around.side, around.dt,
         ):  # fmt: skip
             any_changed = True
     for k in range(len(humans)):

@@ -13,35 +13,41 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.compiled import kernel, subroutine
+from ...core.geometry import inside_polygon
 from ...core.humans import X, Y
 from ...core.packing import Floats, Floats2, Ints, Ints2
 from ...core.portable_math import Array, BoolArray
-from ...core.scalar import END_X, RADIUS, START_X, gap, is_inside, length, towards
+from ...core.scalar import END_X, RADIUS, START_X, gap, length, towards
 from ...core.scene import Scene
 from .models.base import Walkers
 from .routes import Routes
 
 NARROWEST, WIDEST = 0.3, 1.1  # m: one person passes, and two do not pass each other comfortably
-ROOM_AHEAD, ROOM = 0.8, 0.6  # m: on both sides of a passage there is a free circle of this radius at this distance
-SAME_PLACE = 0.5  # m, between the middles of two passages, below which they are one
-RANGE = 3.0  # m, in which pedestrians consider a passage
-INSIDE, CLAIM = 0.45, 1.5  # m, from the middle of a passage: those who are in it, and those who claim it
-PATIENCE = 6.0  # s, for which one direction waits for the other
-WAITING_DISTANCE = 1.1  # m, from the middle of a passage
+DEEPEST, OFFSET = 1.0, 0.1  # m: of a passage between its two ends, and between their middles across it
+ROOM_AHEAD, ROOM = 0.8, 0.6  # m: at both ends of a passage there is a free circle of this radius at this distance
+RANGE = 3.0  # m, on the path, within which pedestrians consider a passage
+INSIDE, CLAIM = 0.45, 1.5  # m, from the end of a passage: of those who are in it, and of those who claim it
+PATIENCE, JAM = 6.0, 18.0  # s: for which one direction waits, and after which nobody waits, because somebody is stuck
+WAITING_DISTANCE = 1.1  # m, from the end of a passage
 LANE, LANE_LENGTH = 0.55, 2.2  # m, half the width and the length of what is kept free for those who come out
+COMING_OUT = 0.5  # cosine of the walking direction and that of the passage, above which somebody comes out
 STEP_ASIDE = 0.5  # m/s
 BRAKING = 0.8  # m/s^2
+
+_X, _Y, _UX, _UY, _HALF_WIDTH, _HALF_DEPTH = range(6)  # columns of `Passages.frame`
 
 
 class Passages(NamedTuple):
     """All narrow passages of a scene, for kernels.
 
     Attributes:
-        frame: (G, 5), x and y of the middle, m, unit vector across the passage, and half its width, m.
-        holder: (G,) of int, direction with the right of way: 1 to the left of the vector across, -1 to the right; 0.
+        frame: (G, 6), x and y of the middle, m; unit vector from one side wall to the other; half the distance between
+            these walls, m; half the length of the passage in the walking direction, m, 0 between two ends of walls.
+        holder: (G,) of int, direction with the right of way: 1 to the left of the unit vector, -1 to the right, 0 if
+            nobody has it.
         waited: (G,), for which the other direction has been waiting, s.
         way: (G, N) of int, direction in which each pedestrian is about to pass, or passes; 0 if it does not.
-        distance: (G, N), of each pedestrian from the passage, m; 0 behind it.
+        distance: (G, N), on the path of each pedestrian with a way, to the end of the passage, m; 0 inside.
     """
 
     frame: Floats2
@@ -53,20 +59,62 @@ class Passages(NamedTuple):
 
 def find_passages(scene: Scene) -> Passages:
     """The narrow passages between walls and furniture that have room for those who wait on both sides."""
-    barriers, outline = scene.barriers.table, scene.outline
-    edges = np.concatenate((outline, np.roll(outline, -1, axis=0)), axis=1)
-    frame = np.zeros((2 * len(barriers), 5))
-    count = _find(barriers, edges, frame)
-    shape = count, len(scene.humans)
+    table = scene.barriers.table
+    found = np.zeros((4 * len(table), 5))
+    ends = found[: _find_ends(table, found)]
+    ends = ends[inside_polygon(ends[:, :2], scene.outline)]
+    groups: list[list[Array]] = []
+    for end in ends:
+        group = next((group for group in groups if _are_of_one(group[0], end)), None)
+        if group is None:
+            groups.append([end])
+        else:
+            group.append(end)
+    frames = [_frame(np.array(group)) for group in groups]
+    frame = np.array([row for row in frames if _has_room(scene, row)]).reshape(-1, 6)
+    shape = len(frame), len(scene.humans)
     return Passages(
-        frame[:count].copy(), np.zeros(count, dtype=np.int64), np.zeros(count), np.zeros(shape, dtype=np.int64),
+        frame, np.zeros(len(frame), dtype=np.int64), np.zeros(len(frame)), np.zeros(shape, dtype=np.int64),
         np.zeros(shape),
     )  # fmt: skip
 
 
+def _are_of_one(first: Array, second: Array) -> bool:
+    """Whether two narrow places are parts of one passage: one behind the other."""
+    dx, dy = (second[:2] - first[:2]).tolist()
+    _, _, ux, uy, _ = first.tolist()
+    is_parallel = abs(ux * second[_UX] + uy * second[_UY]) > 0.9
+    return bool(is_parallel and abs(dx * ux + dy * uy) < OFFSET and abs(dy * ux - dx * uy) < DEEPEST)
+
+
+def _frame(ends: Array) -> Array:
+    """A row of `Passages.frame` for a passage that consists of narrow places."""
+    narrowest = ends[ends[:, 4].argmin()]
+    x, y = (np.add.reduce(ends[:, :2]) / len(ends)).tolist()
+    ux, uy = narrowest[2:4].tolist()
+    ahead = (ends[:, 1] - y) * ux - (ends[:, 0] - x) * uy
+    return np.array([x, y, ux, uy, narrowest[4] / 2, abs(ahead).max()])
+
+
+def _has_room(scene: Scene, frame: Array) -> bool:
+    """Whether there is room for those who wait, at both ends of a passage."""
+    x, y, ux, uy, _, half_depth = frame.tolist()
+    dx, dy = -uy * (half_depth + ROOM_AHEAD), ux * (half_depth + ROOM_AHEAD)
+    places = np.array([[x + dx, y + dy], [x - dx, y - dy]])
+    return bool(scene.barriers.gaps(places).min() >= ROOM and inside_polygon(places, scene.outline).all())
+
+
 @kernel
-def _find(barriers: Array, edges: Array, frame: Array) -> int:
-    """Fill the rows of `Passages.frame` and return their number; every passage begins at an end of a barrier."""
+def _find_ends(barriers: Array, found: Array) -> int:
+    """Find the narrow places at the ends of barriers.
+
+    Args:
+        barriers: rows of `Barriers.table`.
+        found: (M, 5), is filled: middle, m; unit vector from one side to the other; width, m.
+
+    Returns:
+        Number of rows that were filled.
+    """
     count = 0
     for k in range(len(barriers)):
         for column in (START_X, END_X):
@@ -75,36 +123,24 @@ def _find(barriers: Array, edges: Array, frame: Array) -> int:
                 dx, dy = towards(barriers, j, x, y)
                 size = max(length(dx, dy), 1e-6)
                 width = size - barriers[k, RADIUS] - barriers[j, RADIUS]
-                if not NARROWEST < width < WIDEST or count == len(frame):
+                if not NARROWEST < width < WIDEST or count == len(found):
                     continue
                 ux, uy, middle = dx / size, dy / size, barriers[k, RADIUS] + 0.5 * width
                 mx, my = x + ux * middle, y + uy * middle
-                if _is_passage(barriers, edges, mx, my, ux, uy, width) and not _is_known(frame[:count], mx, my):
-                    row = frame[count]
-                    row[0], row[1], row[2], row[3], row[4] = mx, my, ux, uy, 0.5 * width
+                if _is_free(barriers, mx, my, 0.5 * width - 1e-6):
+                    row = found[count]
+                    row[0], row[1], row[2], row[3], row[4] = mx, my, ux, uy, width
                     count += 1
     return count
 
 
 @subroutine
-def _is_passage(barriers: Array, edges: Array, x: float, y: float, ux: float, uy: float, width: float) -> bool:
-    """Whether a circle round (x, y), as wide as the gap, is free, and so are larger ones on both sides of it."""
-    dx, dy = -uy * ROOM_AHEAD, ux * ROOM_AHEAD
+def _is_free(barriers: Array, x: float, y: float, radius: float) -> bool:
+    """Whether no barrier is in a circle."""
     for k in range(len(barriers)):
-        if gap(barriers, k, x, y) < 0.5 * width - 1e-6:
+        if gap(barriers, k, x, y) < radius:
             return False
-        if min(gap(barriers, k, x + dx, y + dy), gap(barriers, k, x - dx, y - dy)) < ROOM:
-            return False
-    return is_inside(edges, x, y)
-
-
-@subroutine
-def _is_known(frame: Array, x: float, y: float) -> bool:
-    """Whether a passage was found near (x, y) already, as from the other one of its two ends."""
-    for n in range(len(frame)):
-        if length(frame[n, 0] - x, frame[n, 1] - y) < SAME_PLACE:
-            return True
-    return False
+    return True
 
 
 @subroutine
@@ -122,45 +158,71 @@ def give_way(
         side: of the rules, +1 or -1: to which those step who wait right in front of a passage.
         dt: tick, s.
     """
+    if len(passages.holder) == 0:
+        return
+    for k in range(len(humans)):
+        for g in range(len(passages.holder)):
+            passages.way[g, k] = 0
+        if is_present[k] and walkers.walks[k]:
+            _find_way(passages, k, routes, walkers, humans)
     for g in range(len(passages.holder)):
-        _find_ways(passages, g, routes, walkers, humans, is_present)
         _choose_holder(passages, g, dt)
         for k in range(len(humans)):
             way, holder = passages.way[g, k], passages.holder[g]
-            has_way = way * holder > 0 and passages.waited[g] <= PATIENCE
-            if way * holder != 0 and not has_way and passages.distance[g, k] > INSIDE:
+            has_way = (way * holder > 0 and passages.waited[g] <= PATIENCE) or passages.waited[g] > JAM
+            if way * holder != 0 and not has_way and passages.distance[g, k] > 0.0:
                 _wait(passages, g, k, walkers, humans, side)
                 routes.checkpoint[k, 0] = math.nan  # it makes no progress, but is not stuck
 
 
 @subroutine
-def _find_ways(
-    passages: Passages, g: int, routes: Routes, walkers: Walkers, humans: Array, is_present: BoolArray
-) -> None:
-    """Find who is about to walk through passage g, who is in it, and in which direction."""
-    mx, my, ux, uy = passages.frame[g, 0], passages.frame[g, 1], passages.frame[g, 2], passages.frame[g, 3]
-    half = passages.frame[g, 4]
-    for k in range(len(humans)):
-        passages.way[g, k] = 0
-        x, y = humans[k, X] - mx, humans[k, Y] - my
-        if not is_present[k] or not walkers.walks[k] or x * x + y * y > RANGE * RANGE:
-            continue
-        aside, ahead = x * ux + y * uy, y * ux - x * uy
-        passages.distance[g, k] = length(x, y)
-        last_aside, last_ahead = aside, ahead
-        for n in range(max(routes.next[k], 0), min(routes.next[k] + 3, routes.length[k])):
-            x, y = routes.path[k, n, 0] - mx, routes.path[k, n, 1] - my
-            next_aside, next_ahead = x * ux + y * uy, y * ux - x * uy
-            if last_ahead * next_ahead < 0.0:
-                part = last_ahead / (last_ahead - next_ahead)
-                if abs(last_aside + part * (next_aside - last_aside)) < half:
-                    passages.way[g, k] = 1 if next_ahead > 0.0 else -1
-                    break
-            last_aside, last_ahead = next_aside, next_ahead
-        if passages.way[g, k] == 0 and abs(ahead) < INSIDE and abs(aside) < half:
-            along = walkers.desired_direction[k, 1] * ux - walkers.desired_direction[k, 0] * uy
-            if along * ahead > 0.0:
-                passages.way[g, k], passages.distance[g, k] = 1 if ahead > 0.0 else -1, 0.0
+def _find_way(passages: Passages, k: int, routes: Routes, walkers: Walkers, humans: Array) -> None:
+    """Find the first passage on the path of pedestrian k, and the one that it is in."""
+    x, y, walked = humans[k, X], humans[k, Y], 0.0
+    for g in range(len(passages.holder)):
+        aside, ahead = _in_frame(passages, g, x, y)
+        along = walkers.desired_direction[k, 1] * passages.frame[g, _UX]
+        along -= walkers.desired_direction[k, 0] * passages.frame[g, _UY]
+        if along * ahead > abs(ahead) * COMING_OUT and _is_inside(passages, g, aside, ahead):
+            passages.way[g, k], passages.distance[g, k] = 1 if along > 0.0 else -1, 0.0
+    for n in range(max(routes.next[k], 0), routes.length[k]):
+        next_x, next_y = routes.path[k, n, 0], routes.path[k, n, 1]
+        step, nearest, first = length(next_x - x, next_y - y), 1.0, -1
+        for g in range(len(passages.holder)):
+            aside, ahead = _in_frame(passages, g, x, y)
+            next_aside, next_ahead = _in_frame(passages, g, next_x, next_y)
+            if ahead * next_ahead < 0.0:
+                part = ahead / (ahead - next_ahead)
+                crossing = aside + part * (next_aside - aside)
+                if part < nearest and abs(crossing) < passages.frame[g, _HALF_WIDTH]:
+                    nearest, first = part, g
+        if first >= 0:
+            distance = walked + nearest * step - passages.frame[first, _HALF_DEPTH]
+            if passages.way[first, k] == 0 and distance < RANGE:
+                aside, ahead = _in_frame(passages, first, x, y)
+                is_inside = walked == 0.0 and _is_inside(passages, first, aside, ahead)
+                passages.way[first, k] = -1 if ahead > 0.0 else 1
+                passages.distance[first, k] = 0.0 if is_inside else max(distance, 1e-3)
+            return
+        walked += step
+        if walked > RANGE:
+            return
+        x, y = next_x, next_y
+
+
+@subroutine
+def _is_inside(passages: Passages, g: int, aside: float, ahead: float) -> bool:
+    """Whether a point, in the frame of passage g, is in it or right in front of it."""
+    half_width, half_depth = passages.frame[g, _HALF_WIDTH], passages.frame[g, _HALF_DEPTH]
+    return bool(abs(aside) < half_width and abs(ahead) < half_depth + INSIDE)
+
+
+@subroutine
+def _in_frame(passages: Passages, g: int, x: float, y: float) -> tuple[float, float]:
+    """A point in the frame of passage g: along its unit vector, and to the left of it; m."""
+    dx, dy = x - passages.frame[g, _X], y - passages.frame[g, _Y]
+    ux, uy = passages.frame[g, _UX], passages.frame[g, _UY]
+    return dx * ux + dy * uy, dy * ux - dx * uy
 
 
 @subroutine
@@ -180,8 +242,8 @@ def _choose_holder(passages: Passages, g: int, dt: float) -> None:
     holder = passages.holder[g]
     own, other = (left, right) if holder > 0 else (right, left)
     if holder != 0:
-        passages.waited[g] = passages.waited[g] + dt if other < 2.0 * CLAIM else 0.0
-        if passages.waited[g] > PATIENCE and own > INSIDE:
+        passages.waited[g] = passages.waited[g] + dt if other < CLAIM else 0.0
+        if passages.waited[g] > PATIENCE and own > 0.0:
             passages.holder[g], passages.waited[g] = -holder, 0.0
             return
         if own < CLAIM:
@@ -193,18 +255,19 @@ def _choose_holder(passages: Passages, g: int, dt: float) -> None:
 @subroutine
 def _wait(passages: Passages, g: int, k: int, walkers: Walkers, humans: Array, side: float) -> None:
     """Let pedestrian k come no closer to passage g, and step out of the way of those who come out."""
-    mx, my, ux, uy = passages.frame[g, 0], passages.frame[g, 1], passages.frame[g, 2], passages.frame[g, 3]
-    x, y = humans[k, X] - mx, humans[k, Y] - my
-    aside, ahead = x * ux + y * uy, y * ux - x * uy
-    distance = max(passages.distance[g, k], 1e-6)
+    ux, uy, half_depth = passages.frame[g, _UX], passages.frame[g, _UY], passages.frame[g, _HALF_DEPTH]
+    aside, ahead = _in_frame(passages, g, humans[k, X], humans[k, Y])
+    ahead = math.copysign(max(abs(ahead) - half_depth, 0.0), ahead)  # from the nearer end
+    distance = max(length(aside, ahead), 1e-6)
     rest = max(distance - WAITING_DISTANCE, 0.0)
     speed, limit = walkers.desired_speed[k], math.sqrt(2.0 * BRAKING * rest)
     if abs(aside) < LANE and distance < LANE_LENGTH:
         # The side of the rules is that of a walker who faces the passage.
         outwards = -side * ahead if aside == 0.0 else aside
-        outwards = 1.0 if outwards > 0.0 else -1.0
-        # Besides, it approaches if it is still far.
-        dx, dy = outwards * ux - min(rest, 1.0) * x / distance, outwards * uy - min(rest, 1.0) * y / distance
+        # It steps aside, and approaches if it is still far.
+        approach = min(rest, 1.0) / distance
+        along, across = math.copysign(1.0, outwards) - approach * aside, -approach * ahead
+        dx, dy = along * ux - across * uy, along * uy + across * ux
         size = max(length(dx, dy), 1e-6)
         walkers.desired_direction[k, 0], walkers.desired_direction[k, 1] = dx / size, dy / size
         limit = max(limit, STEP_ASIDE)

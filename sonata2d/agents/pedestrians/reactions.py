@@ -165,7 +165,7 @@ def _is_approached(reactions: Reactions, k: int, robot: Array, minimum: float) -
 @subroutine
 def adjust_course(
     reactions: Reactions, k: int, robot: Array, humans: Array, radius: float, desired_x: float, desired_y: float,
-    speed: float, is_walking: bool, destination: float, barriers: Array, side: float, dt: float,
+    speed: float, is_walking: bool, barriers: Array, side: float, dt: float,
 ) -> bool:  # fmt: skip
     """Adjust the desired velocity of pedestrian k to the robot; whether it changed.
 
@@ -177,7 +177,6 @@ def adjust_course(
         desired_x, desired_y: desired velocity without the robot, m/s.
         speed: desired speed without the robot, m/s.
         is_walking: whether the pedestrian walks.
-        destination: distance of its destination from the robot, m; inf before the last part of the path.
         barriers: rows of `Barriers.table`.
         side: +1 passes on the right, -1 on the left, where both cost the same.
         dt: tick, s.
@@ -185,9 +184,6 @@ def adjust_course(
     x, y = robot[X] - humans[k, X], robot[Y] - humans[k, Y]
     px, py = _preferred_velocity(reactions, k, robot, desired_x, desired_y, speed)
     distance = _passing_distance(reactions, k)
-    if robot[VX] * robot[VX] + robot[VY] * robot[VY] < APPROACH_SPEED * APPROACH_SPEED:
-        # It accepts a destination that is near to a robot at rest.
-        distance = min(distance, max(destination, reactions.contact_distance[k] + TIGHT_CLEARANCE))
     vx, vy, passing_side, has_walls = px, py, 0.0, False
     if in_conflict(x, y, px - robot[VX], py - robot[VY], distance):
         fill_walls(reactions.walls, humans[k, X], humans[k, Y], radius, barriers)

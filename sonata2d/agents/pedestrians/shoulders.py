@@ -16,10 +16,12 @@ from ...core.scalar import RADIUS, angle_of, towards
 from .models.base import Walkers
 
 APERTURE_RATIO = 1.3  # of a gap to the breadth of a body that passes it
-MAXIMUM_TWIST = PI / 3  # rad, of the shoulders
+MAXIMUM_TWIST = PI / 3  # rad, of the shoulders among people
+MAXIMUM_TWIST_IN_GAP = 4.0 * PI / 9  # rad, between walls
 GAP_AHEAD = 0.35  # m, where walls are looked for besides the present position
 NEAR_BEHIND, NEAR_AHEAD = 0.1, 0.7  # m, behind and ahead of the centre, between which other pedestrians count
 WALL_AHEAD = 0.2  # m, by which the nearest point of a wall can be off the line across the direction
+OPPOSITE = -0.8  # cosine of the angle between the directions to two walls, below which they form a gap
 BESIDE = 1.0  # m, to each side; what is farther away leaves room
 UNDECIDED = 0.1  # m, difference of the room at both sides below which a twist keeps its side
 
@@ -43,16 +45,25 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
         return 0.0
     ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
     left, right = BESIDE, BESIDE  # free distance from the centre
-    for b in range(len(barriers)):
-        for n in range(2):
-            dx, dy = towards(barriers, b, x + ex * GAP_AHEAD * n, y + ey * GAP_AHEAD * n)
+    gap = 2.0 * BESIDE  # between walls on opposite sides
+    for n in range(2):
+        px, py, wall_left, wall_right = x + ex * GAP_AHEAD * n, y + ey * GAP_AHEAD * n, BESIDE, BESIDE
+        lx, ly, rx, ry = 0.0, 0.0, 0.0, 0.0  # unit vectors to the nearest walls
+        for b in range(len(barriers)):
+            dx, dy = towards(barriers, b, px, py)
             ahead, aside = dx * ex + dy * ey, ex * dy - ey * dx
-            free = math.sqrt(dx * dx + dy * dy) - barriers[b, RADIUS]
-            if abs(ahead) < WALL_AHEAD and free < BESIDE:
-                if aside > 0.0:
-                    left = min(left, free)
-                else:
-                    right = min(right, free)
+            distance = math.sqrt(dx * dx + dy * dy)
+            free = distance - barriers[b, RADIUS]
+            if not (abs(ahead) < WALL_AHEAD and free < BESIDE):
+                continue
+            if aside > 0.0:
+                if free < wall_left:
+                    wall_left, lx, ly = free, dx / distance, dy / distance
+            elif free < wall_right:
+                wall_right, rx, ry = free, dx / max(distance, 1e-6), dy / max(distance, 1e-6)
+        left, right = min(left, wall_left), min(right, wall_right)
+        if lx * rx + ly * ry < OPPOSITE:
+            gap = min(gap, wall_left + wall_right)
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
         j = walkers.neighbour[n]
         dx, dy = walkers.position[j, 0] - x, walkers.position[j, 1] - y
@@ -67,11 +78,18 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
                 left = min(left, free)
             else:
                 right = min(right, free)
-    cosine = ((left + right) / APERTURE_RATIO - depth) / (breadth - depth)
-    if cosine >= 1.0:
+    angle = min(_angle(left + right, breadth, depth), MAXIMUM_TWIST)
+    angle = max(angle, min(_angle(gap, breadth, depth), MAXIMUM_TWIST_IN_GAP))
+    if angle == 0.0:
         return 0.0
     sign = 1.0 if left < right else -1.0
     if abs(left - right) < UNDECIDED:
         sign = side if twist == 0.0 else (1.0 if twist > 0.0 else -1.0)
-    cosine = max(cosine, 0.0)
-    return sign * min(angle_of(math.sqrt(1.0 - cosine * cosine), cosine), MAXIMUM_TWIST)
+    return sign * angle
+
+
+@subroutine
+def _angle(room: float, breadth: float, depth: float) -> float:
+    """The angle at which a body has `APERTURE_RATIO` of its projected breadth in a room, m, or a right angle; rad."""
+    cosine = max((room / APERTURE_RATIO - depth) / (breadth - depth), 0.0)
+    return 0.0 if cosine >= 1.0 else angle_of(math.sqrt(1.0 - cosine * cosine), cosine)

@@ -144,6 +144,8 @@ class Wayfinding:
             # Goals of the scene are always approached, straight if there is no free path.
             goal = self._pop_goal(k)
             path = self.find_path(position, goal)
+            if path is None:  # through a gap that is hardly wider than the body, or between people who talk
+                path = self.passable.path(position, goal)
             self._set_path(k, np.array([position, goal]) if path is None else path, 1)
             return
         if self.choose_task is not None and self.choose_task(k, position):
@@ -261,8 +263,6 @@ class Wayfinding:
     def find_path(self, start: Point, goal: Point) -> Array | None:
         """The path to a goal with room for the shoulders, or a shorter one on which they must turn.
 
-        Where there is none, a path on which bodies touch the walls, or on which they pass between people who talk.
-
         Args:
             start, goal: m.
 
@@ -273,10 +273,8 @@ class Wayfinding:
         if path is not None and len(path) == 2:
             return path  # straight
         tight = self.tight.path(start, goal)
-        if path is None:
-            return self.passable.path(start, goal) if tight is None else tight
-        if tight is None:
-            return path
+        if path is None or tight is None:
+            return tight if path is None else path
         return tight if _length(path) > DETOUR * _length(tight) else path
 
     def is_open(self, start: Point, end: Point) -> bool:

@@ -29,7 +29,7 @@ class PersonSpec(Settings):
         velocity: m/s, world frame, at the start.
         behaviour: `standing`, `wandering`, `walking` (to `goals`) or `recorded` (moved along `track`). Default:
             recorded with a track, walking with goals, else standing.
-        goals: x, y, m; visited in order; not in furniture, nor behind a gap that is narrower than the body.
+        goals: x, y, m; visited in order; not in furniture or walls, nor behind a gap that is too narrow for the body.
         stay: s; how long the pedestrian stands at each goal but the last before it goes on, drawn for each goal.
         exits: whether the pedestrian leaves the scene at its last goal instead of staying there.
         enters, leaves: s. The pedestrian enters at `enters`, or as soon after it as there is free space, and is removed
