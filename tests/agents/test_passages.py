@@ -90,6 +90,31 @@ def test_people_pass_a_gap_of_40_cm_in_both_directions() -> None:
     assert (progress(path, 2)[-1] > 0.3).all()
 
 
+def beside_a_table(count: int) -> Scene:
+    """People at both ends of an aisle of 0.6 m between a table and a wall, 1.6 m long."""
+    table = Furniture(1, "table", Pose(0.0, -0.3), Rectangle(1.6, 1.4))
+    corridor = ((-6.0, -1.0), (6.0, -1.0), (6.0, 1.0), (-6.0, 1.0))
+    people = [
+        Human(
+            1 + k, Pose(side * (3.0 + 0.8 * (k // 2)), 0.3, 0.0 if side < 0 else math.pi), 0.14, breadth=0.45,
+            behaviour="walking", goals=((-side * (3.0 + 0.8 * (k // 2)), -0.2),),
+        )
+        for k, side in enumerate((-1, 1) * count)
+    ]  # fmt: skip
+    return room(people, [table], polygon=corridor, robot=Pose(-5.7, -0.7), goal=(5.0, 0.0))
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_people_wait_at_the_open_side_of_an_aisle_beside_a_wall(count: int) -> None:
+    scene = beside_a_table(count)
+    (frame,) = find_passages(scene).frame
+    assert frame[[0, 1, 4, 5]] == pytest.approx([0.0, 0.7, 0.3, 0.8], abs=1e-9)
+    assert frame[6] * frame[3] == frame[7] * frame[3] == -1.0  # away from the wall, which is at y = 1 m
+    path = positions(simulate(scene, 16.0))
+    starts = np.sign(path[0, :, 0])
+    assert (path[-1, :, 0] * starts < -1.5).all()
+
+
 def in_series(distance: float, count: int, *, is_closed: bool) -> Scene:
     """People on both sides of two walls with a door each; between the walls is a corridor, or a small room."""
     inner = [Wall((x, sign * 4.0), (x, sign * 0.4)) for x in (-distance / 2, distance / 2) for sign in (-1, 1)]
@@ -146,7 +171,7 @@ def mirrored(scene: Scene) -> Scene:
 
 
 def test_a_passage_between_thick_objects_is_in_the_middle_and_has_a_depth() -> None:
-    shelves = [Furniture(k, "shelf", Pose(0.0, y), Rectangle(0.5, 3.0)) for k, y in ((1, 1.9), (2, -1.9))]
+    shelves = [Furniture(k, "shelf", Pose(0.0, y), Rectangle(0.5, 3.6)) for k, y in ((1, 2.2), (2, -2.2))]
     scene = room([], shelves, robot=CORNER)
     for each in (scene, mirrored(scene)):
         (frame,) = find_passages(each).frame

@@ -58,6 +58,7 @@ GIVEN = PARAMETERS._replace(
 CORNER = Pose(-3.7, -3.7)
 CONTACT_DISTANCE = 0.4
 DISCS = (CONTACT_DISTANCE, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0)
+NO_WALLS = np.zeros((0, 3))
 EAST = (1.0, 0.0)
 DIAGONAL = math.sqrt(0.5)
 
@@ -66,10 +67,12 @@ DIAGONAL = math.sqrt(0.5)
 
 
 def test_speed_and_direction_change_with_time_constants_of_their_own() -> None:
-    assert desired_change((0.8, 0.2), EAST, 1.3, 0.5, 0.4) == pytest.approx((0.5 / 0.5, -0.2 / 0.4))
-    assert desired_change((0.0, 0.0), EAST, 1.3, 0.01, 0.4) == pytest.approx((MAXIMUM_ACCELERATION, 0.0))
-    assert desired_change((1.3, 0.0), EAST, 0.0, 0.01, 0.4) == pytest.approx((-MAXIMUM_BRAKING, 0.0))
-    assert desired_change((0.5, 0.2), (0.0, 0.0), 1.3, 0.5, 0.4) == pytest.approx((-0.5 / 0.4, -0.2 / 0.4))
+    assert desired_change((0.8, 0.2), EAST, 1.3, 0.0, 0.5, 0.4, 0.1) == pytest.approx((0.5 / 0.5, -0.2 / 0.4))
+    assert desired_change((0.8, 0.2), EAST, 1.3, -1.5, 0.5, 0.4, 0.1) == pytest.approx((-0.5, -0.2 / 0.4))
+    assert desired_change((0.0, 0.0), EAST, 1.3, 0.0, 0.01, 0.4, 0.1) == pytest.approx((MAXIMUM_ACCELERATION, 0.0))
+    assert desired_change((1.3, 0.0), EAST, 0.0, 0.0, 0.01, 0.4, 0.1) == pytest.approx((-MAXIMUM_BRAKING, 0.0))
+    assert desired_change((0.1, 0.0), EAST, 0.0, -3.0, 0.5, 0.4, 0.1) == pytest.approx((-0.1 / 0.1, 0.0))
+    assert desired_change((0.5, 0.2), (0.0, 0.0), 1.3, 0.0, 0.5, 0.4, 0.1) == pytest.approx((-0.5 / 0.4, -0.2 / 0.4))
 
 
 @pytest.mark.parametrize(
@@ -134,7 +137,7 @@ def steered(ahead: float, left: float, cosine: float, side: float = 1.0) -> Arra
         side: of the rules.
     """
     path = np.array([[ahead, -left, 0.0, 0.0, cosine, CONTACT_DISTANCE, 1.0]])
-    return np.array(steer(path, EAST, 1.3, GIVEN.time_gap, side, GIVEN, np.empty(len(ANGLES))))
+    return np.array(steer(path, NO_WALLS, EAST, 1.3, GIVEN.time_gap, side, GIVEN, np.empty(len(ANGLES))))
 
 
 def test_a_free_path_is_walked_straight_at_the_desired_speed() -> None:
@@ -172,9 +175,9 @@ def test_neighbours_out_of_reach_do_not_change_the_choice_of_direction_and_speed
         path[:, ALIGNMENT] = random.uniform(-1.0, 1.0, size=3)
         path[:, CONTACT], path[:, WEIGHT] = CONTACT_DISTANCE, random.choice((1.0, 0.4), size=3)
         own = EAST, desired_speed, time_gap, 1.0, PARAMETERS, value
-        found = steer(path, *own)
+        found = steer(path, NO_WALLS, *own)
         held_up += found != (*EAST, desired_speed)
-        assert found == steer(path[:2], *own)
+        assert found == steer(path[:2], NO_WALLS, *own)
     assert held_up > 300
 
 
@@ -229,7 +232,7 @@ def walkers_at(position: list[tuple[float, float]], velocity: list[tuple[float, 
     return Walkers(
         np.array(position), np.array(velocity), east, east, 1.3 * ones, CONTACT_DISTANCE / 2 * ones, ones > 0.0,
         **neighbour_lists(1.0 - np.eye(count)), group=np.full(count, group), is_abreast=ones > 0.0,
-        shoulder=0.0 * ones, headway=ones, politeness=ones,
+        shoulder=0.0 * ones, headway=ones, politeness=ones, steering=np.zeros((len(ones), 2)),
     )  # fmt: skip
 
 

@@ -155,6 +155,7 @@ def _robot_among(count: int, radius: float, speed: float) -> Walkers:
         shoulder=np.zeros(count + 1),
         headway=np.ones(count + 1),
         politeness=np.ones(count + 1),
+        steering=np.zeros((count + 1, 2)),
     )
 
 

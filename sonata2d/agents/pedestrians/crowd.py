@@ -55,6 +55,7 @@ from .wayfinding import Wayfinding
 
 MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
 STANDING_SPEED, STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
+SLOW = 0.3  # m/s, below which a body turns to the direction that the model chose
 ARRIVAL_BRAKING = 0.8  # m/s^2, of a walker that arrives where it will stay
 
 # Steps of `plan`, and what it waits for when it returns.
@@ -455,7 +456,10 @@ def _orient(
             result.facing[k, 1] = result.gaze[k, 1] = 0.0
             continue
         ux, uy, speed = walkers.desired_direction[k, 0], walkers.desired_direction[k, 1], walkers.desired_speed[k]
-        facing_x, facing_y = facing(k, humans, social, ux * speed, uy * speed, reactions, around.side)
+        to_x, to_y = unit_or(walkers.steering[k, 0], walkers.steering[k, 1], 0.5, ux, uy)
+        if humans[k, VX] * humans[k, VX] + humans[k, VY] * humans[k, VY] > SLOW * SLOW or ux * to_x + uy * to_y <= 0.0:
+            to_x, to_y = ux, uy
+        facing_x, facing_y = facing(k, humans, social, to_x * speed, to_y * speed, reactions, around.side)
         if is_headed and social.is_walking[k]:  # motion follows the body, so the body turns to the desired direction
             facing_x, facing_y = ux, uy
         twist = 0.0
@@ -524,6 +528,7 @@ def _walkers(scene: Scene) -> Walkers:
         shoulder=np.array([human.shoulder for human in scene.humans], dtype=float),
         headway=np.array([human.headway for human in scene.humans], dtype=float),
         politeness=np.array([human.politeness for human in scene.humans], dtype=float),
+        steering=np.zeros((count, 2)),
     )
 
 

@@ -23,8 +23,10 @@ from .models.base import Walkers
 from .routes import Routes
 
 NARROWEST, WIDEST = 0.3, 1.1  # m: one person passes, and two do not pass each other comfortably
-DEEPEST, OFFSET = 1.0, 0.1  # m: of a passage between its two ends, and between their middles across it
+DEEPEST, OFFSET = 8.0, 0.15  # m: of a passage between its two ends, and between their middles across it
+SAMPLING = 0.25  # m, between the places at which the width of a deep passage is tested
 ROOM_AHEAD, ROOM = 0.8, 0.6  # m: at both ends of a passage there is a free circle of this radius at this distance
+ROOM_ASIDE = 0.8  # m, by which this circle may be off the line of the passage
 RANGE = 3.0  # m, on the path, within which pedestrians consider a passage
 INSIDE, CLAIM = 0.45, 1.5  # m, from the end of a passage: of those who are in it, and of those who claim it
 PATIENCE, JAM = 6.0, 18.0  # s: for which one direction waits, and after which nobody waits, because somebody is stuck
@@ -34,15 +36,17 @@ COMING_OUT = 0.5  # cosine of the walking direction and that of the passage, abo
 STEP_ASIDE = 0.5  # m/s
 BRAKING = 0.8  # m/s^2
 
-_X, _Y, _UX, _UY, _HALF_WIDTH, _HALF_DEPTH = range(6)  # columns of `Passages.frame`
+_X, _Y, _UX, _UY, _HALF_WIDTH, _HALF_DEPTH, _LEFT_ROOM, _RIGHT_ROOM = range(8)  # columns of `Passages.frame`
 
 
 class Passages(NamedTuple):
     """All narrow passages of a scene, for kernels.
 
     Attributes:
-        frame: (G, 6), x and y of the middle, m; unit vector from one side wall to the other; half the distance between
-            these walls, m; half the length of the passage in the walking direction, m, 0 between two ends of walls.
+        frame: (G, 8), x and y of the middle, m; unit vector from one side wall to the other; half the distance between
+            these walls, m; half the length of the passage in the walking direction, m, 0 between two ends of walls;
+            where people wait at the end to the left of the unit vector, and at that to the right: 1 on the side to
+            which the vector points, -1 on the other one, 0 on both.
         holder: (G,) of int, direction with the right of way: 1 to the left of the unit vector, -1 to the right, 0 if
             nobody has it.
         waited: (G,), for which the other direction has been waiting, s.
@@ -65,13 +69,13 @@ def find_passages(scene: Scene) -> Passages:
     ends = ends[inside_polygon(ends[:, :2], scene.outline)]
     groups: list[list[Array]] = []
     for end in ends:
-        group = next((group for group in groups if _are_of_one(group[0], end)), None)
+        group = next((group for group in groups if _are_of_one(scene, group[0], end)), None)
         if group is None:
             groups.append([end])
         else:
             group.append(end)
-    frames = [_frame(np.array(group)) for group in groups]
-    frame = np.array([row for row in frames if _has_room(scene, row)]).reshape(-1, 6)
+    frames = [_frame(scene, np.array(group)) for group in groups]
+    frame = np.array([row for row in frames if row is not None]).reshape(-1, 8)
     shape = len(frame), len(scene.humans)
     return Passages(
         frame, np.zeros(len(frame), dtype=np.int64), np.zeros(len(frame)), np.zeros(shape, dtype=np.int64),
@@ -79,29 +83,47 @@ def find_passages(scene: Scene) -> Passages:
     )  # fmt: skip
 
 
-def _are_of_one(first: Array, second: Array) -> bool:
-    """Whether two narrow places are parts of one passage: one behind the other."""
+def _are_of_one(scene: Scene, first: Array, second: Array) -> bool:
+    """Whether two narrow places are parts of one passage: one behind the other, and no room to pass in between."""
     dx, dy = (second[:2] - first[:2]).tolist()
     _, _, ux, uy, _ = first.tolist()
+    ahead = abs(dy * ux - dx * uy)
     is_parallel = abs(ux * second[_UX] + uy * second[_UY]) > 0.9
-    return bool(is_parallel and abs(dx * ux + dy * uy) < OFFSET and abs(dy * ux - dx * uy) < DEEPEST)
+    if not is_parallel or abs(dx * ux + dy * uy) > OFFSET or ahead > DEEPEST:
+        return False
+    count = int(ahead / SAMPLING) + 1
+    between = np.array([[first[0] + dx * k / count, first[1] + dy * k / count] for k in range(1, count)])
+    return not len(between) or bool(scene.barriers.gaps(between).min(axis=0).max() < WIDEST / 2)
 
 
-def _frame(ends: Array) -> Array:
-    """A row of `Passages.frame` for a passage that consists of narrow places."""
+def _frame(scene: Scene, ends: Array) -> Array | None:
+    """A row of `Passages.frame` for a passage that consists of narrow places; None without room for those who wait."""
     narrowest = ends[ends[:, 4].argmin()]
     x, y = (np.add.reduce(ends[:, :2]) / len(ends)).tolist()
     ux, uy = narrowest[2:4].tolist()
     ahead = (ends[:, 1] - y) * ux - (ends[:, 0] - x) * uy
-    return np.array([x, y, ux, uy, narrowest[4] / 2, abs(ahead).max()])
+    half_depth = abs(ahead).max()
+    sides = [_side_with_room(scene, x, y, ux, uy, sign * (half_depth + ROOM_AHEAD)) for sign in (1.0, -1.0)]
+    if None in sides:
+        return None
+    return np.array([x, y, ux, uy, narrowest[4] / 2, half_depth, *sides])
 
 
-def _has_room(scene: Scene, frame: Array) -> bool:
-    """Whether there is room for those who wait, at both ends of a passage."""
-    x, y, ux, uy, _, half_depth = frame.tolist()
-    dx, dy = -uy * (half_depth + ROOM_AHEAD), ux * (half_depth + ROOM_AHEAD)
-    places = np.array([[x + dx, y + dy], [x - dx, y - dy]])
-    return bool(scene.barriers.gaps(places).min() >= ROOM and inside_polygon(places, scene.outline).all())
+def _side_with_room(scene: Scene, x: float, y: float, ux: float, uy: float, ahead: float) -> float | None:
+    """Where those can wait who come to an end of a passage: 1, -1 or 0, as in `Passages.frame`; None if nowhere.
+
+    Args:
+        scene: its walls and furniture.
+        x, y, ux, uy: see `Passages.frame`.
+        ahead: of the place from the middle of the passage, m, positive to the left of (ux, uy).
+    """
+    asides = np.array([0.0, ROOM_ASIDE, -ROOM_ASIDE])
+    places = np.stack((x - uy * ahead + ux * asides, y + ux * ahead + uy * asides), axis=1)
+    is_free = (scene.barriers.gaps(places).min(axis=0) >= ROOM) & inside_polygon(places, scene.outline)
+    ahead_free, left_free, right_free = is_free.tolist()
+    if ahead_free or (left_free and right_free):
+        return 0.0
+    return 1.0 if left_free else -1.0 if right_free else None
 
 
 @kernel
@@ -262,8 +284,9 @@ def _wait(passages: Passages, g: int, k: int, walkers: Walkers, humans: Array, s
     rest = max(distance - WAITING_DISTANCE, 0.0)
     speed, limit = walkers.desired_speed[k], math.sqrt(2.0 * BRAKING * rest)
     if abs(aside) < LANE and distance < LANE_LENGTH:
-        # The side of the rules is that of a walker who faces the passage.
-        outwards = -side * ahead if aside == 0.0 else aside
+        outwards = passages.frame[g, _LEFT_ROOM if ahead > 0.0 else _RIGHT_ROOM]
+        if outwards == 0.0:  # the side of the rules is that of a walker who faces the passage
+            outwards = -side * ahead if aside == 0.0 else aside
         # It steps aside, and approaches if it is still far.
         approach = min(rest, 1.0) / distance
         along, across = math.copysign(1.0, outwards) - approach * aside, -approach * ahead

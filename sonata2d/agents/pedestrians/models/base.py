@@ -46,6 +46,8 @@ class Walkers(NamedTuple):
         shoulder: (M,), half the length of the shoulder line, across `body_direction`, m; 0 for a disc.
         headway, politeness: (M,), factors of each agent's time gap to those ahead and of the strength with which it
             avoids others; 1 on average.
+        steering: (M, 2), output: unit vectors of the directions that the model chose, to which the bodies of slow
+            walkers turn; zero, as they come, where a model chooses none.
     """
 
     position: Floats2
@@ -63,6 +65,7 @@ class Walkers(NamedTuple):
     shoulder: Floats
     headway: Floats
     politeness: Floats
+    steering: Floats2
 
 
 def evaluations_per_tick(evaluations: int, dt: float) -> int:

@@ -62,6 +62,7 @@ PARAMETERS = Sonata2026()
 
 # Along the direction of the drive, m/s^2. Recorded ones exceed 0.9 (corridor_uni) to 1.2 (zara01) in 1 % of the time.
 MAXIMUM_ACCELERATION, MAXIMUM_BRAKING = 1.2, 4.0
+FASTEST = 3.0  # m/s, more than people walk
 LONGEST_PREDICTION = 10.0  # s, limit of the time to the closest approach
 ROUNDING = 1e-3  # m, more than the rounding errors of a distance
 
@@ -80,15 +81,18 @@ SHUFFLE = 0.15  # speed of a sideways shuffle as a fraction of the forward speed
 
 @subroutine
 def desired_change(
-    velocity: Vector, direction: Vector, speed: float, relaxation_time: float, turning_time: float
-) -> Vector:
+    velocity: Vector, direction: Vector, speed: float, pull: float, relaxation_time: float, turning_time: float,
+    dt: float,
+) -> Vector:  # fmt: skip
     """Accelerate towards a desired velocity, with time constants of their own along and across it.
 
     Args:
         velocity: m/s.
         direction: of the desired velocity, a unit vector; zero to stop.
         speed: of the desired velocity, m/s.
+        pull: further acceleration along the direction, m/s^2, which makes nobody walk backwards.
         relaxation_time, turning_time: along and across the direction, s.
+        dt: tick, s.
 
     Returns:
         m/s^2.
@@ -97,7 +101,8 @@ def desired_change(
     """
     vx, vy, ex, ey = velocity[0], velocity[1], direction[0], direction[1]
     ahead = vx * ex + vy * ey
-    change = clipped((speed - ahead) / relaxation_time, -MAXIMUM_BRAKING, MAXIMUM_ACCELERATION)
+    change = clipped((speed - ahead) / relaxation_time + pull, -MAXIMUM_BRAKING, MAXIMUM_ACCELERATION)
+    change = max(change, -max(ahead, 0.0) / dt)
     return ex * change - (vx - ex * ahead) / turning_time, ey * change - (vy - ey * ahead) / turning_time
 
 
@@ -208,15 +213,18 @@ def are_together(walkers: Walkers, i: int, j: int) -> bool:
 
 
 MAXIMUM_GROUP_DISTANCE = 1.0  # m; a larger deviation from the formation pulls no harder
+WAITING_LAG = 0.75  # m, beyond the tolerance: members ahead slow down from there on, and wait from twice of it on
 FORMATION_TOLERANCE = 1.0 / 3.0  # of the spacing: real groups are not exactly abreast, and not exactly spaced
 
 
 @subroutine
-def group_velocity(walkers: Walkers, i: int, looseness: Array, side: float, parameters: Sonata2026) -> Vector:
+def group_velocity(
+    walkers: Walkers, i: int, looseness: Array, side: float, parameters: Sonata2026
+) -> tuple[float, float, float]:
     """Keep walking groups abreast and together: members that lag walk faster, those ahead slower.
 
     Where there is no room beside each other, members walk in file. A group that comes in a looser formation than that
-    of the parameters keeps to that one. Members that walk the other way are left alone.
+    of the parameters keeps to that one. Members that walk the other way are left alone. Those who are far ahead wait.
 
     Args:
         walkers: all agents.
@@ -226,13 +234,14 @@ def group_velocity(walkers: Walkers, i: int, looseness: Array, side: float, para
         parameters: cohesion and spacing.
 
     Returns:
-        What is added to the desired velocity, m/s; zero for an agent without a group.
+        What is added to the desired velocity (x, y), m/s, zero for an agent without a group; and the factor of the
+        desired speed, in [0, 1], below 1 for those who wait.
 
     Source: the aims are those of Moussaïd et al., PLoS ONE 5 (2010) e10047; the formula is ours.
     """
     p, limit = parameters, MAXIMUM_GROUP_DISTANCE
     if walkers.group[i] < 0:
-        return 0.0, 0.0
+        return 0.0, 0.0, 1.0
     ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
     is_new = math.isnan(looseness[i])
     tolerance = FORMATION_TOLERANCE * p.spacing + (0.0 if is_new else 0.5 * looseness[i])
@@ -249,18 +258,20 @@ def group_velocity(walkers: Walkers, i: int, looseness: Array, side: float, para
             is_left = aside > 0.0 if abs(aside) > ROUNDING else side * (ex * dx + ey * dy) > 0.0
             left += -missing if is_left else missing
     if count == 0.0:
-        return 0.0, 0.0
+        return 0.0, 0.0, 1.0
     cx, cy = cx / count, cy / count
     lag, left = cx * ex + cy * ey, clipped(left, -limit, limit)
+    pace = clipped(1.0 - (-lag - tolerance - WAITING_LAG) / WAITING_LAG, 0.0, 1.0)
     lag = clipped(lag - clipped(lag, -tolerance, tolerance), -limit, limit)
     excess = max(length(cx, cy) - p.spacing * 0.5 * (count + 1.0), 0.0)
     if is_new:
         looseness[i] = min(max(abs(lag), abs(left), excess), limit)
-        return 0.0, 0.0
+        return 0.0, 0.0, 1.0
     if not walkers.is_abreast[i]:
         lag = left = 0.0
     pull = clipped(excess - looseness[i], 0.0, limit) / max(length(cx, cy), 1e-6)
-    return p.cohesion * (lag * ex - left * ey + pull * cx), p.cohesion * (lag * ey + left * ex + pull * cy)
+    x, y = lag * ex - left * ey + pull * cx, lag * ey + left * ex + pull * cy
+    return p.cohesion * x, p.cohesion * y, pace
 
 
 @subroutine
@@ -311,12 +322,13 @@ _TURNS = unit_vectors(np.array(ANGLES) * (PI / 180.0))  # (K, 2)
 
 @subroutine
 def steer(
-    path: Array, direction: Vector, desired_speed: float, time_gap: float, side: float, parameters: Sonata2026,
-    value: Array,
+    path: Array, walls: Array, direction: Vector, desired_speed: float, time_gap: float, side: float,
+    parameters: Sonata2026, value: Array,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Choose the direction and speed with the best progress.
 
-    The value of a direction is the speed that its headway permits, times its cosine with the desired direction.
+    The value of a direction is the speed that its headway permits, times its cosine with the desired direction. Where
+    others do not walk in the same direction, it is also limited by walls, so that nobody evades into a wall.
     Oncoming pedestrians count as nearer, and receding ones as farther, by the distance that they walk within the
     look-ahead time; pedestrians that walk in the same direction do not count: they are followed, not overtaken. The
     result is the mean of the directions weighted by their values, so that a small change of the positions changes the
@@ -324,6 +336,7 @@ def steer(
 
     Args:
         path: (N, 7), neighbours that the agent attends to; columns `AHEAD` to `WEIGHT`.
+        walls: see `near_walls`.
         direction: desired direction, a unit vector; zero for an agent that stands.
         desired_speed: m/s.
         time_gap: of the agent, s.
@@ -348,17 +361,25 @@ def steer(
     if not min(free_speed, future_speed) < desired_speed or (ex == 0.0 and ey == 0.0):
         return ex, ey, min(free_speed, desired_speed)
 
+    is_opposed = False
     for k in range(len(ANGLES)):
         value[k] = math.inf
     for j in range(len(path)):
         ahead, aside, move_ahead, move_aside = path[j, AHEAD], path[j, ASIDE], path[j, MOVE_AHEAD], path[j, MOVE_ASIDE]
         obstruction = path[j, WEIGHT] * (1.0 - clipped(2.0 * path[j, ALIGNMENT], 0.0, 1.0))
         if obstruction > 0.0:
+            is_opposed = is_opposed or path[j, ALIGNMENT] < -0.5
             for k in range(len(ANGLES)):
                 c, s = _TURNS[k, 0], _TURNS[k, 1]
                 future = predicted(ahead * c - aside * s, move_ahead * c - move_aside * s)
                 speed = headway_speed(future, ahead * s + aside * c, path[j, CONTACT], obstruction, time_gap, p)
                 value[k] = min(value[k], speed)
+    for k in range(len(ANGLES)):
+        c, s = _TURNS[k, 0], _TURNS[k, 1]
+        for w in range(len(walls) if is_opposed else 0):
+            towards_wall = (ex * c - ey * s) * walls[w, 0] + (ey * c + ex * s) * walls[w, 1]
+            if value[k] * towards_wall > walls[w, 2]:
+                value[k] = walls[w, 2] / towards_wall
     best = -math.inf
     for k in range(len(ANGLES)):
         c, s = _TURNS[k, 0], _TURNS[k, 1]
@@ -431,6 +452,7 @@ def _accelerations(
     p, position, velocity, radius = parameters, walkers.position, walkers.velocity, walkers.radius
     direction, desired_speed, body = walkers.desired_direction, walkers.desired_speed, walkers.body_direction
     path, value, pace = np.empty((len(position), 7)), np.empty(len(ANGLES)), np.empty(len(position))
+    near = np.empty((len(barriers), 3))
     keep = exp(-dt / p.look_ahead_time)
     for i in range(len(position)):
         pace[i] = length(velocity[i, 0], velocity[i, 1])
@@ -470,20 +492,24 @@ def _accelerations(
                 path[count, ALIGNMENT] = alignment
                 path[count, CONTACT], path[count, WEIGHT] = contact, weight
                 count += 1
-        x, y, speed = steer(path[:count], (ex, ey), desired_speed[i], time_gap, side, p, value)
+        walls = near[: near_walls(walkers, i, barriers, p.turning_time, near)]
+        gx, gy, group_pace = group_velocity(walkers, i, memory.looseness, side, p)
+        x, y, speed = steer(path[:count], walls, (ex, ey), desired_speed[i], time_gap, side, p, value)
+        walkers.steering[i, 0], walkers.steering[i, 1] = x, y
         x, y, speed = with_body((body[i, 0], body[i, 1]), x, y, speed, pace[i], side)
+        speed *= group_pace
         own_velocity = (velocity[i, 0], velocity[i, 1])
         ahead, tau = velocity[i, 0] * x + velocity[i, 1] * y, p.relaxation_time
         if speed > ahead:
             walking = clipped((ahead - STREAM_PACE) / (BRISK_PACE - STREAM_PACE), 0.0, 1.0)
             tau += (p.following_time - tau) * walking * stream / (1.0 + stream)
-        drive = desired_change(own_velocity, (x, y), speed, tau, p.turning_time)
-        group = group_velocity(walkers, i, memory.looseness, side, p)
+        along = gx * x + gy * y
+        drive = desired_change(own_velocity, (x, y), speed, along / p.relaxation_time, tau, p.turning_time, dt)
         # Each member of a group evades less, so that the group keeps its formation, and others walk round it.
-        ax = drive[0] + group[0] / p.relaxation_time + push_x / members
-        ay = drive[1] + group[1] / p.relaxation_time + push_y / members
+        ax = drive[0] + (gx - along * x) / p.relaxation_time + push_x / members
+        ay = drive[1] + (gy - along * y) / p.relaxation_time + push_y / members
         after = (velocity[i, 0] + ax * dt, velocity[i, 1] + ay * dt)
-        vx, vy = without_bumps(walkers, i, after, barriers, p.turning_time)
+        vx, vy = without_bumps(walkers, i, after, walls, p.turning_time)
         acceleration[i, 0], acceleration[i, 1] = (vx - velocity[i, 0]) / dt, (vy - velocity[i, 1]) / dt
 
 
@@ -495,7 +521,37 @@ def held_back(velocity: Vector, normal: Vector, maximum: float) -> Vector:
 
 
 @subroutine
-def without_bumps(walkers: Walkers, i: int, velocity: Vector, barriers: Array, time: float) -> Vector:
+def near_walls(walkers: Walkers, i: int, barriers: Array, time: float, walls: Array) -> int:
+    """Find the walls and the furniture that agent i could reach within a given time.
+
+    Args:
+        walkers: all agents.
+        i: index of an agent that walks.
+        barriers: rows of `Barriers.table`.
+        time: s.
+        walls: (B, 3), is filled: unit vector to the barrier, and largest permitted speed in this direction, m/s.
+
+    Returns:
+        Number of rows that were filled.
+    """
+    x, y, radius, shoulder = walkers.position[i, 0], walkers.position[i, 1], walkers.radius[i], walkers.shoulder[i]
+    bx, by = walkers.body_direction[i, 0], walkers.body_direction[i, 1]
+    reach, count = radius + shoulder + time * FASTEST, 0
+    for k in range(len(barriers)):
+        dx, dy = towards(barriers, k, x, y)
+        square, limit = dx * dx + dy * dy, reach + barriers[k, RADIUS]
+        if square > limit * limit:
+            continue
+        distance = max(math.sqrt(square), 1e-6)
+        nx, ny = dx / distance, dy / distance
+        gap = distance - barriers[k, RADIUS] - radius - shoulder * abs(nx * by - ny * bx)
+        walls[count, 0], walls[count, 1], walls[count, 2] = nx, ny, max(gap, 0.0) / time
+        count += 1
+    return count
+
+
+@subroutine
+def without_bumps(walkers: Walkers, i: int, velocity: Vector, walls: Array, time: float) -> Vector:
     """Limit the velocity of agent i so that it reaches no obstacle and no oncoming person within a given time.
 
     A walker that evades others, or turns wide, so comes to a wall gently, and goes along it. People that walk the
@@ -505,7 +561,7 @@ def without_bumps(walkers: Walkers, i: int, velocity: Vector, barriers: Array, t
         walkers: all agents.
         i: index of an agent that walks.
         velocity: that it wants, m/s.
-        barriers: rows of `Barriers.table`: walls and furniture.
+        walls: see `near_walls`.
         time: s.
 
     Returns:
@@ -518,15 +574,8 @@ def without_bumps(walkers: Walkers, i: int, velocity: Vector, barriers: Array, t
     reach = radius + shoulder + time * length(velocity[0], velocity[1])
     for _ in range(2):  # a limit may push the walker towards what was passed before
         before = velocity
-        for k in range(len(barriers)):
-            dx, dy = towards(barriers, k, x, y)
-            square, limit = dx * dx + dy * dy, reach + barriers[k, RADIUS]
-            if square > limit * limit:
-                continue
-            distance = max(math.sqrt(square), 1e-6)
-            nx, ny = dx / distance, dy / distance
-            gap = distance - barriers[k, RADIUS] - radius - shoulder * abs(nx * by - ny * bx)
-            velocity = held_back(velocity, (nx, ny), max(gap, 0.0) / time)
+        for w in range(len(walls)):
+            velocity = held_back(velocity, (walls[w, 0], walls[w, 1]), walls[w, 2])
         for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
             j = walkers.neighbour[n]
             dx, dy = walkers.position[j, 0] - x, walkers.position[j, 1] - y

@@ -257,15 +257,14 @@ class SocialDynamics:
         self._is_changed = self._is_changed or not is_brief
 
     def _spot_beside(self, k: int, leader: int, place: Point, taken: list[Point]) -> Point:
-        """Where a follower stands beside its leader, m: abreast of it on its present side, or elsewhere around it."""
+        """Where a follower stands beside its leader, m: on its present side of it, or opposite, or where it is."""
         position, (lx, ly) = as_point(self._position[k]), as_point(self._position[leader])
         dx, dy = position[0] - lx, position[1] - ly
-        gap = min(max(length(dx, dy), POSITION_SPACING), MEMBER_DISTANCE)
-        fx, fy = self._feet[leader].tolist()
-        # so that a mirrored scene gives the mirrored place
-        side = self._scene.rules.side if fx * dy == fy * dx else (1.0 if fx * dy > fy * dx else -1.0)
-        for x, y in ((-fy * side, fx * side), (fy * side, -fx * side), (fx, fy), (-fx, -fy)):
-            spot = place[0] + x * gap, place[1] + y * gap
+        gap = max(length(dx, dy), 1e-6)
+        scale = min(max(gap, POSITION_SPACING), MEMBER_DISTANCE) / gap
+        side = self._scene.rules.side  # so that a mirrored scene gives the mirrored place
+        for x, y in ((dx, dy), (dy * side, -dx * side), (-dy * side, dx * side), (-dx, -dy)):
+            spot = place[0] + x * scale, place[1] + y * scale
             if all(distance(spot, other) > MEMBER_SPACING for other in taken) and self._wayfinding.is_open(place, spot):
                 return spot
         return position
