@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from .geometry import Disc, Point, Pose, Rectangle, Shape, Stadium
+from .vectors import wrap_angle
 
 Behaviour = Literal["standing", "wandering", "walking", "recorded"]
 Reaction = Literal["ignores", "avoids", "stops", "curious", "scared"]
@@ -26,6 +27,7 @@ AT_OBJECT = "human_object_interaction"
 RELATIONS = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER, AT_OBJECT)
 
 ROBOT_ID = 0
+ANY_HEADING = 3.14  # rad; a goal whose angle tolerance is at least this accepts every heading
 _HALF_BODY = 0.25  # m, from the side of a door to the centre of a pedestrian
 PERSON_RADIUS = 0.14  # m, half the depth of a body
 PERSON_BREADTH = 0.45  # m, from shoulder to shoulder
@@ -323,3 +325,9 @@ class Goal:
     @property
     def position(self) -> Point:
         return self.x, self.y
+
+    def is_reached(self, pose: Pose) -> bool:
+        """Whether a robot at a pose is near enough, and faces in an accepted direction."""
+        dx, dy = self.x - pose.x, self.y - pose.y
+        turned = abs(wrap_angle(pose.theta - self.theta)) if self.angle < ANY_HEADING else 0.0
+        return math.sqrt(dx * dx + dy * dy) <= self.distance and turned <= self.angle

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..core.entities import ANY_HEADING
 from ..core.geometry import to_shoulder_line
 from ..core.navigation import FreeSpace
 from ..core.portable_math import Array, BoolArray, unit_vectors
@@ -17,8 +18,6 @@ from ..core.snapshot import CLOSING_SPEED
 from ..core.vectors import lengths, wrap_angles
 from ..datasets.motion import OMEGA, THETA, VX, VY
 from ..record.record import EpisodeRecord
-
-ANY_HEADING = 3.14  # rad; a goal with this tolerance or more accepts every heading, as in `sim.episode`
 
 Kind = Literal["human", "object", "wall"]
 Outline = tuple[Kind, int]  # kind, and id of the human or object or index of the wall

@@ -328,7 +328,8 @@ def check_placed_positions(placed: PlacedEntities, outline: Array, robot: Pose |
             for x, y in points:
                 if not next(is_inside):
                     raise SceneError(
-                        f"the {what} of person {human.id} is outside the room at ({x:g}, {y:g}); widen the room"
+                        f"the {what} of person {human.id} is outside the room at ({x:g}, {y:g}); move it, or widen the "
+                        "room"
                     )
         if robot is not None and human.enters == 0:
             dx, dy, contact = robot.x - human.pose.x, robot.y - human.pose.y, radius + human.radius
@@ -397,7 +398,7 @@ def check_goals(placed: PlacedEntities, outline: Array, walls: Barriers, furnitu
     """
     walking = [human for human in placed.humans if human.behaviour == "walking"]
     staying = [human for human in walking if not human.exits]
-    _check_goals_are_free(walking, furniture)
+    _check_furniture(walking, furniture)
     if not staying:
         return
     for human in staying:
@@ -415,18 +416,18 @@ def check_goals(placed: PlacedEntities, outline: Array, walls: Barriers, furnitu
             # one space for all is faster where the widest body passes
             if widest.path((x, y), (u, v)) is None and own.path((x, y), (u, v)) is None:
                 raise SceneError(
-                    f"person {human.id} cannot walk from ({x:g}, {y:g}) to its goal ({u:g}, {v:g}): a gap on the way "
-                    f"is too narrow for its body, which is {2.0 * human.radius:.2g} m deep; widen it, or move the goal"
+                    f"person {human.id} cannot walk from ({x:g}, {y:g}) to its goal ({u:g}, {v:g}): no way is wide "
+                    f"enough for its body, which is {2.0 * human.radius:.2g} m deep; widen a gap, or move the goal"
                 )
 
 
-def _check_goals_are_free(humans: list[Human], furniture: tuple[Furniture, ...]) -> None:
+def _check_furniture(humans: list[Human], furniture: tuple[Furniture, ...]) -> None:
     for human in humans:
-        for x, y in human.goals:
+        for what, (x, y) in [("start", human.pose.position), *(("goal", goal) for goal in human.goals)]:
             piece = _piece_at((x, y), furniture)
             if piece is not None:
                 where = f"the {piece.type} at ({piece.pose.x:g}, {piece.pose.y:g})"
-                raise SceneError(f"the goal ({x:g}, {y:g}) of person {human.id} is in {where}; move one of them")
+                raise SceneError(f"the {what} ({x:g}, {y:g}) of person {human.id} is in {where}; move one of them")
 
 
 def _piece_at(point: Point, furniture: tuple[Furniture, ...]) -> Furniture | None:

@@ -15,14 +15,10 @@ from ..core.devices import DeviceEvent, ImageRequest
 from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, Snapshot, Status
-from ..core.vectors import wrap_angle
 from ..core.wording import described, shown, text_of
 from ..errors import ControllerError, Sonata2dError
 from ..registry import did_you_mean
 from .world import World
-
-ANY_HEADING = 3.14  # rad; a goal whose angle tolerance is at least this accepts every heading
-
 
 Renderer = Callable[[Snapshot, ImageRequest], Any]  # returns (H, W, 3) of uint8
 
@@ -344,10 +340,7 @@ def outcome_at(snapshot: Snapshot) -> Outcome | None:
     """
     scene, robot = snapshot.scene, snapshot.robot
     goal, rules = scene.goal, scene.rules
-    x, y = robot.position
-    dx, dy = goal.x - x, goal.y - y
-    turned = abs(wrap_angle(robot.pose.theta - goal.theta)) if goal.angle < ANY_HEADING else 0.0
-    if "goal" in rules.ends_on and math.sqrt(dx * dx + dy * dy) <= goal.distance and turned <= goal.angle:
+    if "goal" in rules.ends_on and goal.is_reached(robot.pose):
         return Outcome("goal", f"within {goal.distance} m of the goal", snapshot.tick, snapshot.time)
     if "contact" in rules.ends_on and snapshot.contacts:
         return Outcome("contact", _contact_reason(snapshot.contacts[0]), snapshot.tick, snapshot.time)

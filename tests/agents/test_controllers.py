@@ -21,7 +21,7 @@ from sonata2d.agents.controllers.reactive import SocialForce
 from sonata2d.core.entities import TALKING, Furniture, Human, Interaction, Robot
 from sonata2d.core.geometry import Pose, Rectangle, Twist
 from sonata2d.core.proxemics import clearance
-from sonata2d.core.scene import Scene
+from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Outcome, Snapshot
 from sonata2d.registry import CONTROLLERS
 from sonata2d.sim.episode import Episode
@@ -80,6 +80,13 @@ def test_planner_avoids_contacts_with_a_pedestrian_that_ignores_the_robot() -> N
         outcome, snapshots = run(room([ignorant], seed=3), SocialPlanner())
         assert outcome.status == "goal"
         assert not any(contact.robot_at_fault for snapshot in snapshots for contact in snapshot.contacts)
+
+
+def test_planner_rests_at_its_goal_in_an_episode_that_goes_on() -> None:
+    _, snapshots = run(room([], rules=Rules(time_limit=12.0, ends_on=("time",))), SocialPlanner())
+    arrived = next(k for k, snapshot in enumerate(snapshots) if snapshot.goal.is_reached(snapshot.robot.pose))
+    assert arrived < 100
+    assert all(math.hypot(*s.robot.velocity) < 1e-3 and abs(s.robot.omega) < 1e-3 for s in snapshots[arrived + 15 :])
 
 
 def test_planner_slows_down_near_people() -> None:

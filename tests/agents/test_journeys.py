@@ -51,6 +51,13 @@ def steps_of(scene: Scene, seconds: float) -> list[Snapshot]:
 # Queues
 
 
+def test_who_was_served_does_not_queue_again_at_once() -> None:
+    run = simulate(room(waiting(1), queues=[QUEUE], robot=CORNER, social=Social(queues=1.0)), 60.0)
+    queues = [activity(snapshot, 1) == "queueing" for snapshot in run]
+    assert queues[0]
+    assert not any(queues[queues.index(False) :])
+
+
 def test_a_queue_serves_in_order_and_moves_up_one_after_the_other() -> None:
     run = simulate(room(waiting(4), queues=[QUEUE], robot=CORNER), 40.0)
     assert [activity(run[0], k) for k in (1, 2, 3, 4)] == ["queueing"] * 4

@@ -35,7 +35,20 @@ def walkers_at(position: Array, group: IntArray, capacity: int) -> Walkers:
     lists = np.zeros(count + 1, dtype=np.int64), np.zeros(capacity, dtype=np.int64), np.full(capacity, np.nan)
     flags = numbers > 0.0
     return Walkers(
-        position, vectors, vectors, vectors, numbers, numbers, flags, *lists, group, flags, numbers, numbers, numbers
+        position,
+        vectors,
+        vectors,
+        vectors,
+        numbers,
+        numbers,
+        flags,
+        *lists,
+        group,
+        flags,
+        numbers,
+        numbers,
+        numbers,
+        vectors,
     )
 
 

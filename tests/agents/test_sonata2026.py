@@ -19,6 +19,7 @@ from sonata2d.agents.pedestrians.models.sonata2026 import (
     ASIDE,
     BRISK_PACE,
     CONTACT,
+    FORMATION_TOLERANCE,
     MAXIMUM_ACCELERATION,
     MAXIMUM_BRAKING,
     MAXIMUM_GROUP_DISTANCE,
@@ -28,6 +29,7 @@ from sonata2d.agents.pedestrians.models.sonata2026 import (
     SHUFFLE,
     SLOW_PACE,
     STREAM_LENGTH,
+    WAITING_LAG,
     WEIGHT,
     Memory,
     Sonata2026Model,
@@ -240,7 +242,9 @@ def test_members_of_a_group_that_lag_hurry_as_much_as_members_ahead_wait() -> No
     def added(x: float, y: float, i: int, *, is_abreast: bool = True) -> tuple[float, float]:
         walkers = walkers_at([(0.0, 0.0), (x, y)], [(0.0, 0.0)] * 2, group=0)
         walkers.is_abreast[:] = is_abreast
-        return group_velocity(walkers, i, np.zeros(2), 1.0, GIVEN)
+        gx, gy, pace = group_velocity(walkers, i, np.zeros(2), 1.0, GIVEN)
+        assert pace == 1.0
+        return gx, gy
 
     assert added(0.3, 0.7, 0) == pytest.approx((0.0, 0.0))  # within a third of the spacing: abreast
     assert added(0.5, 0.7, 0) == pytest.approx((0.2 * 0.2, 0.0))
@@ -252,13 +256,36 @@ def test_members_of_a_group_that_lag_hurry_as_much_as_members_ahead_wait() -> No
     assert added(0.0, 9.0, 0) == pytest.approx((0.0, 0.2 * MAXIMUM_GROUP_DISTANCE))
 
 
+def test_members_far_ahead_wait() -> None:
+    def pace(ahead: float) -> float:
+        walkers = walkers_at([(0.0, 0.0), (ahead, 0.0)], [(0.0, 0.0)] * 2, group=0)
+        assert group_velocity(walkers, 0, np.zeros(2), 1.0, GIVEN)[2] == 1.0  # the one behind
+        return group_velocity(walkers, 1, np.zeros(2), 1.0, GIVEN)[2]
+
+    tolerance = FORMATION_TOLERANCE * GIVEN.spacing
+    assert pace(tolerance + WAITING_LAG) == pytest.approx(1.0)
+    assert pace(tolerance + 1.5 * WAITING_LAG) == pytest.approx(0.5)
+    assert pace(tolerance + 2.0 * WAITING_LAG) == pytest.approx(0.0)
+
+
+def test_nobody_evades_into_a_wall() -> None:
+    """An oncoming person straight ahead is evaded to the right, the side of the rules, or to the left of a wall."""
+    path = np.array([[0.8, 0.0, 0.0, 0.0, -1.0, CONTACT_DISTANCE, 1.0]])
+
+    def course(walls: Array) -> float:
+        return steer(path, walls, EAST, 1.3, GIVEN.time_gap, 1.0, GIVEN, np.empty(len(ANGLES)))[1]
+
+    assert course(NO_WALLS) < -0.1
+    assert course(np.array([[0.0, -1.0, 0.05]])) > 0.1
+
+
 def test_a_group_keeps_half_of_the_looseness_with_which_it_comes() -> None:
     looseness = np.full(2, math.nan)
     came = walkers_at([(0.0, 0.0), (0.7, 0.7)], [(0.0, 0.0)] * 2, group=0)
-    assert group_velocity(came, 0, looseness, 1.0, GIVEN) == (0.0, 0.0)
+    assert group_velocity(came, 0, looseness, 1.0, GIVEN) == (0.0, 0.0, 1.0)
     assert looseness[0] == pytest.approx(0.4)  # it is so much more than a third of the spacing behind
     assert math.isnan(looseness[1])
-    assert group_velocity(came, 0, looseness, 1.0, GIVEN) == pytest.approx((0.2 * 0.2, 0.0))
+    assert group_velocity(came, 0, looseness, 1.0, GIVEN) == pytest.approx((0.2 * 0.2, 0.0, 1.0))
 
 
 def test_those_who_walk_in_a_stream_speed_up_slowly_and_others_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

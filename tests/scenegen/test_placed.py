@@ -281,6 +281,8 @@ TABLE = {"type": "table", "x": 2.0, "y": 1.0, "size": (1.6, 0.9)}
 def test_a_start_or_a_goal_in_furniture_is_an_error_that_names_it() -> None:
     with pytest.raises(SceneError, match=r"person 1 does not fit at \(2\.2, 1\.1\), on the table at \(2, 1\); move it"):
         scene_with({"x": 2.2, "y": 1.1, "goals": [(0, 0)]}, furniture=[TABLE])
+    with pytest.raises(SceneError, match=r"the start \(2\.2, 1\.1\) of person 1 is in the table at \(2, 1\); move one"):
+        scene_with({"x": 2.2, "y": 1.1, "goals": [(0, 0)], "enters": 4}, furniture=[TABLE])
     for exits in (False, True):
         with pytest.raises(SceneError, match=r"the goal \(2, 1\) of person 1 is in the table at \(2, 1\); move one"):
             scene_with({"x": -2, "y": 1, "goals": [(0, 0), (2, 1)], "exits": exits}, furniture=[TABLE])
@@ -299,7 +301,7 @@ def test_a_goal_in_a_wall_is_an_error() -> None:
 
 def test_a_goal_behind_a_gap_that_is_too_narrow_is_an_error() -> None:
     slim, stout = ({"x": -2, "y": y, "goals": [(2, y)], "radius": radius} for y, radius in ((1, 0.14), (-1, 0.2)))
-    problem = r"person 1 cannot walk from \(-2, 1\) to its goal \(2, 1\): .* too narrow for its body, .* 0\.28 m deep"
+    problem = r"person 1 cannot walk from \(-2, 1\) to its goal \(2, 1\): no way .* its body, which is 0\.28 m deep"
     with pytest.raises(SceneError, match=problem):
         with_gap(0.26, slim)
     assert with_gap(0.32, slim).humans

@@ -313,6 +313,9 @@ class SocialPlanner(Controller):
 
     def act(self, snapshot: Snapshot) -> Twist:
         robot, humans, last = snapshot.robot, snapshot.humans, self._last
+        if snapshot.goal.is_reached(robot.pose):  # in an episode that goes on nevertheless
+            self._last = Twist()
+            return self._last
         now = robot.executed
         best = _cheapest(
             self._numbers, self._layers, self._barriers, self._pairs, self._velocities, self._turns, self._positions,

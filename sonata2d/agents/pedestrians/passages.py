@@ -99,7 +99,7 @@ def _are_of_one(scene: Scene, first: Array, second: Array) -> bool:
 def _frame(scene: Scene, ends: Array) -> Array | None:
     """A row of `Passages.frame` for a passage that consists of narrow places; None without room for those who wait."""
     narrowest = ends[ends[:, 4].argmin()]
-    x, y = (np.add.reduce(ends[:, :2]) / len(ends)).tolist()
+    x, y = (np.add.reduce(ends[:, :2], axis=0) / len(ends)).tolist()
     ux, uy = narrowest[2:4].tolist()
     ahead = (ends[:, 1] - y) * ux - (ends[:, 0] - x) * uy
     half_depth = abs(ahead).max()

@@ -187,14 +187,21 @@ class Wayfinding:
         return False
 
     def _stay_here(self, k: int, position: Point, duration: float) -> None:
-        """Let pedestrian k stand where it comes to rest if it brakes now: near its destination, not exactly there."""
-        vx, vy = self._velocity[k].tolist()
-        place = position[0] + vx * BRAKING_TIME, position[1] + vy * BRAKING_TIME
-        if not self.space.is_free_at(place):
-            place = position
-        self._spots[k] = place
+        """Let pedestrian k stand where it comes to rest: near its destination, not exactly there."""
+        place = self.resting_place(k, position)
+        self.reserve(k, place)
         if self.start_stay is not None:
             self.start_stay(k, place, duration)
+
+    def resting_place(self, k: int, position: Point) -> Point:
+        """Where pedestrian k comes to rest if it brakes now, at a position; m."""
+        vx, vy = self._velocity[k].tolist()
+        place = position[0] + vx * BRAKING_TIME, position[1] + vy * BRAKING_TIME
+        return place if self.space.is_free_at(place) else position
+
+    def reserve(self, k: int, place: Point) -> None:
+        """Keep other pedestrians from standing where pedestrian k stands, or will stand, m, until it goes on."""
+        self._spots[k] = place
 
     def _choose_place(self, k: int) -> Place | None:
         """A place of interest, by weight, other than the one where the pedestrian is; None if there is none."""

@@ -32,6 +32,7 @@ POSITION_SPACING = 0.7  # m, between the positions of two tasks
 MEMBER_SPACING, MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
 LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
 FOREVER = 1e6  # s
+SERVED_TIME = 120.0  # s, for which a pedestrian that was served does not queue again
 LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
 
 
@@ -64,6 +65,7 @@ class SocialDynamics:
         ]
         self._tasks: dict[int, Task] = {}
         self._last: dict[int, Kind] = {}  # kind of the last task
+        self._may_queue_from: dict[int, int] = {}  # tick, of those who were served
         self._has_walked = set(range(len(humans)))  # no task since the last walk: may take one on the next arrival
         self._have_met: set[int] | None = None  # pairs i < j as i N + j, since they were last SEPARATION apart
         self._tick, self._position = 0, social.standing_position
@@ -100,6 +102,7 @@ class SocialDynamics:
                 served = line.advance(tick, position)
                 self._is_changed = self._is_changed or line.has_moved
                 if served is not None:
+                    self._may_queue_from[served] = tick + int(SERVED_TIME / self._dt)
                     self._leave(served)
         if self._settings.meets > 0.0:
             self._start_meetings(walkers)
@@ -232,22 +235,25 @@ class SocialDynamics:
             spot = self._spot_beside(follower, k, place, taken)
             taken.append(spot)
             position = as_point(self._position[follower])
-            if distance(position, spot) < PLACE_TOLERANCE or not self._wayfinding.send_to(follower, position, spot):
-                self._stand(follower, spot if distance(position, spot) < PLACE_TOLERANCE else position, until)
+            rest = self._wayfinding.resting_place(follower, position)
+            is_there = distance(rest, spot) < PLACE_TOLERANCE and distance(rest, place) < MEMBER_DISTANCE
+            if is_there or not self._wayfinding.send_to(follower, position, spot):
+                self._stand(follower, rest, until)
             else:
                 self._tasks[follower] = Task("stay", spot, place, until=until)
+            self._wayfinding.reserve(follower, spot)
 
     def _stand(self, k: int, place: Point, until: int) -> None:
         """Pedestrian k stands at a place, m, until a tick.
 
-        It faces where its feet point; at its last goal, if others stand there and it is ahead, it faces that goal.
+        It faces where its feet point; at its last goal, if others stand there and it is not behind, it faces that goal.
         """
         (x, y), (dx, dy) = place, self._feet[k].tolist()
         facing_point, goal = (x + 3.0 * dx, y + 3.0 * dy), self._wayfinding.last_goal(k)
         if (
             goal is not None
             and distance(place, goal) > ARRIVAL_DISTANCE
-            and (goal[0] - x) * dx + (goal[1] - y) * dy > 0.0
+            and (goal[0] - x) * dx + (goal[1] - y) * dy > -0.5 * distance(place, goal)
         ):
             facing_point = goal
         is_brief = (until - self._tick) * self._dt < LONG_STAY
@@ -359,7 +365,7 @@ class SocialDynamics:
         elif kind == "sit":
             yield from self._seats.tasks({task.object_id for task in self._tasks.values()})
         else:
-            for line in self._lines:
+            for line in self._lines if self._tick >= self._may_queue_from.get(k, 0) else ():
                 coming = sum(task.line is line and not task.has_arrived for task in self._tasks.values())
                 if line.tail + coming < line.queue.capacity:
                     yield Task("queue", *line.slot(line.tail), line=line)
