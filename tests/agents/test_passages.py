@@ -90,6 +90,13 @@ def test_people_pass_a_gap_of_40_cm_in_both_directions() -> None:
     assert (progress(path, 2)[-1] > 0.3).all()
 
 
+def test_the_inside_of_a_hollow_wall_is_no_passage() -> None:
+    faces = [Wall((x, sign * 4.0), (x, sign * 0.4)) for x in (-0.2, 0.2) for sign in (-1, 1)]
+    jambs = [Wall((-0.2, sign * 0.4), (0.2, sign * 0.4)) for sign in (-1, 1)]
+    (frame,) = find_passages(room([], inner=[*faces, *jambs], robot=CORNER)).frame
+    assert frame[[0, 1, 4, 5]] == pytest.approx([0.0, 0.0, 0.4, 0.2], abs=1e-9)
+
+
 def beside_a_table(count: int) -> Scene:
     """People at both ends of an aisle of 0.6 m between a table and a wall, 1.6 m long."""
     table = Furniture(1, "table", Pose(0.0, -0.3), Rectangle(1.6, 1.4))

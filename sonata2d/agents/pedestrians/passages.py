@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.compiled import kernel, subroutine
-from ...core.geometry import inside_polygon
+from ...core.geometry import inside_polygon, segment_distances
 from ...core.humans import X, Y
 from ...core.packing import Floats, Floats2, Ints, Ints2
 from ...core.portable_math import Array, BoolArray
@@ -32,7 +32,6 @@ INSIDE, CLAIM = 0.45, 1.5  # m, from the end of a passage: of those who are in i
 PATIENCE, JAM = 6.0, 18.0  # s: for which one direction waits, and after which nobody waits, because somebody is stuck
 WAITING_DISTANCE = 1.1  # m, from the end of a passage
 LANE, LANE_LENGTH = 0.55, 2.2  # m, half the width and the length of what is kept free for those who come out
-COMING_OUT = 0.5  # cosine of the walking direction and that of the passage, above which somebody comes out
 STEP_ASIDE = 0.5  # m/s
 BRAKING = 0.8  # m/s^2
 
@@ -84,13 +83,15 @@ def find_passages(scene: Scene) -> Passages:
 
 
 def _are_of_one(scene: Scene, first: Array, second: Array) -> bool:
-    """Whether two narrow places are parts of one passage: one behind the other, and no room to pass in between."""
+    """Whether two narrow places are parts of one passage: one behind the other, with neither walls nor room between."""
     dx, dy = (second[:2] - first[:2]).tolist()
     _, _, ux, uy, _ = first.tolist()
     ahead = abs(dy * ux - dx * uy)
     is_parallel = abs(ux * second[_UX] + uy * second[_UY]) > 0.9
     if not is_parallel or abs(dx * ux + dy * uy) > OFFSET or ahead > DEEPEST:
         return False
+    if segment_distances(first[None, :2], second[None, :2], scene.barriers).min() < NARROWEST / 4:
+        return False  # as in a hollow wall
     count = int(ahead / SAMPLING) + 1
     between = np.array([[first[0] + dx * k / count, first[1] + dy * k / count] for k in range(1, count)])
     return not len(between) or bool(scene.barriers.gaps(between).min(axis=0).max() < WIDEST / 2)
@@ -183,10 +184,15 @@ def give_way(
     if len(passages.holder) == 0:
         return
     for k in range(len(humans)):
+        is_walking = is_present[k] and walkers.walks[k]
         for g in range(len(passages.holder)):
-            passages.way[g, k] = 0
-        if is_present[k] and walkers.walks[k]:
-            _find_way(passages, k, routes, walkers, humans)
+            aside, ahead = _in_frame(passages, g, humans[k, X], humans[k, Y])
+            # Those who were on their way through have a way until they have come out.
+            comes_out = is_walking and passages.way[g, k] * ahead > 0.0 and _is_inside(passages, g, aside, ahead)
+            passages.way[g, k] = passages.way[g, k] if comes_out else 0
+            passages.distance[g, k] = 0.0
+        if is_walking:
+            _find_way(passages, k, routes, humans)
     for g in range(len(passages.holder)):
         _choose_holder(passages, g, dt)
         for k in range(len(humans)):
@@ -198,15 +204,9 @@ def give_way(
 
 
 @subroutine
-def _find_way(passages: Passages, k: int, routes: Routes, walkers: Walkers, humans: Array) -> None:
-    """Find the first passage on the path of pedestrian k, and the one that it is in."""
+def _find_way(passages: Passages, k: int, routes: Routes, humans: Array) -> None:
+    """Find the first passage on the path of pedestrian k."""
     x, y, walked = humans[k, X], humans[k, Y], 0.0
-    for g in range(len(passages.holder)):
-        aside, ahead = _in_frame(passages, g, x, y)
-        along = walkers.desired_direction[k, 1] * passages.frame[g, _UX]
-        along -= walkers.desired_direction[k, 0] * passages.frame[g, _UY]
-        if along * ahead > abs(ahead) * COMING_OUT and _is_inside(passages, g, aside, ahead):
-            passages.way[g, k], passages.distance[g, k] = 1 if along > 0.0 else -1, 0.0
     for n in range(max(routes.next[k], 0), routes.length[k]):
         next_x, next_y = routes.path[k, n, 0], routes.path[k, n, 1]
         step, nearest, first = length(next_x - x, next_y - y), 1.0, -1
