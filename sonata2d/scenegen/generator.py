@@ -133,9 +133,8 @@ def _try_layout(
     # The given pedestrians are the first ones; drawn entities get the ids that these leave free.
     taken, taken_groups = {human.id for human in given.humans}, {group.id for group in given.groups}
     entities = number_entities(drawn, humans, furniture, taken, taken_groups, manners)
-    check_goals(given, plan.outline, plan.barriers, entities.furniture)
     people = zip(given.humans, config.people, strict=True)
-    return Scene(
+    scene = Scene(
         name=config.name,
         family=f"{config.name}/{plan.kind}",
         polygon=plan.polygon,
@@ -153,6 +152,8 @@ def _try_layout(
         queues=journeys.queues,
         places=journeys.places,
     )
+    check_goals(scene, given.humans)
+    return scene
 
 
 def _obstacles(

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
 
 from ..core.entities import TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction
-from ..core.geometry import Barriers, Disc, Point, Pose, canonical_angle, inside_polygon, quantised
+from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
 from ..core.limits import MAX_TRACK_POINTS
 from ..core.navigation import FreeSpace
 from ..core.outlines import outline_row, shape_gap
 from ..core.portable_math import PI, Array, angle_of
 from ..core.rng import RandomStream
+from ..core.scene import Scene
 from ..errors import SceneError
 from .placement import Layout
 from .scenario.base import Jitter
@@ -355,11 +356,10 @@ def place_given(
         if human.behaviour != "recorded" and not _fits(person, human, layout):
             x, y = human.pose.position
             piece = _piece_at((x, y), furniture)
-            where = "" if piece is None else f", on the {piece.type} at ({piece.pose.x:g}, {piece.pose.y:g})"
-            remedy = (
-                "move it, reduce its jitter, or widen the room" if piece is None else f"move it or the {piece.type}"
-            )
-            raise SceneError(f"person {human.id} does not fit at ({x:g}, {y:g}){where}; {remedy}")
+            problem = f"person {human.id} does not fit at ({x:g}, {y:g})"
+            if piece is not None:
+                raise SceneError(f"{problem}, on {_described(piece)}; move it or the {piece.type}")
+            raise SceneError(f"{problem}; move it, reduce its jitter, or widen the room")
         if human.enters == 0:
             layout.occupy([(Disc(human.shape.circumradius), human.pose)])
 
@@ -381,38 +381,31 @@ def _fits(person: PersonSpec, human: Human, layout: Layout) -> bool:
     )
 
 
-def check_goals(placed: PlacedEntities, outline: Array, walls: Barriers, furniture: tuple[Furniture, ...]) -> None:
+def check_goals(scene: Scene, humans: tuple[Human, ...]) -> None:
     """Check that the given pedestrians can reach their goals.
 
     Paths of those that leave at their last goal are not checked: recorded people leave through doors that their scene
     lacks.
 
     Args:
-        placed: the given pedestrians.
-        outline: (K, 2), m, of the room.
-        walls: of the room.
-        furniture: all of it.
+        scene: its room and furniture.
+        humans: the given pedestrians.
 
     Raises:
         SceneError: a goal lies in a wall or in a piece of furniture, or every way to it is too narrow.
     """
-    walking = [human for human in placed.humans if human.behaviour == "walking"]
+    walking = [human for human in humans if human.behaviour == "walking"]
+    _check_furniture(walking, scene.furniture)
     staying = [human for human in walking if not human.exits]
-    _check_furniture(walking, furniture)
     if not staying:
         return
+    widest = FreeSpace(scene.outline, scene.barriers, max(human.radius for human in staying) + _SQUEEZE)
     for human in staying:
-        gaps = walls.gaps(np.array(human.goals)).min(axis=0)
-        for (x, y), gap in zip(human.goals, gaps.tolist(), strict=True):
+        gaps = scene.barriers.gaps(np.array(human.goals)).min(axis=0)
+        own = FreeSpace(scene.outline, scene.barriers, human.radius + _SQUEEZE)
+        for (x, y), (u, v), gap in zip([human.pose.position, *human.goals], human.goals, gaps.tolist(), strict=False):
             if gap < _POINT_RADIUS:
-                raise SceneError(f"the goal ({x:g}, {y:g}) of person {human.id} is in a wall; move it")
-    barriers = walls.joined(
-        Barriers.of(edge for piece in furniture if piece.on is None for edge in piece.shape.edges(piece.pose))
-    )
-    widest = FreeSpace(outline, barriers, max(human.radius for human in staying) + _SQUEEZE)
-    for human in staying:
-        own = FreeSpace(outline, barriers, human.radius + _SQUEEZE)
-        for (x, y), (u, v) in pairwise([human.pose.position, *human.goals]):
+                raise SceneError(f"the goal ({u:g}, {v:g}) of person {human.id} is in a wall; move it")
             # one space for all is faster where the widest body passes
             if widest.path((x, y), (u, v)) is None and own.path((x, y), (u, v)) is None:
                 raise SceneError(
@@ -426,8 +419,13 @@ def _check_furniture(humans: list[Human], furniture: tuple[Furniture, ...]) -> N
         for what, (x, y) in [("start", human.pose.position), *(("goal", goal) for goal in human.goals)]:
             piece = _piece_at((x, y), furniture)
             if piece is not None:
-                where = f"the {piece.type} at ({piece.pose.x:g}, {piece.pose.y:g})"
-                raise SceneError(f"the {what} ({x:g}, {y:g}) of person {human.id} is in {where}; move one of them")
+                raise SceneError(
+                    f"the {what} ({x:g}, {y:g}) of person {human.id} is in {_described(piece)}; move one of them"
+                )
+
+
+def _described(piece: Furniture) -> str:
+    return f"the {piece.type} at ({piece.pose.x:g}, {piece.pose.y:g})"
 
 
 def _piece_at(point: Point, furniture: tuple[Furniture, ...]) -> Furniture | None:

@@ -29,6 +29,7 @@ from .models.base import (
 from .neighbours import find_neighbours, is_hidden
 from .orientation import (
     HEAD_LEAD_TIME,
+    IDLE_SPEED,
     MINIMUM_HEAD_LEAD,
     Glances,
     GlanceStreams,
@@ -47,7 +48,15 @@ from .reactions import (
     robot_repulsion,
     step_back,
 )
-from .routes import Routes, advance_on_paths, corner_speed, next_without_destination, point_ahead, set_targets
+from .routes import (
+    Routes,
+    advance_on_paths,
+    corner_speed,
+    next_without_destination,
+    point_ahead,
+    set_targets,
+    stopping_speed,
+)
 from .shoulders import wanted_twist
 from .social.dynamics import SocialDynamics
 from .social.state import SocialArrays, SocialState
@@ -55,8 +64,6 @@ from .wayfinding import Wayfinding
 
 MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
 STANDING_SPEED, STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
-SLOW = 0.3  # m/s, below which a body turns to the direction that the model chose
-ARRIVAL_BRAKING = 0.8  # m/s^2, of a walker that arrives where it will stay
 
 # Steps of `plan`, and what it waits for when it returns.
 _FOLLOW, _TARGET, _TURN = range(3)
@@ -405,7 +412,7 @@ def _set_desires(
         walkers.desired_direction[k, 0], walkers.desired_direction[k, 1] = ux, uy
         speed = min(result.preferred_speed[k], corner_speed(routes, k, humans[k, X], humans[k, Y]))
         if routes.is_final[k]:
-            speed = min(speed, math.sqrt(2.0 * ARRIVAL_BRAKING * math.sqrt(dx * dx + dy * dy)))
+            speed = min(speed, stopping_speed(length(dx, dy)))
         walkers.desired_speed[k] = speed
         walkers.is_abreast[k] = routes.is_abreast[k] or routes.first[k] == k
 
@@ -456,8 +463,10 @@ def _orient(
             result.facing[k, 1] = result.gaze[k, 1] = 0.0
             continue
         ux, uy, speed = walkers.desired_direction[k, 0], walkers.desired_direction[k, 1], walkers.desired_speed[k]
+        # A slow walker turns to where its model steers.
         to_x, to_y = unit_or(walkers.steering[k, 0], walkers.steering[k, 1], 0.5, ux, uy)
-        if humans[k, VX] * humans[k, VX] + humans[k, VY] * humans[k, VY] > SLOW * SLOW or ux * to_x + uy * to_y <= 0.0:
+        pace = length(humans[k, VX], humans[k, VY])
+        if pace > IDLE_SPEED or ux * to_x + uy * to_y <= 0.0:
             to_x, to_y = ux, uy
         facing_x, facing_y = facing(k, humans, social, to_x * speed, to_y * speed, reactions, around.side)
         if is_headed and social.is_walking[k]:  # motion follows the body, so the body turns to the desired direction
@@ -466,7 +475,7 @@ def _orient(
         if social.is_walking[k]:
             twist = wanted_twist(walkers, k, around.barriers, result.wanted_twist[k], around.side)
         # The body turns by the dynamics of `critically_damped`, and so does the twist, which is a part of this turn.
-        rate, limit = turn_limits(length(humans[k, VX], humans[k, VY]))
+        rate, limit = turn_limits(pace)
         change, result.twist_rate[k] = critically_damped(twist - result.twist[k], result.twist_rate[k], rate, limit, dt)
         result.wanted_twist[k], result.twist[k] = twist, result.twist[k] + change
         lead = max(speed * HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD)

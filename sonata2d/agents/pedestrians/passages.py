@@ -1,8 +1,8 @@
 """Narrow passages: pedestrians do not enter a door or a gap in which others walk the other way; they wait beside it.
 
-One direction has the right of way. It keeps it while those who walk that way follow each other closely, until others
-have waited for `PATIENCE`. So the direction alternates, as Helbing & Molnár (Phys. Rev. E 51 (1995) 4282, section III)
-describe it for two crowds at a door; the rules and figures are ours.
+One direction at a time has the right of way: until nobody who walks in this direction is near any more, or until those
+in the other direction have waited for `PATIENCE`. So the direction alternates, as Helbing & Molnár (Phys. Rev. E 51
+(1995) 4282, section III) describe it for two crowds at a door; the rules and figures are ours.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ...core.portable_math import Array, BoolArray
 from ...core.scalar import END_X, RADIUS, START_X, gap, length, towards
 from ...core.scene import Scene
 from .models.base import Walkers
-from .routes import Routes
+from .routes import Routes, stopping_speed
 
 NARROWEST, WIDEST = 0.3, 1.1  # m: one person passes, and two do not pass each other comfortably
 DEEPEST, OFFSET = 8.0, 0.15  # m: of a passage between its two ends, and between their middles across it
@@ -28,12 +28,13 @@ SAMPLING = 0.25  # m, between the places at which the width of a deep passage is
 ROOM_AHEAD, ROOM = 0.8, 0.6  # m: at both ends of a passage there is a free circle of this radius at this distance
 ROOM_ASIDE = 0.8  # m, by which this circle may be off the line of the passage
 RANGE = 3.0  # m, on the path, within which pedestrians consider a passage
-INSIDE, CLAIM = 0.45, 1.5  # m, from the end of a passage: of those who are in it, and of those who claim it
-PATIENCE, JAM = 6.0, 18.0  # s: for which one direction waits, and after which nobody waits, because somebody is stuck
+INSIDE = 0.45  # m, from the end of a passage, within which pedestrians count as inside
+CLAIM = 1.5  # m, from the end of a passage, within which pedestrians can get the right of way
+PATIENCE = 6.0  # s, after which the right of way goes to the direction that waits
+JAM = 18.0  # s, after which the rule is suspended, because somebody in the passage may be stuck
 WAITING_DISTANCE = 1.1  # m, from the end of a passage
 LANE, LANE_LENGTH = 0.55, 2.2  # m, half the width and the length of what is kept free for those who come out
 STEP_ASIDE = 0.5  # m/s
-BRAKING = 0.8  # m/s^2
 
 _X, _Y, _UX, _UY, _HALF_WIDTH, _HALF_DEPTH, _LEFT_ROOM, _RIGHT_ROOM = range(8)  # columns of `Passages.frame`
 
@@ -282,7 +283,7 @@ def _wait(passages: Passages, g: int, k: int, walkers: Walkers, humans: Array, s
     ahead = math.copysign(max(abs(ahead) - half_depth, 0.0), ahead)  # from the nearer end
     distance = max(length(aside, ahead), 1e-6)
     rest = max(distance - WAITING_DISTANCE, 0.0)
-    speed, limit = walkers.desired_speed[k], math.sqrt(2.0 * BRAKING * rest)
+    speed, limit = walkers.desired_speed[k], stopping_speed(rest)
     if abs(aside) < LANE and distance < LANE_LENGTH:
         outwards = passages.frame[g, _LEFT_ROOM if ahead > 0.0 else _RIGHT_ROOM]
         if outwards == 0.0:  # the side of the rules is that of a walker who faces the passage

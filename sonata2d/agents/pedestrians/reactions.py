@@ -31,7 +31,8 @@ from ...core.packing import Bools, Floats, Floats2, Ints
 from ...core.portable_math import Array
 from ...core.scalar import Vector, exp, gap
 from ...core.scene import Scene
-from .velocity_obstacle import evasive_velocity, fill_walls, in_conflict, limited_by_walls
+from .models.base import fill_walls
+from .velocity_obstacle import WALL_TIME, evasive_velocity, in_conflict, limited_by_walls
 
 NOTICE_RANGE = 8.0  # m, clearance within which the robot has an effect
 CAUSE_RANGE = 3.0  # m, clearance within which the robot's approach causes `stops` and `scared`
@@ -73,7 +74,7 @@ class Reactions(NamedTuple):
         gap: (N,), m, between each pedestrian and the robot.
         robot_direction: (N, 2), unit vectors from each pedestrian to the robot.
         velocity: (N, 2), m/s, scratch: adjusted velocities.
-        walls: (B, 3), scratch of `velocity_obstacle.fill_walls`.
+        walls: (B, 3), scratch of `fill_walls`.
     """
 
     kind: Ints
@@ -183,10 +184,11 @@ def adjust_course(
     """
     x, y = robot[X] - humans[k, X], robot[Y] - humans[k, Y]
     px, py = _preferred_velocity(reactions, k, robot, desired_x, desired_y, speed)
+    outline = (radius, 0.0, 1.0, 0.0)  # a disc
     distance = _passing_distance(reactions, k)
     vx, vy, passing_side, has_walls = px, py, 0.0, False
     if in_conflict(x, y, px - robot[VX], py - robot[VY], distance):
-        fill_walls(reactions.walls, humans[k, X], humans[k, Y], radius, barriers)
+        fill_walls(reactions.walls, barriers, humans[k, X], humans[k, Y], outline, WALL_TIME, math.inf)
         has_walls = True
         vx, vy, passing_side = evasive_velocity(
             x, y, px, py, robot[VX], robot[VY], distance, reactions.passing_side[k], side, reactions.walls
@@ -206,7 +208,7 @@ def adjust_course(
         return False
     if vx != desired_x or vy != desired_y:
         if not has_walls:
-            fill_walls(reactions.walls, humans[k, X], humans[k, Y], radius, barriers)
+            fill_walls(reactions.walls, barriers, humans[k, X], humans[k, Y], outline, WALL_TIME, math.inf)
         vx, vy = limited_by_walls(reactions.walls, vx, vy)
     reactions.velocity[k, 0], reactions.velocity[k, 1] = vx, vy
     return bool(vx != desired_x or vy != desired_y)

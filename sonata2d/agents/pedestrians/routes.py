@@ -22,6 +22,7 @@ CLUSTER_AREA = 0.7  # m^2, of each pedestrian in a cluster that stands at one go
 LARGEST_CLUSTER = 3.0  # m, radius
 WAYPOINT_DISTANCE = 0.6  # m from a waypoint at which the next one becomes the target if nothing is in between
 REACHED_DISTANCE = 0.2  # m from a waypoint at which the next one becomes the target anyway
+ARRIVAL_BRAKING = 0.8  # m/s^2, of a walker that arrives where it will stay, or waits
 TURNING, BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker that turns at a waypoint
 CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
 PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
@@ -257,6 +258,12 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
             and is_last
             and is_near(humans[k, X], humans[k, Y], x, y, EXIT_DISTANCE)
         )
+
+
+@subroutine
+def stopping_speed(distance: float) -> float:
+    """The speed from which a walker stops at a distance, m, if it brakes evenly; m/s."""
+    return math.sqrt(2.0 * ARRIVAL_BRAKING * distance)
 
 
 @subroutine

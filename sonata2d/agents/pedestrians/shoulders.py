@@ -52,7 +52,7 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
         for b in range(len(barriers)):
             dx, dy = towards(barriers, b, px, py)
             ahead, aside = dx * ex + dy * ey, ex * dy - ey * dx
-            distance = math.sqrt(dx * dx + dy * dy)
+            distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
             free = distance - barriers[b, RADIUS]
             if not (abs(ahead) < WALL_AHEAD and free < BESIDE):
                 continue
@@ -60,7 +60,7 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
                 if free < wall_left:
                     wall_left, lx, ly = free, dx / distance, dy / distance
             elif free < wall_right:
-                wall_right, rx, ry = free, dx / max(distance, 1e-6), dy / max(distance, 1e-6)
+                wall_right, rx, ry = free, dx / distance, dy / distance
         left, right = min(left, wall_left), min(right, wall_right)
         if lx * rx + ly * ry < OPPOSITE:
             gap = min(gap, wall_left + wall_right)

@@ -6,7 +6,7 @@ import math
 
 from ...core.compiled import subroutine
 from ...core.portable_math import Array
-from ...core.scalar import RADIUS, Vector, towards
+from ...core.scalar import Vector
 
 HORIZON, FULL_HORIZON = 5.0, 3.0  # s to the closest approach: evasion begins at the first and is complete at the second
 BEHIND_BONUS = 0.25  # m/s, cost advantage of passing behind the disc
@@ -14,22 +14,6 @@ HABIT_BONUS = 0.25  # m/s, cost advantage of the side chosen before
 MINIMUM_SPEED_FRACTION = 0.6  # of the relative speed, for agents that are too near and walk round the disc
 WALL_TIME = 0.5  # s, within which an evading agent must not reach a wall
 RETREAT_RATE = 0.8  # 1/s, rate at which agents that are too near restore the distance
-
-
-@subroutine
-def fill_walls(walls: Array, x: float, y: float, radius: float, barriers: Array) -> None:
-    """Prepare `limited_by_walls` for an agent at (x, y), m.
-
-    Args:
-        walls: (B, 3), is filled: unit vector to each barrier, and the maximum speed towards it, m/s.
-        x, y, radius: of the agent, m.
-        barriers: (B, 8), rows of `Barriers.table`.
-    """
-    for k in range(barriers.shape[0]):
-        dx, dy = towards(barriers, k, x, y)
-        distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-        walls[k, 0], walls[k, 1] = dx / distance, dy / distance
-        walls[k, 2] = max(distance - barriers[k, RADIUS] - radius, 0.0) / WALL_TIME
 
 
 @subroutine

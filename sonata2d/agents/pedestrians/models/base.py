@@ -8,6 +8,7 @@ compiled code passes every array of a tuple, which would take longer than the te
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -281,6 +282,39 @@ def wall_acceleration(
         total_x += push * wall_x
         total_y += push * wall_y
     return total_x, total_y
+
+
+@subroutine
+def fill_walls(
+    walls: Array, barriers: Array, x: float, y: float, outline: tuple[float, float, float, float], time: float,
+    reach: float,
+) -> int:  # fmt: skip
+    """Find how fast an agent at (x, y), m, can approach walls and furniture without reaching them within a given time.
+
+    Args:
+        walls: (B, 3), is filled: unit vector to the barrier, and largest speed in this direction, m/s.
+        barriers: (B, 8), rows of `Barriers.table`.
+        x, y: m.
+        outline: radius and half the length of the shoulder line, m, and unit vector of the heading.
+        time: s.
+        reach: distance of a barrier beyond which it is left out, m.
+
+    Returns:
+        Number of rows that were filled.
+    """
+    radius, shoulder, bx, by = outline
+    count = 0
+    for k in range(len(barriers)):
+        dx, dy = towards(barriers, k, x, y)
+        square, limit = dx * dx + dy * dy, reach + barriers[k, RADIUS]
+        if square > limit * limit:
+            continue
+        distance = max(math.sqrt(square), 1e-6)
+        nx, ny = dx / distance, dy / distance
+        gap = distance - barriers[k, RADIUS] - radius - shoulder * abs(nx * by - ny * bx)
+        walls[count, 0], walls[count, 1], walls[count, 2] = nx, ny, max(gap, 0.0) / time
+        count += 1
+    return count
 
 
 @subroutine

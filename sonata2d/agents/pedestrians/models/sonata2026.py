@@ -11,9 +11,9 @@ from ....core.compiled import kernel, subroutine
 from ....core.packing import Floats, Ints, Packed, pack, unpack
 from ....core.portable_math import PI, Array, unit_vectors
 from ....core.rng import AgentStreams
-from ....core.scalar import RADIUS, Vector, clipped, exp, length, rotation, towards, turned_towards
+from ....core.scalar import Vector, clipped, exp, length, rotation, turned_towards
 from ....core.scene import Scene
-from .base import KernelModel, Walkers
+from .base import KernelModel, Walkers, fill_walls
 
 
 class Sonata2026(NamedTuple):
@@ -90,7 +90,7 @@ def desired_change(
         velocity: m/s.
         direction: of the desired velocity, a unit vector; zero to stop.
         speed: of the desired velocity, m/s.
-        pull: further acceleration along the direction, m/s^2, which makes nobody walk backwards.
+        pull: further acceleration along the direction, m/s^2, which never leads to walking backwards.
         relaxation_time, turning_time: along and across the direction, s.
         dt: tick, s.
 
@@ -224,7 +224,8 @@ def group_velocity(
     """Keep walking groups abreast and together: members that lag walk faster, those ahead slower.
 
     Where there is no room beside each other, members walk in file. A group that comes in a looser formation than that
-    of the parameters keeps to that one. Members that walk the other way are left alone. Those who are far ahead wait.
+    of the parameters keeps to that one. Members that walk in the opposite direction have no effect. Members far ahead
+    of the others wait.
 
     Args:
         walkers: all agents.
@@ -336,7 +337,7 @@ def steer(
 
     Args:
         path: (N, 7), neighbours that the agent attends to; columns `AHEAD` to `WEIGHT`.
-        walls: see `near_walls`.
+        walls: see `base.fill_walls`.
         direction: desired direction, a unit vector; zero for an agent that stands.
         desired_speed: m/s.
         time_gap: of the agent, s.
@@ -492,7 +493,9 @@ def _accelerations(
                 path[count, ALIGNMENT] = alignment
                 path[count, CONTACT], path[count, WEIGHT] = contact, weight
                 count += 1
-        walls = near[: near_walls(walkers, i, barriers, p.turning_time, near)]
+        outline = (radius[i], walkers.shoulder[i], body[i, 0], body[i, 1])
+        reach = radius[i] + walkers.shoulder[i] + p.turning_time * FASTEST
+        walls = near[: fill_walls(near, barriers, position[i, 0], position[i, 1], outline, p.turning_time, reach)]
         gx, gy, group_pace = group_velocity(walkers, i, memory.looseness, side, p)
         x, y, speed = steer(path[:count], walls, (ex, ey), desired_speed[i], time_gap, side, p, value)
         walkers.steering[i, 0], walkers.steering[i, 1] = x, y
@@ -521,36 +524,6 @@ def held_back(velocity: Vector, normal: Vector, maximum: float) -> Vector:
 
 
 @subroutine
-def near_walls(walkers: Walkers, i: int, barriers: Array, time: float, walls: Array) -> int:
-    """Find the walls and the furniture that agent i could reach within a given time.
-
-    Args:
-        walkers: all agents.
-        i: index of an agent that walks.
-        barriers: rows of `Barriers.table`.
-        time: s.
-        walls: (B, 3), is filled: unit vector to the barrier, and largest permitted speed in this direction, m/s.
-
-    Returns:
-        Number of rows that were filled.
-    """
-    x, y, radius, shoulder = walkers.position[i, 0], walkers.position[i, 1], walkers.radius[i], walkers.shoulder[i]
-    bx, by = walkers.body_direction[i, 0], walkers.body_direction[i, 1]
-    reach, count = radius + shoulder + time * FASTEST, 0
-    for k in range(len(barriers)):
-        dx, dy = towards(barriers, k, x, y)
-        square, limit = dx * dx + dy * dy, reach + barriers[k, RADIUS]
-        if square > limit * limit:
-            continue
-        distance = max(math.sqrt(square), 1e-6)
-        nx, ny = dx / distance, dy / distance
-        gap = distance - barriers[k, RADIUS] - radius - shoulder * abs(nx * by - ny * bx)
-        walls[count, 0], walls[count, 1], walls[count, 2] = nx, ny, max(gap, 0.0) / time
-        count += 1
-    return count
-
-
-@subroutine
 def without_bumps(walkers: Walkers, i: int, velocity: Vector, walls: Array, time: float) -> Vector:
     """Limit the velocity of agent i so that it reaches no obstacle and no oncoming person within a given time.
 
@@ -561,7 +534,7 @@ def without_bumps(walkers: Walkers, i: int, velocity: Vector, walls: Array, time
         walkers: all agents.
         i: index of an agent that walks.
         velocity: that it wants, m/s.
-        walls: see `near_walls`.
+        walls: see `base.fill_walls`.
         time: s.
 
     Returns:
