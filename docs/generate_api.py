@@ -45,6 +45,7 @@ PACKAGES = {
     "sonata2d.datasets": "Data sets",
     "sonata2d.metrics": "Metrics",
     "sonata2d.formats": "Formats",
+    "sonata2d.gym": "Gymnasium environments",
     "sonata2d.learning": "Learned policies",
     "sonata2d.learning.graph": "Graphs",
     "sonata2d.testing": "Checks of controllers",

@@ -1,17 +1,19 @@
-"""Reading `.npz` files whose declared sizes are not trusted."""
+"""Reading `.npz` files whose declared sizes are not trusted, and writing them with the same bytes each time."""
 
 from __future__ import annotations
 
 import io
 import math
 import zipfile
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.lib import format as npy
 
 from .limits import MAX_ARCHIVE_WITHOUT_RATIO, MAX_UNPACKED_RATIO
+from .whole_file import whole_file
 
 _READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
@@ -62,3 +64,18 @@ def _array(data: bytes, name: str) -> Any:
     if count * dtype.itemsize != len(content):
         raise ValueError(f"{name} declares the shape {shape} of {dtype}, but its data differ")
     return np.frombuffer(content, dtype=dtype, count=count).reshape(shape, order="F" if fortran else "C")
+
+
+def write_npz(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Write arrays by name; the same arrays give the same bytes.
+
+    Args:
+        path: of the file.
+        arrays: of numbers or text, in the order of the file.
+    """
+    with whole_file(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, array in arrays.items():
+            data = io.BytesIO()
+            np.save(data, array, allow_pickle=False)
+            # A ZipInfo made from a name alone has a fixed date, so the bytes do not depend on the time.
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), data.getvalue(), zipfile.ZIP_DEFLATED)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ..core.archives import read_npz
+from ..core.archives import read_npz, write_npz
 from ..core.limits import MAX_WEIGHTS_BYTES
 from ..core.portable_math import Array
-from ..core.whole_file import whole_file
 from ..core.wording import one_line
 from ..errors import ControllerError, RecordError
 from ..record.files import read_bytes
@@ -78,12 +75,7 @@ def write_weights(path: str | Path, weights: Weights) -> None:
     check_arrays(weights.graph, weights.kind, weights.arrays)
     header = json.dumps({"graph": weights.graph, "kind": weights.kind, "note": dict(weights.note)}, sort_keys=True)
     arrays = {name: np.asarray(array, dtype=np.float32) for name, array in sorted(weights.arrays.items())}
-    with whole_file(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, array in {HEADER: np.array(header), **arrays}.items():
-            data = io.BytesIO()
-            np.save(data, array, allow_pickle=False)
-            # A ZipInfo made from a name alone has a fixed date, so the bytes do not depend on the time.
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), data.getvalue(), zipfile.ZIP_DEFLATED)
+    write_npz(path, {HEADER: np.array(header), **arrays})
 
 
 def read_weights(path: Path) -> Weights:

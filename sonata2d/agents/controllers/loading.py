@@ -6,6 +6,7 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
+import json
 import os
 import sys
 from collections.abc import Iterator, Mapping
@@ -15,13 +16,17 @@ from types import ModuleType
 from typing import Any
 
 from ...core import interruption
+from ...core.archives import read_npz
+from ...core.limits import MAX_WEIGHTS_BYTES
 from ...core.wording import described, one_line
 from ...errors import ControllerError
-from ...registry import CONTROLLERS
+from ...registry import CONTROLLERS, resolve
 from .base import RECORDED_PATHS, Controller, current_path
 from .labelled import Labelled
 
 WEIGHTS_SUFFIX = ".npz"
+POLICY_SUFFIXES = (WEIGHTS_SUFFIX, ".onnx")
+_GYM_POLICY = "sonata2d.gym.policy:PolicyController"
 
 
 @interruption.surroundings_kept()
@@ -30,8 +35,8 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
 
     Args:
         name: a built-in name or a plug-in's (`social-planner`), a class `package.module:Class` or `./file.py:Class`,
-            a file `./file.py` that defines one controller class, the weights of a graph policy `./policy.npz`, or two
-            of these, `driver+labeller` (see `agents.Labelled`).
+            a file `./file.py` that defines one controller class, a policy `./policy.npz` (of `learning.write_weights`
+            or `gym.save_policy`) or `./policy.onnx`, or two of these, `driver+labeller` (see `agents.Labelled`).
         settings: as stored in an episode file; reconstructs the recorded controller. None: default settings.
 
     Raises:
@@ -47,8 +52,8 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
         if isinstance(driver, Labelled) or isinstance(labeller, Labelled):
             raise ControllerError(f"{name} names more than two controllers; give one driver and one labeller")
         return Labelled(driver, labeller)
-    if name.endswith(WEIGHTS_SUFFIX):
-        policy: Any = CONTROLLERS.load("graph-policy")
+    if name.endswith(POLICY_SUFFIXES):
+        policy: Any = _policy_class(Path(name))
         learned: Controller = policy(name) if settings is None else policy.from_settings(settings, weights=name)
         return learned
     controller_class = find_controller(name)
@@ -60,6 +65,25 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
         interruption.reraise(error)
         how = "without arguments" if settings is None else "from its recorded settings"
         raise ControllerError(f"{name} cannot be created {how}: {described(error)}") from error
+
+
+def _policy_class(path: Path) -> Any:
+    """The class of controllers that drive with the policy of a file."""
+    if path.suffix == WEIGHTS_SUFFIX and not _is_perceptron(path):
+        return CONTROLLERS.load("graph-policy")
+    try:
+        return resolve(_GYM_POLICY)
+    except ModuleNotFoundError as error:
+        raise ControllerError(f"{path.name} was trained with Gymnasium: {error}") from error
+
+
+def _is_perceptron(path: Path) -> bool:
+    """Whether a file of weights is that of a multilayer perceptron; False for one that cannot be read."""
+    try:
+        header = read_npz(path.read_bytes(), MAX_WEIGHTS_BYTES, ["about"])["about"]
+        return bool(json.loads(str(header))["kind"] == "mlp")
+    except (ArithmeticError, KeyError, OSError, RecursionError, TypeError, ValueError):
+        return False
 
 
 def is_installed(name: str, settings: Mapping[str, Any]) -> bool:

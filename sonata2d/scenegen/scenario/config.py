@@ -229,13 +229,13 @@ class ScenarioConfig(Settings):
         """Return the scenario with other settings.
 
         Args:
-            settings: settings to replace, by name.
+            settings: settings to replace, by name; of a section, those that it does not name stay.
 
         Raises:
             ConfigError: a setting is unknown or invalid.
         """
         try:
-            return ScenarioConfig(**{**self.settings(), **settings})
+            return ScenarioConfig(**merged(self.settings(), settings))
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             place = (*first["loc"], *first.get("ctx", {}).get("path", ()))
@@ -244,6 +244,20 @@ class ScenarioConfig(Settings):
     def settings(self) -> dict[str, Any]:
         """Return all settings, with defaults, as JSON values; `ScenarioConfig(**settings)` restores the scenario."""
         return self.model_dump(mode="json")
+
+
+def merged(base: dict[str, Any], changes: dict[str, Any], model: type[Settings] = ScenarioConfig) -> dict[str, Any]:
+    """Replace settings of `base` by `changes`, recursively in each section of the model."""
+    # `humans` replaces `standing` and `wandering`, and the other way round: both together would be an error
+    counts = {"standing", "wandering"}
+    replaced = counts if "humans" in changes else {"humans"} if counts & changes.keys() else set()
+    result = {key: value for key, value in base.items() if key not in replaced}
+    for key, value in changes.items():
+        section = model.model_fields[key].annotation if key in model.model_fields else None
+        if isinstance(value, dict) and isinstance(section, type) and issubclass(section, Settings):
+            value = merged(result.get(key) or {}, value, section)
+        result[key] = value
+    return result
 
 
 def _huge_number(value: Any, path: tuple[int | str, ...] = ()) -> tuple[int | str, ...] | None:

@@ -13,8 +13,7 @@ from ...core.reading import is_shell_pipe
 from ...core.wording import one_line, shown
 from ...errors import ConfigError
 from ...registry import did_you_mean
-from .base import Settings
-from .config import ScenarioConfig
+from .config import ScenarioConfig, merged
 from .parse import line_of, parse_settings
 
 _PRESETS = Path(__file__).parents[1] / "presets"
@@ -23,7 +22,7 @@ _SUFFIXES = (".yaml", ".yml", ".json", ".toml")
 
 def scenario_names() -> dict[str, str]:
     """Return the names of the presets, each with its one-line description."""
-    return {name: str(parse_settings(_PRESETS / f"{name}.yaml")["description"]) for name in _preset_names()}
+    return {name: str(parse_settings(_PRESETS / f"{name}.yaml")["description"]) for name in preset_names()}
 
 
 def load_scenario(name_or_path: str | Path) -> ScenarioConfig:
@@ -41,14 +40,14 @@ def load_scenario(name_or_path: str | Path) -> ScenarioConfig:
     return _load(_find(str(name_or_path), Path()), ())[0]
 
 
-def _preset_names() -> list[str]:
+def preset_names() -> list[str]:
     return sorted(path.stem for path in _PRESETS.glob("*.yaml"))
 
 
 def _find(name: str, folder: Path) -> Path:
     """Return the file of a preset name, or of a path relative to `folder`."""
     path = folder / name
-    if name in _preset_names():
+    if name in preset_names():
         return _PRESETS / f"{name}.yaml"
     try:
         if path.is_file() or is_shell_pipe(path):
@@ -60,7 +59,7 @@ def _find(name: str, folder: Path) -> Path:
         neighbours = [str(other) for other in sorted(path.parent.glob("*")) if other.suffix in _SUFFIXES]
     except (OSError, ValueError) as error:  # no name of a file, e.g. one that is too long
         raise ConfigError(f"no scenario file or preset {shown(name)}: {getattr(error, 'strerror', error)}") from None
-    hint = did_you_mean(name, [*_preset_names(), *neighbours]) or f"; presets are {', '.join(_preset_names())}"
+    hint = did_you_mean(name, [*preset_names(), *neighbours]) or f"; presets are {', '.join(preset_names())}"
     raise ConfigError(f"no scenario file or preset {name!r}{hint}")
 
 
@@ -80,7 +79,7 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
     if "extends" in settings:
         base = _load_base(path, str(settings.pop("extends")), extended_by)
         base = {key: value for key, value in base.items() if key not in ("name", "description")}
-        settings = _merge(base, settings, ScenarioConfig)
+        settings = merged(base, settings)
     settings = {"name": path.stem} | settings
     try:
         config = ScenarioConfig.model_validate(settings)
@@ -112,20 +111,6 @@ def _load_base(path: Path, base: str, extended_by: tuple[Path, ...]) -> dict[str
         return _load(_find(base, path.parent), (*extended_by, _real(path)))[1]
     except ConfigError as error:
         raise ConfigError(f"{path.name}{line_of(path, ['extends'])}: extends: {error}") from None
-
-
-def _merge(base: dict[str, Any], changes: dict[str, Any], model: type[Settings]) -> dict[str, Any]:
-    """Replace settings of `base` by `changes`, recursively in each section."""
-    # `humans` replaces `standing` and `wandering`, and the other way round: both together would be an error
-    counts = {"standing", "wandering"}
-    replaced = counts if "humans" in changes else {"humans"} if counts & changes.keys() else set()
-    merged = {key: value for key, value in base.items() if key not in replaced}
-    for key, value in changes.items():
-        section = model.model_fields[key].annotation if key in model.model_fields else None
-        if isinstance(value, dict) and isinstance(section, type) and issubclass(section, Settings):
-            value = _merge(merged.get(key) or {}, value, section)
-        merged[key] = value
-    return merged
 
 
 def _error_message(path: Path, settings: dict[str, Any], error: ValidationError) -> str:

@@ -1,0 +1,23 @@
+from .demonstrations import Demonstration as Demonstration, demonstrate as demonstrate, save_minari as save_minari
+from .env import SocialNavEnv as SocialNavEnv
+from .export import save_policy as save_policy
+from .pipeline import restore as restore
+from .policy import PolicyController as PolicyController
+from .registration import ENVIRONMENT_IDS as ENVIRONMENT_IDS, register_environments as register_environments
+from .rewards import (
+    REWARDS as REWARDS,
+    Reward as Reward,
+    goal_distance as goal_distance,
+    human_clearance as human_clearance,
+)
+from .vector import SocialNavVectorEnv as SocialNavVectorEnv
+from .wrappers import (
+    DiscreteActions as DiscreteActions,
+    FieldOfView as FieldOfView,
+    Flat as Flat,
+    Graph as Graph,
+    History as History,
+    Lidar as Lidar,
+    Noise as Noise,
+    WorldFrame as WorldFrame,
+)

@@ -1,0 +1,130 @@
+"""Demonstrations: what a controller does in the environment, for imitation."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from ..agents.controllers.base import Controller, Regenerate, Stop
+from ..core.geometry import Twist
+from .pipeline import Pipeline
+from .wrappers import DiscreteActions
+
+Env = gymnasium.Env[Any, Any]
+_ROUNDING = 1e-4  # m/s and rad/s, by which the command of an action may differ from the controller's
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """One episode of T steps.
+
+    Attributes:
+        observations: T + 1, of the wrapped environment; the last one has no action.
+        actions: (T, ...).
+        rewards: (T,).
+        terminated, truncated: how it ended; both are False if the controller ended it.
+        info: of the last step.
+    """
+
+    observations: list[Any]
+    actions: NDArray[Any]
+    rewards: NDArray[np.float64]
+    terminated: bool
+    truncated: bool
+    info: dict[str, Any]
+
+
+def demonstrate(env: Env, controller: Controller, *, seed: int, episodes: int) -> list[Demonstration]:
+    """Let a controller drive in an environment.
+
+    Args:
+        env: in wrappers or not.
+        controller: e.g. `sonata2d.SocialPlanner()`.
+        seed: of the first reset; the episodes are those of a data set with this seed.
+        episodes: their number.
+
+    Returns:
+        The episodes.
+    """
+    found, pipeline = [], Pipeline(env)
+    for k in range(episodes):
+        observation, info = env.reset(seed=seed if k == 0 else None)
+        controller.reset(pipeline.base.scene)
+        observations, actions, rewards = [observation], [], []
+        terminated = truncated = False
+        while not (terminated or truncated):
+            answer = controller.act(pipeline.base.snapshot)
+            if isinstance(answer, (Stop, Regenerate)):
+                break
+            action = _action(env, pipeline, answer)
+            observation, reward, terminated, truncated, info = env.step(action)
+            executed = pipeline.twist(action)
+            if not np.allclose(astuple(executed), astuple(answer), rtol=0.0, atol=_ROUNDING):
+                controller.command_overridden(executed)
+            observations.append(observation)
+            actions.append(action)
+            rewards.append(float(reward))
+        found.append(
+            Demonstration(observations, np.array(actions), np.array(rewards), terminated, truncated, dict(info))
+        )
+    return found
+
+
+def _action(env: Env, pipeline: Pipeline, twist: Twist) -> Any:
+    """The action of an environment that is nearest to a command."""
+    action = pipeline.base.action_of(twist)
+    while isinstance(env, gymnasium.Wrapper):
+        if isinstance(env, DiscreteActions):
+            table = np.array([env.action(k) for k in range(int(env.action_space.n))])  # type: ignore[attr-defined]
+            return int(np.argmin(((table - action) ** 2).sum(axis=1)))
+        env = env.env
+    return action
+
+
+def save_minari(name: str, demonstrations: list[Demonstration], env: Env, **about: Any) -> Any:
+    """Save demonstrations as a data set of Minari.
+
+    Args:
+        name: of the data set, e.g. `sonata2d/lively/expert-v0`.
+        demonstrations: of the environment.
+        env: in which they were recorded.
+        about: further arguments of `minari.create_dataset_from_buffers`, e.g. `author`, `description`.
+
+    Returns:
+        The `minari.MinariDataset`.
+
+    Raises:
+        ModuleNotFoundError: Minari is not installed.
+    """
+    try:
+        import minari
+        from minari.data_collector import EpisodeBuffer
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError("save_minari needs Minari; pip install 'minari[hdf5]'", name=error.name) from error
+    buffers = []
+    for k, one in enumerate(demonstrations):
+        count = len(one.actions)
+        terminations, truncations = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
+        terminations[-1], truncations[-1] = one.terminated, one.truncated or not one.terminated
+        observations: Any = one.observations
+        if isinstance(observations[0], dict):
+            observations = {key: np.stack([each[key] for each in observations]) for key in observations[0]}
+        else:
+            observations = np.stack(observations)
+        buffers.append(
+            EpisodeBuffer(
+                id=k,
+                observations=observations,
+                actions=one.actions,
+                rewards=list(one.rewards),
+                terminations=list(terminations),
+                truncations=list(truncations),
+            )
+        )
+    return minari.create_dataset_from_buffers(
+        name, buffers, observation_space=env.observation_space, action_space=env.action_space, **about
+    )

@@ -1,0 +1,66 @@
+"""The observations and actions of an environment as plain data, for files of policies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import gymnasium
+from gymnasium.utils import RecordConstructorArgs
+
+from .env import SocialNavEnv, base_of
+from .observation import Sizes
+from .wrappers import DiscreteActions, FieldOfView, Flat, Graph, History, Lidar, Noise, WorldFrame
+
+Env = gymnasium.Env[Any, Any]
+_WRAPPERS: dict[str, Any] = {
+    one.__name__: one for one in (DiscreteActions, FieldOfView, Flat, Graph, History, Lidar, Noise, WorldFrame)
+}
+_CHANGES = (gymnasium.ObservationWrapper, gymnasium.ActionWrapper)
+
+
+def describe(env: Env) -> dict[str, Any]:
+    """What determines the observations and actions of an environment: sizes, order, drive and wrappers.
+
+    Wrappers that change neither, such as those of time limits and rewards, are left out.
+
+    Raises:
+        TypeError: a wrapper of observations or actions is not one of `sonata2d.gym`.
+    """
+    base = base_of(env)
+    wrappers: list[dict[str, Any]] = []
+    while env is not base:
+        assert isinstance(env, gymnasium.Wrapper)
+        if isinstance(env, RecordConstructorArgs) and type(env) in _WRAPPERS.values():
+            wrappers.insert(0, {"name": type(env).__name__, "arguments": dict(env._saved_kwargs)})
+        elif isinstance(env, _CHANGES):
+            raise TypeError(
+                f"the wrapper {type(env).__name__} cannot be described; use those of sonata2d.gym.wrappers, or pass "
+                "the environment itself to PolicyController"
+            )
+        env = env.env
+    kinematics = base.config.robot.kinematics
+    return {
+        "sizes": asdict(base.encoder.sizes),
+        "order": base.encoder.order,
+        "kinematics": kinematics,
+        "wrappers": wrappers,
+    }
+
+
+def environment_of(description: Mapping[str, Any]) -> Env:
+    """An environment with the observations and actions of a description; it has no scenario of its own.
+
+    Raises:
+        ValueError: the description is not that of an environment.
+    """
+    try:
+        robot = {"robot": {"kinematics": description["kinematics"]}}
+        sizes = asdict(Sizes(**description["sizes"]))
+        env: Env = SocialNavEnv("empty", settings=robot, sizes=sizes, order=description["order"])
+        for wrapper in description["wrappers"]:
+            env = _WRAPPERS[wrapper["name"]](env, **wrapper["arguments"])
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"not the description of an environment: {error!r}") from error
+    return env

@@ -1,0 +1,374 @@
+"""`SocialNavEnv`: an episode as a Gymnasium environment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, Literal, SupportsFloat
+
+import gymnasium
+import numpy as np
+import orjson
+from gymnasium import spaces
+from gymnasium.utils import EzPickle
+from numpy.typing import NDArray
+
+from ..core.geometry import Twist
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
+from ..errors import SceneError
+from ..metrics.catalogue import select_metrics
+from ..metrics.measurement import measure
+from ..record.reader import record_from_document
+from ..record.recorder import EpisodeRecorder, JsonRecorder
+from ..scenegen.generator import generate
+from ..scenegen.scenario.config import ScenarioConfig
+from ..scenegen.scenario.load import load_scenario
+from ..sim.episode import Episode
+from .observation import Encoder, Observation, Order, Sizes
+from .rewards import Reward, reward_of
+
+RenderMode = Literal["human", "rgb_array", "rgb_array_list"]
+STATE_FORMAT, STATE_VERSION = "sonata2d-env-state", 1
+_LAYOUTS = 100  # episodes that `reset` tries if their scenes have no layout
+_DEFAULT_SIZE = (640, 640)  # px
+
+
+class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
+    """A robot drives to its goal among pedestrians.
+
+    **Action**: fractions of the limits of the robot's drive, in [-1, 1]: forward (backward if negative), left, and turn
+    (counter-clockwise); a unicycle has no second one.
+
+    **Observation**: a dictionary of arrays in the robot's frame, x ahead and y left, see `docs/gym.md`. Rows of absent
+    entities are 0, and so is their mask.
+
+    **End**: `terminated` at the goal, and at a contact if `rules.ends_on` of the scenario contains it; `truncated` at
+    `rules.time_limit`. The last `info` has `outcome`, `reason` and `is_success`.
+
+    **Seeds**: after `reset(seed=s)` the episodes are those of a data set with the seed s, the first one first: their
+    scenes are equal. `reset(options={"episode": k})` starts with another one.
+
+    Args:
+        scenario: name of a preset, path of a scenario file, or settings.
+        settings: settings of the scenario to change, e.g. `{"wandering": 3, "rules": {"time_limit": 20}}`; the other
+            settings of a section stay.
+        reward: `sparse`, `distance`, `crowdnav`, `dsrnn`, `socnavgym`, or a function of the snapshots before and after
+            the step and of the outcome; see `rewards`.
+        sizes: numbers of rows of the observation by name (`humans`, `objects`, `walls`, `interactions`), instead of the
+            largest numbers of the scenario.
+        order: of the rows: `nearest` first, or as in the `scene`, in which an entity keeps its row.
+        metrics: names of metrics of `sonata2d.metrics` that the last `info` contains; True: all of them.
+        record: folder in which every episode is recorded; existing files stay.
+        render_mode: `human` shows a window, `rgb_array` and `rgb_array_list` return pictures.
+        render_size: width and height of pictures, px.
+        view: of pictures: `top`, the whole room, or `follow`, behind the robot.
+
+    Raises:
+        ConfigError: there is no such scenario, or its settings are invalid.
+        ValueError: another argument is invalid.
+
+    >>> import gymnasium, sonata2d.gym
+    >>> env = gymnasium.make("sonata2d/SocialNav-v0", scenario="sonata-2020")
+    >>> observation, info = env.reset(seed=1)
+    >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    >>> terminated, truncated
+    (False, False)
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012  Gymnasium declares it so
+        "render_modes": ["human", "rgb_array", "rgb_array_list"],
+        "render_fps": 10,
+    }
+
+    def __init__(
+        self,
+        scenario: str | Path | ScenarioConfig = "sonata-2020",
+        *,
+        settings: Mapping[str, Any] | None = None,
+        reward: str | Reward = "distance",
+        sizes: Mapping[str, int] | None = None,
+        order: Order = "nearest",
+        metrics: Iterable[str] | str | bool = False,
+        record: str | Path | None = None,
+        render_mode: RenderMode | None = None,
+        render_size: tuple[int, int] = _DEFAULT_SIZE,
+        view: Literal["top", "follow"] = "top",
+    ) -> None:
+        EzPickle.__init__(
+            self, scenario, settings=settings, reward=reward, sizes=sizes, order=order, metrics=metrics, record=record,
+            render_mode=render_mode, render_size=render_size, view=view,
+        )  # fmt: skip
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            modes = ", ".join(self.metadata["render_modes"])
+            raise ValueError(f"render_mode must be one of {modes}, or None, got {render_mode!r}")
+        config = scenario if isinstance(scenario, ScenarioConfig) else load_scenario(scenario)
+        self.config = config.changed(**settings) if settings else config
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.config.rules.dt)}
+        self.encoder = Encoder(Sizes.of(self.config).changed(dict(sizes or {})), order)
+        self.observation_space: spaces.Space[Any] = self.encoder.space
+        axes = 3 if self.config.robot.kinematics == "holonomic" else 2
+        self.action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (axes,), np.float32)
+        self.render_mode, self._render_size, self._view = render_mode, render_size, view
+        self._reward = reward_of(reward)
+        names = ("all",) if metrics is True else metrics or ()
+        self._metrics = select_metrics([names] if isinstance(names, str) else names)
+        self._folder = None if record is None else Path(record)
+        self._seed: int | None = None
+        self._number = -1  # of the episode
+        self._episode: Episode | None = None
+        self._recorder: EpisodeRecorder | None = None
+        self._current: Snapshot | None = None
+        self._renderer: Any = None
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The state that was observed last.
+
+        Raises:
+            ResetNeeded: `reset` was not called.
+        """
+        if self._current is None:
+            raise gymnasium.error.ResetNeeded("call reset() first")
+        return self._current
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of the present episode."""
+        return self.snapshot.scene
+
+    @property
+    def episode_id(self) -> tuple[int, int]:
+        """Seed and number of the present episode."""
+        scene = self.snapshot.scene
+        return scene.seed, scene.episode
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin the next episode.
+
+        Args:
+            seed: of the data set whose scenes follow; None: of the last reset, whose episodes are continued, or, at the
+                first one, a random seed.
+            options: `{"episode": k}` begins with another episode of the seed than the first or the next one.
+
+        Returns:
+            Observation and info, which has `seed` and `episode`.
+
+        Raises:
+            ValueError: an option is unknown.
+            SceneError: a hundred scenes in a row have no layout.
+        """
+        super().reset(seed=seed)
+        unknown = set(options or {}) - {"episode"}
+        if unknown:
+            raise ValueError(f"reset knows the option 'episode' only, got {sorted(unknown)[0]!r}")
+        self._finish("the environment was reset")
+        if seed is not None:
+            self._seed, self._number = seed, -1
+        elif self._seed is None:
+            self._seed = int(self.np_random.integers(2**31))
+        self._number = int((options or {}).get("episode", self._number + 1))
+        for attempt in range(_LAYOUTS):
+            try:
+                scene = generate(self.config, self._seed, self._number)
+                break
+            except SceneError:
+                if attempt == _LAYOUTS - 1:
+                    raise
+                self._number += 1
+        self._start(scene)
+        if self.render_mode == "human":
+            self.render()
+        return self.encoder.encode(self.snapshot), {"seed": self._seed, "episode": self._number}
+
+    def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Drive for one tick.
+
+        Args:
+            action: in [-1, 1], see the class; numbers beyond are clipped.
+
+        Raises:
+            ResetNeeded: the episode is over, or `reset` was not called.
+            ControllerError: a number of the action is not finite.
+        """
+        reward, terminated, truncated, info = self.advance(action)
+        return self.encoder.encode(self.snapshot), reward, terminated, truncated, info
+
+    def advance(self, action: NDArray[np.floating[Any]]) -> tuple[float, bool, bool, dict[str, Any]]:
+        """`step` without the observation."""
+        before, episode = self.snapshot, self._episode
+        assert episode is not None
+        if episode.is_over:
+            raise gymnasium.error.ResetNeeded("the episode is over; call reset()")
+        episode.apply(self.twist_of(action))
+        self._current = after = episode.observe()
+        outcome = episode.outcome
+        reward = float(self._reward(before, after, outcome))
+        info: dict[str, Any] = {}
+        if outcome is not None:
+            info = {"outcome": outcome.status, "reason": outcome.reason, "is_success": outcome.status == "goal"}
+            if self._metrics:
+                info["metrics"] = self._measure()
+        if self.render_mode is not None:
+            self._render_step()
+        status = None if outcome is None else outcome.status
+        return reward, status in ("goal", "contact"), status == "timeout", info
+
+    def twist_of(self, action: NDArray[np.floating[Any]]) -> Twist:
+        """The command of an action."""
+        limits, axes = self.config.robot.limits, self.action_space.shape
+        if np.shape(action) != axes:
+            raise ValueError(f"an action has the shape {axes}, got {np.shape(action)}")
+        forward, *sideways, turn = (min(max(value, -1.0), 1.0) for value in np.asarray(action, dtype=float).tolist())
+        vx = forward * (limits.ahead if forward > 0.0 else limits.back)
+        return Twist(vx, sideways[0] * limits.sideways if sideways else 0.0, turn * limits.turn)
+
+    def action_of(self, twist: Twist) -> NDArray[np.float32]:
+        """The action of a command, e.g. of an expert; clipped to [-1, 1]."""
+        limits = self.config.robot.limits
+        fractions = [twist.vx / (limits.ahead if twist.vx > 0.0 else limits.back), twist.omega / limits.turn]
+        if self.action_space.shape == (3,):
+            fractions.insert(1, twist.vy / limits.sideways)
+        return np.clip(np.array(fractions, dtype=np.float32), -1.0, 1.0)
+
+    def get_state(self) -> dict[str, Any]:
+        """The state of the environment in the middle of an episode, as plain data for JSON.
+
+        It contains the seed and all commands of the episode; `set_state` runs them again.
+        """
+        episode = self._episode
+        if episode is None:
+            raise gymnasium.error.ResetNeeded("there is no state before the first reset()")
+        return {
+            "format": STATE_FORMAT,
+            "version": STATE_VERSION,
+            "settings": self.config.settings(),
+            "seed": self._seed,
+            "episode": self._number,
+            "commands": [[twist.vx, twist.vy, twist.omega] for twist in (tick.command for tick in episode.past)],
+            "np_random": self.np_random.bit_generator.state,
+        }
+
+    def set_state(self, state: Mapping[str, Any], watch: Callable[[Observation], object] | None = None) -> Observation:
+        """Return to a state; everything after it is as if it had never been left, bit for bit.
+
+        An environment in wrappers of observations is restored by `sonata2d.gym.restore`.
+
+        Args:
+            state: of `get_state`, of an environment with the same scenario.
+            watch: is called with each observation of the episode before the last one.
+
+        Returns:
+            The observation.
+
+        Raises:
+            ValueError: it is not a state of this version, or one of another scenario.
+        """
+        if state.get("format") != STATE_FORMAT or state.get("version") != STATE_VERSION:
+            found = f"{state.get('format')!r}, version {state.get('version')!r}"
+            raise ValueError(f"a state has the format {STATE_FORMAT!r}, version {STATE_VERSION}; got {found}")
+        if state["settings"] != self.config.settings():
+            raise ValueError("the state belongs to another scenario, or to other settings of it")
+        self._finish("the environment returned to another state")
+        self._seed, self._number = state["seed"], state["episode"]
+        self.np_random.bit_generator.state = state["np_random"]
+        self._start(generate(self.config, state["seed"], state["episode"]))
+        episode = self._episode
+        assert episode is not None
+        observation = self.encoder.encode(self.snapshot)
+        for command in state["commands"]:
+            if watch is not None:
+                watch(observation)
+            episode.apply(Twist(*command))
+            observation = self.observe(episode.observe())
+        return observation
+
+    def observe(self, snapshot: Snapshot) -> Observation:
+        """The observation of a snapshot, which becomes the present one; for wrappers and policies."""
+        if self._current is None or self._current.scene is not snapshot.scene:
+            self.encoder.reset(snapshot.scene)
+        self._current = snapshot
+        return self.encoder.encode(snapshot)
+
+    def render(self) -> Any:
+        """The picture that the render mode asks for.
+
+        Returns:
+            `rgb_array`: (height, width, 3) of uint8; `rgb_array_list`: the pictures since the last call; else None.
+        """
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() was called without a render_mode; give one to gymnasium.make")
+            return None
+        renderer = self._get_renderer()
+        if self.render_mode == "rgb_array_list":
+            return renderer.take()
+        return renderer.show(self.snapshot) if self.render_mode == "human" else renderer.picture(self.snapshot)
+
+    def close(self) -> None:
+        """Close the window; an episode that was not over is recorded as stopped."""
+        self._finish("the environment was closed")
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _start(self, scene: Scene) -> None:
+        """Begin an episode."""
+        self._recorder = None
+        if self._folder is not None:
+            self._recorder = JsonRecorder(_new_path(self._folder))
+        elif self._metrics:
+            self._recorder = EpisodeRecorder()
+        observers = () if self._recorder is None else (self._recorder,)
+        self._episode = Episode(scene, observers=observers)
+        self._current = self._episode.observe()
+        self.encoder.reset(scene)
+        if self.render_mode is not None:
+            self._get_renderer().begin()
+            self._render_step()
+
+    def _finish(self, reason: str) -> None:
+        """End the present episode if it is not over, so that its recording is kept."""
+        episode = self._episode
+        if episode is not None and not episode.is_over and episode.past:
+            episode.end("stopped", reason)
+        self._episode = self._current = None
+
+    def _measure(self) -> dict[str, float | None]:
+        """The metrics of the episode that has just ended."""
+        assert self._recorder is not None
+        record = record_from_document(orjson.loads(self._recorder.document()), Path("episode.json"))
+        return measure(record, self._metrics, rerun=False)
+
+    def _render_step(self) -> None:
+        if self.render_mode == "human":
+            self.render()
+        elif self.render_mode == "rgb_array_list":
+            self._get_renderer().keep(self.snapshot)
+
+    def _get_renderer(self) -> Any:
+        """The renderer; pygame is imported only where something is drawn."""
+        if self._renderer is None:
+            from .rendering import Renderer
+
+            self._renderer = Renderer(self._render_size, self._view, self.metadata["render_fps"])
+        return self._renderer
+
+
+def base_of(env: gymnasium.Env[Any, Any]) -> SocialNavEnv:
+    """The environment inside its wrappers.
+
+    Raises:
+        TypeError: it is not a `SocialNavEnv`.
+    """
+    base = env.unwrapped
+    if not isinstance(base, SocialNavEnv):
+        raise TypeError(f"the environment must be a SocialNavEnv, in wrappers or not, got {env}")
+    return base
+
+
+def _new_path(folder: Path) -> Path:
+    """The path of the next episode file in a folder: 000000.json and so on."""
+    numbers = [int(path.stem) for path in folder.glob("*.json") if path.stem.isdecimal()]
+    return folder / f"{max(numbers, default=-1) + 1:06}.json"

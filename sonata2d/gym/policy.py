@@ -1,0 +1,171 @@
+"""Policies that were trained in the environment, as controllers."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Self
+
+import gymnasium
+import numpy as np
+
+from ..agents.controllers.base import Controller
+from ..core.geometry import Twist
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
+from ..errors import ControllerError
+from .description import describe, environment_of
+from .env import base_of
+from .mlp import read_mlp
+from .pipeline import Pipeline
+
+Env = gymnasium.Env[Any, Any]
+Predict = Callable[[Any], Any]
+
+
+class PolicyController(Controller):
+    """Drives with a policy that was trained in the environment.
+
+    Args:
+        policy: a file of `save_policy` (.npz or .onnx), a file of Stable-Baselines3 (.zip), an object with a method
+            `predict` such as a model of Stable-Baselines3, or a function of an observation that returns an action.
+        env: in which it was trained, with its wrappers; may be left out for a file of `save_policy`, which contains
+            the description. If it has wrappers of observations or actions of other packages, it must not be stepped
+            while this controller drives.
+
+    Raises:
+        ControllerError: the file cannot be read, or its network does not fit the environment.
+        TypeError: the environment is missing, or not one of sonata2d.
+
+    Example:
+        >>> import sonata2d as s2, sonata2d.gym
+        >>> env = sonata2d.gym.SocialNavEnv("empty")
+        >>> straight = sonata2d.gym.PolicyController(lambda observation: [1.0, 0.0, observation["goal"][1]], env)
+        >>> s2.Episode(s2.generate(s2.load_scenario("empty"), seed=1), straight).run().status
+        'goal'
+    """
+
+    version = "1"
+
+    def __init__(self, policy: Any, env: Env | None = None) -> None:
+        self._path: str | None = None
+        self._sha256: str | None = None
+        self.deterministic = False
+        description: Mapping[str, Any] | None = None
+        if isinstance(policy, (str, Path)):
+            self._path, path = str(policy), Path(policy).absolute()
+            self._predict, description = _load(path)
+            self._sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+            self.deterministic = path.suffix == ".npz"  # other files run in libraries whose rounding may differ
+        else:
+            self._predict = _predict_of(policy)
+        if env is None:
+            if description is None:
+                raise TypeError("the policy does not say what it observes; give PolicyController(policy, env)")
+            env = environment_of(description)
+        else:
+            base_of(env)
+            with suppress(TypeError):  # of a wrapper of another package
+                env = environment_of(describe(env))  # so that both can be used at the same time
+        self._pipeline = Pipeline(env)
+
+    def settings(self) -> dict[str, Any]:
+        """Return the path and the hash of the file."""
+        return {} if self._path is None else {"weights": self._path, "sha256": self._sha256}
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any], *, weights: str | None = None) -> Self:
+        """Reconstruct a recorded policy.
+
+        Args:
+            settings: as stored in an episode file.
+            weights: path of the file, if it has moved since; None: the recorded path.
+
+        Raises:
+            ControllerError: the file cannot be read, or differs from the recorded one.
+        """
+        path = weights or settings.get("weights")
+        if path is None:
+            raise ControllerError("this policy was not loaded from a file, so it cannot be created again")
+        policy = cls(path)
+        if settings.get("sha256", policy._sha256) != policy._sha256:
+            sha256 = str(settings["sha256"])[:8]
+            raise ControllerError(
+                f"{path} has changed since the episode was recorded; provide the one of SHA-256 {sha256}…"
+            )
+        policy._path = settings.get("weights", policy._path)
+        return policy
+
+    def reset(self, scene: Scene) -> None:
+        self._pipeline.begin()
+
+    def act(self, snapshot: Snapshot) -> Twist:
+        return self._pipeline.twist(self._predict(self._pipeline.observe(snapshot)))
+
+
+def _predict_of(policy: Any) -> Predict:
+    """A function of an observation from whatever policy."""
+    if hasattr(policy, "predict"):
+        return lambda observation: policy.predict(observation, deterministic=True)[0]
+    if not callable(policy):
+        raise TypeError(
+            f"a policy is a file, an object with the method predict, or a function of an observation, got {policy!r}"
+        )
+    function: Predict = policy
+    return function
+
+
+def _load(path: Path) -> tuple[Predict, Mapping[str, Any] | None]:
+    """The policy of a file, and the description of its environment if the file has one."""
+    if not path.is_file():
+        raise ControllerError(f"there is no file {path}")
+    if path.suffix == ".npz":
+        network = read_mlp(path)
+        return network, network.environment
+    if path.suffix == ".onnx":
+        return _load_onnx(path)
+    if path.suffix == ".zip":
+        return _predict_of(_load_model(path)), None
+    raise ControllerError(f"{path.name} is not a policy; the files are .npz, .onnx, and .zip of Stable-Baselines3")
+
+
+def _load_onnx(path: Path) -> tuple[Predict, Mapping[str, Any] | None]:
+    try:
+        import onnxruntime
+    except ModuleNotFoundError as error:
+        raise ControllerError(f"{path.name} needs ONNX Runtime; pip install onnxruntime") from error
+    try:
+        session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    except Exception as error:  # of classes that the package does not publish
+        raise ControllerError(f"{path.name} cannot be read: {error}") from error
+    names = [part.name for part in session.get_inputs()]
+    described = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
+
+    def predict(observation: Any) -> Any:
+        parts = observation if isinstance(observation, dict) else {names[0]: observation}
+        missing = [name for name in names if name not in parts]
+        if missing:
+            raise ControllerError(f"{path.name} needs {missing[0]!r}, which the observation lacks")
+        return session.run(None, {name: np.asarray(parts[name])[None] for name in names})[0][0]
+
+    return predict, None if described is None else json.loads(described)
+
+
+METADATA_KEY = "sonata2d_environment"
+
+
+def _load_model(path: Path) -> Any:
+    """A model of Stable-Baselines3, whose file does not name its algorithm."""
+    try:
+        import stable_baselines3
+        from stable_baselines3.common.save_util import load_from_zip_file
+    except ModuleNotFoundError as error:
+        raise ControllerError(f"{path.name} needs Stable-Baselines3; pip install stable-baselines3") from error
+    data = load_from_zip_file(path, load_data=True, device="cpu")[0] or {}
+    module = data["policy_class"].__module__ if "policy_class" in data else ""
+    names = {"sac": "SAC", "td3": "TD3", "dqn": "DQN"}
+    name = next((names[key] for key in names if f".{key}." in module), "PPO" if "clip_range" in data else "A2C")
+    return getattr(stable_baselines3, name).load(path, device="cpu")

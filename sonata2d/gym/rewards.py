@@ -1,0 +1,189 @@
+"""Rewards of the environment: functions of two successive snapshots and the outcome."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ..core.compiled import kernel
+from ..core.humans import BODY_X, BODY_Y, X, Y
+from ..core.portable_math import Array
+from ..core.scalar import length, to_shoulder_line
+from ..core.snapshot import Outcome, Snapshot
+from ..registry import did_you_mean
+
+Reward = Callable[[Snapshot, Snapshot, Outcome | None], float]
+"""What a step is worth, given the snapshots before and after it, and the outcome if the episode has ended.
+
+Goals, contacts and distances are those of the later snapshot; a contact counts in every tick that it lasts.
+"""
+
+
+def goal_distance(snapshot: Snapshot) -> float:
+    """Distance between the robot's centre and the goal, m."""
+    row, goal = snapshot.state.row, snapshot.scene.goal
+    return math.hypot(goal.x - row[X], goal.y - row[Y])
+
+
+def human_clearance(snapshot: Snapshot) -> float:
+    """`sonata2d.clearance`, compiled: gap between the robot and the nearest pedestrian, m; infinite without any."""
+    humans = snapshot.humans
+    gap: float = _clearance(humans.state, humans.radius, humans.shoulder, snapshot.state.robot)
+    return gap - snapshot.scene.robot.radius
+
+
+@dataclass(frozen=True)
+class Sparse:
+    """A reward at the goal, a penalty at each contact, nothing else."""
+
+    goal: float = 1.0
+    contact: float = -1.0
+
+    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
+        return _at_end(self.goal, outcome) + (self.contact if after.contacts else 0.0)
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Progress towards the goal, a reward there, and penalties for contacts, closeness to people and time.
+
+    Attributes:
+        progress: per metre by which the straight distance to the goal falls.
+        goal: on reaching it.
+        contact: per tick of contact.
+        closeness: per second at contact with a pedestrian; it falls linearly to 0 at the gap `comfort`, m.
+        time: per second.
+
+    Source: ours. Progress is a potential difference, which does not change the optimal policy (A. Ng, D. Harada &
+    S. Russell, ICML 1999) of a learner that discounts little.
+    """
+
+    progress: float = 1.0
+    goal: float = 5.0
+    contact: float = -1.0
+    closeness: float = -2.0
+    comfort: float = 0.45
+    time: float = -0.1
+
+    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
+        nearness = max(1.0 - max(human_clearance(after), 0.0) / self.comfort, 0.0)
+        reward = self.progress * (goal_distance(before) - goal_distance(after)) + _at_end(self.goal, outcome)
+        reward += self.contact if after.contacts else 0.0
+        return reward + (self.closeness * nearness + self.time) * after.dt
+
+
+@dataclass(frozen=True)
+class CrowdNav:
+    """The reward of CADRL and CrowdNav: at the goal, at contacts, and for gaps to people below 0.2 m.
+
+    Source: Y. Chen et al., ICRA 2017 (CADRL), eq. 3; C. Chen et al., ICRA 2019 (Crowd-Robot Interaction), eq. 2.
+    """
+
+    goal: float = 1.0
+    contact: float = -0.25
+    comfort: float = 0.2
+
+    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
+        if after.contacts:
+            return self.contact
+        gap = human_clearance(after)
+        if gap < self.comfort:
+            return 0.5 * (max(gap, 0.0) - self.comfort)
+        return _at_end(self.goal, outcome)
+
+
+@dataclass(frozen=True)
+class Dsrnn:
+    """The reward of DSRNN: at the goal, at contacts, for gaps to people below 0.25 m, and else for progress.
+
+    Source: S. Liu et al., ICRA 2021 (Decentralized Structural-RNN), eq. 1.
+    """
+
+    goal: float = 10.0
+    contact: float = -20.0
+    comfort: float = 0.25
+    closeness: float = 2.5
+    progress: float = 2.0
+
+    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
+        if outcome is not None and outcome.status == "goal":
+            return self.goal
+        if after.contacts:
+            return self.contact
+        gap = human_clearance(after)
+        if gap < self.comfort:
+            return self.closeness * (max(gap, 0.0) - self.comfort)
+        return self.progress * (goal_distance(before) - goal_distance(after))
+
+
+@dataclass(frozen=True)
+class SocNavGym:
+    """The DSRNN-like reward of SocNavGym, whose closeness counts below 0.6 m and per second.
+
+    Its penalty outside the map is missing: the robot cannot leave the room.
+
+    Source: A. Kapoor et al., RO-MAN 2023 (SocNavGym), and the values of its version 0.2.0.
+    """
+
+    goal: float = 10.0
+    contact: float = -10.0
+    timeout: float = -5.0
+    comfort: float = 0.6
+    closeness: float = 0.5
+    progress: float = 0.1
+    alive: float = -1e-6
+
+    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
+        if outcome is not None and outcome.status == "goal":
+            return self.goal
+        if after.contacts:
+            return self.contact
+        if outcome is not None and outcome.status == "timeout":
+            return self.timeout
+        gap = max(human_clearance(after), 0.0)
+        reward = self.closeness * (gap - self.comfort) * after.dt if gap < self.comfort else 0.0
+        return self.alive + reward + self.progress * (goal_distance(before) - goal_distance(after))
+
+
+REWARDS: dict[str, Callable[[], Reward]] = {
+    "sparse": Sparse,
+    "distance": Distance,
+    "crowdnav": CrowdNav,
+    "dsrnn": Dsrnn,
+    "socnavgym": SocNavGym,
+}
+
+
+def reward_of(value: str | Reward) -> Reward:
+    """A reward by name, or the callable itself.
+
+    Raises:
+        ValueError: the name is unknown.
+        TypeError: the value is neither a name nor callable.
+    """
+    if isinstance(value, str):
+        if value not in REWARDS:
+            hint = did_you_mean(value, REWARDS) or f"; known are {', '.join(REWARDS)}"
+            raise ValueError(f"no reward is named {value!r}{hint}")
+        return REWARDS[value]()
+    if not callable(value):
+        raise TypeError(
+            f"a reward is a name ({', '.join(REWARDS)}) or a function (before, after, outcome) -> float, got {value!r}"
+        )
+    return value
+
+
+def _at_end(goal: float, outcome: Outcome | None) -> float:
+    return goal if outcome is not None and outcome.status == "goal" else 0.0
+
+
+@kernel
+def _clearance(humans: Array, radius: Array, shoulder: Array, robot: Array) -> float:
+    """Gap between the centre of the robot and the nearest of the pedestrians, whose columns are `core.humans`; m."""
+    nearest = math.inf
+    for k in range(len(humans)):
+        dx, dy = humans[k, X] - robot[X], humans[k, Y] - robot[Y]
+        dx, dy = to_shoulder_line(dx, dy, humans[k, BODY_X], humans[k, BODY_Y], shoulder[k])
+        nearest = min(nearest, length(dx, dy) - radius[k])
+    return nearest

@@ -1,0 +1,283 @@
+"""`SocialNavEnv`: Gymnasium's rules, seeds, ends, recording, saved states."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import sonata2d as s2
+import sonata2d.gym as s2g
+from sonata2d.datasets.check import check_episode
+from sonata2d.datasets.replay import check_replay
+from sonata2d.errors import ConfigError, ControllerError, MetricError
+from tests.gym.samples import CHAINS, SHORT, actions, equal
+
+FORWARD = np.array([1.0, 0.0, 0.0], dtype=np.float32)
+
+
+def drive_to_end(env: Any, action: Any = FORWARD) -> tuple[int, bool, bool, dict[str, Any]]:
+    """Number of steps, and how the episode ended."""
+    for count in range(1, 10_000):
+        *_, terminated, truncated, info = env.step(action)
+        if terminated or truncated:
+            return count, terminated, truncated, info
+    raise AssertionError("the episode did not end")
+
+
+@pytest.mark.parametrize("name", s2g.ENVIRONMENT_IDS)
+def test_every_id_passes_the_checker(name: str) -> None:
+    env = gymnasium.make(name, render_mode="rgb_array", render_size=(64, 64))
+    check_env(env.unwrapped)
+    env.close()
+
+
+@pytest.mark.parametrize("chain", CHAINS)
+def test_every_wrapper_passes_the_checker_and_stays_in_its_space(chain: str) -> None:
+    env = CHAINS[chain](s2g.SocialNavEnv("lively"))
+    with pytest.warns(UserWarning, match="different from the unwrapped version") if chain != "none" else _nothing():
+        check_env(env, skip_render_check=True)
+    observation, _ = env.reset(seed=4)
+    for action in actions(env, 40):
+        assert env.observation_space.contains(observation)
+        observation, *_ = env.step(action)
+
+
+class _nothing:
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, *args: object) -> None: ...
+
+
+def test_the_scenes_are_those_of_a_data_set_with_the_seed() -> None:
+    env = s2g.SocialNavEnv("lively")
+    config = s2.load_scenario("lively")
+    for k in range(3):
+        _, info = env.reset(seed=11 if k == 0 else None)
+        assert env.scene == s2.generate(config, 11, k)
+        assert info == {"seed": 11, "episode": k}
+    assert env.reset(options={"episode": 7})[1] == {"seed": 11, "episode": 7}
+    assert env.scene == s2.generate(config, 11, 7)
+
+
+def test_a_seed_is_drawn_where_none_is_given() -> None:
+    first, second = (s2g.SocialNavEnv("empty").reset()[1]["seed"] for _ in range(2))
+    assert first != second
+
+
+def test_the_same_seed_and_actions_give_the_same_bits() -> None:
+    runs = []
+    for _ in range(2):
+        env = s2g.SocialNavEnv("crowded-hall")
+        runs.append([env.reset(seed=3)[0]] + [env.step(action)[0] for action in actions(env, 50)])
+    assert all(equal(a, b) for a, b in zip(*runs, strict=True))
+
+
+def test_an_episode_terminates_at_the_goal_and_is_truncated_at_the_time_limit() -> None:
+    ahead = {"robot": {"pose": [0, 0, 0]}, "goal": {"position": [3, 0]}, "room": {"kinds": "square", "side": 10}}
+    env = s2g.SocialNavEnv("empty", settings=ahead, reward="sparse")
+    env.reset(seed=0)
+    rewards = []
+    while not (result := env.step(FORWARD))[2]:
+        rewards.append(result[1])
+    assert result[1:4] == (1.0, True, False)
+    assert not any(rewards)
+    assert result[4]["outcome"] == "goal"
+    assert result[4]["is_success"] is True
+    env = s2g.SocialNavEnv("empty", settings=SHORT)
+    env.reset(seed=0)
+    assert drive_to_end(env, 0 * FORWARD)[:3] == (60, False, True)
+
+
+def test_a_contact_terminates_where_the_rules_say_so() -> None:
+    wall = {
+        "robot": {"pose": [0, 0, 0]}, "goal": {"position": [-3, 0]}, "room": {"kinds": "square", "side": 8},
+        "rules": {"ends_on": ["goal", "contact"], "guard": False},
+    }  # fmt: skip
+    env = s2g.SocialNavEnv("empty", settings=wall, reward="sparse")
+    env.reset(seed=0)
+    _, terminated, truncated, info = drive_to_end(env)
+    assert (terminated, truncated, info["outcome"], info["is_success"]) == (True, False, "contact", False)
+
+
+def test_steps_without_an_episode_are_refused() -> None:
+    env = s2g.SocialNavEnv("empty", settings=SHORT)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(FORWARD)
+    env.reset(seed=0)
+    drive_to_end(env, 0 * FORWARD)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="over"):
+        env.step(FORWARD)
+
+
+def test_bad_arguments_are_named() -> None:
+    with pytest.raises(ConfigError, match="livly"):
+        s2g.SocialNavEnv("livly")
+    with pytest.raises(ConfigError, match="wanderin"):
+        s2g.SocialNavEnv("empty", settings={"wanderin": 3})
+    with pytest.raises(ValueError, match="spares"):
+        s2g.SocialNavEnv("empty", reward="spares")
+    with pytest.raises(TypeError, match="reward"):
+        s2g.SocialNavEnv("empty", reward=3)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="people"):
+        s2g.SocialNavEnv("empty", sizes={"people": 3})
+    with pytest.raises(ValueError, match="1 or more rows of walls"):
+        s2g.SocialNavEnv("empty", sizes={"walls": 0})
+    with pytest.raises(ValueError, match="order"):
+        s2g.SocialNavEnv("empty", order="random")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="render_mode"):
+        s2g.SocialNavEnv("empty", render_mode="ascii")  # type: ignore[arg-type]
+    with pytest.raises(MetricError, match="sucess"):
+        s2g.SocialNavEnv("empty", metrics=["sucess"])
+    env = s2g.SocialNavEnv("empty")
+    with pytest.raises(ValueError, match="sseed"):
+        env.reset(options={"sseed": 1})
+    env.reset(seed=0)
+    with pytest.raises(ControllerError, match="finite"):
+        env.step(np.array([np.nan, 0.0, 0.0]))
+    with pytest.raises(ValueError, match=r"shape \(3,\)"):
+        env.step(np.zeros(2))
+
+
+def test_settings_change_single_values_of_a_section() -> None:
+    env = s2g.SocialNavEnv("crowded-hall", settings={"rules": {"time_limit": 7.0}})
+    preset = s2.load_scenario("crowded-hall")
+    assert env.config.rules == preset.rules.model_copy(update={"time_limit": 7.0})
+    assert env.config.person == preset.person
+
+
+def test_a_unicycle_has_two_actions() -> None:
+    env = s2g.SocialNavEnv("empty", settings={"robot": {"kinematics": "unicycle"}})
+    assert env.action_space.shape == (2,)
+    env.reset(seed=0)
+    for _ in range(20):
+        env.step(np.array([1.0, 0.5]))
+    executed = env.snapshot.robot.executed
+    assert executed.vx > 0.9 * env.config.robot.limits.ahead
+    assert executed.vy == 0.0
+    assert executed.omega == pytest.approx(0.5 * env.config.robot.limits.turn)
+
+
+def test_actions_and_commands_are_inverse() -> None:
+    env = s2g.SocialNavEnv("empty")
+    for action in actions(env, 20):
+        np.testing.assert_allclose(env.action_of(env.twist_of(action)), action, atol=1e-6)
+
+
+def test_the_environment_can_be_pickled_and_made_again_from_its_specification() -> None:
+    env = s2g.Flat(gymnasium.make("sonata2d/Lively-v0", settings=SHORT))
+    assert env.spec is not None
+    again = gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    for other in (pickle.loads(pickle.dumps(env)), again):
+        assert equal(other.reset(seed=5)[0], env.reset(seed=5)[0])
+        assert other.observation_space == env.observation_space
+
+
+def test_metrics_are_those_of_the_recorded_file(tmp_path: Path) -> None:
+    from sonata2d.metrics import measure, select_metrics
+
+    names = ["success", "path_length", "human_clearance_min"]
+    env = s2g.SocialNavEnv("lively", settings=SHORT, metrics=names, record=tmp_path)
+    env.reset(seed=1)
+    info = drive_to_end(env)[3]
+    record = s2.read_episode(tmp_path / "000000.json")
+    assert info["metrics"] == measure(record, select_metrics(names), rerun=False)
+
+
+def test_recorded_episodes_pass_check_and_replay(tmp_path: Path) -> None:
+    env = s2g.SocialNavEnv("lively", settings=SHORT, record=tmp_path)
+    rng = np.random.default_rng(0)
+    for k in range(3):
+        env.reset(seed=2 if k == 0 else None)
+        for _ in range(60 if k < 2 else 20):  # the last one is left before its end
+            env.step(rng.uniform(-1.2, 1.2, 3))
+    env.close()
+    files = sorted(tmp_path.glob("*.json"))
+    assert [file.name for file in files] == ["000000.json", "000001.json", "000002.json"]
+    for file in files:
+        assert check_episode(file) == []
+        assert check_replay(file) == []
+    last = s2.read_episode(files[-1])
+    assert (last.outcome.status, len(last)) == ("stopped", 20)
+    s2g.SocialNavEnv("lively", settings=SHORT, record=tmp_path).reset(seed=2)
+    assert sorted(tmp_path.glob("*.json")) == files  # an episode without a step leaves no file
+
+
+@pytest.mark.parametrize("chain", CHAINS)
+def test_after_a_restore_all_is_as_if_the_state_had_never_been_left(chain: str) -> None:
+    env, other = (CHAINS[chain](s2g.SocialNavEnv("lively")) for _ in range(2))
+    rng = np.random.default_rng(7)
+    other.reset(seed=99)
+    for seed in range(3):
+        env.reset(seed=seed)
+        moves = actions(env, 60, seed)
+        at = int(rng.integers(0, 40))
+        results = [env.step(move) for move in moves[:at]]
+        state = json.loads(json.dumps(env.unwrapped.get_state()))  # type: ignore[attr-defined]
+        after = [env.step(move) for move in moves[at:]]
+        observation = s2g.restore(other, state)
+        assert at == 0 or equal(observation, results[-1][0])
+        for move, expected in zip(moves[at:], after, strict=True):
+            found = other.step(move)
+            assert equal(found[0], expected[0])
+            assert found[1:] == expected[1:]
+        assert equal(env.reset()[0], other.reset()[0])  # the next episode is the same one
+
+
+def test_a_state_of_another_scenario_or_version_is_refused() -> None:
+    env = s2g.SocialNavEnv("empty")
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.get_state()
+    env.reset(seed=0)
+    state = env.get_state()
+    with pytest.raises(ValueError, match="another scenario"):
+        s2g.SocialNavEnv("lively").set_state(state)
+    with pytest.raises(ValueError, match="version 1"):
+        env.set_state({**state, "version": 2})
+
+
+def test_pictures(tmp_path: Path) -> None:
+    env = s2g.SocialNavEnv("lively", render_mode="rgb_array", render_size=(120, 90))
+    env.reset(seed=0)
+    picture = env.render()
+    assert (picture.shape, picture.dtype) == ((90, 120, 3), np.uint8)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 10
+    env = s2g.SocialNavEnv("lively", render_mode="rgb_array_list", render_size=(64, 64))
+    env.reset(seed=0)
+    for _ in range(3):
+        env.step(FORWARD)
+    assert len(env.render()) == 4
+    assert env.render() == []
+    env.close()
+
+
+def test_the_window_shows_the_scene() -> None:
+    import pygame
+
+    env = s2g.SocialNavEnv("lively", render_mode="human", render_size=(96, 96), settings={"rules": {"dt": 0.02}})
+    env.reset(seed=0)
+    env.step(FORWARD)
+    surface = pygame.display.get_surface()
+    assert surface is not None
+    assert surface.get_size() == (96, 96)
+    assert len(np.unique(pygame.surfarray.array3d(surface).reshape(-1, 3), axis=0)) > 10
+    env.close()
+    assert not pygame.display.get_init()
+    env.close()
+
+
+def test_stepping_does_not_import_pygame() -> None:
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, sonata2d.gym as g; e = g.SocialNavEnv('empty'); e.reset(seed=0); e.step([1.0, 0.0, 0.0]); "
+        "sys.exit('pygame' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

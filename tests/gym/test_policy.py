@@ -1,0 +1,212 @@
+"""Policies as controllers: functions, files of perceptrons, descriptions; demonstrations."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import sonata2d as s2
+import sonata2d.gym as s2g
+from sonata2d.agents.controllers.loading import load_controller
+from sonata2d.datasets.replay import check_replay, check_rerun
+from sonata2d.errors import ControllerError
+from sonata2d.gym.description import describe, environment_of
+from sonata2d.gym.mlp import Mlp, read_mlp, write_mlp
+from tests.gym.samples import CHAINS, SHORT, Env, equal
+
+
+def perceptron(env: Env, seed: int = 0, output: str = "clip") -> Mlp:
+    """A perceptron with random weights for the flat observations of an environment."""
+    shape, space = env.observation_space.shape, env.action_space
+    assert shape is not None
+    outputs = int(space.n) if isinstance(space, gymnasium.spaces.Discrete) else space.shape[0]  # type: ignore[index]
+    rng, widths = np.random.default_rng(seed), (shape[0], 16, outputs)
+    return Mlp(
+        weights=[rng.normal(size=pair) / np.sqrt(pair[0]) for pair in pairwise(widths)],
+        biases=[rng.normal(size=width) / 4.0 for width in widths[1:]],
+        activation="tanh",
+        output=output,
+        environment=describe(env),
+        mean=rng.normal(size=shape[0]),
+        scale=rng.uniform(0.5, 2.0, shape[0]),
+        limit=10.0,
+    )
+
+
+def make(**arguments: Any) -> Env:
+    return s2g.Flat(s2g.SocialNavEnv("lively", settings=SHORT, **arguments))
+
+
+@pytest.mark.parametrize("activation", ["tanh", "relu"])
+@pytest.mark.parametrize("output", ["clip", "tanh", "argmax"])
+def test_a_perceptron_computes_what_numpy_does(activation: str, output: str) -> None:
+    env = make()
+    env.reset(seed=0)
+    mlp = perceptron(env, output=output)
+    object.__setattr__(mlp, "activation", activation)
+    for k in range(20):
+        observation = env.reset(seed=k)[0]
+        h = np.clip((observation - mlp.mean) * mlp.scale, -10.0, 10.0)
+        h = h @ mlp.weights[0] + mlp.biases[0]
+        h = (np.tanh(h) if activation == "tanh" else np.maximum(h, 0.0)) @ mlp.weights[1] + mlp.biases[1]
+        expected = {"clip": np.clip(h, -1, 1), "tanh": np.tanh(h), "argmax": np.argmax(h)}[output]
+        np.testing.assert_allclose(mlp(observation), expected, atol=0.01)
+
+
+def test_a_file_of_a_perceptron_is_a_controller(tmp_path: Path) -> None:
+    env, path = make(), tmp_path / "policy.npz"
+    mlp = perceptron(env)
+    write_mlp(path, mlp)
+    first = path.read_bytes()
+    write_mlp(path, mlp)
+    assert path.read_bytes() == first
+    again = read_mlp(path)
+    observation = env.reset(seed=0)[0]
+    np.testing.assert_allclose(again(observation), mlp(observation), atol=1e-3)
+    controller = load_controller(str(path))
+    assert isinstance(controller, s2g.PolicyController)
+    scene = s2.generate(s2.load_scenario("lively").changed(**SHORT), 3)
+    file = tmp_path / "run.json"
+    with s2.JsonRecorder(file) as recorder:
+        s2.Episode(scene, controller, observers=[recorder]).run()
+    assert check_replay(file) == []
+    assert check_rerun(file, str(path)) == []
+    commands = s2.read_episode(file).command
+    env.reset(options={"episode": 0}, seed=3)
+    for command in commands[:20]:  # the controller does in the episode what the policy does in the environment
+        base = env.unwrapped
+        assert isinstance(base, s2g.SocialNavEnv)
+        twist = base.twist_of(again(observation_of(env)))
+        np.testing.assert_allclose(command, [twist.vx, twist.vy, twist.omega], atol=1e-4)
+        env.step(again(observation_of(env)))
+
+
+def observation_of(env: Env) -> Any:
+    """The present observation."""
+    base = env.unwrapped
+    assert isinstance(base, s2g.SocialNavEnv)
+    assert isinstance(env, gymnasium.ObservationWrapper)
+    return env.observation(base.encoder.encode(base.snapshot))
+
+
+def test_settings_of_a_policy_reconstruct_it_only_with_the_same_file(tmp_path: Path) -> None:
+    path = tmp_path / "policy.npz"
+    write_mlp(path, perceptron(make()))
+    settings = json.loads(json.dumps(s2g.PolicyController(path).settings()))
+    assert s2g.PolicyController.from_settings(settings).settings() == settings
+    write_mlp(path, perceptron(make(), seed=1))
+    with pytest.raises(ControllerError, match="changed"):
+        s2g.PolicyController.from_settings(settings)
+
+
+def test_functions_and_models_are_policies() -> None:
+    env = s2g.SocialNavEnv("empty")
+    scene = s2.generate(s2.load_scenario("empty"), 1)
+
+    def act(observation: Any) -> list[float]:
+        return [1.0, 0.0, float(np.arctan2(observation["goal"][1], observation["goal"][0]))]
+
+    class Model:
+        def predict(self, observation: Any, deterministic: bool = False) -> tuple[Any, None]:
+            assert deterministic
+            return act(observation), None
+
+    outcomes = [s2.Episode(scene, s2g.PolicyController(policy, env)).run() for policy in (act, Model())]
+    assert outcomes[0] == outcomes[1]
+    assert outcomes[0].status == "goal"
+
+
+@pytest.mark.parametrize("chain", CHAINS)
+def test_a_policy_sees_what_the_environment_shows(chain: str) -> None:
+    """The controller of a policy in an episode gets the observations of the wrapped environment."""
+    env = CHAINS[chain](s2g.SocialNavEnv("lively", settings=SHORT))
+    env.action_space.seed(0)
+    moves = [env.action_space.sample() for _ in range(60)]
+    seen: list[Any] = []
+
+    def act(observation: Any) -> Any:
+        seen.append(observation)
+        return moves[len(seen) - 1]
+
+    scene = s2.generate(s2.load_scenario("lively").changed(**SHORT), 8)
+    s2.Episode(scene, s2g.PolicyController(act, env)).run()
+    expected = [env.reset(seed=8)[0]] + [env.step(move)[0] for move in moves[: len(seen) - 1]]
+    assert len(seen) > 10
+    assert all(equal(a, b) for a, b in zip(seen, expected, strict=True))
+
+
+@pytest.mark.parametrize("chain", CHAINS)
+def test_a_description_gives_the_same_spaces(chain: str) -> None:
+    env = CHAINS[chain](s2g.SocialNavEnv("lively", settings={"robot": {"kinematics": "unicycle"}}, order="scene"))
+    again = environment_of(json.loads(json.dumps(describe(env))))
+    assert again.observation_space == env.observation_space
+    assert again.action_space == env.action_space
+
+
+def test_foreign_wrappers_cannot_be_described_but_used() -> None:
+    env = make()
+    halved = gymnasium.wrappers.TransformObservation(env, lambda x: x / 2.0, env.observation_space)
+    with pytest.raises(TypeError, match="TransformObservation"):
+        describe(halved)
+    seen: list[Any] = []
+    controller = s2g.PolicyController(lambda observation: seen.append(observation) or [0.0, 0.0, 0.0], halved)
+    s2.Episode(s2.generate(s2.load_scenario("lively").changed(**SHORT), 2), controller).run()
+    np.testing.assert_array_equal(seen[0], make().reset(seed=2)[0] / 2.0)
+
+
+def test_bad_files_and_policies_are_named(tmp_path: Path) -> None:
+    env = make()
+    with pytest.raises(ControllerError, match="no file"):
+        s2g.PolicyController(tmp_path / "missing.npz")
+    (tmp_path / "policy.txt").write_text("")
+    with pytest.raises(ControllerError, match="not a policy"):
+        s2g.PolicyController(tmp_path / "policy.txt")
+    with pytest.raises(TypeError, match="env"):
+        s2g.PolicyController(lambda observation: None)
+    with pytest.raises(TypeError, match="predict"):
+        s2g.PolicyController(3, env)
+    with pytest.raises(TypeError, match="SocialNavEnv"):
+        s2g.PolicyController(lambda observation: None, gymnasium.make("CartPole-v1"))
+    (tmp_path / "damaged.npz").write_bytes(b"PK")
+    with pytest.raises(ControllerError, match="does not hold a policy"):
+        s2g.PolicyController(tmp_path / "damaged.npz")
+    mlp = perceptron(env)
+    with pytest.raises(ControllerError, match="reads"):
+        mlp(np.zeros(3))
+    with pytest.raises(ValueError, match=r"\.npz"):
+        write_mlp(tmp_path / "policy.json", mlp)
+    fields = {
+        name: getattr(mlp, name)
+        for name in ("weights", "biases", "activation", "output", "environment", "mean", "scale")
+    }
+    for change in ({"activation": "gelu"}, {"weights": mlp.weights[:1]}, {"scale": mlp.scale[1:]}):
+        with pytest.raises(ValueError, match=r"."):
+            Mlp(**{**fields, **change})
+
+
+def test_demonstrations_are_episodes_of_the_controller() -> None:
+    env = s2g.Flat(s2g.SocialNavEnv("lively", settings=SHORT))
+    runs = s2g.demonstrate(env, s2.SocialPlanner(), seed=5, episodes=2)
+    for number, run in enumerate(runs):
+        scene = s2.generate(s2.load_scenario("lively").changed(**SHORT), 5, number)
+        episode = s2.Episode(scene, s2.SocialPlanner())
+        episode.run()
+        assert len(run.actions) == len(episode.past) == len(run.observations) - 1
+        assert run.terminated != run.truncated
+        base = env.unwrapped
+        assert isinstance(base, s2g.SocialNavEnv)
+        for action, tick in list(zip(run.actions, episode.past, strict=True))[:10]:
+            np.testing.assert_allclose(action, base.action_of(tick.command), atol=2e-3)
+
+
+def test_demonstrations_in_discrete_actions_choose_the_nearest_move() -> None:
+    env = s2g.DiscreteActions(s2g.SocialNavEnv("empty"))
+    run = s2g.demonstrate(env, s2.StraightToGoal(), seed=1, episodes=1)[0]
+    assert run.info["is_success"]
+    assert {"forward"} <= {list(s2g.wrappers.MOVES)[int(k)] for k in run.actions}

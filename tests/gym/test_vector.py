@@ -1,0 +1,86 @@
+"""`SocialNavVectorEnv`: the same bits as single environments, autoreset, threads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import sonata2d.gym as s2g
+from tests.gym.samples import CHAINS, SHORT, equal
+
+COUNT, STEPS = 3, 80  # episodes of 60 steps end within
+
+
+def run(envs: Any, seed: int = 4) -> list[Any]:
+    """All results of some steps."""
+    rng = np.random.default_rng(0)
+    results = [envs.reset(seed=seed)]
+    for _ in range(STEPS):
+        actions = rng.uniform(-1.0, 1.0, (COUNT, 3)).astype(np.float32)
+        results.append(envs.step(actions))
+    envs.close()
+    return results
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@pytest.mark.parametrize("chain", ["none", "history of flat"])
+def test_results_equal_those_of_gymnasiums_own_vector(threads: int, mode: AutoresetMode, chain: str) -> None:
+    wrap = CHAINS[chain]
+    own = s2g.SocialNavVectorEnv(
+        COUNT, scenario="lively", settings=SHORT, wrappers=[wrap], threads=threads, autoreset_mode=mode
+    )
+    others = SyncVectorEnv([lambda: wrap(s2g.SocialNavEnv("lively", settings=SHORT))] * COUNT, autoreset_mode=mode)
+    assert own.observation_space == others.observation_space
+    assert own.action_space == others.action_space
+    assert own.metadata["autoreset_mode"] == mode
+    for found, expected in zip(run(own), run(others), strict=True):
+        assert own.observation_space.contains(found[0])
+        assert equal(found[0], expected[0])
+        for a, b in zip(found[1:-1], expected[1:-1], strict=True):
+            np.testing.assert_array_equal(a, b)
+        assert found[-1].keys() == expected[-1].keys()
+        for key in ("seed", "episode", "is_success", "outcome"):
+            if key in found[-1]:
+                np.testing.assert_array_equal(found[-1][key], expected[-1][key])
+        if "final_obs" in found[-1]:
+            pairs = zip(found[-1]["final_obs"], expected[-1]["final_obs"], strict=True)
+            assert all(equal(a, b) for a, b in pairs if b is not None)
+
+
+def test_make_vec() -> None:
+    envs = gymnasium.make_vec("sonata2d/Empty-v0", num_envs=2, vectorization_mode="vector_entry_point")
+    assert isinstance(envs, s2g.SocialNavVectorEnv)
+    assert envs.reset(seed=1)[0]["goal"].shape == (2, 6)
+
+
+def test_without_autoreset_a_mask_selects_what_is_reset() -> None:
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty", settings=SHORT, autoreset_mode=AutoresetMode.DISABLED)
+    first, _ = envs.reset(seed=[5, 6])
+    still = np.zeros((2, 3), dtype=np.float32)
+    for _ in range(60):
+        last, _, _, truncated, _ = envs.step(still)
+    assert truncated.all()
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        envs.step(still)
+    observation, infos = envs.reset(options={"reset_mask": np.array([True, False])})
+    np.testing.assert_array_equal(observation["goal"][1], last["goal"][1])
+    assert infos["episode"][0] == 1
+    assert not np.array_equal(observation["goal"][0], first["goal"][0])
+
+
+def test_bad_arguments_are_named() -> None:
+    with pytest.raises(ValueError, match="num_envs"):
+        s2g.SocialNavVectorEnv(0)
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty")
+    with pytest.raises(ValueError, match="3 seeds"):
+        envs.reset(seed=[1, 2, 3])
+    envs.reset(seed=1)
+    with pytest.raises(ValueError, match="got 1 actions"):
+        envs.step(np.zeros((1, 3)))
+    with pytest.raises(ValueError, match="reset_mask"):
+        envs.reset(options={"reset_mask": np.array([True])})

@@ -1,0 +1,233 @@
+"""Wrappers: what they change, against values computed another way."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import sonata2d as s2
+import sonata2d.gym as s2g
+from sonata2d.core.entities import Furniture, Human, Wall
+from sonata2d.core.geometry import Disc, Pose, Rectangle
+from sonata2d.gym.observation import HUMAN, Encoder, Observation, Sizes
+from sonata2d.gym.wrappers import EDGE_TYPES, NODE_FEATURES, measure_ranges, visible
+from tests.conftest import room
+
+COLUMN = {name: k for k, name in enumerate(HUMAN)}
+
+
+def after(env: gymnasium.Env[Any, Any], steps: int = 30, seed: int = 1) -> Observation:
+    observation, _ = env.reset(seed=seed)
+    for _ in range(steps):
+        observation, *_ = env.step(np.array([0.8, 0.0, 0.3]))
+    return observation
+
+
+def observed(*entities: Human | Furniture, inner: tuple[Wall, ...] = ()) -> Observation:
+    """The observation of a robot in the middle of a room of 8 m, which faces +x."""
+    humans = [one for one in entities if isinstance(one, Human)]
+    scene = room(
+        humans, [one for one in entities if isinstance(one, Furniture)], robot=Pose(0.0, 0.0, 0.0), inner=inner
+    )
+    encoder = Encoder(Sizes(4, 3, 8, 4), "scene")
+    encoder.reset(scene)
+    return encoder.encode(s2.Episode(scene, s2.StraightToGoal()).snapshot())
+
+
+def test_flat_keeps_the_named_parts_in_their_order() -> None:
+    env = s2g.SocialNavEnv("lively")
+    parts = after(env)
+    flat = after(s2g.Flat(s2g.SocialNavEnv("lively"), keys=("robot", "activities", "humans")))
+    expected = np.concatenate((parts["robot"], parts["activities"], parts["humans"].ravel()))
+    np.testing.assert_array_equal(flat, expected.astype(np.float32))
+    everything = after(s2g.Flat(s2g.SocialNavEnv("lively")))
+    assert everything.shape == (env.encoder.size,)
+    with pytest.raises(ValueError, match="did you mean 'humans'"):
+        s2g.Flat(env, keys=("human",))
+
+
+def test_world_frame_has_the_coordinates_of_the_snapshot() -> None:
+    env = s2g.WorldFrame(s2g.SocialNavEnv("lively", order="scene"))
+    observation = after(env)
+    base = env.unwrapped
+    assert isinstance(base, s2g.SocialNavEnv)
+    snapshot = base.snapshot
+    count = len(snapshot.humans)
+    columns = [COLUMN[name] for name in ("x", "y", "vx", "vy", "cos", "sin", "gaze_cos", "gaze_sin")]
+    np.testing.assert_allclose(observation["humans"][:count][:, columns], snapshot.humans.state[:, :8], atol=1e-4)
+    assert not observation["humans"][count:].any()
+    np.testing.assert_allclose(
+        observation["robot"][:4], [*snapshot.robot.position, *snapshot.robot.direction], atol=1e-5
+    )
+    np.testing.assert_allclose(observation["robot"][4:6], snapshot.robot.velocity, atol=1e-5)
+    goal = snapshot.goal
+    np.testing.assert_allclose(
+        observation["goal"][:4], [goal.x, goal.y, math.cos(goal.theta), math.sin(goal.theta)], atol=1e-4
+    )
+    walls = [(*wall.start, *wall.end) for wall in snapshot.walls]
+    np.testing.assert_allclose(observation["walls"][: len(walls)], walls, atol=1e-4)
+
+
+def test_noise_has_the_given_deviation_and_depends_on_seed_episode_and_tick_only() -> None:
+    plain, env = s2g.SocialNavEnv("crowded-hall"), s2g.Noise(s2g.SocialNavEnv("crowded-hall"), 0.1, 0.2, 0.3)
+    differences: dict[str, list[float]] = {"x": [], "vy": [], "turn": []}
+    for seed in range(20):
+        a, b = plain.reset(seed=seed)[0]["humans"], env.reset(seed=seed)[0]["humans"]
+        there = a[:, COLUMN["radius"]] > 0.0
+        for name in ("x", "vy"):
+            differences[name] += list((b - a)[there, COLUMN[name]])
+        c, s = COLUMN["cos"], COLUMN["sin"]
+        differences["turn"] += list(np.arcsin(np.clip(a[there, c] * b[there, s] - a[there, s] * b[there, c], -1, 1)))
+        np.testing.assert_allclose(np.hypot(b[there, c], b[there, s]), 1.0, atol=1e-5)
+        assert not b[~there].any()
+    assert len(differences["x"]) > 300
+    for name, deviation in (("x", 0.1), ("vy", 0.2), ("turn", 0.3)):
+        assert np.std(differences[name]) == pytest.approx(deviation, rel=0.15), name
+        assert abs(np.mean(differences[name])) < 0.2 * deviation
+    first = env.reset(seed=3)[0]["humans"]
+    env.step(np.zeros(3))
+    np.testing.assert_array_equal(env.reset(seed=3)[0]["humans"], first)
+    with pytest.raises(ValueError, match="angle"):
+        s2g.Noise(plain, angle=-1.0)
+
+
+def test_walls_and_people_hide_what_is_behind_them() -> None:
+    behind_wall = Human(1, Pose(3.0, 1.5, 0.0))
+    in_sight = Human(2, Pose(2.0, 0.0, math.pi), breadth=0.5)
+    behind_person = Human(3, Pose(3.5, 0.0, 0.0), breadth=0.3)
+    at_the_back = Human(4, Pose(-1.5, 0.0, 0.0))
+    behind_too = Furniture(10, "plant", Pose(3.9, 0.0, 0.0), Disc(0.05))
+    beside = Furniture(11, "table", Pose(1.5, -1.0, 0.0), Rectangle(0.5, 0.5))
+    observation = observed(
+        behind_wall, in_sight, behind_person, at_the_back, behind_too, beside, inner=(Wall((2.0, 0.6), (2.0, 2.0)),)
+    )
+    seen = seen_in(observation, angle=2.0 * math.pi / 3.0)
+    assert seen == {2, 11}
+    assert seen_in(observation, angle=2.0 * math.pi / 3.0, occlusion=False) == {1, 2, 3, 10, 11}
+    assert seen_in(observation, angle=2.0 * math.pi) == {2, 4, 11}
+    assert seen_in(observation, angle=2.0 * math.pi, distance=1.9) == {4, 11}
+
+
+def seen_in(observation: Observation, angle: float, distance: float = 10.0, occlusion: bool = True) -> set[int]:
+    """The ids of the entities that are seen: 1 to 4 people, 10 and 11 furniture."""
+    is_seen = np.concatenate((observation["humans_mask"], observation["objects_mask"])) > 0.0
+    humans, objects, walls = (observation[name].astype(float) for name in ("humans", "objects", "walls"))
+    walls = walls[observation["walls_mask"] > 0.0]
+    visible(humans, objects, walls, math.cos(angle / 2.0), distance, occlusion, is_seen)
+    return {number for number, seen in zip((1, 2, 3, 4, 10, 11, -1), is_seen, strict=True) if seen}
+
+
+def test_a_narrow_view_shows_fewer_entities_and_their_interactions() -> None:
+    plain, env = after(s2g.SocialNavEnv("lively")), after(s2g.FieldOfView(s2g.SocialNavEnv("lively"), angle=1.0))
+    assert (
+        0
+        < env["humans_mask"].sum() + env["objects_mask"].sum()
+        < plain["humans_mask"].sum() + plain["objects_mask"].sum()
+    )
+    for name in ("humans", "objects"):
+        shown = env[f"{name}_mask"] > 0.0
+        np.testing.assert_array_equal(env[name][shown], plain[name][shown])
+        assert not env[name][~shown].any()
+    seen = np.concatenate((env["humans_mask"], env["objects_mask"])) > 0.0
+    for k in range(len(plain["interactions"])):
+        is_shown = plain["interactions_mask"][k] > 0.0 and seen[plain["interactions"][k, [0, 2]]].all()
+        assert (env["interactions_mask"][k] > 0.0) == is_shown
+
+
+def test_lidar_measures_outlines() -> None:
+    ahead = Human(1, Pose(2.0, 0.0, 0.0), radius=0.15, breadth=0.5)
+    table = Furniture(10, "table", Pose(0.0, 2.0, math.pi / 2), Rectangle(1.0, 0.5))
+    plant = Furniture(11, "plant", Pose(-1.0, 0.0, 0.0), Disc(0.25))
+    observation = observed(ahead, table, plant)
+    humans, objects, walls = (
+        observation[name][observation[f"{name}_mask"] > 0.0].astype(float) for name in ("humans", "objects", "walls")
+    )
+    directions = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (math.sqrt(0.5), -math.sqrt(0.5))])
+    ranges = np.full(5, 10.0)
+    measure_ranges(humans, objects, walls, directions, ranges)
+    np.testing.assert_allclose(ranges, [1.85, 1.5, 0.75, 4.0, 4.0 * math.sqrt(2.0)], atol=1e-5)
+    ranges = np.full(5, 3.0)
+    measure_ranges(humans, objects, walls, directions, ranges)
+    assert ranges[3:].tolist() == [3.0, 3.0]
+
+
+def test_lidar_agrees_with_the_gaps_of_the_library() -> None:
+    """The smallest of many ranges is the distance to the nearest outline."""
+    for seed in range(5):
+        env = s2g.Lidar(s2g.SocialNavEnv("lively"), rays=2000, distance=20.0)
+        observation = after(env, 10, seed)
+        base = env.unwrapped
+        assert isinstance(base, s2g.SocialNavEnv)
+        snapshot = base.snapshot
+        from sonata2d.core.proxemics import obstacle_clearance
+
+        gap = min(s2.clearance(snapshot), obstacle_clearance(snapshot)) + snapshot.robot.radius
+        assert observation["lidar"].min() == pytest.approx(gap, abs=5e-3)
+        assert set(observation) == {"robot", "goal", "lidar"}
+
+
+def test_the_graph_holds_the_rows_of_the_observation() -> None:
+    parts, graph = (after(wrap(s2g.SocialNavEnv("lively")), seed=2) for wrap in (lambda env: env, s2g.Graph))
+    at = {name: k for k, name in enumerate(NODE_FEATURES)}
+    count = len(parts["humans"])
+    nodes, people = graph["nodes"], parts["humans_mask"] > 0.0
+    np.testing.assert_array_equal(nodes[2 : 2 + count, at["is_human"]], parts["humans_mask"])
+    np.testing.assert_array_equal(nodes[2 : 2 + count, at["x"]], parts["humans"][:, 0])
+    np.testing.assert_array_equal(nodes[1, [at["x"], at["y"]]], parts["goal"][:2])
+    activity = nodes[2 : 2 + count, at["standing"] : at["standing"] + 8]
+    np.testing.assert_array_equal(activity[people].argmax(axis=1), parts["activities"][people])
+    assert not activity[~people].any()
+    walls = nodes[2 + count + len(parts["objects"]) :]
+    ends = parts["walls"]
+    np.testing.assert_allclose(walls[:, at["length"]], np.hypot(*(ends[:, 2:] - ends[:, :2]).T), atol=1e-5)
+    edges = graph["edges"][graph["edges_mask"] > 0.0]
+    kinds = graph["edge_types"][graph["edges_mask"] > 0.0]
+    there = np.flatnonzero(graph["nodes_mask"])
+    to_robot = {(int(a), int(b)) for (a, b), kind in zip(edges, kinds, strict=True) if EDGE_TYPES[kind] == "robot"}
+    assert to_robot == {(k, 0) for k in there if k} | {(0, k) for k in there if k}
+    links = parts["interactions"][parts["interactions_mask"] > 0.0]
+    related = [(int(a), int(b), int(kind)) for (a, b), kind in zip(edges, kinds, strict=True) if kind > 0]
+    expected = [(int(a) + 2, int(b) + 2, int(kind) + 1) for a, kind, b in links]
+    assert sorted(related) == sorted(expected + [(b, a, kind) for a, b, kind in expected])
+    assert related
+
+
+def test_history_holds_the_last_observations() -> None:
+    plain, env = s2g.SocialNavEnv("lively"), s2g.History(s2g.SocialNavEnv("lively"), length=3)
+    past = [plain.reset(seed=1)[0]["humans"]] * 3
+    found = env.reset(seed=1)[0]["humans"]
+    np.testing.assert_array_equal(found, np.stack(past))
+    for _ in range(5):
+        action = np.array([0.5, 0.1, 0.2])
+        past.append(plain.step(action)[0]["humans"])
+        found = env.step(action)[0]["humans"]
+        np.testing.assert_array_equal(found, np.stack(past[-3:]))
+    np.testing.assert_array_equal(env.reset(seed=1)[0]["humans"], np.stack(past[:3]))
+
+
+def test_discrete_actions_are_moves() -> None:
+    env = s2g.DiscreteActions(s2g.SocialNavEnv("empty"), moves=[(0.5, 0.0, 0.0), (0.0, -1.0, 0.0)])
+    assert env.action_space == gymnasium.spaces.Discrete(2)
+    env.reset(seed=0)
+    base = env.unwrapped
+    assert isinstance(base, s2g.SocialNavEnv)
+    env.step(0)
+    assert base.snapshot.robot.executed.vx > 0.0
+    for _ in range(20):
+        env.step(1)
+    assert base.snapshot.robot.executed.vy == pytest.approx(-base.config.robot.limits.sideways)
+    with pytest.raises(ValueError, match="three fractions"):
+        s2g.DiscreteActions(s2g.SocialNavEnv("empty"), moves=[(2.0, 0.0, 0.0)])
+
+
+def test_wrappers_of_the_dictionary_come_before_flat() -> None:
+    flat = s2g.Flat(s2g.SocialNavEnv("empty"))
+    for wrapper in (s2g.WorldFrame, s2g.Noise, s2g.FieldOfView, s2g.Lidar, s2g.Graph):
+        with pytest.raises(TypeError, match=f"put {wrapper.__name__} before Flat"):
+            wrapper(flat)
+    with pytest.raises(TypeError, match="dictionary"):
+        s2g.Flat(flat)
