@@ -57,8 +57,8 @@ class Settings:
         bias: scenes in which learner and expert are compared.
         fewest_runs: runs that a mean by clearance needs.
         careful: runs of the careful expert for the shipped weights, by scenario; `other` in every other scenario.
-        shipped_met: runs of the learner for the shipped weights, in the same form.
-        shipped_epochs: epochs of the training of the shipped weights.
+        shipped_met: runs of the learner in each round for the shipped weights, in the same form.
+        shipped_rounds, shipped_epochs: rounds of data-set aggregation for the shipped weights, epochs per round.
     """
 
     episodes: int
@@ -71,6 +71,7 @@ class Settings:
     fewest_runs: int
     careful: Mapping[str, int]
     shipped_met: Mapping[str, int]
+    shipped_rounds: int
     shipped_epochs: int
 
     def careful_episodes(self, scenario: str) -> int:
@@ -95,8 +96,9 @@ SIZES = {
         scenes={"few": 60, "many": 1000, "everywhere": 20},
         bias=60,
         fewest_runs=10,
-        careful={PRESET: 600, "sonata-2020-crowded": 100, "lively": 100, "other": 30},
-        shipped_met={PRESET: 300, "sonata-2020-crowded": 60, "lively": 60, "other": 20},
+        careful={PRESET: 600, "sonata-2020-crowded": 200, "lively": 500, "other": 40},
+        shipped_met={PRESET: 300, "sonata-2020-crowded": 100, "lively": 250, "other": 30},
+        shipped_rounds=2,
         shipped_epochs=10,
     ),
     "small": Settings(
@@ -113,6 +115,7 @@ SIZES = {
         fewest_runs=2,
         careful={PRESET: 4, "sonata-2020-crowded": 1, "other": 1},
         shipped_met={PRESET: 2, "sonata-2020-crowded": 1, "other": 1},
+        shipped_rounds=1,
         shipped_epochs=1,
     ),
 }

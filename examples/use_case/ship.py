@@ -37,7 +37,7 @@ def main(out: Path, workers: int) -> None:
         [everywhere],
         scenarios={name: SETTINGS.shipped_episodes(name) for name in scenarios},
         expert=CAREFUL,
-        rounds=1,
+        rounds=SETTINGS.shipped_rounds,
         epochs=SETTINGS.shipped_epochs,
         seed=SHIPPING_SEED,
         workers=workers,
