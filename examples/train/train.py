@@ -33,7 +33,7 @@ import sonata2d as s2
 import sonata2d.gym as s2g
 
 WORLDS = {"ppo": 16, "sac": 4}
-STEPS = {"ppo": 200_000, "sac": 40_000, "imitation": 200}  # of imitation: episodes of the expert
+STEPS = {"ppo": 200_000, "sac": 60_000, "imitation": 300}  # of imitation: episodes of the expert
 GAMMA = 0.98
 EVALUATION_SEED, EVALUATION_EPISODES, POINTS = 1_000_000, 20, 20
 EPOCHS, BATCH, LEARNING_RATE = 60, 256, 1e-3  # of imitation
@@ -99,8 +99,9 @@ def train(name: str, scenario: str, settings: dict[str, Any], steps: int, seed: 
                     sde_sample_freq=8, learning_rate=lambda left: 1e-3 * left, seed=seed, device="cpu",
                     policy_kwargs={"log_std_init": -1.0})  # fmt: skip
     else:
-        model = SAC("MlpPolicy", normalised, learning_starts=1000, train_freq=2, gradient_steps=1, gamma=GAMMA,
-                    use_sde=True, learning_rate=1e-3, seed=seed, device="cpu")  # fmt: skip
+        model = SAC("MlpPolicy", normalised, learning_starts=2000, train_freq=1, gradient_steps=3, gamma=GAMMA,
+                    tau=0.01, use_sde=True, sde_sample_freq=8, learning_rate=7e-4, seed=seed, device="cpu",
+                    policy_kwargs={"log_std_init": -2.0, "net_arch": [64, 64]})  # fmt: skip
     curve = Curve(make(scenario, settings), steps)
     model.learn(steps, callback=curve)
     curve.measure()
@@ -110,7 +111,7 @@ def train(name: str, scenario: str, settings: dict[str, Any], steps: int, seed: 
 def imitate(scenario: str, settings: dict[str, Any], episodes: int, seed: int) -> tuple[Any, Any, list[Any]]:
     """Behaviour cloning of `social-planner` by the network that PPO would train."""
     env = make(scenario, settings)
-    runs = s2g.demonstrate(env, s2.SocialPlanner(), seed=seed, episodes=episodes)
+    runs = s2g.demonstrate(env, s2.SocialPlanner(), seed=seed, episodes=episodes, noise=0.3)
     observations = np.concatenate([np.stack(run.observations[:-1]) for run in runs])
     actions = torch.as_tensor(np.concatenate([run.actions for run in runs]))
     click.echo(f"{len(runs)} episodes of the expert, {len(actions)} steps")
@@ -178,6 +179,7 @@ def main(recipe: str, scenario: str, changes: str, steps: int | None, seed: int,
     note = f"{recipe} on {scenario} {changes}, {steps} {'episodes' if recipe == 'imitation' else 'steps'}, seed {seed}"
     s2g.save_policy(out / "policy.npz", model, make(scenario, settings), normalisation=normalisation, note=note)
     model.save(out / "model.zip")
+    normalisation.save(str(out / "normalisation.pkl"))
     with (out / "curve.csv").open("w", newline="") as file:
         csv.writer(file).writerows([("step", "mean_return", "goal_share"), *rows])
     draw(

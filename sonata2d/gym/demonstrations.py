@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from ..agents.controllers.base import Controller, Regenerate, Stop
 from ..core.geometry import Twist
+from ..errors import ControllerError
 from .pipeline import Pipeline
 from .wrappers import DiscreteActions
 
 Env = gymnasium.Env[Any, Any]
+_NOISE_TIME = 0.5  # s
 _ROUNDING = 1e-4  # m/s and rad/s, by which the command of an action may differ from the controller's
 
 
@@ -38,7 +40,9 @@ class Demonstration:
     info: dict[str, Any]
 
 
-def demonstrate(env: Env, controller: Controller, *, seed: int, episodes: int) -> list[Demonstration]:
+def demonstrate(
+    env: Env, controller: Controller, *, seed: int, episodes: int, noise: float = 0.0
+) -> list[Demonstration]:
     """Let a controller drive in an environment.
 
     Args:
@@ -46,23 +50,45 @@ def demonstrate(env: Env, controller: Controller, *, seed: int, episodes: int) -
         controller: e.g. `sonata2d.SocialPlanner()`.
         seed: of the first reset; the episodes are those of a data set with this seed.
         episodes: their number.
+        noise: standard deviation of what is added to the executed actions, constant for half a second each; the
+            recorded actions stay those of the controller. Learners so see how it returns from its errors.
 
     Returns:
         The episodes.
+
+    Raises:
+        ValueError: there is noise, and the actions are not numbers in a box.
+        TypeError: a wrapper changes the actions that is not `DiscreteActions`.
+        ControllerError: the controller requests an image.
+
+    Source: noise in demonstrations: M. Laskey et al., CoRL 2017 (DART).
     """
+    if controller.image is not None:
+        raise ControllerError(f"{type(controller).__name__} requests a camera image, which demonstrations do not draw")
+    if noise and not isinstance(env.action_space, gymnasium.spaces.Box):
+        raise ValueError(f"noise is added to actions in a Box only, got {env.action_space}")
     found, pipeline = [], Pipeline(env)
     for k in range(episodes):
         observation, info = env.reset(seed=seed if k == 0 else None)
         controller.reset(pipeline.base.scene)
-        observations, actions, rewards = [observation], [], []
+        observations: list[Any] = [observation]
+        actions: list[Any] = []
+        rewards: list[float] = []
+        random, added = np.random.default_rng([seed, k]), 0.0
+        interval = max(round(_NOISE_TIME / pipeline.base.scene.rules.dt), 1)
         terminated = truncated = False
         while not (terminated or truncated):
             answer = controller.act(pipeline.base.snapshot)
             if isinstance(answer, (Stop, Regenerate)):
                 break
             action = _action(env, pipeline, answer)
-            observation, reward, terminated, truncated, info = env.step(action)
-            executed = pipeline.twist(action)
+            executed_action = action
+            if noise:
+                if len(actions) % interval == 0:
+                    added = noise * random.standard_normal(action.shape)
+                executed_action = np.clip(action + added, -1.0, 1.0)
+            observation, reward, terminated, truncated, info = env.step(executed_action)
+            executed = pipeline.twist(executed_action)
             if not np.allclose(astuple(executed), astuple(answer), rtol=0.0, atol=_ROUNDING):
                 controller.command_overridden(executed)
             observations.append(observation)
@@ -81,6 +107,8 @@ def _action(env: Env, pipeline: Pipeline, twist: Twist) -> Any:
         if isinstance(env, DiscreteActions):
             table = np.array([env.action(k) for k in range(int(env.action_space.n))])  # type: ignore[attr-defined]
             return int(np.argmin(((table - action) ** 2).sum(axis=1)))
+        if isinstance(env, gymnasium.ActionWrapper):
+            raise TypeError(f"the action that {type(env).__name__} turns into a command is not known")
         env = env.env
     return action
 
@@ -90,7 +118,7 @@ def save_minari(name: str, demonstrations: list[Demonstration], env: Env, **abou
 
     Args:
         name: of the data set, e.g. `sonata2d/lively/expert-v0`.
-        demonstrations: of the environment.
+        demonstrations: of the environment; those without a step are left out.
         env: in which they were recorded.
         about: further arguments of `minari.create_dataset_from_buffers`, e.g. `author`, `description`.
 
@@ -106,7 +134,7 @@ def save_minari(name: str, demonstrations: list[Demonstration], env: Env, **abou
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError("save_minari needs Minari; pip install 'minari[hdf5]'", name=error.name) from error
     buffers = []
-    for k, one in enumerate(demonstrations):
+    for k, one in enumerate(one for one in demonstrations if len(one.actions)):
         count = len(one.actions)
         terminations, truncations = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
         terminations[-1], truncations[-1] = one.terminated, one.truncated or not one.terminated

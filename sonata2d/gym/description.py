@@ -9,9 +9,10 @@ from typing import Any
 import gymnasium
 from gymnasium.utils import RecordConstructorArgs
 
+from ..errors import ConfigError
 from .env import SocialNavEnv, base_of
 from .observation import Sizes
-from .wrappers import DiscreteActions, FieldOfView, Flat, Graph, History, Lidar, Noise, WorldFrame
+from .wrappers import DiscreteActions, FieldOfView, Flat, Graph, History, Lidar, Noise, WorldFrame, changes_spaces
 
 Env = gymnasium.Env[Any, Any]
 _WRAPPERS: dict[str, Any] = {
@@ -21,7 +22,7 @@ _CHANGES = (gymnasium.ObservationWrapper, gymnasium.ActionWrapper)
 
 
 def describe(env: Env) -> dict[str, Any]:
-    """What determines the observations and actions of an environment: sizes, order, drive and wrappers.
+    """What determines the observations and actions of an environment: sizes, order, drive and its limits, wrappers.
 
     Wrappers that change neither, such as those of time limits and rewards, are left out.
 
@@ -34,17 +35,17 @@ def describe(env: Env) -> dict[str, Any]:
         assert isinstance(env, gymnasium.Wrapper)
         if isinstance(env, RecordConstructorArgs) and type(env) in _WRAPPERS.values():
             wrappers.insert(0, {"name": type(env).__name__, "arguments": dict(env._saved_kwargs)})
-        elif isinstance(env, _CHANGES):
+        elif isinstance(env, _CHANGES) or changes_spaces(env):
             raise TypeError(
                 f"the wrapper {type(env).__name__} cannot be described; use those of sonata2d.gym.wrappers, or pass "
                 "the environment itself to PolicyController"
             )
         env = env.env
-    kinematics = base.config.robot.kinematics
+    robot = base.config.robot
     return {
         "sizes": asdict(base.encoder.sizes),
         "order": base.encoder.order,
-        "kinematics": kinematics,
+        "robot": {"kinematics": robot.kinematics, "limits": robot.limits.model_dump()},
         "wrappers": wrappers,
     }
 
@@ -56,11 +57,11 @@ def environment_of(description: Mapping[str, Any]) -> Env:
         ValueError: the description is not that of an environment.
     """
     try:
-        robot = {"robot": {"kinematics": description["kinematics"]}}
+        robot = {"robot": description["robot"]}
         sizes = asdict(Sizes(**description["sizes"]))
         env: Env = SocialNavEnv("empty", settings=robot, sizes=sizes, order=description["order"])
         for wrapper in description["wrappers"]:
             env = _WRAPPERS[wrapper["name"]](env, **wrapper["arguments"])
-    except (KeyError, TypeError) as error:
+    except (AttributeError, ConfigError, KeyError, TypeError) as error:
         raise ValueError(f"not the description of an environment: {error!r}") from error
     return env

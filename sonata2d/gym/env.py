@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from typing import Any, Literal, SupportsFloat
 
@@ -15,23 +17,28 @@ from numpy.typing import NDArray
 
 from ..core.geometry import Twist
 from ..core.scene import Scene
-from ..core.snapshot import Snapshot
-from ..errors import SceneError
+from ..core.snapshot import Outcome, Snapshot
+from ..errors import RecordError, SceneError
 from ..metrics.catalogue import select_metrics
+from ..metrics.definition import Metric
+from ..metrics.disturbance import NEEDING_RERUN
 from ..metrics.measurement import measure
+from ..record.files import write_atomically
 from ..record.reader import record_from_document
-from ..record.recorder import EpisodeRecorder, JsonRecorder
+from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import load_scenario
 from ..sim.episode import Episode
+from ..version import PHYSICS_VERSION
 from .observation import Encoder, Observation, Order, Sizes
 from .rewards import Reward, reward_of
 
 RenderMode = Literal["human", "rgb_array", "rgb_array_list"]
 STATE_FORMAT, STATE_VERSION = "sonata2d-env-state", 1
+_MAXIMUM_SEED = 2**63
 _LAYOUTS = 100  # episodes that `reset` tries if their scenes have no layout
-_DEFAULT_SIZE = (640, 640)  # px
+_DEFAULT_SIZE, _MAXIMUM_SIDE = (640, 640), 8192  # px
 
 
 class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
@@ -58,7 +65,8 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         sizes: numbers of rows of the observation by name (`humans`, `objects`, `walls`, `interactions`), instead of the
             largest numbers of the scenario.
         order: of the rows: `nearest` first, or as in the `scene`, in which an entity keeps its row.
-        metrics: names of metrics of `sonata2d.metrics` that the last `info` contains; True: all of them.
+        metrics: names of metrics of `sonata2d.metrics` that the last `info` contains; True: all but those that need a
+            second run of the episode, without a robot.
         record: folder in which every episode is recorded; existing files stay.
         render_mode: `human` shows a window, `rgb_array` and `rgb_array_list` return pictures.
         render_size: width and height of pictures, px.
@@ -102,6 +110,10 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             modes = ", ".join(self.metadata["render_modes"])
             raise ValueError(f"render_mode must be one of {modes}, or None, got {render_mode!r}")
+        if view not in ("top", "follow"):
+            raise ValueError(f"view must be 'top' or 'follow', got {view!r}")
+        if not all(isinstance(side, int) and 1 <= side <= _MAXIMUM_SIDE for side in render_size):
+            raise ValueError(f"render_size must be two numbers from 1 to {_MAXIMUM_SIDE}, got {render_size!r}")
         config = scenario if isinstance(scenario, ScenarioConfig) else load_scenario(scenario)
         self.config = config.changed(**settings) if settings else config
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.config.rules.dt)}
@@ -111,8 +123,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self.action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (axes,), np.float32)
         self.render_mode, self._render_size, self._view = render_mode, render_size, view
         self._reward = reward_of(reward)
-        names = ("all",) if metrics is True else metrics or ()
-        self._metrics = select_metrics([names] if isinstance(names, str) else names)
+        self._metrics = _metrics_of(metrics)
         self._folder = None if record is None else Path(record)
         self._seed: int | None = None
         self._number = -1  # of the episode
@@ -154,22 +165,26 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             options: `{"episode": k}` begins with another episode of the seed than the first or the next one.
 
         Returns:
-            Observation and info, which has `seed` and `episode`.
+            Observation and info, which has `seed` and `episode_number`.
 
         Raises:
-            ValueError: an option is unknown.
+            ValueError: an option is unknown, or a number is not one that files hold.
             SceneError: a hundred scenes in a row have no layout.
         """
-        super().reset(seed=seed)
         unknown = set(options or {}) - {"episode"}
         if unknown:
             raise ValueError(f"reset knows the option 'episode' only, got {sorted(unknown)[0]!r}")
+        number = (options or {}).get("episode")
+        for name, value in (("seed", seed), ("the option 'episode'", number)):
+            if value is not None and not (isinstance(value, int | np.integer) and 0 <= value < _MAXIMUM_SEED):
+                raise ValueError(f"{name} must be an integer from 0 to 2^63 - 1, got {value!r}")
+        super().reset(seed=None if seed is None else int(seed))
         self._finish("the environment was reset")
         if seed is not None:
-            self._seed, self._number = seed, -1
+            self._seed, self._number = int(seed), -1
         elif self._seed is None:
             self._seed = int(self.np_random.integers(2**31))
-        self._number = int((options or {}).get("episode", self._number + 1))
+        self._number = self._number + 1 if number is None else int(number)
         for attempt in range(_LAYOUTS):
             try:
                 scene = generate(self.config, self._seed, self._number)
@@ -181,7 +196,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self._start(scene)
         if self.render_mode == "human":
             self.render()
-        return self.encoder.encode(self.snapshot), {"seed": self._seed, "episode": self._number}
+        return self.encoder.encode(self.snapshot), {"seed": self._seed, "episode_number": self._number}
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
         """Drive for one tick.
@@ -218,6 +233,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
 
     def twist_of(self, action: NDArray[np.floating[Any]]) -> Twist:
         """The command of an action."""
+        # The limits are those of the environment, not of a scene in which a policy drives: the policy knows these.
         limits, axes = self.config.robot.limits, self.action_space.shape
         if np.shape(action) != axes:
             raise ValueError(f"an action has the shape {axes}, got {np.shape(action)}")
@@ -244,6 +260,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         return {
             "format": STATE_FORMAT,
             "version": STATE_VERSION,
+            "physics": PHYSICS_VERSION,
             "settings": self.config.settings(),
             "seed": self._seed,
             "episode": self._number,
@@ -269,6 +286,11 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         if state.get("format") != STATE_FORMAT or state.get("version") != STATE_VERSION:
             found = f"{state.get('format')!r}, version {state.get('version')!r}"
             raise ValueError(f"a state has the format {STATE_FORMAT!r}, version {STATE_VERSION}; got {found}")
+        if state["physics"] != PHYSICS_VERSION:
+            raise ValueError(
+                f"the state is one of physics version {state['physics']}, this sonata2d has version {PHYSICS_VERSION}: "
+                "its commands would lead elsewhere"
+            )
         if state["settings"] != self.config.settings():
             raise ValueError("the state belongs to another scenario, or to other settings of it")
         self._finish("the environment returned to another state")
@@ -317,7 +339,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         """Begin an episode."""
         self._recorder = None
         if self._folder is not None:
-            self._recorder = JsonRecorder(_new_path(self._folder))
+            self._recorder = _FolderRecorder(self._folder)
         elif self._metrics:
             self._recorder = EpisodeRecorder()
         observers = () if self._recorder is None else (self._recorder,)
@@ -356,6 +378,24 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         return self._renderer
 
 
+def _metrics_of(chosen: Iterable[str] | str | bool) -> tuple[Metric, ...]:
+    """The metrics of the argument `metrics`.
+
+    Raises:
+        ValueError: a metric needs a second run.
+    """
+    if isinstance(chosen, bool):
+        metrics = select_metrics(["all"]) if chosen else ()
+        return tuple(metric for metric in metrics if metric.name not in NEEDING_RERUN)
+    metrics = select_metrics([chosen] if isinstance(chosen, str) else chosen)
+    for metric in metrics:
+        if metric.name in NEEDING_RERUN:
+            raise ValueError(
+                f"{metric.name} needs a second run, without a robot; record episodes and call sonata2d.metrics.measure"
+            )
+    return metrics
+
+
 def base_of(env: gymnasium.Env[Any, Any]) -> SocialNavEnv:
     """The environment inside its wrappers.
 
@@ -368,7 +408,38 @@ def base_of(env: gymnasium.Env[Any, Any]) -> SocialNavEnv:
     return base
 
 
-def _new_path(folder: Path) -> Path:
-    """The path of the next episode file in a folder: 000000.json and so on."""
-    numbers = [int(path.stem) for path in folder.glob("*.json") if path.stem.isdecimal()]
-    return folder / f"{max(numbers, default=-1) + 1:06}.json"
+class _FolderRecorder(EpisodeRecorder):
+    """Writes each episode to the next free file of a folder, 000000.json and so on, which other processes may use too.
+
+    Args:
+        folder: is created if it is missing.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self._folder = folder
+
+    def close(self, last: Snapshot, outcome: Outcome) -> None:
+        """End the episode, and write its file.
+
+        Raises:
+            RecordError: the file cannot be written.
+        """
+        super().close(last, outcome)
+        path = self._reserved()
+        self.id = path.stem
+        write_atomically(path, self.document())
+
+    def _reserved(self) -> Path:
+        """A new empty file in the folder."""
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            numbers = [int(path.stem) for path in self._folder.glob("*.json") if path.stem.isdecimal()]
+            for number in count(max(numbers, default=-1) + 1):
+                path = self._folder / f"{number:06}.json"
+                with suppress(FileExistsError):
+                    path.touch(exist_ok=False)
+                    return path
+        except OSError as error:
+            raise RecordError(f"cannot record in {self._folder}: {error.strerror or error}") from error
+        raise AssertionError("unreachable")

@@ -29,14 +29,20 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
             (any policy; needs ONNX Runtime, and `onnxscript` to write).
         model: of Stable-Baselines3, e.g. PPO or SAC.
         env: in which it was trained, with its wrappers.
-        normalisation: the `VecNormalize` around the environments of the training, if there was one.
+        normalisation: the `VecNormalize` of the training; None: that around the environment of the model, if any.
         note: how the policy was trained, for human readers.
 
     Raises:
-        ValueError: the path has another suffix, or the policy cannot be written as such a file.
+        ValueError: the path has another suffix, the environment is not that of the model, or the policy cannot be
+            written as such a file.
         TypeError: a wrapper of observations or actions is not one of `sonata2d.gym`.
     """
     path, environment = Path(path), describe(env)
+    for name in ("observation_space", "action_space"):
+        if getattr(model, name) != getattr(env, name):
+            raise ValueError(f"the model has another {name} than the environment; give the one in which it was trained")
+    if normalisation is None:
+        normalisation = model.get_vec_normalize_env()
     if path.suffix == ".npz":
         write_mlp(path, _mlp_of(model, environment, normalisation, note))
     elif path.suffix == ".onnx":
@@ -46,46 +52,52 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
 
 
 def _mlp_of(model: Any, environment: dict[str, Any], normalisation: Any, note: str) -> Mlp:
-    """The perceptron of a model."""
+    """The perceptron of a model.
+
+    Raises:
+        ValueError: it is not one, or not of the kind that such a file holds.
+    """
+    from stable_baselines3.common.torch_layers import FlattenExtractor
     from torch import nn
 
-    policy = model.policy
+    policy, space = model.policy, model.observation_space
+    is_discrete = isinstance(model.action_space, gymnasium.spaces.Discrete)
     if hasattr(policy, "mlp_extractor"):  # PPO, A2C
-        layers, last = list(policy.mlp_extractor.policy_net), policy.action_net
-        output = "argmax" if isinstance(model.action_space, gymnasium.spaces.Discrete) else "clip"
+        layers = [*policy.mlp_extractor.policy_net, policy.action_net]
+        extractor = policy.pi_features_extractor
+        output = "argmax" if is_discrete else "tanh" if policy.squash_output else "clip"
     elif hasattr(policy, "actor") and hasattr(policy.actor, "latent_pi"):  # SAC
-        layers, last, output = list(policy.actor.latent_pi), policy.actor.mu, "tanh"
-    elif hasattr(policy, "actor") and hasattr(policy.actor, "mu"):  # TD3: the last two are a layer and tanh
-        layers, last, output = list(policy.actor.mu)[:-2], list(policy.actor.mu)[-2], "tanh"
+        layers, extractor, output = [*policy.actor.latent_pi, policy.actor.mu], policy.actor.features_extractor, "tanh"
+    elif hasattr(policy, "actor") and hasattr(policy.actor, "mu"):  # TD3, DDPG: the last one is tanh
+        layers, extractor, output = list(policy.actor.mu)[:-1], policy.actor.features_extractor, "tanh"
     elif hasattr(policy, "q_net"):  # DQN
-        network = list(policy.q_net.q_net)
-        layers, last, output = network[:-1], network[-1], "argmax"
+        layers, extractor, output = list(policy.q_net.q_net), policy.q_net.features_extractor, "argmax"
     else:
         raise ValueError(f"{type(policy).__name__} is not a perceptron; write it as .onnx")
-    space = model.observation_space
     if not (isinstance(space, gymnasium.spaces.Box) and len(space.shape) == 1):
-        raise ValueError(
-            "a .npz file holds policies of flat observations only; wrap the environment in Flat, or write .onnx"
-        )
-    activations = {type(layer) for layer in layers if not isinstance(layer, nn.Linear)}
-    if activations == {nn.Tanh} or not activations:
-        activation = "tanh"
-    elif activations == {nn.ReLU}:
-        activation = "relu"
-    else:
+        raise ValueError("a .npz file holds policies of flat observations; wrap the environment in Flat or write .onnx")
+    if type(extractor) is not FlattenExtractor:
+        raise ValueError(f"a .npz file holds no {type(extractor).__name__}; write .onnx")
+    modules = [part for layer in layers for part in (layer if isinstance(layer, nn.Sequential) else [layer])]
+    output_limit = LARGEST_VALUE
+    if isinstance(modules[-1], nn.Hardtanh):  # of SAC with noise that depends on the state
+        output_limit = float(modules.pop().max_val)
+    linear = [module for module in modules if isinstance(module, nn.Linear)]
+    activations = {type(module) for module in modules if not isinstance(module, nn.Linear)}
+    if not isinstance(modules[-1], nn.Linear) or len(activations) > 1 or not activations <= {nn.Tanh, nn.ReLU}:
         names = ", ".join(sorted(one.__name__ for one in activations))
-        raise ValueError(f"hidden layers of a .npz file have tanh or ReLU, got {names}; write .onnx")
-    linear = [layer for layer in (*layers, last) if isinstance(layer, nn.Linear)]
+        raise ValueError(f"a .npz file holds hidden layers with tanh or ReLU, got {names}; write .onnx")
     mean, scale, limit = _normalisation(normalisation, space.shape[0])
     return Mlp(
         weights=[layer.weight.detach().cpu().numpy().T.astype(float) for layer in linear],
         biases=[layer.bias.detach().cpu().numpy().astype(float) for layer in linear],
-        activation=activation,
+        activation="relu" if activations == {nn.ReLU} else "tanh",
         output=output,
         environment=environment,
         mean=mean,
         scale=scale,
         limit=limit,
+        output_limit=output_limit,
         note=note,
     )
 
@@ -128,10 +140,18 @@ def _write_onnx(path: Path, model: Any, environment: dict[str, Any], normalisati
             action = self.policy._predict(observation, deterministic=True)
             return action if action.dtype == torch.int64 else torch.clip(action, -1.0, 1.0)
 
+    device, was_training = model.device, policy.training
     actor = Actor().to("cpu").eval()
     example = tuple(torch.as_tensor(np.zeros((1, *(part.shape or ())), dtype=part.dtype)) for part in parts)
-    with whole_file(path) as temporary:
-        program = torch.onnx.export(actor, example, input_names=names, output_names=["action"], dynamo=True)
-        written = program.model_proto
-        onnx.helper.set_model_props(written, {METADATA_KEY: json.dumps(environment)})
-        Path(temporary).write_bytes(written.SerializeToString())
+    is_checking = torch.distributions.Distribution._validate_args
+    torch.distributions.Distribution.set_default_validate_args(False)  # ONNX has no operators for the checks
+    try:
+        with whole_file(path) as temporary:
+            program = torch.onnx.export(actor, example, input_names=names, output_names=["action"], dynamo=True)
+            written = program.model_proto
+            onnx.helper.set_model_props(written, {METADATA_KEY: json.dumps(environment)})
+            Path(temporary).write_bytes(written.SerializeToString())
+    finally:
+        torch.distributions.Distribution.set_default_validate_args(is_checking)
+        policy.to(device)
+        policy.set_training_mode(was_training)

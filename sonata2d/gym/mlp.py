@@ -41,6 +41,7 @@ class Mlp:
         environment: see `description.describe`.
         mean, scale: (in,); the input is (observation - mean) * scale, within ±`limit`.
         limit: of the input.
+        output_limit: of the last layer's numbers, before their tangents are taken.
         note: how it was made, for human readers.
     """
 
@@ -52,6 +53,7 @@ class Mlp:
     mean: Array
     scale: Array
     limit: float = LARGEST_VALUE
+    output_limit: float = LARGEST_VALUE
     note: str = ""
 
     def __post_init__(self) -> None:
@@ -92,11 +94,12 @@ class Mlp:
         rounded: list[Array] = self._rounded  # type: ignore[attr-defined]
         for k, (weight, bias) in enumerate(zip(rounded, self.biases, strict=True)):
             h = product(h[None], weight)[0] + bias
+            if k == last and self.output == "argmax":
+                return int(np.argmax(h))  # before the limits, which may make values equal
             if k < last:
                 h = _tanh(h) if self.activation == "tanh" else np.maximum(h, 0.0)
             h = _rounded(h)
-        if self.output == "argmax":
-            return int(np.argmax(h))
+        h = np.clip(h, -self.output_limit, self.output_limit)
         return (_tanh(h) if self.output == "tanh" else np.clip(h, -1.0, 1.0)).astype(np.float32)
 
 
@@ -126,7 +129,7 @@ def write_mlp(path: str | Path, mlp: Mlp) -> None:
         raise ValueError(f"the name of the file must end in .npz, got {path}")
     about = {
         "kind": KIND, "activation": mlp.activation, "output": mlp.output, "environment": dict(mlp.environment),
-        "limit": mlp.limit, "layers": len(mlp.weights), "note": mlp.note,
+        "limit": mlp.limit, "output_limit": mlp.output_limit, "layers": len(mlp.weights), "note": mlp.note,
     }  # fmt: skip
     arrays: dict[str, NDArray[Any]] = {"mean": mlp.mean, "scale": mlp.scale}
     for k, (weight, bias) in enumerate(zip(mlp.weights, mlp.biases, strict=True)):
@@ -155,6 +158,7 @@ def read_mlp(path: Path) -> Mlp:
             mean=arrays["mean"].astype(float),
             scale=arrays["scale"].astype(float),
             limit=float(about["limit"]),
+            output_limit=float(about["output_limit"]),
             note=str(about["note"]),
         )
     except (ArithmeticError, KeyError, RecordError, RecursionError, TypeError, ValueError) as error:

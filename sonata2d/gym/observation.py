@@ -23,7 +23,7 @@ from ..core.snapshot import Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE
 from ..scenegen.floor_plans import draw_floor_plan
 from ..scenegen.scenario.config import ScenarioConfig
-from ..scenegen.scenario.sections import SIZES
+from ..scenegen.scenario.sections import SIZES, RoomConfig
 
 Floats32 = NDArray[np.float32]
 Observation = dict[str, NDArray[Any]]
@@ -32,7 +32,7 @@ Order = Literal["nearest", "scene"]
 FARTHEST, FASTEST, FASTEST_TURN = 100.0, 20.0, 20.0  # m, m/s, rad/s: bounds of the spaces, to which values are clipped
 OBJECT_TYPES = (*SIZES, "other")
 _VISITORS = 10  # pedestrians beside those at the start for whom there are rows, if pedestrians enter through doors
-_SAMPLES = 64  # floor plans that are drawn to count the walls of a scenario
+_SAMPLES = 16  # floor plans of each kind of room that are drawn to count the walls of a scenario
 
 # Columns of the float parts, with their bounds.
 ROBOT = {
@@ -72,19 +72,23 @@ class Sizes:
     def of(cls, config: ScenarioConfig) -> Sizes:
         """The largest numbers of entities in scenes of a scenario.
 
-        Pedestrians who enter through doors have ten rows beside those of the people who are there at the start.
+        Pedestrians who enter through doors have ten rows beside those of the people who are there at the start; there
+        may be more of them.
         """
         drawn = (config.humans,) if config.humans is not None else (config.standing, config.wandering)
         pairs = config.talking_pairs.max + config.walking_pairs.max
         attending = config.at_laptop.max + config.at_plant.max + config.at_object.max
         humans = sum(count.max for count in drawn if count is not None) + 2 * pairs + _members(config)
-        humans += attending + config.seated.max + len(config.people)
+        humans += attending + config.seated.max + len(config.people) + sum(queue.waiting.max for queue in config.queues)
         humans += _VISITORS if any(door.inflow > 0.0 for door in config.doors) else 0
         tables = config.tables.max * (2 if config.laptops_on_tables else 1)
         objects = tables + config.plants.max + config.chairs.max + config.shelves.max + config.tvs.max
         objects += 2 * attending + len(config.furniture)  # a laptop comes with a table
-        walls = max(len(draw_floor_plan(config.room, RandomStream(k, 0, "scene")).walls) for k in range(_SAMPLES))
-        return cls(max(humans, 1), max(objects, 1), walls, max(2 * humans, 1))
+        group = config.groups.talking_size.max
+        together = (
+            config.talking_groups.max * group * group + config.walking_groups.max * config.groups.walking_size.max**2
+        )
+        return cls(max(humans, 1), max(objects, 1), _wall_count(config.room), max(2 * humans, together, 1))
 
     def changed(self, numbers: dict[str, int]) -> Sizes:
         """Other numbers for some of the entities.
@@ -96,6 +100,13 @@ class Sizes:
             if name not in asdict(self):
                 raise ValueError(f"an observation has no rows of {name!r}; give {', '.join(asdict(self))}")
         return replace(self, **numbers)
+
+
+def _wall_count(room: RoomConfig) -> int:
+    """The largest number of walls of floor plans drawn from each kind of room that is possible."""
+    kinds = [None] if room.polygon is not None else [kind for kind, weight in room.kinds.items() if weight > 0.0]
+    rooms = [room if kind is None else room.model_copy(update={"kinds": {kind: 1.0}}) for kind in kinds]
+    return max(len(draw_floor_plan(one, RandomStream(k, 0, "scene")).walls) for one in rooms for k in range(_SAMPLES))
 
 
 def _members(config: ScenarioConfig) -> int:
@@ -173,8 +184,8 @@ class Encoder:
 
     Args:
         sizes: numbers of rows.
-        order: of the rows of pedestrians, objects and walls: the nearest to the robot first, or as in the scene, so
-            that an entity keeps its row while all fit.
+        order: of the rows of pedestrians, objects and walls: the nearest to the robot first, or as in the scene. In the
+            order of the scene each entity keeps its row if all of the scene fit; that of an absent pedestrian is empty.
 
     Attributes:
         space: of the observations.
@@ -310,16 +321,21 @@ def fill(
 
     slot = np.full(humans + objects, -1, np.int64)  # row of each entity in the observation
     chosen, distance = np.empty(len(slot) + len(fixed.walls), np.int64), np.empty(len(slot) + len(fixed.walls))
+    for n in range(len(human_rows)):
+        human_rows[n] = -1
     count = 0
+    keeps_rows = not fixed.is_sorted and humans <= rows[_OF_HUMANS]
     for k in range(humans):
-        if is_present[k]:
+        if keeps_rows:  # whoever is absent leaves its row empty
+            chosen[k], count = k, k + 1
+        elif is_present[k]:
             human = row[ROBOT_SIZE + HUMAN_SIZE * k : ROBOT_SIZE + HUMAN_SIZE * (k + 1)]
             count = _insert(chosen, distance, count, rows[_OF_HUMANS], k, length(human[X] - x, human[Y] - y))
     _arrange(chosen, count, fixed.is_sorted)
-    for n in range(len(human_rows)):
-        human_rows[n] = -1
     for n in range(count):
         k = chosen[n]
+        if not is_present[k]:
+            continue
         human_rows[n], slot[k] = k, n
         human, at = row[ROBOT_SIZE + HUMAN_SIZE * k : ROBOT_SIZE + HUMAN_SIZE * (k + 1)], begin[_HUMANS] + 11 * n
         _put_point(floats, at, human[X], human[Y], frame)
@@ -352,11 +368,11 @@ def fill(
         to_x, to_y = to_line(x - wall[0], y - wall[1], along_x, along_y, 1.0 / square)
         count = _insert(chosen, distance, count, rows[_OF_WALLS], k, length(to_x, to_y))
     _arrange(chosen, count, fixed.is_sorted)
+    filled = 0
     for n in range(count):
-        wall, at = fixed.walls[chosen[n]], begin[_WALLS] + 4 * n
-        _put_point(floats, at, wall[0], wall[1], frame)
-        _put_point(floats, at + 2, wall[2], wall[3], frame)
-        floats[begin[_WALLS_MASK] + n] = 1.0
+        if _put_wall(floats, begin[_WALLS] + 4 * filled, fixed.walls[chosen[n]], frame):
+            floats[begin[_WALLS_MASK] + filled] = 1.0
+            filled += 1
 
     count = 0
     for k in range(len(interactions)):
@@ -404,6 +420,35 @@ def _put_point(floats: Floats32, at: int, x: float, y: float, frame: tuple[float
 def _put_vector(
     floats: Floats32, at: int, x: float, y: float, frame: tuple[float, float, float, float], limit: float
 ) -> None:
-    """Write a vector along the robot's axes, clipped to a limit."""
-    floats[at] = clipped(x * frame[2] + y * frame[3], -limit, limit)
-    floats[at + 1] = clipped(y * frame[2] - x * frame[3], -limit, limit)
+    """Write a vector along the robot's axes, shortened so that no component exceeds a limit."""
+    ahead, left = x * frame[2] + y * frame[3], y * frame[2] - x * frame[3]
+    factor = limit / max(abs(ahead), abs(left), limit)
+    floats[at], floats[at + 1] = clipped(ahead * factor, -limit, limit), clipped(left * factor, -limit, limit)
+
+
+@subroutine
+def _put_wall(floats: Floats32, at: int, wall: Array, frame: tuple[float, float, float, float]) -> bool:
+    """Write the part of a wall whose coordinates in the robot's frame do not exceed `FARTHEST`; False: there is none.
+
+    Source: Y.-D. Liang & B. Barsky, ACM Trans. Graph. 3 (1984) 1: clipping of lines.
+    """
+    x, y, c, s = frame
+    start_x, start_y = (wall[0] - x) * c + (wall[1] - y) * s, (wall[1] - y) * c - (wall[0] - x) * s
+    dx, dy = (wall[2] - x) * c + (wall[3] - y) * s - start_x, (wall[3] - y) * c - (wall[2] - x) * s - start_y
+    first, last = 0.0, 1.0
+    for start, change in ((start_x, dx), (start_y, dy)):
+        for side in (-1.0, 1.0):
+            room, approach = FARTHEST - side * start, side * change
+            if approach == 0.0:
+                if room < 0.0:
+                    return False
+            elif approach > 0.0:
+                last = min(last, room / approach)
+            else:
+                first = max(first, room / approach)
+    if first > last:
+        return False
+    for k, part in ((0, first), (2, last)):
+        floats[at + k] = clipped(start_x + part * dx, -FARTHEST, FARTHEST)
+        floats[at + k + 1] = clipped(start_y + part * dy, -FARTHEST, FARTHEST)
+    return True

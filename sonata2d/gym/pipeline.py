@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
+from gymnasium.wrappers import TimeLimit
 
 from ..core.geometry import Twist
 from ..core.snapshot import Snapshot
 from .env import base_of
 from .observation import Observation
-from .wrappers import EpisodeWrapper
+from .wrappers import EpisodeWrapper, changes_spaces
 
 Env = gymnasium.Env[Any, Any]
 
@@ -24,7 +25,8 @@ class Pipeline:
             as those of rewards and time limits, do not change either.
 
     Raises:
-        TypeError: the environment is not one of sonata2d.
+        TypeError: the environment is not one of sonata2d, or a wrapper changes observations or actions otherwise than
+            by `gymnasium.ObservationWrapper` and `ActionWrapper`.
     """
 
     def __init__(self, env: Env) -> None:
@@ -32,6 +34,11 @@ class Pipeline:
         self._wrappers: list[Any] = []  # the innermost first
         while env is not self.base:
             assert isinstance(env, gymnasium.Wrapper)
+            if not isinstance(env, (gymnasium.ObservationWrapper, gymnasium.ActionWrapper)) and changes_spaces(env):
+                raise TypeError(
+                    f"what {type(env).__name__} does to observations or actions cannot be repeated; use those of "
+                    "sonata2d.gym, such as History, or a gymnasium.ObservationWrapper or ActionWrapper"
+                )
             self._wrappers.insert(0, env)
             env = env.env
 
@@ -65,7 +72,8 @@ def restore(env: Env, state: Mapping[str, Any]) -> Any:
     """Return to a state of `SocialNavEnv.get_state`, in which the wrappers are as they were then.
 
     Args:
-        env: in wrappers or not.
+        env: in wrappers or not. Those of sonata2d, time limits, and wrappers without a memory of their own go back;
+            statistics such as those of `NormalizeObservation` do not.
         state: `env.unwrapped.get_state()` of an environment with the same scenario.
 
     Returns:
@@ -75,5 +83,10 @@ def restore(env: Env, state: Mapping[str, Any]) -> Any:
         ValueError: it is not a state of this version, or one of another scenario.
     """
     pipeline = Pipeline(env)
+    env.reset(seed=state["seed"], options={"episode": state["episode"]})  # the checks of some wrappers ask for it
     pipeline.begin()
+    while isinstance(env, gymnasium.Wrapper):
+        if isinstance(env, TimeLimit):
+            env._elapsed_steps = len(state["commands"])  # type: ignore[assignment]
+        env = env.env
     return pipeline.observation(pipeline.base.set_state(state, watch=pipeline.observation))

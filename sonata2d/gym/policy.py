@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from inspect import signature
 from pathlib import Path
 from typing import Any, Self
 
@@ -35,6 +36,8 @@ class PolicyController(Controller):
         env: in which it was trained, with its wrappers; may be left out for a file of `save_policy`, which contains
             the description. If it has wrappers of observations or actions of other packages, it must not be stepped
             while this controller drives.
+        normalisation: the `VecNormalize` of the training; None: that around the environment of a model, if any. A .zip
+            file does not contain it, a file of `save_policy` does.
 
     Raises:
         ControllerError: the file cannot be read, or its network does not fit the environment.
@@ -50,22 +53,25 @@ class PolicyController(Controller):
 
     version = "1"
 
-    def __init__(self, policy: Any, env: Env | None = None) -> None:
+    def __init__(self, policy: Any, env: Env | None = None, *, normalisation: Any = None) -> None:
         self._path: str | None = None
         self._sha256: str | None = None
         self.deterministic = False
         description: Mapping[str, Any] | None = None
         if isinstance(policy, (str, Path)):
             self._path, path = str(policy), Path(policy).absolute()
-            self._predict, description = _load(path)
+            self._predict, description = _load(path, normalisation)
             self._sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
             self.deterministic = path.suffix == ".npz"  # other files run in libraries whose rounding may differ
         else:
-            self._predict = _predict_of(policy)
+            self._predict = _predict_of(policy, normalisation)
         if env is None:
             if description is None:
                 raise TypeError("the policy does not say what it observes; give PolicyController(policy, env)")
-            env = environment_of(description)
+            try:
+                env = environment_of(description)
+            except ValueError as error:
+                raise ControllerError(f"{self._path} cannot be used: {error}") from error
         else:
             base_of(env)
             with suppress(TypeError):  # of a wrapper of another package
@@ -100,16 +106,59 @@ class PolicyController(Controller):
         return policy
 
     def reset(self, scene: Scene) -> None:
+        """Begin an episode.
+
+        Raises:
+            ControllerError: the robot has another drive than in the training.
+        """
+        trained = self._pipeline.base.config.robot.kinematics
+        if scene.robot.kinematics != trained:
+            raise ControllerError(
+                f"the policy was trained with a {trained} robot, that of the scene is {scene.robot.kinematics}; set "
+                "robot.kinematics of the scenario"
+            )
         self._pipeline.begin()
+        if isinstance(self._predict, _Model):
+            self._predict.begin()
 
     def act(self, snapshot: Snapshot) -> Twist:
         return self._pipeline.twist(self._predict(self._pipeline.observe(snapshot)))
 
 
-def _predict_of(policy: Any) -> Predict:
+class _Model:
+    """The actions of a model, whose state, if it has any, goes from one to the next.
+
+    Args:
+        model: has the method `predict` of Stable-Baselines3.
+        normalisation: of its observations, or None.
+    """
+
+    def __init__(self, model: Any, normalisation: Any) -> None:
+        if normalisation is None and hasattr(model, "get_vec_normalize_env"):
+            normalisation = model.get_vec_normalize_env()
+        self._model, self._normalisation = model, normalisation
+        self._arguments = signature(model.predict).parameters
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin an episode."""
+        self._state: Any = None
+        self._is_first = True
+
+    def __call__(self, observation: Any) -> Any:
+        if self._normalisation is not None:
+            observation = self._normalisation.normalize_obs(observation)
+        known = {"state": self._state, "episode_start": np.array([self._is_first])}
+        arguments = {name: value for name, value in known.items() if name in self._arguments}
+        action, self._state = self._model.predict(observation, deterministic=True, **arguments)
+        self._is_first = False
+        return action
+
+
+def _predict_of(policy: Any, normalisation: Any) -> Predict:
     """A function of an observation from whatever policy."""
     if hasattr(policy, "predict"):
-        return lambda observation: policy.predict(observation, deterministic=True)[0]
+        return _Model(policy, normalisation)
     if not callable(policy):
         raise TypeError(
             f"a policy is a file, an object with the method predict, or a function of an observation, got {policy!r}"
@@ -118,7 +167,7 @@ def _predict_of(policy: Any) -> Predict:
     return function
 
 
-def _load(path: Path) -> tuple[Predict, Mapping[str, Any] | None]:
+def _load(path: Path, normalisation: Any) -> tuple[Predict, Mapping[str, Any] | None]:
     """The policy of a file, and the description of its environment if the file has one."""
     if not path.is_file():
         raise ControllerError(f"there is no file {path}")
@@ -128,7 +177,7 @@ def _load(path: Path) -> tuple[Predict, Mapping[str, Any] | None]:
     if path.suffix == ".onnx":
         return _load_onnx(path)
     if path.suffix == ".zip":
-        return _predict_of(_load_model(path)), None
+        return _Model(_load_model(path), normalisation), None
     raise ControllerError(f"{path.name} is not a policy; the files are .npz, .onnx, and .zip of Stable-Baselines3")
 
 

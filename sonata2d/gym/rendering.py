@@ -28,6 +28,7 @@ class Renderer:
         self._pictures: list[Any] = []
         self._window: pygame.Surface | None = None
         self._painter: Painter | None = None
+        self._shown: Snapshot | None = None
         self._interval, self._next = 1.0 / fps, 0.0
 
     def begin(self) -> None:
@@ -48,7 +49,10 @@ class Renderer:
         return pictures
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show a snapshot in the window, at the pace of the simulated time."""
+        """Show a snapshot in the window, at the pace of the simulated time; nothing if it is shown already."""
+        if snapshot is self._shown:  # `step` shows it, and some programs call `render` as well
+            return
+        self._shown = snapshot
         if self._window is None:
             pygame.display.init()
             self._window = pygame.display.set_mode((self._request.width, self._request.height))
@@ -66,4 +70,4 @@ class Renderer:
         """Close the window."""
         if self._window is not None:
             pygame.display.quit()
-            self._window = None
+            self._window = self._shown = None

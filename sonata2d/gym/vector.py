@@ -65,12 +65,13 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
             self.envs.append(env)
         first = self.envs[0]
         self.num_envs, self.render_mode = num_envs, first.render_mode
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        is_name = isinstance(autoreset_mode, str) and autoreset_mode in AutoresetMode.__members__
+        self.autoreset_mode = AutoresetMode[str(autoreset_mode)] if is_name else AutoresetMode(autoreset_mode)
         self.metadata = {**first.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = first.observation_space, first.action_space
         self.observation_space = batch_space(first.observation_space, num_envs)
         self.action_space = batch_space(first.action_space, num_envs)
-        self._is_over = np.zeros(num_envs, dtype=bool)
+        self._is_over, self._last = np.zeros(num_envs, dtype=bool), list[Any]()
         self._executor = ThreadPoolExecutor(threads) if threads > 1 else None
         self._shares = np.array_split(np.arange(num_envs), min(threads, num_envs))
 
@@ -86,8 +87,10 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         seeds = self._seeds(seed)
         options = dict(options or {})
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
-        if mask.shape != (self.num_envs,):
-            raise ValueError(f"reset_mask has the shape ({self.num_envs},), got {mask.shape}")
+        if mask.shape != (self.num_envs,) or not (mask.all() or self._last):
+            raise ValueError(
+                f"reset_mask has the shape ({self.num_envs},), and the first reset is one of all; got {mask.tolist()}"
+            )
         infos: dict[str, Any] = {}
         observations: list[Any] = [None] * self.num_envs
         for k, env in enumerate(self.envs):

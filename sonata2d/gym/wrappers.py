@@ -29,6 +29,12 @@ from .observation import FARTHEST, GOAL, HUMAN, OBJECT, OBJECT_TYPES, ROBOT, WAL
 Env = gymnasium.Env[Any, Any]
 
 
+def changes_spaces(env: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
+    """Whether the observations or actions of a wrapper have other spaces than those inside it."""
+    inner = env.env
+    return env.observation_space != inner.observation_space or env.action_space != inner.action_space
+
+
 class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstructorArgs):
     """Base class of the wrappers of observations.
 
@@ -48,11 +54,23 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
         return super().reset(seed=seed, options=options)
 
     def _parts(self) -> spaces.Dict:
-        """The space of the wrapped environment, which must have the parts of a `SocialNavEnv`."""
-        space = self.env.observation_space
-        if not (isinstance(space, spaces.Dict) and "humans" in space.spaces):
-            name = type(self).__name__
-            raise TypeError(f"{name} needs the dictionary of SocialNavEnv, got {space}; put {name} before Flat")
+        """The space of the wrapped environment, whose parts must be those of a `SocialNavEnv`.
+
+        Raises:
+            TypeError: a wrapper inside has changed them.
+        """
+        space, own, name = self.env.observation_space, self._base.encoder.space, type(self).__name__
+        if not isinstance(space, spaces.Dict) or "humans" not in space.spaces:
+            raise TypeError(
+                f"{name} needs the dictionary of SocialNavEnv, got {type(space).__name__} of {self.env}; put {name} "
+                "before Flat, Lidar and Graph"
+            )
+        for part in own.spaces:
+            if part not in space.spaces or space[part].shape != own[part].shape:
+                raise TypeError(
+                    f"{name} needs the parts of SocialNavEnv, but {part!r} was changed inside {self.env}; put {name} "
+                    "before WorldFrame and History"
+                )
         return space
 
     @property
@@ -156,10 +174,13 @@ class Noise(EpisodeWrapper):
             if not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} must be a standard deviation of 0 or more, got {value!r}")
         self._deviations = position, velocity, angle
+        self._depth, inner = 0, env  # so that one noise differs from another
+        while isinstance(inner, gymnasium.Wrapper):
+            self._depth, inner = self._depth + isinstance(inner, Noise), inner.env
 
     def observation(self, observation: Observation) -> Observation:
         base, (position, velocity, angle) = self._base, self._deviations
-        random = np.random.default_rng([*base.episode_id, base.snapshot.tick])
+        random = np.random.default_rng([*base.episode_id, base.snapshot.tick, self._depth])
         result = dict(observation)
         for name in ("humans", "objects"):
             rows, columns = observation[name].astype(float), list(_COLUMNS[name])
@@ -397,7 +418,8 @@ class DiscreteActions(gymnasium.ActionWrapper[Any, Any, Any], RecordConstructorA
     """
 
     def __init__(self, env: Env, moves: Sequence[Sequence[float]] | None = None) -> None:
-        RecordConstructorArgs.__init__(self, moves=moves)
+        rows = None if moves is None else [[float(value) for value in move] for move in moves]
+        RecordConstructorArgs.__init__(self, moves=rows)  # as plain data
         super().__init__(env)
         table = np.array(list(MOVES.values()) if moves is None else moves, dtype=np.float32)
         if table.ndim != 2 or table.shape[0] < 1 or table.shape[1] != 3 or not (np.abs(table) <= 1.0).all():
@@ -406,6 +428,8 @@ class DiscreteActions(gymnasium.ActionWrapper[Any, Any, Any], RecordConstructorA
         self.action_space = spaces.Discrete(len(table))
 
     def action(self, action: Any) -> Floats32:
+        if not 0 <= int(action) < len(self._table):
+            raise ValueError(f"an action is an index of the {len(self._table)} moves, got {action}")
         move: Floats32 = self._table[int(action)]
         return move
 

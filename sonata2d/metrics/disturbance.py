@@ -164,3 +164,4 @@ METRICS = (
         headline=True,
     ),
 )  # fmt: skip
+NEEDING_RERUN = frozenset(("human_deviation_mean", "human_deviation_max", "human_slowing"))

@@ -61,8 +61,8 @@ def test_the_scenes_are_those_of_a_data_set_with_the_seed() -> None:
     for k in range(3):
         _, info = env.reset(seed=11 if k == 0 else None)
         assert env.scene == s2.generate(config, 11, k)
-        assert info == {"seed": 11, "episode": k}
-    assert env.reset(options={"episode": 7})[1] == {"seed": 11, "episode": 7}
+        assert info == {"seed": 11, "episode_number": k}
+    assert env.reset(options={"episode": 7})[1] == {"seed": 11, "episode_number": 7}
     assert env.scene == s2.generate(config, 11, 7)
 
 
@@ -133,11 +133,22 @@ def test_bad_arguments_are_named() -> None:
         s2g.SocialNavEnv("empty", order="random")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="render_mode"):
         s2g.SocialNavEnv("empty", render_mode="ascii")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="view"):
+        s2g.SocialNavEnv("empty", view="side")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="render_size"):
+        s2g.SocialNavEnv("empty", render_size=(0, 5))
+    with pytest.raises(ValueError, match="second run"):
+        s2g.SocialNavEnv("empty", metrics="human_slowing")
     with pytest.raises(MetricError, match="sucess"):
         s2g.SocialNavEnv("empty", metrics=["sucess"])
     env = s2g.SocialNavEnv("empty")
     with pytest.raises(ValueError, match="sseed"):
         env.reset(options={"sseed": 1})
+    for wrong in (-1, 1.7, "x"):
+        with pytest.raises(ValueError, match="option 'episode'"):
+            env.reset(options={"episode": wrong})
+    with pytest.raises(ValueError, match="2\\^63"):
+        env.reset(seed=2**64)
     env.reset(seed=0)
     with pytest.raises(ControllerError, match="finite"):
         env.step(np.array([np.nan, 0.0, 0.0]))
@@ -230,6 +241,25 @@ def test_after_a_restore_all_is_as_if_the_state_had_never_been_left(chain: str) 
         assert equal(env.reset()[0], other.reset()[0])  # the next episode is the same one
 
 
+def test_time_limits_and_checks_of_gymnasium_are_restored() -> None:
+    env, other = (gymnasium.make("sonata2d/Empty-v0", max_episode_steps=30) for _ in range(2))
+    env.reset(seed=1)
+    for _ in range(20):
+        env.step(0 * FORWARD)
+    s2g.restore(other, env.unwrapped.get_state())  # type: ignore[attr-defined]
+    truncated = [other.step(0 * FORWARD)[3] for _ in range(10)]
+    assert truncated == [False] * 9 + [True]
+
+
+def test_wrappers_that_cannot_be_repeated_are_refused() -> None:
+    stacked = gymnasium.wrappers.FrameStackObservation(s2g.Flat(s2g.SocialNavEnv("empty")), 4)
+    stacked.reset(seed=0)
+    state = stacked.unwrapped.get_state()  # type: ignore[attr-defined]
+    for refused in (lambda: s2g.restore(stacked, state), lambda: s2g.PolicyController(len, stacked)):
+        with pytest.raises(TypeError, match="FrameStackObservation"):
+            refused()
+
+
 def test_a_state_of_another_scenario_or_version_is_refused() -> None:
     env = s2g.SocialNavEnv("empty")
     with pytest.raises(gymnasium.error.ResetNeeded):
@@ -240,6 +270,8 @@ def test_a_state_of_another_scenario_or_version_is_refused() -> None:
         s2g.SocialNavEnv("lively").set_state(state)
     with pytest.raises(ValueError, match="version 1"):
         env.set_state({**state, "version": 2})
+    with pytest.raises(ValueError, match="physics version 2"):
+        env.set_state({**state, "physics": 2})
 
 
 def test_pictures(tmp_path: Path) -> None:

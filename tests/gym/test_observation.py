@@ -11,6 +11,7 @@ import sonata2d as s2
 from sonata2d.core.entities import RELATIONS
 from sonata2d.core.geometry import Disc
 from sonata2d.core.humans import ACTIVITIES
+from sonata2d.core.portable_math import Array
 from sonata2d.gym.observation import OBJECT_TYPES, Encoder, Observation, Sizes, observation_space
 from tests.gym.samples import equal
 
@@ -107,6 +108,61 @@ def test_of_more_entities_than_rows_the_nearest_are_observed() -> None:
         expected = nearest if order == "nearest" else np.sort(nearest)
         np.testing.assert_array_equal(encoder.human_rows, expected)
         assert observation["walls_mask"].all()
+
+
+def test_in_the_order_of_the_scene_everybody_keeps_a_row() -> None:
+    config = s2.load_scenario("waiting-room")
+    scene = s2.generate(config, 1)
+    encoder = Encoder(Sizes.of(config).changed({"humans": len(scene.humans)}), "scene")
+    encoder.reset(scene)
+    episode, absent = s2.Episode(scene, s2.StraightToGoal()), 0
+    while not episode.is_over and episode.observe().tick < 200:
+        observation, snapshot = encoder.encode(episode.snapshot()), episode.snapshot()
+        present = {human.id for human in snapshot.humans}
+        expected = [human.id in present for human in scene.humans]
+        np.testing.assert_array_equal(observation["humans_mask"] > 0.0, expected)
+        np.testing.assert_array_equal(encoder.human_rows >= 0, expected)
+        assert not observation["humans"][~np.array(expected)].any()
+        absent += len(scene.humans) - len(present)
+        episode.step()
+    assert absent
+
+
+def test_what_is_far_away_is_shown_in_its_direction() -> None:
+    """In a corridor of 300 m, walls end 100 m away, and lie where they are."""
+    settings = {
+        "room": {"kinds": "rectangle", "length": 300, "breadth": 6}, "robot": {"pose": [-140, 1, 0.5]},
+        "goal": {"position": [140, -1]},
+    }  # fmt: skip
+    config = s2.load_scenario("empty").changed(**settings)
+    scene = s2.generate(config, 1)
+    encoder = Encoder(Sizes.of(config))
+    encoder.reset(scene)
+    snapshot = s2.Episode(scene, s2.StraightToGoal()).snapshot()
+    observation = encoder.encode(snapshot)
+    x, y = local(snapshot, scene.goal.position)
+    np.testing.assert_allclose(math.atan2(*observation["goal"][[1, 0]]), math.atan2(y, x), atol=1e-6)
+    assert np.abs(observation["goal"][:2]).max() == 100.0
+    walls = observation["walls"][observation["walls_mask"] > 0.0].astype(float)
+    assert len(walls) == 3  # the far end of the room has no row
+    lines = [(np.array(local(snapshot, wall.start)), np.array(local(snapshot, wall.end))) for wall in snapshot.walls]
+    for row in walls:
+        for point in (row[:2], row[2:]):
+            assert min(distance_to_line(point, start, end) for start, end in lines) < 1e-3
+
+
+def distance_to_line(point: Array, start: Array, end: Array) -> float:
+    (x, y), (dx, dy) = point - start, end - start
+    return abs(x * dy - y * dx) / math.hypot(dx, dy)
+
+
+def test_waiting_people_and_large_groups_have_rows() -> None:
+    queue = {"x": 0, "y": 0, "theta": 0, "waiting": 6}
+    assert Sizes.of(s2.load_scenario("empty").changed(queues=[queue])).humans == 6
+    group = {"talking_groups": 1, "groups": {"talking_size": 6}}
+    assert Sizes.of(s2.load_scenario("empty").changed(**group)).interactions >= 15
+    rare = {"room": {"kinds": {"square": 0.999, "crossing": 0.001}}}
+    assert Sizes.of(s2.load_scenario("empty").changed(**rare)).walls == 12
 
 
 def test_sizes_cover_every_scene_of_a_preset() -> None:

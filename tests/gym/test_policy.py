@@ -149,6 +149,36 @@ def test_a_description_gives_the_same_spaces(chain: str) -> None:
     assert again.action_space == env.action_space
 
 
+def test_a_policy_drives_with_the_limits_of_its_training() -> None:
+    fast = {"robot": {"limits": {"ahead": 2.0, "turn": 3.0}}}
+    env = s2g.Flat(s2g.SocialNavEnv("empty", settings=fast))
+    controller = s2g.PolicyController(lambda observation: [1.0, 0.0, 1.0], env)
+    scene = s2.generate(s2.load_scenario("empty").changed(**fast), 1)
+    frame = s2.Episode(scene, controller).step()
+    assert frame is not None
+    assert (frame.command.vx, frame.command.omega) == (2.0, 3.0)
+    unicycle = s2.generate(s2.load_scenario("empty").changed(robot={"kinematics": "unicycle"}), 1)
+    with pytest.raises(ControllerError, match="holonomic"):
+        s2.Episode(unicycle, controller)
+
+
+def test_states_of_recurrent_models_go_from_step_to_step() -> None:
+    class Counter:
+        def predict(
+            self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
+        ) -> tuple[Any, Any]:
+            count = 0 if episode_start[0] else state
+            counts.append(count)
+            return np.zeros(3), count + 1
+
+    counts: list[int] = []
+    controller = s2g.PolicyController(Counter(), s2g.SocialNavEnv("empty"))
+    scene = s2.generate(s2.load_scenario("empty").changed(rules={"time_limit": 0.3}), 1)
+    for _ in range(2):
+        s2.Episode(scene, controller).run()
+    assert counts == [0, 1, 2, 0, 1, 2]
+
+
 def test_foreign_wrappers_cannot_be_described_but_used() -> None:
     env = make()
     halved = gymnasium.wrappers.TransformObservation(env, lambda x: x / 2.0, env.observation_space)
@@ -203,6 +233,19 @@ def test_demonstrations_are_episodes_of_the_controller() -> None:
         assert isinstance(base, s2g.SocialNavEnv)
         for action, tick in list(zip(run.actions, episode.past, strict=True))[:10]:
             np.testing.assert_allclose(action, base.action_of(tick.command), atol=2e-3)
+
+
+def test_noise_changes_what_is_executed_and_not_what_is_recorded() -> None:
+    class Ahead(s2.Controller):
+        def act(self, snapshot: s2.Snapshot) -> s2.Twist:
+            return s2.Twist(vx=0.5)
+
+    env = s2g.SocialNavEnv("empty", settings=SHORT)
+    plain, noisy = (s2g.demonstrate(env, Ahead(), seed=1, episodes=1, noise=noise)[0] for noise in (0.0, 0.5))
+    assert {tuple(action) for action in noisy.actions} == {tuple(plain.actions[0])}
+    assert not np.allclose(noisy.observations[30]["goal"], plain.observations[30]["goal"], atol=0.1)
+    with pytest.raises(ValueError, match="Discrete"):
+        s2g.demonstrate(s2g.DiscreteActions(env), Ahead(), seed=1, episodes=1, noise=0.5)
 
 
 def test_demonstrations_in_discrete_actions_choose_the_nearest_move() -> None:

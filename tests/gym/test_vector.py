@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
+import sonata2d as s2
 import sonata2d.gym as s2g
 from tests.gym.samples import CHAINS, SHORT, equal
 
@@ -44,7 +46,7 @@ def test_results_equal_those_of_gymnasiums_own_vector(threads: int, mode: Autore
         for a, b in zip(found[1:-1], expected[1:-1], strict=True):
             np.testing.assert_array_equal(a, b)
         assert found[-1].keys() == expected[-1].keys()
-        for key in ("seed", "episode", "is_success", "outcome"):
+        for key in ("seed", "episode_number", "is_success", "outcome"):
             if key in found[-1]:
                 np.testing.assert_array_equal(found[-1][key], expected[-1][key])
         if "final_obs" in found[-1]:
@@ -69,14 +71,40 @@ def test_without_autoreset_a_mask_selects_what_is_reset() -> None:
         envs.step(still)
     observation, infos = envs.reset(options={"reset_mask": np.array([True, False])})
     np.testing.assert_array_equal(observation["goal"][1], last["goal"][1])
-    assert infos["episode"][0] == 1
+    assert infos["episode_number"][0] == 1
     assert not np.array_equal(observation["goal"][0], first["goal"][0])
+
+
+def test_every_episode_of_every_world_is_recorded(tmp_path: Path) -> None:
+    settings = {"rules": {"time_limit": 1.0}}
+    envs = s2g.SocialNavVectorEnv(3, scenario="empty", settings=settings, record=tmp_path)
+    envs.reset(seed=5)
+    for _ in range(21):
+        envs.step(np.zeros((3, 3), dtype=np.float32))
+    envs.close()
+    records = [s2.read_episode(path) for path in sorted(tmp_path.glob("*.json"))]
+    found = sorted((record.seed, record.episode) for record in records)
+    assert found == [(seed, episode) for seed in (5, 6, 7) for episode in (0, 1)]
+    assert [record.id for record in records] == [f"{k:06}" for k in range(6)]
+
+
+def test_statistics_of_gymnasium_can_be_added() -> None:
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty", settings=SHORT, autoreset_mode="SAME_STEP")
+    counted = gymnasium.wrappers.vector.RecordEpisodeStatistics(envs)
+    counted.reset(seed=0)
+    for _ in range(61):
+        *_, infos = counted.step(np.zeros((2, 3), dtype=np.float32))
+        if "final_info" in infos:
+            break
+    assert infos["episode"]["l"].tolist() == [60, 60]
 
 
 def test_bad_arguments_are_named() -> None:
     with pytest.raises(ValueError, match="num_envs"):
         s2g.SocialNavVectorEnv(0)
     envs = s2g.SocialNavVectorEnv(2, scenario="empty")
+    with pytest.raises(ValueError, match="first reset is one of all"):
+        envs.reset(options={"reset_mask": np.array([True, False])})
     with pytest.raises(ValueError, match="3 seeds"):
         envs.reset(seed=[1, 2, 3])
     envs.reset(seed=1)

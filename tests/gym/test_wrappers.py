@@ -224,6 +224,30 @@ def test_discrete_actions_are_moves() -> None:
         s2g.DiscreteActions(s2g.SocialNavEnv("empty"), moves=[(2.0, 0.0, 0.0)])
 
 
+def test_orders_that_would_give_wrong_values_are_refused() -> None:
+    env = s2g.SocialNavEnv("empty")
+    for inner in (s2g.WorldFrame, s2g.History):
+        for outer in (s2g.Noise, s2g.FieldOfView, s2g.Lidar, s2g.Graph, s2g.WorldFrame):
+            with pytest.raises(TypeError, match=f"put {outer.__name__} before WorldFrame and History"):
+                outer(inner(env))
+    for inner in (s2g.Lidar, s2g.Graph):
+        with pytest.raises(TypeError, match="before Flat, Lidar and Graph"):
+            s2g.FieldOfView(inner(env))
+    assert s2g.WorldFrame(s2g.FieldOfView(s2g.Lidar(env, keep=True))).reset(seed=0)[0]["lidar"].shape == (72,)
+
+
+def test_two_noises_differ() -> None:
+    plain, twice = (wrap(s2g.SocialNavEnv("crowded-hall")) for wrap in (lambda env: env, two_noises))
+    differences = np.concatenate(
+        [(twice.reset(seed=k)[0]["humans"] - plain.reset(seed=k)[0]["humans"])[:10, 0] for k in range(40)]
+    )
+    assert np.std(differences) == pytest.approx(0.1 * math.sqrt(2.0), rel=0.12)
+
+
+def two_noises(env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
+    return s2g.Noise(s2g.Noise(env, 0.1, 0.0, 0.0), 0.1, 0.0, 0.0)
+
+
 def test_wrappers_of_the_dictionary_come_before_flat() -> None:
     flat = s2g.Flat(s2g.SocialNavEnv("empty"))
     for wrapper in (s2g.WorldFrame, s2g.Noise, s2g.FieldOfView, s2g.Lidar, s2g.Graph):
