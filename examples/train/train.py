@@ -185,7 +185,7 @@ def main(recipe: str, scenario: str, changes: str, steps: int | None, seed: int,
     draw(
         rows,
         out / "curve.png",
-        f"{recipe}, {scenario} ({math.ceil(cpu)} s of CPU)",
+        f"{recipe}, {Path(scenario).stem} ({math.ceil(cpu)} s of CPU)",
         "epoch" if recipe == "imitation" else "step",
     )
     click.echo(f"{out / 'policy.npz'}: {cpu:.0f} s of CPU, {wall:.0f} s")
