@@ -313,3 +313,13 @@ def test_stepping_does_not_import_pygame() -> None:
         "sys.exit('pygame' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_examples_of_the_documentation_run() -> None:
+    import re
+
+    page = (Path(__file__).parents[2] / "docs" / "gym.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert len(blocks) > 4
+    code = "\n".join(blocks).replace("range(1000)", "range(20)")
+    exec(compile(code, "docs/gym.md", "exec"), {})
