@@ -3,7 +3,7 @@
     python benchmarks/gym.py [--people 5 10 20] [--steps 4000] [--repeats 3] [--json]
 
 Rooms of 10 m x 10 m with 4 walls and 4 pieces of furniture, pedestrians that wander, a robot that drives in curves;
-episodes of 200 steps, whose resets count. In every repeat all candidates run one after another, and the fastest repeat
+episodes of 200 steps, resets included. In every repeat all candidates run one after another, and the fastest repeat
 of each is shown. `navground-learning` (pedestrians with ORCA in C++, the robot sees all discs within 5 m) and
 `highway-env` (other cars instead of pedestrians) are measured if they are installed.
 """

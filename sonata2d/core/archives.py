@@ -1,4 +1,4 @@
-"""Reading `.npz` files whose declared sizes are not trusted, and writing them with the same bytes each time."""
+"""Reading `.npz` files within limits of size, and writing them so that the same arrays give the same bytes."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..agents.controllers.base import Controller, Regenerate, Stop
 from ..core.geometry import Twist
 from ..errors import ControllerError
+from .env import wrappers_of
 from .pipeline import Pipeline
 from .wrappers import DiscreteActions
 
@@ -103,13 +104,11 @@ def demonstrate(
 def _action(env: Env, pipeline: Pipeline, twist: Twist) -> Any:
     """The action of an environment that is nearest to a command."""
     action = pipeline.base.action_of(twist)
-    while isinstance(env, gymnasium.Wrapper):
-        if isinstance(env, DiscreteActions):
-            table = np.array([env.action(k) for k in range(int(env.action_space.n))])  # type: ignore[attr-defined]
-            return int(np.argmin(((table - action) ** 2).sum(axis=1)))
-        if isinstance(env, gymnasium.ActionWrapper):
-            raise TypeError(f"the action that {type(env).__name__} turns into a command is not known")
-        env = env.env
+    for wrapper in wrappers_of(env):
+        if isinstance(wrapper, DiscreteActions):
+            return wrapper.nearest(action)
+        if isinstance(wrapper, gymnasium.ActionWrapper):
+            raise TypeError(f"the action that {type(wrapper).__name__} turns into a command is not known")
     return action
 
 

@@ -10,7 +10,7 @@ import gymnasium
 from gymnasium.utils import RecordConstructorArgs
 
 from ..errors import ConfigError
-from .env import SocialNavEnv, base_of
+from .env import SocialNavEnv, base_of, wrappers_of
 from .observation import Sizes
 from .wrappers import DiscreteActions, FieldOfView, Flat, Graph, History, Lidar, Noise, WorldFrame, changes_spaces
 
@@ -31,16 +31,14 @@ def describe(env: Env) -> dict[str, Any]:
     """
     base = base_of(env)
     wrappers: list[dict[str, Any]] = []
-    while env is not base:
-        assert isinstance(env, gymnasium.Wrapper)
-        if isinstance(env, RecordConstructorArgs) and type(env) in _WRAPPERS.values():
-            wrappers.insert(0, {"name": type(env).__name__, "arguments": dict(env._saved_kwargs)})
-        elif isinstance(env, _CHANGES) or changes_spaces(env):
+    for wrapper in wrappers_of(env):
+        if isinstance(wrapper, RecordConstructorArgs) and type(wrapper) in _WRAPPERS.values():
+            wrappers.insert(0, {"name": type(wrapper).__name__, "arguments": dict(wrapper._saved_kwargs)})
+        elif isinstance(wrapper, _CHANGES) or changes_spaces(wrapper):
             raise TypeError(
-                f"the wrapper {type(env).__name__} cannot be described; use those of sonata2d.gym.wrappers, or pass "
-                "the environment itself to PolicyController"
+                f"the wrapper {type(wrapper).__name__} cannot be described; use those of sonata2d.gym.wrappers, or "
+                "pass the environment itself to PolicyController"
             )
-        env = env.env
     robot = base.config.robot
     return {
         "sizes": asdict(base.encoder.sizes),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
@@ -160,9 +160,9 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         """Begin the next episode.
 
         Args:
-            seed: of the data set whose scenes follow; None: of the last reset, whose episodes are continued, or, at the
-                first one, a random seed.
-            options: `{"episode": k}` begins with another episode of the seed than the first or the next one.
+            seed: of a data set; the episode is its first one. None: the next episode of the present seed, or the first
+                one of a random seed if no seed was given before.
+            options: `{"episode": k}` selects the k-th episode of the seed instead.
 
         Returns:
             Observation and info, which has `seed` and `episode_number`.
@@ -194,8 +194,6 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
                     raise
                 self._number += 1
         self._start(scene)
-        if self.render_mode == "human":
-            self.render()
         return self.encoder.encode(self.snapshot), {"seed": self._seed, "episode_number": self._number}
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
@@ -208,11 +206,6 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             ResetNeeded: the episode is over, or `reset` was not called.
             ControllerError: a number of the action is not finite.
         """
-        reward, terminated, truncated, info = self.advance(action)
-        return self.encoder.encode(self.snapshot), reward, terminated, truncated, info
-
-    def advance(self, action: NDArray[np.floating[Any]]) -> tuple[float, bool, bool, dict[str, Any]]:
-        """`step` without the observation."""
         before, episode = self.snapshot, self._episode
         assert episode is not None
         if episode.is_over:
@@ -229,7 +222,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         if self.render_mode is not None:
             self._render_step()
         status = None if outcome is None else outcome.status
-        return reward, status in ("goal", "contact"), status == "timeout", info
+        return self.encoder.encode(after), reward, status in ("goal", "contact"), status == "timeout", info
 
     def twist_of(self, action: NDArray[np.floating[Any]]) -> Twist:
         """The command of an action."""
@@ -299,13 +292,12 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self._start(generate(self.config, state["seed"], state["episode"]))
         episode = self._episode
         assert episode is not None
-        observation = self.encoder.encode(self.snapshot)
         for command in state["commands"]:
             if watch is not None:
-                watch(observation)
+                watch(self.encoder.encode(self.snapshot))
             episode.apply(Twist(*command))
-            observation = self.observe(episode.observe())
-        return observation
+            self._current = episode.observe()
+        return self.encoder.encode(self.snapshot)
 
     def observe(self, snapshot: Snapshot) -> Observation:
         """The observation of a snapshot, which becomes the present one; for wrappers and policies."""
@@ -394,6 +386,13 @@ def _metrics_of(chosen: Iterable[str] | str | bool) -> tuple[Metric, ...]:
                 f"{metric.name} needs a second run, without a robot; record episodes and call sonata2d.metrics.measure"
             )
     return metrics
+
+
+def wrappers_of(env: gymnasium.Env[Any, Any]) -> Iterator[gymnasium.Wrapper[Any, Any, Any, Any]]:
+    """The wrappers of an environment, the outermost first."""
+    while isinstance(env, gymnasium.Wrapper):
+        yield env
+        env = env.env
 
 
 def base_of(env: gymnasium.Env[Any, Any]) -> SocialNavEnv:

@@ -25,8 +25,8 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
     `sonata2d evaluate --controller ./policy.npz` and `PolicyController("policy.npz")` drive with it.
 
     Args:
-        path: ends in .npz (multilayer perceptrons only; needs NumPy only, the same bits on every processor) or in .onnx
-            (any policy; needs ONNX Runtime, and `onnxscript` to write).
+        path: ends in .npz (multilayer perceptrons; needs no deep-learning library, the same bits on every processor)
+            or in .onnx (any policy; needs ONNX Runtime, and `onnxscript` to write).
         model: of Stable-Baselines3, e.g. PPO or SAC.
         env: in which it was trained, with its wrappers.
         normalisation: the `VecNormalize` of the training; None: that around the environment of the model, if any.
@@ -119,10 +119,10 @@ def _write_onnx(path: Path, model: Any, environment: dict[str, Any], normalisati
     import torch
 
     policy, space = model.policy, model.observation_space
-    if isinstance(space, gymnasium.spaces.Dict) and normalisation is not None:
+    is_dictionary = isinstance(space, gymnasium.spaces.Dict)
+    if is_dictionary and normalisation is not None:
         raise ValueError("an .onnx file with normalised observations needs flat ones; wrap the environment in Flat")
-    names = list(space.spaces) if isinstance(space, gymnasium.spaces.Dict) else ["observation"]
-    parts = [space[name] for name in names] if isinstance(space, gymnasium.spaces.Dict) else [space]
+    parts = dict(space.spaces) if is_dictionary else {"observation": space}
 
     class Actor(torch.nn.Module):  # type: ignore[misc]
         def __init__(self) -> None:
@@ -134,7 +134,7 @@ def _write_onnx(path: Path, model: Any, environment: dict[str, Any], normalisati
                 self.register_buffer("scale", torch.tensor(scale, dtype=torch.float32))
 
         def forward(self, *values: Any) -> Any:
-            observation: Any = dict(zip(names, values, strict=True)) if len(names) > 1 else values[0]
+            observation: Any = dict(zip(parts, values, strict=True)) if is_dictionary else values[0]
             if normalisation is not None:
                 observation = torch.clip((observation - self.mean) * self.scale, -self.limit, self.limit)
             action = self.policy._predict(observation, deterministic=True)
@@ -142,12 +142,12 @@ def _write_onnx(path: Path, model: Any, environment: dict[str, Any], normalisati
 
     device, was_training = model.device, policy.training
     actor = Actor().to("cpu").eval()
-    example = tuple(torch.as_tensor(np.zeros((1, *(part.shape or ())), dtype=part.dtype)) for part in parts)
+    example = tuple(torch.as_tensor(np.zeros((1, *(part.shape or ())), dtype=part.dtype)) for part in parts.values())
     is_checking = torch.distributions.Distribution._validate_args
     torch.distributions.Distribution.set_default_validate_args(False)  # ONNX has no operators for the checks
     try:
         with whole_file(path) as temporary:
-            program = torch.onnx.export(actor, example, input_names=names, output_names=["action"], dynamo=True)
+            program = torch.onnx.export(actor, example, input_names=list(parts), output_names=["action"], dynamo=True)
             written = program.model_proto
             onnx.helper.set_model_props(written, {METADATA_KEY: json.dumps(environment)})
             Path(temporary).write_bytes(written.SerializeToString())

@@ -31,7 +31,7 @@ Order = Literal["nearest", "scene"]
 
 FARTHEST, FASTEST, FASTEST_TURN = 100.0, 20.0, 20.0  # m, m/s, rad/s: bounds of the spaces, to which values are clipped
 OBJECT_TYPES = (*SIZES, "other")
-_VISITORS = 10  # pedestrians beside those at the start for whom there are rows, if pedestrians enter through doors
+_VISITORS = 10  # additional rows of pedestrians in scenarios with doors through which pedestrians enter
 _SAMPLES = 16  # floor plans of each kind of room that are drawn to count the walls of a scenario
 
 # Columns of the float parts, with their bounds.

@@ -10,7 +10,7 @@ from gymnasium.wrappers import TimeLimit
 
 from ..core.geometry import Twist
 from ..core.snapshot import Snapshot
-from .env import base_of
+from .env import base_of, wrappers_of
 from .observation import Observation
 from .wrappers import EpisodeWrapper, changes_spaces
 
@@ -31,16 +31,14 @@ class Pipeline:
 
     def __init__(self, env: Env) -> None:
         self.base = base_of(env)
-        self._wrappers: list[Any] = []  # the innermost first
-        while env is not self.base:
-            assert isinstance(env, gymnasium.Wrapper)
-            if not isinstance(env, (gymnasium.ObservationWrapper, gymnasium.ActionWrapper)) and changes_spaces(env):
+        self._wrappers: list[Any] = list(wrappers_of(env))[::-1]  # the innermost first
+        for wrapper in self._wrappers:
+            is_known = isinstance(wrapper, (gymnasium.ObservationWrapper, gymnasium.ActionWrapper))
+            if not is_known and changes_spaces(wrapper):
                 raise TypeError(
-                    f"what {type(env).__name__} does to observations or actions cannot be repeated; use those of "
+                    f"what {type(wrapper).__name__} does to observations or actions cannot be repeated; use those of "
                     "sonata2d.gym, such as History, or a gymnasium.ObservationWrapper or ActionWrapper"
                 )
-            self._wrappers.insert(0, env)
-            env = env.env
 
     def begin(self) -> None:
         """Begin an episode."""
@@ -85,8 +83,7 @@ def restore(env: Env, state: Mapping[str, Any]) -> Any:
     pipeline = Pipeline(env)
     env.reset(seed=state["seed"], options={"episode": state["episode"]})  # the checks of some wrappers ask for it
     pipeline.begin()
-    while isinstance(env, gymnasium.Wrapper):
-        if isinstance(env, TimeLimit):
-            env._elapsed_steps = len(state["commands"])  # type: ignore[assignment]
-        env = env.env
+    for wrapper in wrappers_of(env):
+        if isinstance(wrapper, TimeLimit):
+            wrapper._elapsed_steps = len(state["commands"])  # type: ignore[assignment]
     return pipeline.observation(pipeline.base.set_state(state, watch=pipeline.observation))

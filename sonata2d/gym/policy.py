@@ -25,6 +25,7 @@ from .pipeline import Pipeline
 
 Env = gymnasium.Env[Any, Any]
 Predict = Callable[[Any], Any]
+METADATA_KEY = "sonata2d_environment"  # of an .onnx file; its value is the description of the environment
 
 
 class PolicyController(Controller):
@@ -201,9 +202,6 @@ def _load_onnx(path: Path) -> tuple[Predict, Mapping[str, Any] | None]:
         return session.run(None, {name: np.asarray(parts[name])[None] for name in names})[0][0]
 
     return predict, None if described is None else json.loads(described)
-
-
-METADATA_KEY = "sonata2d_environment"
 
 
 def _load_model(path: Path) -> Any:

@@ -23,7 +23,7 @@ from ..core.humans import ACTIVITIES
 from ..core.portable_math import PI, Array, BoolArray, unit_vectors
 from ..core.scalar import length
 from ..registry import did_you_mean
-from .env import SocialNavEnv, base_of
+from .env import SocialNavEnv, base_of, wrappers_of
 from .observation import FARTHEST, GOAL, HUMAN, OBJECT, OBJECT_TYPES, ROBOT, WALL, Floats32, Observation
 
 Env = gymnasium.Env[Any, Any]
@@ -174,9 +174,7 @@ class Noise(EpisodeWrapper):
             if not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} must be a standard deviation of 0 or more, got {value!r}")
         self._deviations = position, velocity, angle
-        self._depth, inner = 0, env  # so that one noise differs from another
-        while isinstance(inner, gymnasium.Wrapper):
-            self._depth, inner = self._depth + isinstance(inner, Noise), inner.env
+        self._depth = sum(isinstance(wrapper, Noise) for wrapper in wrappers_of(env))  # so that two noises differ
 
     def observation(self, observation: Observation) -> Observation:
         base, (position, velocity, angle) = self._base, self._deviations
@@ -335,7 +333,7 @@ class Graph(EpisodeWrapper):
             mask.append(is_there)
             first += count
         human, wall = observation["humans"], observation["walls"]
-        radius, shoulder = human[:, list(HUMAN).index("radius")], human[:, list(HUMAN).index("shoulder")]
+        radius, shoulder = human[:, _RADIUS], human[:, _SHOULDER]
         nodes[2 : 2 + humans, at["length"]] = 2.0 * radius
         nodes[2 : 2 + humans, at["width"]] = 2.0 * (radius + shoulder)
         nodes[2 + np.arange(humans), at[ACTIVITIES[0]] + observation["activities"]] = observation["humans_mask"]
@@ -412,7 +410,7 @@ class DiscreteActions(gymnasium.ActionWrapper[Any, Any, Any], RecordConstructorA
     """One of some moves instead of fractions of the robot's limits.
 
     Args:
-        env: whose actions are those of `SocialNavEnv`.
+        env: with the actions of `SocialNavEnv`.
         moves: fractions of the limits forward, left and turning; None: the eight `MOVES`. A unicycle does not move
             left.
     """
@@ -432,6 +430,10 @@ class DiscreteActions(gymnasium.ActionWrapper[Any, Any, Any], RecordConstructorA
             raise ValueError(f"an action is an index of the {len(self._table)} moves, got {action}")
         move: Floats32 = self._table[int(action)]
         return move
+
+    def nearest(self, action: Floats32) -> int:
+        """The index of the move that is nearest to an action of the wrapped environment."""
+        return int(np.argmin(((self._table - action) ** 2).sum(axis=1)))
 
 
 _X, _Y, _COS, _SIN = (list(HUMAN).index(name) for name in ("x", "y", "cos", "sin"))

@@ -1,8 +1,8 @@
 """Narrow passages: pedestrians do not enter a door or a gap in which others walk the other way; they wait beside it.
 
-One direction at a time has the right of way: until nobody who walks in this direction is near any more, or until those
-in the other direction have waited for `PATIENCE`. So the direction alternates, as Helbing & Molnár (Phys. Rev. E 51
-(1995) 4282, section III) describe it for two crowds at a door; the rules and figures are ours.
+One direction at a time has the right of way. It changes when no pedestrian that walks in this direction is near, or
+when those in the other direction have waited for `PATIENCE`. So the direction alternates, as Helbing & Molnár (Phys.
+Rev. E 51 (1995) 4282, section III) describe it for two crowds at a door; the rules and figures are ours.
 """
 
 from __future__ import annotations

@@ -41,6 +41,7 @@ def load_scenario(name_or_path: str | Path) -> ScenarioConfig:
 
 
 def preset_names() -> list[str]:
+    """Return the names of the presets, in alphabetical order."""
     return sorted(path.stem for path in _PRESETS.glob("*.yaml"))
 
 
