@@ -6,7 +6,12 @@ from .policy import PolicyController as PolicyController
 from .registration import ENVIRONMENT_IDS as ENVIRONMENT_IDS, register_environments as register_environments
 from .rewards import (
     REWARDS as REWARDS,
+    CrowdNav as CrowdNav,
+    Distance as Distance,
+    Dsrnn as Dsrnn,
     Reward as Reward,
+    SocNavGym as SocNavGym,
+    Sparse as Sparse,
     goal_distance as goal_distance,
     human_clearance as human_clearance,
 )

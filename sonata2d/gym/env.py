@@ -286,10 +286,13 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             )
         if state["settings"] != self.config.settings():
             raise ValueError("the state belongs to another scenario, or to other settings of it")
+        scene = None if self._episode is None else self._episode.scene
+        if scene is None or (scene.seed, scene.episode) != (state["seed"], state["episode"]):
+            scene = generate(self.config, state["seed"], state["episode"])
         self._finish("the environment returned to another state")
         self._seed, self._number = state["seed"], state["episode"]
         self.np_random.bit_generator.state = state["np_random"]
-        self._start(generate(self.config, state["seed"], state["episode"]))
+        self._start(scene)
         episode = self._episode
         assert episode is not None
         for command in state["commands"]:

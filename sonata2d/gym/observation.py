@@ -189,7 +189,6 @@ class Encoder:
 
     Attributes:
         space: of the observations.
-        size: number of the floats of an observation.
         human_rows: (H,), index in the scene of the pedestrian in each row of the last observation; -1: none.
     """
 
@@ -198,7 +197,7 @@ class Encoder:
             raise ValueError(f"order must be 'nearest' or 'scene', got {order!r}")
         self.sizes, self.order, self.space = sizes, order, observation_space(sizes)
         floats = [name for name, part in self.space.items() if part.dtype == np.float32]
-        self._floats, self.size = _parts(self.space, floats)
+        self._floats, self._float_size = _parts(self.space, floats)
         self._ints, self._int_size = _parts(self.space, [name for name in self.space if name not in floats])
         places = {name: part.start for name, (part, _) in (self._floats | self._ints).items()}
         self._begin = np.array([places[name] for name in _PARTS], dtype=np.int64)
@@ -232,15 +231,9 @@ class Encoder:
         self._index |= {piece.id: len(bodies) + k for k, piece in enumerate(objects)}
         self._interactions: tuple[tuple[Interaction, ...], IntArray] | None = None
 
-    def encode(self, snapshot: Snapshot, floats: Floats32 | None = None) -> Observation:
-        """The observation of a snapshot of the episode.
-
-        Args:
-            snapshot: of the scene given to `reset`.
-            floats: (size,), where the floats are written; None: a new array.
-        """
-        if floats is None:
-            floats = np.empty(self.size, dtype=np.float32)
+    def encode(self, snapshot: Snapshot) -> Observation:
+        """The observation of a snapshot of the scene given to `reset`."""
+        floats = np.empty(self._float_size, dtype=np.float32)
         ints = np.empty(self._int_size, dtype=np.int64)
         state = snapshot.state
         is_present = self._everybody if state.is_present is None else state.is_present

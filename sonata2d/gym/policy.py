@@ -13,7 +13,7 @@ from typing import Any, Self
 import gymnasium
 import numpy as np
 
-from ..agents.controllers.base import Controller
+from ..agents.controllers.learned import LearnedController
 from ..core.geometry import Twist
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
@@ -28,7 +28,7 @@ Predict = Callable[[Any], Any]
 METADATA_KEY = "sonata2d_environment"  # of an .onnx file; its value is the description of the environment
 
 
-class PolicyController(Controller):
+class PolicyController(LearnedController):
     """Drives with a policy that was trained in the environment.
 
     Args:
@@ -55,8 +55,7 @@ class PolicyController(Controller):
     version = "1"
 
     def __init__(self, policy: Any, env: Env | None = None, *, normalisation: Any = None) -> None:
-        self._path: str | None = None
-        self._sha256: str | None = None
+        self._path = self._sha256 = None
         self.deterministic = False
         description: Mapping[str, Any] | None = None
         if isinstance(policy, (str, Path)):
@@ -80,31 +79,14 @@ class PolicyController(Controller):
         self._pipeline = Pipeline(env)
 
     def settings(self) -> dict[str, Any]:
-        """Return the path and the hash of the file."""
-        return {} if self._path is None else {"weights": self._path, "sha256": self._sha256}
+        """Return the path and the hash of the file, if there is one."""
+        return {} if self._path is None else super().settings()
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any], *, weights: str | None = None) -> Self:
-        """Reconstruct a recorded policy.
-
-        Args:
-            settings: as stored in an episode file.
-            weights: path of the file, if it has moved since; None: the recorded path.
-
-        Raises:
-            ControllerError: the file cannot be read, or differs from the recorded one.
-        """
-        path = weights or settings.get("weights")
-        if path is None:
+        if (weights or settings.get("weights")) is None:
             raise ControllerError("this policy was not loaded from a file, so it cannot be created again")
-        policy = cls(path)
-        if settings.get("sha256", policy._sha256) != policy._sha256:
-            sha256 = str(settings["sha256"])[:8]
-            raise ControllerError(
-                f"{path} has changed since the episode was recorded; provide the one of SHA-256 {sha256}…"
-            )
-        policy._path = settings.get("weights", policy._path)
-        return policy
+        return super().from_settings(settings, weights=weights)
 
     def reset(self, scene: Scene) -> None:
         """Begin an episode.
@@ -212,7 +194,7 @@ def _load_model(path: Path) -> Any:
     except ModuleNotFoundError as error:
         raise ControllerError(f"{path.name} needs Stable-Baselines3; pip install stable-baselines3") from error
     data = load_from_zip_file(path, load_data=True, device="cpu")[0] or {}
-    module = data["policy_class"].__module__ if "policy_class" in data else ""
+    modules = " ".join(base.__module__ for base in getattr(data.get("policy_class"), "__mro__", ()))
     names = {"sac": "SAC", "td3": "TD3", "dqn": "DQN"}
-    name = next((names[key] for key in names if f".{key}." in module), "PPO" if "clip_range" in data else "A2C")
+    name = next((names[key] for key in names if f"3.{key}." in modules), "PPO" if "clip_range" in data else "A2C")
     return getattr(stable_baselines3, name).load(path, device="cpu")

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self
 
 import numpy as np
 
-from ..agents.controllers.base import Controller
+from ..agents.controllers.learned import LearnedController
 from ..core.geometry import Twist
 from ..core.portable_math import Array, IntArray
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from ..errors import ControllerError
 from ..record.layout import ROW_THETA
 from .graph.features import INSTANTS
 from .graph.graph import INTERVAL, ROUNDING, Graph
@@ -27,7 +24,7 @@ from .network import network_of
 from .weights import STOCK, read_weights
 
 
-class GraphPolicy(Controller):
+class GraphPolicy(LearnedController):
     """Drives with a network that reads graphs of pedestrians, objects, walls, the goal and the interactions.
 
     Args:
@@ -44,35 +41,13 @@ class GraphPolicy(Controller):
     """
 
     version = "1"
+    stock = "graph-policy"
 
     def __init__(self, weights: str | Path | None = None) -> None:
         self._path = None if weights is None else str(weights)
         self._weights = read_weights(STOCK if weights is None else Path(weights).absolute())
+        self._sha256 = self._weights.sha256
         self._network = network_of(self._weights)
-
-    def settings(self) -> dict[str, Any]:
-        """Return the path and the hash of the weights."""
-        return {"weights": self._path, "sha256": self._weights.sha256}
-
-    @classmethod
-    def from_settings(cls, settings: Mapping[str, Any], *, weights: str | None = None) -> Self:
-        """Reconstruct a recorded policy.
-
-        Args:
-            settings: as stored in an episode file.
-            weights: path of the weights, if the file has moved since; None: the recorded path.
-
-        Raises:
-            ControllerError: the file cannot be read, or its weights differ from the recorded ones.
-        """
-        policy = cls(weights or settings.get("weights"))
-        if settings.get("sha256", policy._weights.sha256) != policy._weights.sha256:
-            name, sha256 = policy._path or "graph-policy", str(settings["sha256"])[:8]
-            raise ControllerError(
-                f"{name} has other weights now than when the episode was recorded; provide those of SHA-256 {sha256}…"
-            )
-        policy._path = settings.get("weights", policy._path)
-        return policy
 
     def reset(self, scene: Scene) -> None:
         self._step = math.ceil((INTERVAL - ROUNDING) / scene.rules.dt)  # ticks between instants, as in recordings

@@ -13,7 +13,6 @@ from sonata2d.core.geometry import Disc
 from sonata2d.core.humans import ACTIVITIES
 from sonata2d.core.portable_math import Array
 from sonata2d.gym.observation import OBJECT_TYPES, Encoder, Observation, Sizes, observation_space
-from tests.gym.samples import equal
 
 
 def observed(scenario: str, ticks: int = 30, seed: int = 2, **arguments: object) -> tuple[s2.Snapshot, Observation]:
@@ -178,17 +177,6 @@ def test_sizes_cover_every_scene_of_a_preset() -> None:
             if not scene.doors:
                 assert len(scene.humans) <= sizes.humans, name
                 assert len(scene.interactions) <= sizes.interactions, name
-
-
-def test_the_encoder_writes_into_a_given_array() -> None:
-    config = s2.load_scenario("lively")
-    scene = s2.generate(config, 1)
-    encoder = Encoder(Sizes.of(config))
-    encoder.reset(scene)
-    snapshot = s2.Episode(scene, s2.StraightToGoal()).snapshot()
-    floats = np.full(encoder.size, 7.0, dtype=np.float32)
-    assert equal(encoder.encode(snapshot, floats), encoder.encode(snapshot))
-    assert np.shares_memory(encoder.encode(snapshot, floats)["humans"], floats)
 
 
 def test_spaces_are_finite() -> None:
