@@ -99,8 +99,8 @@ def candidates(people: int) -> dict[str, Stepper]:
         "flat": single(lambda: s2g.Flat(make())),
         "lidar, 72 rays": single(lambda: s2g.Lidar(make())),
         f"vector of {WORLDS}, flat": vector(lambda: s2g.SocialNavVectorEnv(WORLDS, wrappers=[s2g.Flat], **arguments)),
-        f"vector of {WORLDS}, flat, 2 threads": vector(
-            lambda: s2g.SocialNavVectorEnv(WORLDS, wrappers=[s2g.Flat], threads=2, **arguments)
+        f"vector of {WORLDS}, flat, 2 processes": vector(
+            lambda: s2g.SocialNavVectorEnv(WORLDS, wrappers=[s2g.Flat], processes=2, **arguments)
         ),
         f"AsyncVectorEnv of {WORLDS}, flat": vector(
             lambda: gymnasium.vector.AsyncVectorEnv([lambda: s2g.Flat(s2g.SocialNavEnv(**arguments))] * WORLDS)

@@ -291,6 +291,9 @@ def _show_table(evaluations: Sequence[Evaluation], metrics: Sequence[Metric]) ->
         if failed:
             note(f"means of {one.label} include {counted(failed, 'episode')} of {len(one.episodes)} without success")
     for one in evaluations:
+        stopped = sum(episode.outcome == "stopped" for episode in one.episodes)
+        if stopped:
+            note(f"{counted(stopped, 'episode')} of {one.label} stopped before the end; counted as without success")
         # path_length and others are defined in every episode with a robot
         if not any(value is not None for episode in one.episodes for value in episode.values.values()):
             note(f"{one.label}: no metric is defined, because imported tracks have no robot")

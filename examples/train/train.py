@@ -33,7 +33,7 @@ import sonata2d as s2
 import sonata2d.gym as s2g
 
 WORLDS = {"ppo": 16, "sac": 4}
-STEPS = {"ppo": 200_000, "sac": 60_000, "imitation": 300}  # of imitation: episodes of the expert
+STEPS = {"ppo": 200_000, "sac": 50_000, "imitation": 300}  # of imitation: episodes of the expert
 GAMMA = 0.98
 EVALUATION_SEED, EVALUATION_EPISODES, POINTS = 1_000_000, 20, 20
 EPOCHS, BATCH, LEARNING_RATE = 60, 256, 1e-3  # of imitation
@@ -50,7 +50,7 @@ class Curve(BaseCallback):
 
     def __init__(self, env: gymnasium.Env[Any, Any], steps: int) -> None:
         super().__init__()
-        self.env, self.interval, self.next = env, steps / POINTS, 0.0
+        self.env, self.interval, self.next, self.unit = env, steps / POINTS, 0.0, "steps"
         self.rows: list[tuple[int, float, float]] = []  # steps, mean return, share of episodes that reach the goal
 
     def _on_step(self) -> bool:
@@ -70,7 +70,7 @@ class Curve(BaseCallback):
 
         self.rows.append((self.num_timesteps, *evaluate(act, self.env)))
         steps, mean, share = self.rows[-1]
-        click.echo(f"{steps:8} steps: return {mean:6.2f}, goal {100.0 * share:3.0f} %")
+        click.echo(f"{steps:8} {self.unit}: return {mean:6.2f}, goal {100.0 * share:3.0f} %")
 
 
 def evaluate(act: Any, env: gymnasium.Env[Any, Any]) -> tuple[float, float]:
@@ -100,8 +100,8 @@ def train(name: str, scenario: str, settings: dict[str, Any], steps: int, seed: 
                     policy_kwargs={"log_std_init": -1.0})  # fmt: skip
     else:
         model = SAC("MlpPolicy", normalised, learning_starts=2000, train_freq=1, gradient_steps=3, gamma=GAMMA,
-                    tau=0.01, use_sde=True, sde_sample_freq=8, learning_rate=7e-4, seed=seed, device="cpu",
-                    policy_kwargs={"log_std_init": -2.0, "net_arch": [64, 64]})  # fmt: skip
+                    tau=0.01, use_sde=True, sde_sample_freq=8, learning_rate=lambda left: 7e-4 * left, seed=seed,
+                    device="cpu", policy_kwargs={"log_std_init": -2.0, "net_arch": [64, 64]})  # fmt: skip
     curve = Curve(make(scenario, settings), steps)
     model.learn(steps, callback=curve)
     curve.measure()
@@ -124,6 +124,7 @@ def imitate(scenario: str, settings: dict[str, Any], episodes: int, seed: int) -
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, EPOCHS)
     curve = Curve(make(scenario, settings), EPOCHS)
     curve.init_callback(model)
+    curve.unit = "epochs"
     for epoch in range(EPOCHS + 1):
         curve.num_timesteps = epoch
         curve._on_step()
@@ -161,12 +162,17 @@ def draw(rows: list[Any], path: Path, title: str, unit: str) -> None:
 @click.argument("recipe", type=click.Choice(["ppo", "sac", "imitation"]))
 @click.option("--scenario", default="empty", help="Scenario preset, or a scenario file.", show_default=True)
 @click.option("--set", "changes", default="{}", help='Settings to change, as JSON, e.g. {"wandering": 3}.')
-@click.option("--steps", type=int, help="Steps of training; of imitation: episodes of the expert.")
+@click.option("--steps", type=click.IntRange(min=1), help="Steps of training; of imitation: episodes of the expert.")
 @click.option("--seed", default=0, show_default=True)
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for the results.")
 def main(recipe: str, scenario: str, changes: str, steps: int | None, seed: int, out: Path) -> None:
     """Train a policy with RECIPE: ppo, sac or imitation."""
-    settings, steps = json.loads(changes), steps or STEPS[recipe]
+    try:
+        settings = json.loads(changes)
+        make(scenario, settings)
+    except (s2.Sonata2dError, TypeError, ValueError) as error:
+        raise click.ClickException(f"scenario {scenario} with the settings {changes}: {error}") from error
+    steps = steps or STEPS[recipe]
     torch.set_num_threads(1)
     set_random_seed(seed)
     start, wall = time.process_time(), time.perf_counter()

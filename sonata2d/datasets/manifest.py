@@ -142,7 +142,7 @@ def read_stored_manifest(folder: Path) -> JsonDict:
     """
     path = folder / MANIFEST
     if not path.exists():
-        raise RecordError(f"{folder} is not a data set: it has no {MANIFEST}")
+        raise RecordError(f"{folder} is not a data set: it has no {MANIFEST}; name one of its episode files")
     try:
         manifest = orjson.loads(read_bytes(path))
     except orjson.JSONDecodeError as error:

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from ..agents.controllers.base import Controller, Regenerate, Stop
+from ..agents.controllers.base import Controller, Regenerate, Stop, require_controller
 from ..core.geometry import Twist
 from ..errors import ControllerError
 from .env import wrappers_of
@@ -59,11 +59,12 @@ def demonstrate(
 
     Raises:
         ValueError: there is noise, and the actions are not numbers in a box.
-        TypeError: a wrapper changes the actions that is not `DiscreteActions`.
+        TypeError: a wrapper changes the actions that is not `DiscreteActions`, or the controller is not an object.
         ControllerError: the controller requests an image.
 
     Source: noise in demonstrations: M. Laskey et al., CoRL 2017 (DART).
     """
+    controller = require_controller(controller)
     if controller.image is not None:
         raise ControllerError(f"{type(controller).__name__} requests a camera image, which demonstrations do not draw")
     if noise and not isinstance(env.action_space, gymnasium.spaces.Box):
@@ -118,22 +119,31 @@ def save_minari(name: str, demonstrations: list[Demonstration], env: Env, **abou
     Args:
         name: of the data set, e.g. `sonata2d/lively/expert-v0`.
         demonstrations: of the environment; those without a step are left out.
-        env: in which they were recorded.
+        env: in which they were recorded; if `gymnasium.make` made it with plain data as arguments, then
+            `MinariDataset.recover_environment` makes it again.
         about: further arguments of `minari.create_dataset_from_buffers`, e.g. `author`, `description`.
 
     Returns:
         The `minari.MinariDataset`.
 
     Raises:
-        ModuleNotFoundError: Minari is not installed.
+        ModuleNotFoundError: Minari or h5py is not installed.
+        ValueError: there is no step, or the observations are not those of the environment.
     """
     try:
         import minari
+
+        if about.get("data_format", "hdf5") == "hdf5":
+            import h5py  # noqa: F401  without it Minari fails after it has taken the name of the data set
         from minari.data_collector import EpisodeBuffer
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError("save_minari needs Minari; pip install 'minari[hdf5]'", name=error.name) from error
-    buffers = []
-    for k, one in enumerate(one for one in demonstrations if len(one.actions)):
+    buffers, demonstrations = [], [one for one in demonstrations if len(one.actions)]
+    if not demonstrations:
+        raise ValueError("the demonstrations have no step, so there is nothing to save")
+    if not env.observation_space.contains(demonstrations[0].observations[0]):
+        raise ValueError("the demonstrations have other observations than the environment; give that of `demonstrate`")
+    for k, one in enumerate(demonstrations):
         count = len(one.actions)
         terminations, truncations = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
         terminations[-1], truncations[-1] = one.terminated, one.truncated or not one.terminated
@@ -152,6 +162,15 @@ def save_minari(name: str, demonstrations: list[Demonstration], env: Env, **abou
                 truncations=list(truncations),
             )
         )
+    known = {"env": env} if _can_be_made(env) else {}
     return minari.create_dataset_from_buffers(
-        name, buffers, observation_space=env.observation_space, action_space=env.action_space, **about
+        name, buffers, observation_space=env.observation_space, action_space=env.action_space, **(known | about)
     )
+
+
+def _can_be_made(env: Env) -> bool:
+    """Whether an environment is one of `gymnasium.make` whose arguments are plain data, which a data set can hold."""
+    try:
+        return env.spec is not None and bool(env.spec.to_json())
+    except (TypeError, ValueError):
+        return False

@@ -22,7 +22,8 @@ _CHANGES = (gymnasium.ObservationWrapper, gymnasium.ActionWrapper)
 
 
 def describe(env: Env) -> dict[str, Any]:
-    """What determines the observations and actions of an environment: sizes, order, drive and its limits, wrappers.
+    """What determines the observations and actions of an environment: sizes, order, drive and its limits, wrappers;
+    and the largest numbers of entities in its scenes.
 
     Wrappers that change neither, such as those of time limits and rewards, are left out.
 
@@ -42,6 +43,7 @@ def describe(env: Env) -> dict[str, Any]:
     robot = base.config.robot
     return {
         "sizes": asdict(base.encoder.sizes),
+        "entities": asdict(Sizes.of(base.config)),
         "order": base.encoder.order,
         "robot": {"kinematics": robot.kinematics, "limits": robot.limits.model_dump()},
         "wrappers": wrappers,

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
-from itertools import count
 from pathlib import Path
 from typing import Any, Literal, SupportsFloat
 
@@ -17,28 +15,28 @@ from numpy.typing import NDArray
 
 from ..core.geometry import Twist
 from ..core.scene import Scene
-from ..core.snapshot import Outcome, Snapshot
-from ..errors import RecordError, SceneError
+from ..core.snapshot import Snapshot
+from ..core.wording import shown
+from ..errors import SceneError
 from ..metrics.catalogue import select_metrics
 from ..metrics.definition import Metric
 from ..metrics.disturbance import NEEDING_RERUN
 from ..metrics.measurement import measure
-from ..record.files import write_atomically
 from ..record.reader import record_from_document
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import load_scenario
 from ..sim.episode import Episode
-from ..version import PHYSICS_VERSION
 from .observation import Encoder, Observation, Order, Sizes
-from .rewards import Reward, reward_of
+from .recording import FolderRecorder, recording_folder
+from .rewards import Reward, checked_reward, reward_of
+from .state import MAX_SEED, EnvState, checked_state
 
 RenderMode = Literal["human", "rgb_array", "rgb_array_list"]
-STATE_FORMAT, STATE_VERSION = "sonata2d-env-state", 1
-_MAXIMUM_SEED = 2**63
 _LAYOUTS = 100  # episodes that `reset` tries if their scenes have no layout
 _DEFAULT_SIZE, _MAXIMUM_SIDE = (640, 640), 8192  # px
+_EXAMPLES = {"settings": {"wandering": 3}, "sizes": {"humans": 5}}
 
 
 class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
@@ -74,7 +72,8 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
 
     Raises:
         ConfigError: there is no such scenario, or its settings are invalid.
-        ValueError: another argument is invalid.
+        RecordError: the folder of the recordings is a data set.
+        TypeError, ValueError: another argument is invalid.
 
     >>> import gymnasium, sonata2d.gym
     >>> env = gymnasium.make("sonata2d/SocialNav-v0", scenario="sonata-2020")
@@ -112,8 +111,17 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             raise ValueError(f"render_mode must be one of {modes}, or None, got {render_mode!r}")
         if view not in ("top", "follow"):
             raise ValueError(f"view must be 'top' or 'follow', got {view!r}")
-        if not all(isinstance(side, int) and 1 <= side <= _MAXIMUM_SIDE for side in render_size):
-            raise ValueError(f"render_size must be two numbers from 1 to {_MAXIMUM_SIDE}, got {render_size!r}")
+        sides = tuple(render_size) if isinstance(render_size, Iterable) else ()
+        if len(sides) != 2 or not all(isinstance(side, int) and 1 <= side <= _MAXIMUM_SIDE for side in sides):
+            raise ValueError(f"render_size must be two integers from 1 to {_MAXIMUM_SIDE}, got {render_size!r}")
+        for name, value in (("settings", settings), ("sizes", sizes)):
+            if not isinstance(value, Mapping | None):
+                raise TypeError(f"{name} must be a dictionary, e.g. {_EXAMPLES[name]}, got {value!r}")
+        if not isinstance(scenario, str | Path | ScenarioConfig):
+            raise TypeError(
+                "scenario must be the name of a preset, the path of a file or a ScenarioConfig; single settings are "
+                f"given as `settings`; got {shown(scenario)}"
+            )
         config = scenario if isinstance(scenario, ScenarioConfig) else load_scenario(scenario)
         self.config = config.changed(**settings) if settings else config
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.config.rules.dt)}
@@ -124,9 +132,10 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self.render_mode, self._render_size, self._view = render_mode, render_size, view
         self._reward = reward_of(reward)
         self._metrics = _metrics_of(metrics)
-        self._folder = None if record is None else Path(record)
+        self._folder = None if record is None else recording_folder(record)
         self._seed: int | None = None
         self._number = -1  # of the episode
+        self._scene: Scene | None = None  # that was generated last
         self._episode: Episode | None = None
         self._recorder: EpisodeRecorder | None = None
         self._current: Snapshot | None = None
@@ -162,21 +171,27 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         Args:
             seed: of a data set; the episode is its first one. None: the next episode of the present seed, or the first
                 one of a random seed if no seed was given before.
-            options: `{"episode": k}` selects the k-th episode of the seed instead.
+            options: `{"episode": k}` selects the k-th episode of the seed instead. `{"state": ...}` returns to a state,
+                see `set_state`; in wrappers with a memory, use `sonata2d.gym.restore`.
 
         Returns:
             Observation and info, which has `seed` and `episode_number`.
 
         Raises:
-            ValueError: an option is unknown, or a number is not one that files hold.
+            ValueError: an option is unknown, a number is not one that files hold, or a state does not fit.
             SceneError: a hundred scenes in a row have no layout.
         """
-        unknown = set(options or {}) - {"episode"}
-        if unknown:
-            raise ValueError(f"reset knows the option 'episode' only, got {sorted(unknown)[0]!r}")
-        number = (options or {}).get("episode")
+        options = options or {}
+        if unknown := sorted(set(options) - {"episode", "state", "watch"}):
+            raise ValueError(f"reset knows the options 'episode' and 'state', got {unknown[0]!r}")
+        if "state" in options:
+            if seed is not None or "episode" in options:
+                raise ValueError("a state has a seed and an episode; reset takes no others beside it")
+            observation = self.set_state(options["state"], options.get("watch"))
+            return observation, {"seed": self._seed, "episode_number": self._number}
+        number = options.get("episode")
         for name, value in (("seed", seed), ("the option 'episode'", number)):
-            if value is not None and not (isinstance(value, int | np.integer) and 0 <= value < _MAXIMUM_SEED):
+            if value is not None and not (isinstance(value, int | np.integer) and 0 <= value <= MAX_SEED):
                 raise ValueError(f"{name} must be an integer from 0 to 2^63 - 1, got {value!r}")
         super().reset(seed=None if seed is None else int(seed))
         self._finish("the environment was reset")
@@ -187,7 +202,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self._number = self._number + 1 if number is None else int(number)
         for attempt in range(_LAYOUTS):
             try:
-                scene = generate(self.config, self._seed, self._number)
+                scene = self._generate(self._seed, self._number)
                 break
             except SceneError:
                 if attempt == _LAYOUTS - 1:
@@ -205,6 +220,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         Raises:
             ResetNeeded: the episode is over, or `reset` was not called.
             ControllerError: a number of the action is not finite.
+            ValueError: the action has another shape, or the reward is not a finite number.
         """
         before, episode = self.snapshot, self._episode
         assert episode is not None
@@ -213,7 +229,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         episode.apply(self.twist_of(action))
         self._current = after = episode.observe()
         outcome = episode.outcome
-        reward = float(self._reward(before, after, outcome))
+        reward = checked_reward(self._reward(before, after, outcome))
         info: dict[str, Any] = {}
         if outcome is not None:
             info = {"outcome": outcome.status, "reason": outcome.reason, "is_success": outcome.status == "goal"}
@@ -229,7 +245,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         # The limits are those of the environment, not of a scene in which a policy drives: the policy knows these.
         limits, axes = self.config.robot.limits, self.action_space.shape
         if np.shape(action) != axes:
-            raise ValueError(f"an action has the shape {axes}, got {np.shape(action)}")
+            raise ValueError(f"an action has the shape {axes}, got {shown(action)} of the shape {np.shape(action)}")
         forward, *sideways, turn = (min(max(value, -1.0), 1.0) for value in np.asarray(action, dtype=float).tolist())
         vx = forward * (limits.ahead if forward > 0.0 else limits.back)
         return Twist(vx, sideways[0] * limits.sideways if sideways else 0.0, turn * limits.turn)
@@ -250,20 +266,19 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         episode = self._episode
         if episode is None:
             raise gymnasium.error.ResetNeeded("there is no state before the first reset()")
-        return {
-            "format": STATE_FORMAT,
-            "version": STATE_VERSION,
-            "physics": PHYSICS_VERSION,
-            "settings": self.config.settings(),
-            "seed": self._seed,
-            "episode": self._number,
-            "commands": [[twist.vx, twist.vy, twist.omega] for twist in (tick.command for tick in episode.past)],
-            "np_random": self.np_random.bit_generator.state,
-        }
+        state = EnvState(
+            settings=self.config.settings(),
+            seed=episode.scene.seed,
+            episode=episode.scene.episode,
+            commands=[(twist.vx, twist.vy, twist.omega) for twist in (tick.command for tick in episode.past)],
+            np_random=dict(self.np_random.bit_generator.state),
+        )
+        return state.model_dump()
 
     def set_state(self, state: Mapping[str, Any], watch: Callable[[Observation], object] | None = None) -> Observation:
         """Return to a state; everything after it is as if it had never been left, bit for bit.
 
+        The present episode is left without a recording: that of the restored one contains what they have in common.
         An environment in wrappers of observations is restored by `sonata2d.gym.restore`.
 
         Args:
@@ -276,26 +291,15 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         Raises:
             ValueError: it is not a state of this version, or one of another scenario.
         """
-        if state.get("format") != STATE_FORMAT or state.get("version") != STATE_VERSION:
-            found = f"{state.get('format')!r}, version {state.get('version')!r}"
-            raise ValueError(f"a state has the format {STATE_FORMAT!r}, version {STATE_VERSION}; got {found}")
-        if state["physics"] != PHYSICS_VERSION:
-            raise ValueError(
-                f"the state is one of physics version {state['physics']}, this sonata2d has version {PHYSICS_VERSION}: "
-                "its commands would lead elsewhere"
-            )
-        if state["settings"] != self.config.settings():
-            raise ValueError("the state belongs to another scenario, or to other settings of it")
-        scene = None if self._episode is None else self._episode.scene
-        if scene is None or (scene.seed, scene.episode) != (state["seed"], state["episode"]):
-            scene = generate(self.config, state["seed"], state["episode"])
-        self._finish("the environment returned to another state")
-        self._seed, self._number = state["seed"], state["episode"]
-        self.np_random.bit_generator.state = state["np_random"]
+        checked = checked_state(state, self.config)
+        scene = self._generate(checked.seed, checked.episode)
+        self.abandon()
+        self._seed, self._number = checked.seed, checked.episode
+        self.np_random.bit_generator.state = checked.np_random
         self._start(scene)
         episode = self._episode
         assert episode is not None
-        for command in state["commands"]:
+        for command in checked.commands:
             if watch is not None:
                 watch(self.encoder.encode(self.snapshot))
             episode.apply(Twist(*command))
@@ -330,11 +334,22 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             self._renderer.close()
             self._renderer = None
 
+    def _generate(self, seed: int, number: int) -> Scene:
+        """The scene of an episode; the last one is kept, because search returns to it many times."""
+        scene = self._scene
+        if scene is None or (scene.seed, scene.episode) != (seed, number):
+            scene = self._scene = generate(self.config, seed, number)
+        return scene
+
+    def abandon(self) -> None:
+        """Leave the present episode without recording it."""
+        self._episode = self._current = None
+
     def _start(self, scene: Scene) -> None:
         """Begin an episode."""
         self._recorder = None
         if self._folder is not None:
-            self._recorder = _FolderRecorder(self._folder)
+            self._recorder = FolderRecorder(self._folder)
         elif self._metrics:
             self._recorder = EpisodeRecorder()
         observers = () if self._recorder is None else (self._recorder,)
@@ -350,7 +365,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         episode = self._episode
         if episode is not None and not episode.is_over and episode.past:
             episode.end("stopped", reason)
-        self._episode = self._current = None
+        self.abandon()
 
     def _measure(self) -> dict[str, float | None]:
         """The metrics of the episode that has just ended."""
@@ -374,21 +389,26 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
 
 
 def _metrics_of(chosen: Iterable[str] | str | bool) -> tuple[Metric, ...]:
-    """The metrics of the argument `metrics`.
+    """The metrics of the argument `metrics`; of a group such as `all`, those that need no second run.
 
     Raises:
+        TypeError: it is not a name, several names or a bool.
         ValueError: a metric needs a second run.
     """
     if isinstance(chosen, bool):
-        metrics = select_metrics(["all"]) if chosen else ()
-        return tuple(metric for metric in metrics if metric.name not in NEEDING_RERUN)
-    metrics = select_metrics([chosen] if isinstance(chosen, str) else chosen)
-    for metric in metrics:
-        if metric.name in NEEDING_RERUN:
+        names = ["all"] if chosen else []
+    elif isinstance(chosen, str):
+        names = [chosen]
+    elif isinstance(chosen, Iterable):
+        names = list(chosen)
+    else:
+        raise TypeError(f"metrics must be names of metrics, or True for all of them, got {chosen!r}")
+    for name in names:
+        if name in NEEDING_RERUN:
             raise ValueError(
-                f"{metric.name} needs a second run, without a robot; record episodes and call sonata2d.metrics.measure"
+                f"{name} needs a second run, without a robot; record episodes and call sonata2d.metrics.measure"
             )
-    return metrics
+    return tuple(metric for metric in select_metrics(names) if metric.name not in NEEDING_RERUN) if names else ()
 
 
 def wrappers_of(env: gymnasium.Env[Any, Any]) -> Iterator[gymnasium.Wrapper[Any, Any, Any, Any]]:
@@ -404,44 +424,7 @@ def base_of(env: gymnasium.Env[Any, Any]) -> SocialNavEnv:
     Raises:
         TypeError: it is not a `SocialNavEnv`.
     """
-    base = env.unwrapped
+    base = env.unwrapped if isinstance(env, gymnasium.Env) else None
     if not isinstance(base, SocialNavEnv):
-        raise TypeError(f"the environment must be a SocialNavEnv, in wrappers or not, got {env}")
+        raise TypeError(f"the environment must be a SocialNavEnv, in wrappers or not, got {shown(env)}")
     return base
-
-
-class _FolderRecorder(EpisodeRecorder):
-    """Writes each episode to the next free file of a folder, 000000.json and so on, which other processes may use too.
-
-    Args:
-        folder: is created if it is missing.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        super().__init__()
-        self._folder = folder
-
-    def close(self, last: Snapshot, outcome: Outcome) -> None:
-        """End the episode, and write its file.
-
-        Raises:
-            RecordError: the file cannot be written.
-        """
-        super().close(last, outcome)
-        path = self._reserved()
-        self.id = path.stem
-        write_atomically(path, self.document())
-
-    def _reserved(self) -> Path:
-        """A new empty file in the folder."""
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            numbers = [int(path.stem) for path in self._folder.glob("*.json") if path.stem.isdecimal()]
-            for number in count(max(numbers, default=-1) + 1):
-                path = self._folder / f"{number:06}.json"
-                with suppress(FileExistsError):
-                    path.touch(exist_ok=False)
-                    return path
-        except OSError as error:
-            raise RecordError(f"cannot record in {self._folder}: {error.strerror or error}") from error
-        raise AssertionError("unreachable")

@@ -74,8 +74,10 @@ def _mlp_of(model: Any, environment: dict[str, Any], normalisation: Any, note: s
         layers, extractor, output = list(policy.q_net.q_net), policy.q_net.features_extractor, "argmax"
     else:
         raise ValueError(f"{type(policy).__name__} is not a perceptron; write it as .onnx")
-    if not (isinstance(space, gymnasium.spaces.Box) and len(space.shape) == 1):
-        raise ValueError("a .npz file holds policies of flat observations; wrap the environment in Flat or write .onnx")
+    if not isinstance(space, gymnasium.spaces.Box):
+        raise ValueError(
+            "a .npz file holds policies of observations in one array; wrap the environment in Flat, or write .onnx"
+        )
     if type(extractor) is not FlattenExtractor:
         raise ValueError(f"a .npz file holds no {type(extractor).__name__}; write .onnx")
     modules = [part for layer in layers for part in (layer if isinstance(layer, nn.Sequential) else [layer])]
@@ -87,25 +89,25 @@ def _mlp_of(model: Any, environment: dict[str, Any], normalisation: Any, note: s
     if not isinstance(modules[-1], nn.Linear) or len(activations) > 1 or not activations <= {nn.Tanh, nn.ReLU}:
         names = ", ".join(sorted(one.__name__ for one in activations))
         raise ValueError(f"a .npz file holds hidden layers with tanh or ReLU, got {names}; write .onnx")
-    mean, scale, limit = _normalisation(normalisation, space.shape[0])
+    mean, scale, limit = _normalisation(normalisation, space.shape)
     return Mlp(
         weights=[layer.weight.detach().cpu().numpy().T.astype(float) for layer in linear],
         biases=[layer.bias.detach().cpu().numpy().astype(float) for layer in linear],
         activation="relu" if activations == {nn.ReLU} else "tanh",
         output=output,
         environment=environment,
-        mean=mean,
-        scale=scale,
+        mean=mean.ravel(),
+        scale=scale.ravel(),
         limit=limit,
         output_limit=output_limit,
         note=note,
     )
 
 
-def _normalisation(normalisation: Any, width: int) -> tuple[Array, Array, float]:
+def _normalisation(normalisation: Any, shape: tuple[int, ...]) -> tuple[Array, Array, float]:
     """Mean, scale and limit of the inputs."""
     if normalisation is None or not normalisation.norm_obs:
-        return np.zeros(width), np.ones(width), LARGEST_VALUE
+        return np.zeros(shape), np.ones(shape), LARGEST_VALUE
     mean, variance = normalisation.obs_rms.mean, normalisation.obs_rms.var
     return np.asarray(mean, dtype=float), 1.0 / np.sqrt(variance + normalisation.epsilon), float(normalisation.clip_obs)
 
@@ -129,7 +131,7 @@ def _write_onnx(path: Path, model: Any, environment: dict[str, Any], normalisati
             super().__init__()
             self.policy = policy
             if normalisation is not None:
-                mean, scale, self.limit = _normalisation(normalisation, space.shape[0])
+                mean, scale, self.limit = _normalisation(normalisation, space.shape)
                 self.register_buffer("mean", torch.tensor(mean, dtype=torch.float32))
                 self.register_buffer("scale", torch.tensor(scale, dtype=torch.float32))
 

@@ -30,7 +30,8 @@ _HEADER = "about"
 class Mlp:
     """A multilayer perceptron from a flat observation to an action.
 
-    Values are rounded to multiples of 2^-14 within ±64, weights to multiples of 2^-13 within ±32.
+    Values are rounded to multiples of 2^-14 within ±64, weights to multiples of 2^-13 within ±32; actions therefore
+    differ by up to some 0.001 from those of a network without rounding.
 
     Attributes:
         weights: of each layer, (in, out).
@@ -80,16 +81,16 @@ class Mlp:
         object.__setattr__(self, "_rounded", rounded)
 
     def __call__(self, observation: NDArray[Any]) -> Any:
-        """The action for an observation (in,).
+        """The action for an observation of as many numbers as there are inputs, in any shape.
 
         Raises:
-            ControllerError: the observation has another shape.
+            ControllerError: the observation has more or fewer numbers.
         """
-        if np.shape(observation) != self.mean.shape:
+        if np.size(observation) != len(self.mean):
             raise ControllerError(
                 f"the policy reads {len(self.mean)} numbers, the observation has the shape {np.shape(observation)}"
             )
-        values = (np.asarray(observation, dtype=float) - self.mean) * self.scale
+        values = (np.ravel(np.asarray(observation, dtype=float)) - self.mean) * self.scale
         h, last = _rounded(np.clip(values, -self.limit, self.limit)), len(self.weights) - 1
         rounded: list[Array] = self._rounded  # type: ignore[attr-defined]
         for k, (weight, bias) in enumerate(zip(rounded, self.biases, strict=True)):

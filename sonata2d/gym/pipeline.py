@@ -81,9 +81,8 @@ def restore(env: Env, state: Mapping[str, Any]) -> Any:
         ValueError: it is not a state of this version, or one of another scenario.
     """
     pipeline = Pipeline(env)
-    env.reset(seed=state["seed"], options={"episode": state["episode"]})  # the checks of some wrappers ask for it
-    pipeline.begin()
+    observation, _ = env.reset(options={"state": state, "watch": pipeline.observation})
     for wrapper in wrappers_of(env):
         if isinstance(wrapper, TimeLimit):
             wrapper._elapsed_steps = len(state["commands"])  # type: ignore[assignment]
-    return pipeline.observation(pipeline.base.set_state(state, watch=pipeline.observation))
+    return observation

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
+import pickle
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from inspect import signature
@@ -17,10 +19,11 @@ from ..agents.controllers.learned import LearnedController
 from ..core.geometry import Twist
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
+from ..core.wording import described, one_line
 from ..errors import ControllerError
 from .description import describe, environment_of
 from .env import base_of
-from .mlp import read_mlp
+from .mlp import Mlp, read_mlp
 from .pipeline import Pipeline
 
 Env = gymnasium.Env[Any, Any]
@@ -37,11 +40,12 @@ class PolicyController(LearnedController):
         env: in which it was trained, with its wrappers; may be left out for a file of `save_policy`, which contains
             the description. If it has wrappers of observations or actions of other packages, it must not be stepped
             while this controller drives.
-        normalisation: the `VecNormalize` of the training; None: that around the environment of a model, if any. A .zip
-            file does not contain it, a file of `save_policy` does.
+        normalisation: the `VecNormalize` of the training, or the path of the file to which it was saved; None: that
+            around the environment of a model, if any. A .zip file does not contain it, a file of `save_policy` does.
 
     Raises:
-        ControllerError: the file cannot be read, or its network does not fit the environment.
+        ControllerError: a file cannot be read, or the policy was trained with other observations or actions than those
+            of the environment.
         TypeError: the environment is missing, or not one of sonata2d.
 
     Example:
@@ -58,6 +62,8 @@ class PolicyController(LearnedController):
         self._path = self._sha256 = None
         self.deterministic = False
         description: Mapping[str, Any] | None = None
+        if isinstance(normalisation, (str, Path)):
+            normalisation = _load_normalisation(Path(normalisation))
         if isinstance(policy, (str, Path)):
             self._path, path = str(policy), Path(policy).absolute()
             self._predict, description = _load(path, normalisation)
@@ -75,8 +81,11 @@ class PolicyController(LearnedController):
         else:
             base_of(env)
             with suppress(TypeError):  # of a wrapper of another package
-                env = environment_of(describe(env))  # so that both can be used at the same time
-        self._pipeline = Pipeline(env)
+                description = describe(env)
+                env = environment_of(description)  # so that both can be used at the same time
+        self._entities: Mapping[str, int] = (description or {}).get("entities", {})  # at most in its training
+        self._pipeline, self._has_warned = Pipeline(env), False
+        self._require_spaces(env)
 
     def settings(self) -> dict[str, Any]:
         """Return the path and the hash of the file, if there is one."""
@@ -100,12 +109,47 @@ class PolicyController(LearnedController):
                 f"the policy was trained with a {trained} robot, that of the scene is {scene.robot.kinematics}; set "
                 "robot.kinematics of the scenario"
             )
+        self._warn_of_hidden(scene)
         self._pipeline.begin()
         if isinstance(self._predict, _Model):
             self._predict.begin()
 
     def act(self, snapshot: Snapshot) -> Twist:
         return self._pipeline.twist(self._predict(self._pipeline.observe(snapshot)))
+
+    def _require_spaces(self, env: Env) -> None:
+        """Require that a model or perceptron has the observations and actions of the environment.
+
+        Raises:
+            ControllerError: it has others.
+        """
+        if isinstance(self._predict, Mlp):
+            width, numbers = len(self._predict.mean), np.prod(env.observation_space.shape or ())
+            if not isinstance(env.observation_space, gymnasium.spaces.Box) or width != numbers:
+                raise ControllerError(
+                    f"the policy reads {width} numbers, the environment has observations of "
+                    f"{_shape_of(env.observation_space)}; leave out the environment, which the file describes"
+                )
+            return
+        model = self._predict.model if isinstance(self._predict, _Model) else self._predict
+        for name in ("observation_space", "action_space"):
+            trained, own = getattr(model, name, None), getattr(env, name)
+            if trained is not None and _shape_of(trained) != _shape_of(own):
+                raise ControllerError(
+                    f"the policy was trained with {name}s of {one_line(_shape_of(trained), 100)}, the environment has "
+                    f"{one_line(_shape_of(own), 100)}; give the environment of the training, with its wrappers"
+                )
+
+    def _warn_of_hidden(self, scene: Scene) -> None:
+        """Warn, once, of entities that the policy does not observe, unless that was so in its training as well."""
+        for name, count in (("humans", len(scene.humans)), ("objects", len(scene.furniture))):
+            rows = getattr(self._pipeline.base.encoder.sizes, name)
+            if count > rows >= self._entities.get(name, rows) and not self._has_warned:
+                self._has_warned = True
+                logging.getLogger(__name__).warning(
+                    "the policy observes the nearest %d of the %d %s: the scenes of its training had no more",
+                    rows, count, name,
+                )  # fmt: skip
 
 
 class _Model:
@@ -117,9 +161,10 @@ class _Model:
     """
 
     def __init__(self, model: Any, normalisation: Any) -> None:
+        self.model = model
         if normalisation is None and hasattr(model, "get_vec_normalize_env"):
             normalisation = model.get_vec_normalize_env()
-        self._model, self._normalisation = model, normalisation
+        self._normalisation = normalisation
         self._arguments = signature(model.predict).parameters
         self.begin()
 
@@ -133,7 +178,7 @@ class _Model:
             observation = self._normalisation.normalize_obs(observation)
         known = {"state": self._state, "episode_start": np.array([self._is_first])}
         arguments = {name: value for name, value in known.items() if name in self._arguments}
-        action, self._state = self._model.predict(observation, deterministic=True, **arguments)
+        action, self._state = self.model.predict(observation, deterministic=True, **arguments)
         self._is_first = False
         return action
 
@@ -162,6 +207,25 @@ def _load(path: Path, normalisation: Any) -> tuple[Predict, Mapping[str, Any] | 
     if path.suffix == ".zip":
         return _Model(_load_model(path), normalisation), None
     raise ControllerError(f"{path.name} is not a policy; the files are .npz, .onnx, and .zip of Stable-Baselines3")
+
+
+def _load_normalisation(path: Path) -> Any:
+    """A `VecNormalize` of Stable-Baselines3 from its file, which must come from a trusted source."""
+    try:
+        return pickle.loads(path.read_bytes())
+    except OSError as error:
+        raise ControllerError(f"{path} cannot be read: {error.strerror or error}") from error
+    except Exception as error:  # whatever the file makes the unpickler do
+        raise ControllerError(f"{path} is not a file of VecNormalize.save: {described(error)}") from error
+
+
+def _shape_of(space: gymnasium.Space[Any]) -> str:
+    """Kind and shape of a space, in words; without bounds, which differ from one scenario to another."""
+    if isinstance(space, gymnasium.spaces.Dict):
+        return ", ".join(f"{name} {_shape_of(part)}" for name, part in space.items())
+    if isinstance(space, gymnasium.spaces.Discrete):
+        return f"Discrete({space.n})"
+    return f"{type(space).__name__}{space.shape}"
 
 
 def _load_onnx(path: Path) -> tuple[Predict, Mapping[str, Any] | None]:

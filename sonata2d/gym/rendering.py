@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from typing import Any, Literal
 
@@ -9,6 +10,8 @@ import pygame
 
 from ..core.devices import ImageRequest
 from ..core.snapshot import Snapshot
+from ..errors import WindowError
+from ..view.display import start_display
 from ..view.painter import Painter, image_of
 
 _CAPTION = "sonata2d"
@@ -26,7 +29,8 @@ class Renderer:
     def __init__(self, size: tuple[int, int], view: Literal["top", "follow"], fps: int) -> None:
         self._request = ImageRequest(*size, view=view)
         self._pictures: list[Any] = []
-        self._window: pygame.Surface | None = None
+        self._window: pygame.Window | None = None
+        self._was_closed = False  # by the user
         self._painter: Painter | None = None
         self._shown: Snapshot | None = None
         self._interval, self._next = 1.0 / fps, 0.0
@@ -49,25 +53,63 @@ class Renderer:
         return pictures
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show a snapshot in the window, at the pace of the simulated time; nothing if it is shown already."""
+        """Show a snapshot in the window, at the pace of the simulated time; nothing if it is shown already.
+
+        If the user has closed the window, nothing is shown any more.
+
+        Raises:
+            WindowError: there is no display.
+        """
         if snapshot is self._shown:  # `step` shows it, and some programs call `render` as well
             return
         self._shown = snapshot
+        if self._window is None and not self._was_closed:
+            self._window = self._open()
+        if self._window is not None:
+            _close_unwanted()
         if self._window is None:
-            pygame.display.init()
-            self._window = pygame.display.set_mode((self._request.width, self._request.height))
-            pygame.display.set_caption(_CAPTION)
+            return
         if self._painter is None:
             self._painter = Painter(snapshot.scene)
-        pygame.event.pump()  # else the system takes the window for one that hangs
-        self._painter.draw(self._window, snapshot, view=self._request.view)
-        pygame.display.flip()
+        self._painter.draw(self._window.get_surface(), snapshot, view=self._request.view)
+        self._window.flip()
         now = time.monotonic()
         time.sleep(max(self._next - now, 0.0))
         self._next = max(self._next, now) + self._interval
 
     def close(self) -> None:
-        """Close the window."""
+        """Close the window; the next picture opens a new one."""
+        self._close_window()
+        self._shown, self._was_closed = None, False
+
+    def _open(self) -> pygame.Window:
+        try:
+            start_display()
+            window = pygame.Window(_CAPTION, (self._request.width, self._request.height))
+        except pygame.error as error:
+            raise WindowError(
+                f"the window cannot be opened ({error}); without a display, use render_mode='rgb_array'"
+            ) from None
+        _OPEN[window.id] = self
+        return window
+
+    def _close_window(self) -> None:
         if self._window is not None:
-            pygame.display.quit()
-            self._window = self._shown = None
+            del _OPEN[self._window.id]
+            self._window.destroy()
+            self._window = None
+            if not _OPEN:
+                pygame.display.quit()
+
+
+_OPEN: dict[int, Renderer] = {}  # by the id of their windows; a program may show several environments
+
+
+def _close_unwanted() -> None:
+    """Close the windows that the user wants closed. This also tells the system that the program does not hang."""
+    for event in pygame.event.get(pygame.WINDOWCLOSE):  # other events are left to the program
+        renderer = _OPEN.get(event.window.id) if event.window is not None else None
+        if renderer is not None:
+            logging.getLogger(__name__).info("the window was closed; the environment runs on without it")
+            renderer._was_closed = True
+            renderer._close_window()

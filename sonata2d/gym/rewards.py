@@ -5,19 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import signature
+from typing import Any, Protocol
 
 from ..core.compiled import kernel
 from ..core.humans import BODY_X, BODY_Y, X, Y
 from ..core.portable_math import Array
 from ..core.scalar import length, to_shoulder_line
 from ..core.snapshot import Outcome, Snapshot
+from ..core.wording import shown
 from ..registry import did_you_mean
 
-Reward = Callable[[Snapshot, Snapshot, Outcome | None], float]
-"""What a step is worth, given the snapshots before and after it, and the outcome if the episode has ended.
 
-Goals, contacts and distances are those of the later snapshot; a contact counts in every tick that it lasts.
-"""
+class Reward(Protocol):
+    """What a step is worth: a function of the snapshots before and after it, and of the outcome if it ends the episode.
+
+    Goals, contacts and distances are those of the later snapshot; a contact counts in every tick that it lasts.
+    """
+
+    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None, /) -> float: ...
 
 
 def goal_distance(snapshot: Snapshot) -> float:
@@ -51,7 +57,7 @@ class Distance:
     Attributes:
         progress: per metre by which the straight distance to the goal falls.
         goal: on reaching it.
-        contact: per tick of contact.
+        contact: per second of contact.
         closeness: per second at contact with a pedestrian; it falls linearly to 0 at the gap `comfort`, m.
         time: per second.
 
@@ -69,8 +75,8 @@ class Distance:
     def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
         nearness = max(1.0 - max(human_clearance(after), 0.0) / self.comfort, 0.0)
         reward = self.progress * (goal_distance(before) - goal_distance(after)) + _at_end(self.goal, outcome)
-        reward += self.contact if after.contacts else 0.0
-        return reward + (self.closeness * nearness + self.time) * after.dt
+        contact = self.contact if after.contacts else 0.0
+        return reward + (contact + self.closeness * nearness + self.time) * after.dt
 
 
 @dataclass(frozen=True)
@@ -167,11 +173,33 @@ def reward_of(value: str | Reward) -> Reward:
             hint = did_you_mean(value, REWARDS) or f"; known are {', '.join(REWARDS)}"
             raise ValueError(f"no reward is named {value!r}{hint}")
         return REWARDS[value]()
-    if not callable(value):
+    if isinstance(value, type):
+        raise TypeError(f"a reward is an object, got the class {value.__name__}; pass {value.__name__}()")
+    try:
+        signature(value).bind(None, None, None)
+    except TypeError as error:
         raise TypeError(
-            f"a reward is a name ({', '.join(REWARDS)}) or a function (before, after, outcome) -> float, got {value!r}"
-        )
+            f"a reward is a name ({', '.join(REWARDS)}) or a function (before, after, outcome) -> float, got "
+            f"{value!r:.100}: {error}"
+        ) from None
+    except ValueError:  # a function of C, whose arguments are not known
+        pass
     return value
+
+
+def checked_reward(value: Any) -> float:
+    """The result of a reward.
+
+    Raises:
+        ValueError: it is not a finite number.
+    """
+    try:
+        reward = float(value)
+    except (TypeError, ValueError):
+        reward = math.nan
+    if not math.isfinite(reward):
+        raise ValueError(f"the function given as `reward` must return a finite number, it returned {shown(value)}")
+    return reward
 
 
 def _at_end(goal: float, outcome: Outcome | None) -> float:

@@ -1,30 +1,29 @@
-"""`SocialNavVectorEnv`: several environments in one process, stepped by threads."""
+"""`SocialNavVectorEnv`: several environments that are stepped together, in one process or in several."""
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from contextlib import suppress
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
+from gymnasium.vector.utils import CloudpickleWrapper, batch_space
 from numpy.typing import NDArray
 
 from .env import SocialNavEnv
 
 Env = gymnasium.Env[Any, Any]
-_Result = tuple[Any, float, bool, bool, dict[str, Any]]
+_Flags = NDArray[np.bool_]
+_Results = tuple[Any, NDArray[np.float64], _Flags, _Flags, list[dict[str, Any]]]  # of `VectorEnv.step`, infos by world
 
 
 class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
     """Environments that are stepped together, with the same bits as single ones.
-
-    The worlds run in compiled code, in which threads do not wait for each other; the rest of a step is Python, one
-    thread at a time.
 
     Args:
         num_envs: their number.
@@ -32,7 +31,7 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         autoreset_mode: `NEXT_STEP`: the step after the end of an episode resets it, its action is ignored, and its
             reward is 0. `SAME_STEP`: the step that ends an episode resets it, and the last observation and info are
             `final_obs` and `final_info` of the info. `DISABLED`: `reset(options={"reset_mask": ...})` does.
-        threads: their number; 1: none besides the caller's.
+        processes: among which the environments are shared out; 1: none besides the caller's.
         kwargs: arguments of `SocialNavEnv`.
 
     Raises:
@@ -51,29 +50,33 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         *,
         wrappers: Sequence[Callable[[Env], Env]] = (),
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        threads: int = 1,
+        processes: int = 1,
         **kwargs: Any,
     ) -> None:
-        for name, number in (("num_envs", num_envs), ("threads", threads)):
-            if number < 1:
-                raise ValueError(f"{name} must be 1 or more, got {number}")
-        self.envs: list[Env] = []
-        for _ in range(num_envs):
+        for name, number in (("num_envs", num_envs), ("processes", processes)):
+            if not isinstance(number, int | np.integer) or number < 1:
+                raise ValueError(f"{name} must be an integer of 1 or more, got {number!r}")
+
+        def make() -> Env:
             env: Env = SocialNavEnv(**kwargs)
             for wrapper in wrappers:
                 env = wrapper(env)
-            self.envs.append(env)
-        first = self.envs[0]
-        self.num_envs, self.render_mode = num_envs, first.render_mode
+            return env
+
         is_name = isinstance(autoreset_mode, str) and autoreset_mode in AutoresetMode.__members__
         self.autoreset_mode = AutoresetMode[str(autoreset_mode)] if is_name else AutoresetMode(autoreset_mode)
+        first = make()
+        self.num_envs, self.render_mode = num_envs, first.render_mode
         self.metadata = {**first.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = first.observation_space, first.action_space
         self.observation_space = batch_space(first.observation_space, num_envs)
         self.action_space = batch_space(first.action_space, num_envs)
-        self._is_over, self._last = np.zeros(num_envs, dtype=bool), list[Any]()
-        self._executor = ThreadPoolExecutor(threads) if threads > 1 else None
-        self._shares = np.array_split(np.arange(num_envs), min(threads, num_envs))
+        first.close()
+        shares = np.array_split(np.arange(num_envs), min(processes, num_envs))
+        self._shares = [slice(int(share[0]), int(share[-1]) + 1) for share in shares]
+        start = _Local if len(shares) == 1 else _Remote
+        self._worlds: list[_Local | _Remote] = [start(make, len(share), self.autoreset_mode) for share in shares]
+        self._was_reset = False
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -87,83 +90,204 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         seeds = self._seeds(seed)
         options = dict(options or {})
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
-        if mask.shape != (self.num_envs,) or not (mask.all() or self._last):
+        if mask.shape != (self.num_envs,) or not (mask.all() or self._was_reset):
             raise ValueError(
                 f"reset_mask has the shape ({self.num_envs},), and the first reset is one of all; got {mask.tolist()}"
             )
+        results = self._ask("reset", [(seeds[share], mask[share], options) for share in self._shares])
+        self._was_reset = True
         infos: dict[str, Any] = {}
-        observations: list[Any] = [None] * self.num_envs
-        for k, env in enumerate(self.envs):
+        for k, info in enumerate(info for _, some in results for info in some):
             if mask[k]:
-                observations[k], info = env.reset(seed=seeds[k], options=options)
                 infos = self._add_info(infos, info, k)
-                self._is_over[k] = False
-            else:
-                observations[k] = self._last[k]
-        return self._batch(observations), infos
+        return _joined([observations for observations, _ in results]), infos
 
-    def step(
-        self, actions: Any
-    ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Any, NDArray[np.float64], _Flags, _Flags, dict[str, Any]]:
         """Drive all environments for one tick; see `SocialNavEnv.step`."""
         if len(actions) != self.num_envs:
             raise ValueError(f"there are {self.num_envs} environments, got {len(actions)} actions")
-        if self._executor is None:
-            results = self._step_some(actions, self._shares[0])
-        else:
-            parts = self._executor.map(partial(self._step_some, actions), self._shares)
-            results = [result for part in parts for result in part]
-        rewards = np.array([result[1] for result in results], dtype=np.float64)
-        terminated, truncated = (np.array([result[i] for result in results], dtype=bool) for i in (2, 3))
+        results: list[_Results] = self._ask("step", [(actions[share],) for share in self._shares])
+        observations, rewards, terminated, truncated = (_joined([result[i] for result in results]) for i in range(4))
         infos: dict[str, Any] = {}
-        for k, result in enumerate(results):
-            infos = self._add_info(infos, result[4], k)
-        over = terminated | truncated
-        self._is_over = over if self.autoreset_mode != AutoresetMode.SAME_STEP else np.zeros_like(over)
-        return self._batch([result[0] for result in results]), rewards, terminated, truncated, infos
+        for k, info in enumerate(info for result in results for info in result[4]):
+            infos = self._add_info(infos, info, k)
+        return observations, rewards, terminated, truncated, infos
 
-    def close_extras(self, **kwargs: Any) -> None:
-        """Close all environments."""
-        if self._executor is not None:
-            self._executor.shutdown()
-        for env in self.envs:
-            env.close()
+    def call(self, name: str, *args: Any) -> tuple[Any, ...]:
+        """Call a method of all environments, or get an attribute, e.g. `call("get_state")`.
+
+        Args:
+            name: of a method or attribute of the wrapped environments or those inside.
+            args: of the method.
+
+        Returns:
+            One result of each environment.
+        """
+        results = self._ask("call", [(name, args)] * len(self._shares))
+        return tuple(result for some in results for result in some)
 
     def render(self) -> tuple[Any, ...] | None:
         """The pictures of all environments."""
-        return tuple(env.render() for env in self.envs)
+        return self.call("render")
 
-    def _step_some(self, actions: Any, indices: NDArray[np.int64]) -> list[_Result]:
-        """Step the environments with some indices."""
-        return [self._step_one(actions[k], int(k)) for k in indices]
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close all environments."""
+        for worlds in self._worlds:
+            worlds.close()
 
-    def _step_one(self, action: Any, k: int) -> _Result:
+    def _ask(self, method: str, arguments: list[tuple[Any, ...]]) -> list[Any]:
+        """Call a method of the worlds of all processes, which work at the same time."""
+        for worlds, some in zip(self._worlds, arguments, strict=True):
+            worlds.begin(method, some)
+        results = [worlds.result() for worlds in self._worlds]
+        for result in results:
+            if isinstance(result, BaseException):
+                raise result
+        return results
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, int | np.integer):
+            return [int(seed) + k for k in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"there are {self.num_envs} environments, got {len(seed)} seeds")
+        return list(seed)
+
+
+class _Worlds:
+    """The environments that one process steps.
+
+    Args:
+        make: makes one.
+        count: their number.
+        mode: of autoreset.
+    """
+
+    def __init__(self, make: Callable[[], Env], count: int, mode: AutoresetMode) -> None:
+        self.envs, self._mode = [make() for _ in range(count)], mode
+        self._last: list[Any] = [None] * count
+        self._is_over = [False] * count
+
+    def reset(self, seeds: list[int | None], mask: _Flags, options: dict[str, Any]) -> tuple[Any, list[dict[str, Any]]]:
+        infos: list[dict[str, Any]] = [{} for _ in self.envs]
+        for k, env in enumerate(self.envs):
+            if mask[k]:
+                self._last[k], infos[k] = env.reset(seed=seeds[k], options=options)
+                self._is_over[k] = False
+        return _batch(self._last), infos
+
+    def step(self, actions: Any) -> _Results:
+        results = [self._step_one(k, actions[k]) for k in range(len(self.envs))]
+        self._last = [result[0] for result in results]
+        rewards = np.array([result[1] for result in results], dtype=np.float64)
+        terminated, truncated = (np.array([result[i] for result in results], dtype=bool) for i in (2, 3))
+        if self._mode != AutoresetMode.SAME_STEP:
+            self._is_over = (terminated | truncated).tolist()
+        return _batch(self._last), rewards, terminated, truncated, [result[4] for result in results]
+
+    def call(self, name: str, args: tuple[Any, ...]) -> list[Any]:
+        found = [env.get_wrapper_attr(name) for env in self.envs]
+        return [value(*args) if callable(value) else value for value in found]
+
+    def close(self) -> None:
+        for env in self.envs:
+            env.close()
+
+    def _step_one(self, k: int, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         env = self.envs[k]
         if self._is_over[k]:
-            if self.autoreset_mode == AutoresetMode.DISABLED:
-                raise gymnasium.error.ResetNeeded(f"the episode of environment {k} is over; reset it by reset_mask")
+            if self._mode == AutoresetMode.DISABLED:
+                raise gymnasium.error.ResetNeeded("an episode is over; reset it by reset_mask")
             observation, info = env.reset()
             return observation, 0.0, False, False, info
         observation, reward, terminated, truncated, info = env.step(action)
-        if (terminated or truncated) and self.autoreset_mode == AutoresetMode.SAME_STEP:
+        if (terminated or truncated) and self._mode == AutoresetMode.SAME_STEP:
             last, final_info = observation, info
             observation, info = env.reset()
             info = {**info, "final_obs": last, "final_info": final_info}
         return observation, float(reward), terminated, truncated, info
 
-    def _batch(self, observations: list[Any]) -> Any:
-        """The observations as one, in new arrays."""
-        self._last = observations
-        space = self.single_observation_space
-        if isinstance(space, spaces.Dict):
-            return {name: np.stack([observation[name] for observation in observations]) for name in space.spaces}
-        return np.stack(observations)
 
-    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        if seed is None:
-            return [None] * self.num_envs
-        if isinstance(seed, int):
-            return [seed + k for k in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise ValueError(f"there are {self.num_envs} environments, got {len(seed)} seeds")
-        return list(seed)
+class _Local:
+    """Worlds in the process of the caller."""
+
+    def __init__(self, make: Callable[[], Env], count: int, mode: AutoresetMode) -> None:
+        self.worlds = _Worlds(make, count, mode)
+
+    def begin(self, method: str, arguments: tuple[Any, ...]) -> None:
+        self._result = getattr(self.worlds, method)(*arguments)
+
+    def result(self) -> Any:
+        return self._result
+
+    def close(self) -> None:
+        self.worlds.close()
+
+
+class _Remote:
+    """Worlds in a process of their own, which ends when it is closed or the caller's process ends."""
+
+    def __init__(self, make: Callable[[], Env], count: int, mode: AutoresetMode) -> None:
+        context = get_context()
+        self._connection, end = context.Pipe()
+        self._process = context.Process(target=_serve, args=(end, CloudpickleWrapper(make), count, mode), daemon=True)
+        self._process.start()
+        end.close()
+
+    def begin(self, method: str, arguments: tuple[Any, ...]) -> None:
+        with suppress(OSError):  # the process has died, which `result` says
+            self._connection.send((method, arguments))
+
+    def result(self) -> Any:
+        try:
+            return self._connection.recv()
+        except (EOFError, OSError):
+            self._process.join()
+            return RuntimeError(f"a process of environments has died with exit code {self._process.exitcode}")
+
+    def close(self) -> None:
+        with suppress(OSError):  # the process has died
+            self._connection.send(None)
+        self._process.join()
+        self._connection.close()
+
+
+def _serve(connection: Connection, make: Callable[[], Env], count: int, mode: AutoresetMode) -> None:
+    """Answer the requests of `_Remote`; an exception is an answer."""
+    worlds = None
+    while True:
+        try:
+            request = connection.recv()
+        except (EOFError, KeyboardInterrupt):  # the caller has ended; an interrupt reaches its process as well
+            break
+        if request is None:
+            break
+        method, arguments = request
+        try:
+            worlds = worlds or _Worlds(make, count, mode)
+            answer = getattr(worlds, method)(*arguments)
+        except Exception as error:
+            answer = error
+        try:
+            connection.send(answer)
+        except (AttributeError, TypeError, pickle.PicklingError) as error:
+            connection.send(TypeError(f"the result of {method} cannot be sent between processes: {error}"))
+    if worlds is not None:
+        worlds.close()
+
+
+def _batch(observations: list[Any]) -> Any:
+    """Observations as one, in new arrays."""
+    if isinstance(observations[0], dict):
+        return {name: np.stack([observation[name] for observation in observations]) for name in observations[0]}
+    return np.stack(observations)
+
+
+def _joined(batches: list[Any]) -> Any:
+    """Batches of observations or numbers as one."""
+    if len(batches) == 1:
+        return batches[0]
+    if isinstance(batches[0], dict):
+        return {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
+    return np.concatenate(batches)

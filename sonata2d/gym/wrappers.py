@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import gymnasium
@@ -22,7 +23,7 @@ from ..core.humans import ACTIVITIES
 from ..core.portable_math import PI, unit_vectors
 from ..registry import did_you_mean
 from .env import SocialNavEnv, base_of, wrappers_of
-from .observation import FARTHEST, GOAL, HUMAN, OBJECT, OBJECT_TYPES, ROBOT, WALL, Floats32, Observation
+from .observation import FARTHEST, GOAL, HUMAN, OBJECT, OBJECT_TYPES, ROBOT, WALL, Floats32, Observation, Sizes
 from .sensing import measure_ranges, visible
 
 Env = gymnasium.Env[Any, Any]
@@ -61,14 +62,14 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
         space, own, name = self.env.observation_space, self._base.encoder.space, type(self).__name__
         if not isinstance(space, spaces.Dict) or "humans" not in space.spaces:
             raise TypeError(
-                f"{name} needs the dictionary of SocialNavEnv, got {type(space).__name__} of {self.env}; put {name} "
-                "before Flat, Lidar and Graph"
+                f"{name} needs the dictionary of SocialNavEnv, got {_shape_of(space)} of {self.env}; put {name} "
+                "inside it"
             )
         for part in own.spaces:
             if part not in space.spaces or space[part].shape != own[part].shape:
                 raise TypeError(
                     f"{name} needs the parts of SocialNavEnv, but {part!r} was changed inside {self.env}; put {name} "
-                    "before WorldFrame and History"
+                    "inside WorldFrame and History"
                 )
         return space
 
@@ -90,7 +91,7 @@ class Flat(EpisodeWrapper):
         super().__init__(env, keys=keys)
         space = env.observation_space
         if not isinstance(space, spaces.Dict):
-            raise TypeError(f"Flat needs observations in a dictionary, got {space}")
+            raise TypeError(f"Flat needs observations in a dictionary, got {_shape_of(space)} of {env}")
         self._keys = tuple(name for name in space if space[name].dtype == np.float32) if keys is None else tuple(keys)
         for name in self._keys:
             if name not in space.spaces:
@@ -102,6 +103,13 @@ class Flat(EpisodeWrapper):
 
     def observation(self, observation: Observation) -> Floats32:
         return np.concatenate([observation[name].ravel() for name in self._keys], dtype=np.float32)
+
+
+def _shape_of(space: spaces.Space[Any]) -> str:
+    """A space in a few words: its bounds may fill pages."""
+    if isinstance(space, spaces.Dict):
+        return f"the parts {', '.join(space.spaces)}"
+    return f"{type(space).__name__} of the shape {space.shape}"
 
 
 def _bounds(space: spaces.Space[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -248,7 +256,7 @@ class Lidar(EpisodeWrapper):
     counter-clockwise at equal angles.
 
     Args:
-        env: with the dictionary of `SocialNavEnv`; all walls, objects and pedestrians must have rows.
+        env: with the dictionary of `SocialNavEnv`; the rays end at the walls, objects and pedestrians that have rows.
         rays: their number.
         distance: range, m, which is also the value of a ray that meets nothing.
         keep: whether the other parts of the observation stay.
@@ -261,6 +269,14 @@ class Lidar(EpisodeWrapper):
         if not 0.0 < distance < math.inf:
             raise ValueError(f"distance must be positive and finite, got {distance!r}")
         space, self._distance = self._parts(), distance
+        base = self._base
+        own, needed = asdict(base.encoder.sizes), asdict(Sizes.of(base.config))
+        for name in ("humans", "objects", "walls"):
+            if own[name] < needed[name]:
+                raise ValueError(
+                    f"the rays of Lidar end at what the observation contains: sizes[{name!r}] is {own[name]}, the "
+                    f"scenario has up to {needed[name]}; leave it out"
+                )
         self._kept = tuple(space.spaces) if keep else ("goal", "robot")
         self._directions = unit_vectors(np.arange(rays, dtype=float) * (2.0 * PI / rays))
         box = spaces.Box(np.float32(0.0), np.float32(distance), (rays,), np.float32)
@@ -412,12 +428,18 @@ class DiscreteActions(gymnasium.ActionWrapper[Any, Any, Any], RecordConstructorA
         env: with the actions of `SocialNavEnv`.
         moves: fractions of the limits forward, left and turning; None: the eight `MOVES`. A unicycle does not move
             left.
+
+    Raises:
+        TypeError: the actions are not those of `SocialNavEnv`.
+        ValueError: the moves are not rows of three fractions.
     """
 
     def __init__(self, env: Env, moves: Sequence[Sequence[float]] | None = None) -> None:
         rows = None if moves is None else [[float(value) for value in move] for move in moves]
         RecordConstructorArgs.__init__(self, moves=rows)  # as plain data
         super().__init__(env)
+        if not isinstance(env.action_space, spaces.Box) or env.action_space.shape not in ((3,), (2,)):
+            raise TypeError(f"DiscreteActions needs the actions of SocialNavEnv, got {env.action_space} of {env}")
         table = np.array(list(MOVES.values()) if moves is None else moves, dtype=np.float32)
         if table.ndim != 2 or table.shape[0] < 1 or table.shape[1] != 3 or not (np.abs(table) <= 1.0).all():
             raise ValueError("moves must be one or more rows of three fractions in [-1, 1]: forward, left, turn")
@@ -425,8 +447,8 @@ class DiscreteActions(gymnasium.ActionWrapper[Any, Any, Any], RecordConstructorA
         self.action_space = spaces.Discrete(len(table))
 
     def action(self, action: Any) -> Floats32:
-        if not 0 <= int(action) < len(self._table):
-            raise ValueError(f"an action is an index of the {len(self._table)} moves, got {action}")
+        if not self.action_space.contains(action):
+            raise ValueError(f"an action is an index of the {len(self._table)} moves, got {action!r}")
         move: Floats32 = self._table[int(action)]
         return move
 

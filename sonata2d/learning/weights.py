@@ -97,7 +97,7 @@ def read_weights(path: Path) -> Weights:
         reason = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
         raise ControllerError(
             f"{path} does not hold weights of a graph policy: {one_line(reason, 200)}; write such files with"
-            " sonata2d.learning.write_weights"
+            " sonata2d.learning.write_weights, and those of other policies with sonata2d.gym.save_policy"
         ) from error
     exact = {name: array.astype(np.float64) for name, array in arrays.items()}
     return Weights(graph, kind, exact, note, hashlib.sha256(data).hexdigest())

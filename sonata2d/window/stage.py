@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import sys
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,6 +13,7 @@ import pygame_gui
 from pygame._sdl2 import controller
 
 from ..errors import RenderError, WindowError
+from ..view.display import start_display
 from ..view.fonts import FAMILY
 from ..view.stills import save_surface
 from .gui_fonts import provide_fonts
@@ -24,7 +23,6 @@ from .widgets import text_size
 REFERENCE = (1280, 800)  # px, size of a window at scale 1
 FPS = 60
 _CTRL = pygame.KMOD_CTRL | pygame.KMOD_META
-_FALLBACK_DRIVERS = ("offscreen", "dummy")  # SDL uses them if there is no display; allowed only on request
 _THEME = Path(__file__).with_name("theme.json")
 # Text sizes of widgets in a window of REFERENCE, px. The "defaults" of a theme are colours only, so elements are named.
 _TEXT_SIZES = dict.fromkeys(("button", "label", "text_entry_line", "text_box"), 20) | {
@@ -201,14 +199,8 @@ def fitting_size(desktop: tuple[int, int]) -> tuple[int, int]:
 
 def _open_display(title: str, size: tuple[int, int] | None) -> None:
     """Open the window; only pygame's display and fonts are started, not its sound."""
-    is_linux = sys.platform.startswith("linux")
-    has_display = any(os.environ.get(key) for key in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"))
     try:
-        if is_linux and not has_display:
-            raise pygame.error("neither DISPLAY nor WAYLAND_DISPLAY is set")
-        pygame.display.init()
-        if pygame.display.get_driver() in _FALLBACK_DRIVERS and not os.environ.get("SDL_VIDEODRIVER"):
-            raise pygame.error("the display named by the environment does not respond")
+        start_display()
         pygame.font.init()
         pygame.display.set_caption(title)
         pygame.display.set_mode(size or fitting_size(pygame.display.get_desktop_sizes()[0]), pygame.RESIZABLE)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import pickle
+import sys
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
+import pygame
 import pytest
 from gymnasium.utils.env_checker import check_env
 
@@ -16,7 +18,7 @@ import sonata2d as s2
 import sonata2d.gym as s2g
 from sonata2d.datasets.check import check_episode
 from sonata2d.datasets.replay import check_replay
-from sonata2d.errors import ConfigError, ControllerError, MetricError
+from sonata2d.errors import ConfigError, ControllerError, MetricError, RecordError, WindowError
 from tests.gym.samples import CHAINS, SHORT, actions, equal
 
 FORWARD = np.array([1.0, 0.0, 0.0], dtype=np.float32)
@@ -141,6 +143,14 @@ def test_bad_arguments_are_named() -> None:
         s2g.SocialNavEnv("empty", metrics="human_slowing")
     with pytest.raises(MetricError, match="sucess"):
         s2g.SocialNavEnv("empty", metrics=["sucess"])
+    for name, wrong in (("metrics", 5), ("record", 5), ("settings", "wandering=3"), ("sizes", 3), ("scenario", {})):
+        with pytest.raises(TypeError, match=name):
+            s2g.SocialNavEnv(**{name: wrong})  # type: ignore[arg-type]
+    for size in (640, (64, 64, 3), "ab"):
+        with pytest.raises(ValueError, match="render_size"):
+            s2g.SocialNavEnv("empty", render_size=size)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=r"robot.kinematics: .* \(got 'legs'\)"):
+        s2g.SocialNavEnv("empty", settings={"robot": {"kinematics": "legs"}})
     env = s2g.SocialNavEnv("empty")
     with pytest.raises(ValueError, match="sseed"):
         env.reset(options={"sseed": 1})
@@ -154,6 +164,8 @@ def test_bad_arguments_are_named() -> None:
         env.step(np.array([np.nan, 0.0, 0.0]))
     with pytest.raises(ValueError, match=r"shape \(3,\)"):
         env.step(np.zeros(2))
+    with pytest.raises(ValueError, match="got 'forward' of"):
+        env.step("forward")  # type: ignore[arg-type]
 
 
 def test_settings_change_single_values_of_a_section() -> None:
@@ -199,6 +211,11 @@ def test_metrics_are_those_of_the_recorded_file(tmp_path: Path) -> None:
     info = drive_to_end(env)[3]
     record = s2.read_episode(tmp_path / "000000.json")
     assert info["metrics"] == measure(record, select_metrics(names), rerun=False)
+    env = s2g.SocialNavEnv("lively", settings=SHORT, metrics=["all"])
+    env.reset(seed=1)
+    found = drive_to_end(env)[3]["metrics"]
+    assert set(names) < set(found)
+    assert "human_slowing" not in found  # it needs a second run
 
 
 def test_recorded_episodes_pass_check_and_replay(tmp_path: Path) -> None:
@@ -218,6 +235,28 @@ def test_recorded_episodes_pass_check_and_replay(tmp_path: Path) -> None:
     assert (last.outcome.status, len(last)) == ("stopped", 20)
     s2g.SocialNavEnv("lively", settings=SHORT, record=tmp_path).reset(seed=2)
     assert sorted(tmp_path.glob("*.json")) == files  # an episode without a step leaves no file
+
+
+def test_a_data_set_is_no_folder_for_recordings(tmp_path: Path) -> None:
+    s2.generate_dataset(tmp_path / "set", s2.load_scenario("empty").changed(**SHORT), episodes=1)
+    with pytest.raises(RecordError, match=r"set is a data set, .* record in another folder"):
+        s2g.SocialNavEnv("empty", record=tmp_path / "set")
+
+
+def test_a_search_leaves_one_recording(tmp_path: Path) -> None:
+    env = s2g.Flat(s2g.SocialNavEnv("lively", settings=SHORT, record=tmp_path))
+    env.reset(seed=2)
+    for k in range(3):
+        env.step(FORWARD)
+        state = env.unwrapped.get_state()  # type: ignore[attr-defined]
+        env.step(-FORWARD)
+        s2g.restore(env, state)
+        if k == 1:
+            env.unwrapped.set_state(state)  # type: ignore[attr-defined]
+    env.close()
+    (file,) = tmp_path.glob("*.json")
+    assert len(s2.read_episode(file)) == 3
+    assert check_replay(file) == []
 
 
 @pytest.mark.parametrize("chain", CHAINS)
@@ -272,6 +311,17 @@ def test_a_state_of_another_scenario_or_version_is_refused() -> None:
         env.set_state({**state, "version": 2})
     with pytest.raises(ValueError, match="physics version 2"):
         env.set_state({**state, "physics": 2})
+    with pytest.raises(ValueError, match="got 'x'"):
+        env.set_state("x")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="seed: is missing"):
+        env.set_state({key: value for key, value in state.items() if key != "seed"})
+    for key, value in (("seed", "x"), ("seed", -1), ("commands", [[1.0, 0.0]]), ("np_random", {}), ("surplus", 1)):
+        for go_back in (env.set_state, lambda state: s2g.restore(env, state)):
+            with pytest.raises(ValueError, match=rf"the state is damaged: {key}.*get_state"):
+                go_back({**state, key: value})
+    with pytest.raises(ValueError, match="takes no others"):
+        env.reset(seed=1, options={"state": state})
+    env.step(FORWARD)  # the episode goes on
 
 
 def test_pictures(tmp_path: Path) -> None:
@@ -289,14 +339,22 @@ def test_pictures(tmp_path: Path) -> None:
     env.close()
 
 
-def test_the_window_shows_the_scene() -> None:
-    import pygame
-
+def windowed() -> s2g.SocialNavEnv:
+    """An environment with a window, after a step."""
     env = s2g.SocialNavEnv("lively", render_mode="human", render_size=(96, 96), settings={"rules": {"dt": 0.02}})
     env.reset(seed=0)
     env.step(FORWARD)
-    surface = pygame.display.get_surface()
-    assert surface is not None
+    return env
+
+
+def window_of(env: s2g.SocialNavEnv) -> Any:
+    """The window of an environment; None: it is closed."""
+    return env._renderer._window
+
+
+def test_the_window_shows_the_scene() -> None:
+    env = windowed()
+    surface = window_of(env).get_surface()
     assert surface.get_size() == (96, 96)
     assert len(np.unique(pygame.surfarray.array3d(surface).reshape(-1, 3), axis=0)) > 10
     env.close()
@@ -304,9 +362,37 @@ def test_the_window_shows_the_scene() -> None:
     env.close()
 
 
+def test_each_environment_has_a_window_of_its_own() -> None:
+    first, second = windowed(), windowed()
+    assert window_of(first) is not window_of(second)
+    first.close()
+    second.step(FORWARD)
+    assert window_of(second).get_surface().get_size() == (96, 96)
+    second.close()
+    assert not pygame.display.get_init()
+
+
+def test_an_environment_whose_window_was_closed_goes_on() -> None:
+    env = windowed()
+    pygame.event.post(pygame.Event(pygame.WINDOWCLOSE, window=window_of(env)))
+    env.step(FORWARD)
+    assert window_of(env) is None
+    env.step(FORWARD)
+    env.reset()
+    assert window_of(env) is None
+    env.close()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have no variable for the display")
+def test_without_a_display_the_error_names_another_mode(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(WindowError, match=r"neither DISPLAY .* use render_mode='rgb_array'"):
+        windowed()
+
+
 def test_stepping_does_not_import_pygame() -> None:
     import subprocess
-    import sys
 
     code = (
         "import sys, sonata2d.gym as g; e = g.SocialNavEnv('empty'); e.reset(seed=0); e.step([1.0, 0.0, 0.0]); "

@@ -206,9 +206,19 @@ def test_bad_files_and_policies_are_named(tmp_path: Path) -> None:
     (tmp_path / "damaged.npz").write_bytes(b"PK")
     with pytest.raises(ControllerError, match="does not hold a policy"):
         s2g.PolicyController(tmp_path / "damaged.npz")
+    with pytest.raises(TypeError, match="got 'lively'"):
+        s2g.PolicyController(lambda observation: None, "lively")  # type: ignore[arg-type]
+    with pytest.raises(ControllerError, match=r"norm.pkl cannot be read"):
+        s2g.PolicyController(lambda observation: None, env, normalisation=tmp_path / "norm.pkl")
+    (tmp_path / "norm.pkl").write_text("no pickle")
+    with pytest.raises(ControllerError, match="not a file of VecNormalize"):
+        s2g.PolicyController(lambda observation: None, env, normalisation=tmp_path / "norm.pkl")
     mlp = perceptron(env)
     with pytest.raises(ControllerError, match="reads"):
         mlp(np.zeros(3))
+    write_mlp(tmp_path / "policy.npz", mlp)
+    with pytest.raises(ControllerError, match=r"the policy reads \d+ numbers, .* leave out the environment"):
+        s2g.PolicyController(tmp_path / "policy.npz", s2g.Flat(s2g.SocialNavEnv("crowded-hall")))
     with pytest.raises(ValueError, match=r"\.npz"):
         write_mlp(tmp_path / "policy.json", mlp)
     fields = {
@@ -218,6 +228,36 @@ def test_bad_files_and_policies_are_named(tmp_path: Path) -> None:
     for change in ({"activation": "gelu"}, {"weights": mlp.weights[:1]}, {"scale": mlp.scale[1:]}):
         with pytest.raises(ValueError, match=r"."):
             Mlp(**{**fields, **change})
+
+
+def test_a_model_of_another_environment_is_refused() -> None:
+    class Model:
+        observation_space = make().observation_space
+        action_space = make().action_space
+
+        def predict(self, observation: Any, deterministic: bool = False) -> tuple[Any, None]:
+            return np.zeros(3), None
+
+    s2g.PolicyController(Model(), make())
+    with pytest.raises(ControllerError, match=r"observation_spaces of Box\(\d+,\), the environment has activities"):
+        s2g.PolicyController(Model(), s2g.SocialNavEnv("lively"))
+    with pytest.raises(ControllerError, match=r"action_spaces of Box\(3,\), the environment has Discrete\(8\)"):
+        s2g.PolicyController(Model(), s2g.DiscreteActions(make()))
+
+
+def test_a_policy_that_does_not_observe_everybody_says_so_once(caplog: pytest.LogCaptureFixture) -> None:
+    crowd = s2.generate(s2.load_scenario("crowded-hall"), 0)
+    few = s2g.SocialNavEnv("empty", settings={"wandering": 2})
+    policy = s2g.PolicyController(lambda observation: np.zeros(3), few)
+    policy.reset(s2.generate(few.config, 0))
+    assert not caplog.messages
+    for _ in range(2):
+        policy.reset(crowd)
+    (message,) = caplog.messages
+    assert message.startswith(f"the policy observes the nearest 2 of the {len(crowd.humans)} humans")
+    chosen = s2g.SocialNavEnv("crowded-hall", sizes={"humans": 2})  # as in its training
+    s2g.PolicyController(lambda observation: np.zeros(3), chosen).reset(crowd)
+    assert len(caplog.messages) == 1
 
 
 def test_demonstrations_are_episodes_of_the_controller() -> None:
@@ -244,6 +284,8 @@ def test_noise_changes_what_is_executed_and_not_what_is_recorded() -> None:
     plain, noisy = (s2g.demonstrate(env, Ahead(), seed=1, episodes=1, noise=noise)[0] for noise in (0.0, 0.5))
     assert {tuple(action) for action in noisy.actions} == {tuple(plain.actions[0])}
     assert not np.allclose(noisy.observations[30]["goal"], plain.observations[30]["goal"], atol=0.1)
+    with pytest.raises(TypeError, match="'social-planner'"):
+        s2g.demonstrate(env, "social-planner", seed=1, episodes=1)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="Discrete"):
         s2g.demonstrate(s2g.DiscreteActions(env), Ahead(), seed=1, episodes=1, noise=0.5)
 

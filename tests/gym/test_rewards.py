@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import sonata2d as s2
@@ -43,6 +44,7 @@ def replace_contacts(snapshot: Snapshot, contacts: tuple[Contact, ...]) -> Snaps
         ("distance", 1.0, (), None, 0.1 - 0.01),
         ("distance", 1.0, (), GOAL, 0.1 - 0.01 + 5.0),
         ("distance", 0.15, (), None, 0.1 - 0.01 - 2.0 * (1.0 - 0.15 / 0.45) * 0.1),
+        ("distance", 0.0, TOUCH, None, 0.1 - (0.1 + 1.0 + 2.0) * 0.1),
         ("crowdnav", 1.0, (), None, 0.0),
         ("crowdnav", 1.0, (), GOAL, 1.0),
         ("crowdnav", 0.1, (), None, -0.1 + 0.1 / 2.0),
@@ -83,3 +85,28 @@ def test_a_function_is_a_reward() -> None:
     env.reset(seed=0)
     assert [env.step(env.action_space.sample())[1] for _ in range(3)] == [1.0, 2.0, 3.0]
     assert reward_of(REWARDS["dsrnn"]()) == REWARDS["dsrnn"]()
+
+
+def test_what_is_no_reward_is_named() -> None:
+    import sonata2d.gym as s2g
+
+    with pytest.raises(TypeError, match=r"pass Distance\(\)"):
+        s2g.SocialNavEnv("empty", reward=s2g.Distance)
+    with pytest.raises(TypeError, match=r"a function \(before, after, outcome\) -> float, got .*too many positional"):
+        s2g.SocialNavEnv("empty", reward=lambda before, after: 0.0)  # type: ignore[arg-type, misc]
+    for wrong in (None, np.zeros(2), math.nan, "one"):
+        env = s2g.SocialNavEnv("empty", reward=lambda before, after, outcome, wrong=wrong: wrong)
+        env.reset(seed=0)
+        with pytest.raises(ValueError, match="must return a finite number, it returned"):
+            env.step(env.action_space.sample())
+
+
+def test_the_weights_of_a_reward_can_be_changed() -> None:
+    import sonata2d.gym as s2g
+
+    plain, strict = s2g.Distance(), s2g.Distance(contact=-5.0)
+    scene = s2.generate(s2.load_scenario("empty"), 0)
+    snapshot = s2.Episode(scene).observe()
+    touching = replace(snapshot, contacts=TOUCH)
+    difference = strict(snapshot, touching, None) - plain(snapshot, touching, None)
+    assert difference == pytest.approx(-4.0 * scene.rules.dt)

@@ -1,7 +1,8 @@
-"""`SocialNavVectorEnv`: the same bits as single environments, autoreset, threads."""
+"""`SocialNavVectorEnv`: the same bits as single environments, autoreset, processes."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import sonata2d as s2
 import sonata2d.gym as s2g
+from sonata2d.errors import ControllerError
 from tests.gym.samples import CHAINS, SHORT, equal
 
 COUNT, STEPS = 3, 80  # episodes of 60 steps end within
@@ -28,13 +30,13 @@ def run(envs: Any, seed: int = 4) -> list[Any]:
     return results
 
 
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("processes", [1, 2])
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize("chain", ["none", "history of flat"])
-def test_results_equal_those_of_gymnasiums_own_vector(threads: int, mode: AutoresetMode, chain: str) -> None:
+def test_results_equal_those_of_gymnasiums_own_vector(processes: int, mode: AutoresetMode, chain: str) -> None:
     wrap = CHAINS[chain]
     own = s2g.SocialNavVectorEnv(
-        COUNT, scenario="lively", settings=SHORT, wrappers=[wrap], threads=threads, autoreset_mode=mode
+        COUNT, scenario="lively", settings=SHORT, wrappers=[wrap], processes=processes, autoreset_mode=mode
     )
     others = SyncVectorEnv([lambda: wrap(s2g.SocialNavEnv("lively", settings=SHORT))] * COUNT, autoreset_mode=mode)
     assert own.observation_space == others.observation_space
@@ -75,9 +77,10 @@ def test_without_autoreset_a_mask_selects_what_is_reset() -> None:
     assert not np.array_equal(observation["goal"][0], first["goal"][0])
 
 
-def test_every_episode_of_every_world_is_recorded(tmp_path: Path) -> None:
+@pytest.mark.parametrize("processes", [1, 2])
+def test_every_episode_of_every_world_is_recorded(processes: int, tmp_path: Path) -> None:
     settings = {"rules": {"time_limit": 1.0}}
-    envs = s2g.SocialNavVectorEnv(3, scenario="empty", settings=settings, record=tmp_path)
+    envs = s2g.SocialNavVectorEnv(3, scenario="empty", settings=settings, record=tmp_path, processes=processes)
     envs.reset(seed=5)
     for _ in range(21):
         envs.step(np.zeros((3, 3), dtype=np.float32))
@@ -86,6 +89,44 @@ def test_every_episode_of_every_world_is_recorded(tmp_path: Path) -> None:
     found = sorted((record.seed, record.episode) for record in records)
     assert found == [(seed, episode) for seed in (5, 6, 7) for episode in (0, 1)]
     assert [record.id for record in records] == [f"{k:06}" for k in range(6)]
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_methods_of_all_environments_can_be_called(processes: int) -> None:
+    envs = s2g.SocialNavVectorEnv(3, scenario="empty", processes=processes, reward=lambda before, after, outcome: 0.0)
+    envs.reset(seed=5)
+    envs.step(np.ones((3, 3), dtype=np.float32))
+    states = envs.call("get_state")
+    assert [(state["seed"], len(state["commands"])) for state in states] == [(5, 1), (6, 1), (7, 1)]
+    assert envs.call("render_mode") == (None, None, None)
+    envs.close()
+
+
+def test_an_error_in_a_process_is_raised_and_the_others_go_on() -> None:
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2)
+    envs.reset(seed=5)
+    with pytest.raises(ControllerError, match="finite"):
+        envs.step(np.array([[np.nan] * 3, [0.0] * 3], dtype=np.float32))
+    assert envs.step(np.zeros((2, 3), dtype=np.float32))[0]["goal"].shape == (2, 6)
+    envs.close()
+
+
+def test_a_result_that_cannot_be_sent_is_reported() -> None:
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2, reward=lambda before, after, outcome: 0.0)
+    envs.reset(seed=5)
+    with pytest.raises(TypeError, match="cannot be sent between processes"):
+        envs.call("_episode")
+    assert envs.call("render_mode") == (None, None)
+    envs.close()
+
+
+def test_a_process_that_dies_is_reported() -> None:
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2, reward=lambda before, after, outcome: os._exit(7))
+    envs.reset(seed=5)
+    for _ in range(2):
+        with pytest.raises(RuntimeError, match="exit code 7"):
+            envs.step(np.zeros((2, 3), dtype=np.float32))
+    envs.close()
 
 
 def test_statistics_of_gymnasium_can_be_added() -> None:
@@ -100,8 +141,9 @@ def test_statistics_of_gymnasium_can_be_added() -> None:
 
 
 def test_bad_arguments_are_named() -> None:
-    with pytest.raises(ValueError, match="num_envs"):
-        s2g.SocialNavVectorEnv(0)
+    for name, wrong in (("num_envs", 0), ("processes", 0), ("processes", 1.5)):
+        with pytest.raises(ValueError, match=f"{name} .* got {wrong}"):
+            s2g.SocialNavVectorEnv(**{name: wrong})  # type: ignore[arg-type]
     envs = s2g.SocialNavVectorEnv(2, scenario="empty")
     with pytest.raises(ValueError, match="first reset is one of all"):
         envs.reset(options={"reset_mask": np.array([True, False])})

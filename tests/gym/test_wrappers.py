@@ -223,16 +223,26 @@ def test_discrete_actions_are_moves() -> None:
     assert base.snapshot.robot.executed.vy == pytest.approx(-base.config.robot.limits.sideways)
     with pytest.raises(ValueError, match="three fractions"):
         s2g.DiscreteActions(s2g.SocialNavEnv("empty"), moves=[(2.0, 0.0, 0.0)])
+    with pytest.raises(TypeError, match=r"needs the actions of SocialNavEnv, got Discrete\(8\)"):
+        s2g.DiscreteActions(s2g.DiscreteActions(s2g.SocialNavEnv("empty")))
+    with pytest.raises(ValueError, match=r"index of the 8 moves, got 1.5"):
+        s2g.DiscreteActions(s2g.SocialNavEnv("empty")).action(1.5)
+
+
+def test_lidar_needs_the_rows_of_all_entities() -> None:
+    with pytest.raises(ValueError, match=r"sizes\['humans'\] is 1, the scenario has up to"):
+        s2g.Lidar(s2g.SocialNavEnv("lively", sizes={"humans": 1}))
+    s2g.Lidar(s2g.SocialNavEnv("lively", sizes={"humans": 40, "interactions": 1}))
 
 
 def test_orders_that_would_give_wrong_values_are_refused() -> None:
     env = s2g.SocialNavEnv("empty")
     for inner in (s2g.WorldFrame, s2g.History):
         for outer in (s2g.Noise, s2g.FieldOfView, s2g.Lidar, s2g.Graph, s2g.WorldFrame):
-            with pytest.raises(TypeError, match=f"put {outer.__name__} before WorldFrame and History"):
+            with pytest.raises(TypeError, match=f"put {outer.__name__} inside WorldFrame and History"):
                 outer(inner(env))
     for inner in (s2g.Lidar, s2g.Graph):
-        with pytest.raises(TypeError, match="before Flat, Lidar and Graph"):
+        with pytest.raises(TypeError, match=r"got the parts .* put FieldOfView inside it"):
             s2g.FieldOfView(inner(env))
     assert s2g.WorldFrame(s2g.FieldOfView(s2g.Lidar(env, keep=True))).reset(seed=0)[0]["lidar"].shape == (72,)
 
@@ -252,7 +262,7 @@ def two_noises(env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
 def test_wrappers_of_the_dictionary_come_before_flat() -> None:
     flat = s2g.Flat(s2g.SocialNavEnv("empty"))
     for wrapper in (s2g.WorldFrame, s2g.Noise, s2g.FieldOfView, s2g.Lidar, s2g.Graph):
-        with pytest.raises(TypeError, match=f"put {wrapper.__name__} before Flat"):
+        with pytest.raises(TypeError, match=rf"of the shape \(62,\) .* put {wrapper.__name__} inside it"):
             wrapper(flat)
     with pytest.raises(TypeError, match="dictionary"):
         s2g.Flat(flat)

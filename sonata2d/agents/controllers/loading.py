@@ -52,6 +52,11 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
         if isinstance(driver, Labelled) or isinstance(labeller, Labelled):
             raise ControllerError(f"{name} names more than two controllers; give one driver and one labeller")
         return Labelled(driver, labeller)
+    if name.endswith(".zip") and os.path.isfile(name):
+        raise ControllerError(
+            f"{name} does not say what the policy observes; if it is a model of Stable-Baselines3, write it with "
+            "sonata2d.gym.save_policy as .npz or .onnx"
+        )
     if name.endswith(POLICY_SUFFIXES):
         policy: Any = _policy_class(Path(name))
         learned: Controller = policy(name) if settings is None else policy.from_settings(settings, weights=name)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-import re
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from ...core.reading import is_shell_pipe
-from ...core.wording import one_line, shown
+from ...core.wording import shown
 from ...errors import ConfigError
-from ...registry import did_you_mean
-from .config import ScenarioConfig, merged
+from .config import ScenarioConfig, merged, problem_of
 from .parse import line_of, parse_settings
 
 _PRESETS = Path(__file__).parents[1] / "presets"
@@ -60,7 +59,9 @@ def _find(name: str, folder: Path) -> Path:
         neighbours = [str(other) for other in sorted(path.parent.glob("*")) if other.suffix in _SUFFIXES]
     except (OSError, ValueError) as error:  # no name of a file, e.g. one that is too long
         raise ConfigError(f"no scenario file or preset {shown(name)}: {getattr(error, 'strerror', error)}") from None
-    hint = did_you_mean(name, [*preset_names(), *neighbours]) or f"; presets are {', '.join(preset_names())}"
+    known = {Path(other).stem: other for other in (*neighbours, *preset_names())}
+    close = get_close_matches(path.stem, known, n=1)  # without suffixes, which files have in common
+    hint = f"; did you mean {known[close[0]]!r}?" if close else f"; presets are {', '.join(preset_names())}"
     raise ConfigError(f"no scenario file or preset {name!r}{hint}")
 
 
@@ -116,35 +117,5 @@ def _load_base(path: Path, base: str, extended_by: tuple[Path, ...]) -> dict[str
 
 def _error_message(path: Path, settings: dict[str, Any], error: ValidationError) -> str:
     """Format the first validation error as one line: file, line, key, message, value."""
-    first, *others = error.errors(include_url=False)
-    inner_path = first.get("ctx", {}).get("path", ())  # model validators put the key that is wrong there
-    keys, value = _follow(settings, (*first["loc"], *inner_path))
-    hint = ""
-    if first["type"] == "literal_error":  # one of some words; the wrong one may be a key of a mapping
-        value = first["input"]
-        hint = did_you_mean(str(value), re.findall(r"'([^']*)'", first["ctx"]["expected"]))
-    key_path = f"{one_line('.'.join(map(str, keys)), 200)}: " if keys else ""
-    got = f" (got {shown(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
-    # errors at the same place are those of the other members of a union
-    places = (_follow(settings, other["loc"])[0] for other in others)
-    further = sorted({".".join(map(str, place)) for place in places if place[: len(keys)] != keys})
-    more = f" (and more in {one_line(', '.join(further), 100)})" if further else ""
-    return f"{path.name}{line_of(path, keys)}: {key_path}{one_line(first['msg'], 300)}{got}{hint}{more}"
-
-
-def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
-    """Follow the location that pydantic reports through the settings.
-
-    Returns:
-        The keys that exist in the settings, and the value there. pydantic's names of union members and validators are
-        left out; a missing setting is kept as the last key.
-    """
-    known: list[int | str] = []
-    for key in keys:
-        is_item = isinstance(settings, list) and isinstance(key, int) and key < len(settings)
-        if is_item or (isinstance(settings, dict) and key in settings):
-            known.append(key)
-            settings = settings[key]
-        elif key == keys[-1] and isinstance(settings, dict):  # a missing setting
-            known.append(key)
-    return known, settings
+    keys, text = problem_of(settings, error)
+    return f"{path.name}{line_of(path, keys)}: {text}"

@@ -1,0 +1,72 @@
+"""States of the environment as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+
+from ..core.wording import shown
+from ..scenegen.scenario.config import ScenarioConfig
+from ..version import PHYSICS_VERSION
+
+STATE_FORMAT: Literal["sonata2d-env-state"] = "sonata2d-env-state"
+STATE_VERSION: Literal[1] = 1
+MAX_SEED = 2**63 - 1  # the largest that files hold
+_Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
+
+
+class EnvState(BaseModel):
+    """What `SocialNavEnv.get_state` returns: the seed and the commands that lead to the state.
+
+    Attributes:
+        format, version: of this data.
+        physics: `sonata2d.PHYSICS_VERSION`, with which the commands lead to the state.
+        settings: of the scenario.
+        seed, episode: of the scene.
+        commands: forward (m/s), left (m/s) and turn (rad/s) of each tick so far.
+        np_random: state of the random generator of the environment.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Literal["sonata2d-env-state"] = STATE_FORMAT
+    version: Literal[1] = STATE_VERSION
+    physics: int = PHYSICS_VERSION
+    settings: dict[str, Any]
+    seed: _Seed
+    episode: _Seed
+    commands: list[tuple[FiniteFloat, FiniteFloat, FiniteFloat]]
+    np_random: dict[str, Any]
+
+
+def checked_state(state: Mapping[str, Any], config: ScenarioConfig) -> EnvState:
+    """A state that fits a scenario.
+
+    Raises:
+        ValueError: it is not a state of this version, or one of another scenario.
+    """
+    found = state if isinstance(state, Mapping) else {}
+    if found.get("format") != STATE_FORMAT or found.get("version") != STATE_VERSION:
+        got = f"{found.get('format')!r}, version {found.get('version')!r}" if found else shown(state)
+        raise ValueError(f"a state has the format {STATE_FORMAT!r}, version {STATE_VERSION}; got {got}")
+    try:
+        checked = EnvState.model_validate(dict(found))
+        np.random.PCG64().state = checked.np_random  # type: ignore[assignment]
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        problem = "is missing" if first["type"] == "missing" else f"{first['msg']}, got {shown(first['input'])}"
+        raise ValueError(f"the state is damaged: {place}: {problem}; use one of get_state()") from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"the state is damaged: np_random: {error!r}; use one of get_state()") from None
+    if checked.physics != PHYSICS_VERSION:
+        raise ValueError(
+            f"the state is one of physics version {checked.physics}, this sonata2d has version {PHYSICS_VERSION}: its "
+            "commands would lead elsewhere"
+        )
+    if checked.settings != config.settings():
+        raise ValueError("the state belongs to another scenario, or to other settings of it")
+    return checked
