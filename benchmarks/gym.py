@@ -24,7 +24,8 @@ import numpy as np
 import sonata2d as s2
 import sonata2d.gym as s2g
 
-LENGTH, WORLDS, HALF = 200, 8, 5.0  # steps of an episode, worlds of a vector, half the side of the room, m
+LENGTH, HALF = 200, 5.0  # steps of an episode; half the side of the room, m
+WORLDS, MANY = 8, 64  # of vectors
 PEOPLE = (5, 10, 20)
 Stepper = Callable[[int], None]  # runs a number of steps
 
@@ -74,14 +75,14 @@ def single(make: Callable[[], Any], act: Callable[[int], Any] = command) -> Step
     return run
 
 
-def vector(make: Callable[[], Any], act: Callable[[int], Any] = command) -> Stepper:
+def vector(make: Callable[[], Any]) -> Stepper:
     """Several environments; a step of all of them counts as many."""
     envs = make()
     envs.reset(seed=0)
 
     def run(steps: int) -> None:
-        for k in range(max(steps // WORLDS, 1)):
-            envs.step(np.stack([act(k)] * WORLDS))
+        for k in range(max(steps // envs.num_envs, 1)):
+            envs.step(np.stack([command(k)] * envs.num_envs))
 
     return run
 
@@ -93,15 +94,18 @@ def candidates(people: int) -> dict[str, Stepper]:
         return gymnasium.make("sonata2d/Empty-v0", settings=settings(people))
 
     arguments = {"scenario": "empty", "settings": settings(people)}
+
+    def own_vector(count: int, processes: int) -> Any:
+        return s2g.SocialNavVectorEnv(count, wrappers=[s2g.Flat], processes=processes, **arguments)
+
     found = {
         "bare episode": bare_episode(people),
         "dictionary": single(make),
         "flat": single(lambda: s2g.Flat(make())),
         "lidar, 72 rays": single(lambda: s2g.Lidar(make())),
-        f"vector of {WORLDS}, flat": vector(lambda: s2g.SocialNavVectorEnv(WORLDS, wrappers=[s2g.Flat], **arguments)),
-        f"vector of {WORLDS}, flat, 2 processes": vector(
-            lambda: s2g.SocialNavVectorEnv(WORLDS, wrappers=[s2g.Flat], processes=2, **arguments)
-        ),
+        f"vector of {WORLDS}, flat": vector(lambda: own_vector(WORLDS, 1)),
+        f"vector of {MANY}, flat": vector(lambda: own_vector(MANY, 1)),
+        f"vector of {MANY}, flat, 2 processes": vector(lambda: own_vector(MANY, 2)),
         f"AsyncVectorEnv of {WORLDS}, flat": vector(
             lambda: gymnasium.vector.AsyncVectorEnv([lambda: s2g.Flat(s2g.SocialNavEnv(**arguments))] * WORLDS)
         ),
@@ -202,7 +206,7 @@ def main() -> None:
     print("| steps per CPU second (per second) | " + " | ".join(f"{n} people" for n in arguments.people) + " |")
     print("| --- |" + " ---: |" * len(arguments.people))
     for name, columns in rows.items():
-        is_elsewhere = name.startswith("Async")  # its worlds run in other processes
+        is_elsewhere = name.startswith("Async") or "processes" in name  # the CPU time of others is not known
         cells = (f"({wall:.0f})" if is_elsewhere else f"{cpu:.0f} ({wall:.0f})" for cpu, wall in columns.values())
         print(f"| {name} | " + " | ".join(cells) + " |")
 

@@ -32,8 +32,8 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormali
 import sonata2d as s2
 import sonata2d.gym as s2g
 
-WORLDS = {"ppo": 16, "sac": 4}
-STEPS = {"ppo": 200_000, "sac": 50_000, "imitation": 300}  # of imitation: episodes of the expert
+WORLDS = 16
+STEPS = {"ppo": 200_000, "sac": 100_000, "imitation": 300}  # of imitation: episodes of the expert
 GAMMA = 0.98
 EVALUATION_SEED, EVALUATION_EPISODES, POINTS = 1_000_000, 20, 20
 EPOCHS, BATCH, LEARNING_RATE = 60, 256, 1e-3  # of imitation
@@ -60,7 +60,9 @@ class Curve(BaseCallback):
         return True
 
     def measure(self) -> None:
-        """Evaluate the present policy."""
+        """Evaluate the present policy, unless that was the last thing done."""
+        if self.rows and self.rows[-1][0] == self.num_timesteps:
+            return
         normalisation = self.model.get_vec_normalize_env()
 
         def act(observation: Any) -> Any:
@@ -89,8 +91,8 @@ def evaluate(act: Any, env: gymnasium.Env[Any, Any]) -> tuple[float, float]:
 
 def train(name: str, scenario: str, settings: dict[str, Any], steps: int, seed: int) -> tuple[Any, Any, list[Any]]:
     """PPO or SAC: the model, the normalisation of its observations, and the curve."""
-    worlds = VecMonitor(DummyVecEnv([lambda: make(scenario, settings)] * WORLDS[name]))
-    worlds.seed(seed)  # world k starts with seed + k
+    worlds = VecMonitor(DummyVecEnv([lambda: make(scenario, settings)] * WORLDS))
+    worlds.seed(seed * WORLDS)  # world k gets this plus k, so that two trainings share no scenes
     normalised = VecNormalize(worlds, norm_reward=name == "ppo", gamma=GAMMA)
     model: BaseAlgorithm
     if name == "ppo":
@@ -99,7 +101,7 @@ def train(name: str, scenario: str, settings: dict[str, Any], steps: int, seed: 
                     sde_sample_freq=8, learning_rate=lambda left: 1e-3 * left, seed=seed, device="cpu",
                     policy_kwargs={"log_std_init": -1.0})  # fmt: skip
     else:
-        model = SAC("MlpPolicy", normalised, learning_starts=2000, train_freq=1, gradient_steps=3, gamma=GAMMA,
+        model = SAC("MlpPolicy", normalised, learning_starts=2000, train_freq=1, gradient_steps=4, gamma=GAMMA,
                     tau=0.01, use_sde=True, sde_sample_freq=8, learning_rate=lambda left: 7e-4 * left, seed=seed,
                     device="cpu", policy_kwargs={"log_std_init": -2.0, "net_arch": [64, 64]})  # fmt: skip
     curve = Curve(make(scenario, settings), steps)
@@ -125,7 +127,7 @@ def imitate(scenario: str, settings: dict[str, Any], episodes: int, seed: int) -
     curve = Curve(make(scenario, settings), EPOCHS)
     curve.init_callback(model)
     curve.unit = "epochs"
-    for epoch in range(EPOCHS + 1):
+    for epoch in range(EPOCHS):
         curve.num_timesteps = epoch
         curve._on_step()
         for batch in torch.randperm(len(actions)).split(BATCH):
@@ -135,6 +137,8 @@ def imitate(scenario: str, settings: dict[str, Any], episodes: int, seed: int) -
             loss.backward()
             optimiser.step()
         schedule.step()
+    curve.num_timesteps = EPOCHS
+    curve.measure()
     return model, normalised, curve.rows
 
 

@@ -10,9 +10,10 @@ import gymnasium
 from gymnasium.utils import RecordConstructorArgs
 
 from ..errors import ConfigError
+from ..scenegen.scenario.config import ScenarioConfig
 from .env import SocialNavEnv, base_of, wrappers_of
 from .observation import Sizes
-from .wrappers import DiscreteActions, FieldOfView, Flat, Graph, History, Lidar, Noise, WorldFrame, changes_spaces
+from .wrappers import DiscreteActions, FieldOfView, Flat, Graph, History, Lidar, Noise, WorldFrame, has_memory
 
 Env = gymnasium.Env[Any, Any]
 _WRAPPERS: dict[str, Any] = {
@@ -35,7 +36,7 @@ def describe(env: Env) -> dict[str, Any]:
     for wrapper in wrappers_of(env):
         if isinstance(wrapper, RecordConstructorArgs) and type(wrapper) in _WRAPPERS.values():
             wrappers.insert(0, {"name": type(wrapper).__name__, "arguments": dict(wrapper._saved_kwargs)})
-        elif isinstance(wrapper, _CHANGES) or changes_spaces(wrapper):
+        elif isinstance(wrapper, _CHANGES) or has_memory(wrapper):
             raise TypeError(
                 f"the wrapper {type(wrapper).__name__} cannot be described; use those of sonata2d.gym.wrappers, or "
                 "pass the environment itself to PolicyController"
@@ -50,8 +51,12 @@ def describe(env: Env) -> dict[str, Any]:
     }
 
 
-def environment_of(description: Mapping[str, Any]) -> Env:
-    """An environment with the observations and actions of a description; it has no scenario of its own.
+def environment_of(description: Mapping[str, Any], scenario: str | ScenarioConfig = "empty") -> Env:
+    """An environment with the observations and actions of a description.
+
+    Args:
+        description: of `describe`.
+        scenario: which need not be that of the described environment; the robot is as described.
 
     Raises:
         ValueError: the description is not that of an environment.
@@ -59,7 +64,7 @@ def environment_of(description: Mapping[str, Any]) -> Env:
     try:
         robot = {"robot": description["robot"]}
         sizes = asdict(Sizes(**description["sizes"]))
-        env: Env = SocialNavEnv("empty", settings=robot, sizes=sizes, order=description["order"])
+        env: Env = SocialNavEnv(scenario, settings=robot, sizes=sizes, order=description["order"])
         for wrapper in description["wrappers"]:
             env = _WRAPPERS[wrapper["name"]](env, **wrapper["arguments"])
     except (AttributeError, ConfigError, KeyError, TypeError) as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, SupportsFloat
@@ -124,7 +125,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             )
         config = scenario if isinstance(scenario, ScenarioConfig) else load_scenario(scenario)
         self.config = config.changed(**settings) if settings else config
-        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.config.rules.dt)}
+        self.metadata = {**self.metadata, "render_fps": max(round(1.0 / self.config.rules.dt), 1)}
         self.encoder = Encoder(Sizes.of(self.config).changed(dict(sizes or {})), order)
         self.observation_space: spaces.Space[Any] = self.encoder.space
         axes = 3 if self.config.robot.kinematics == "holonomic" else 2
@@ -209,6 +210,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
                     raise
                 self._number += 1
         self._start(scene)
+        self._show_first()
         return self.encoder.encode(self.snapshot), {"seed": self._seed, "episode_number": self._number}
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
@@ -271,7 +273,8 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             seed=episode.scene.seed,
             episode=episode.scene.episode,
             commands=[(twist.vx, twist.vy, twist.omega) for twist in (tick.command for tick in episode.past)],
-            np_random=dict(self.np_random.bit_generator.state),
+            is_over=episode.is_over,
+            np_random=json.dumps(self.np_random.bit_generator.state),
         )
         return state.model_dump()
 
@@ -295,8 +298,8 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         scene = self._generate(checked.seed, checked.episode)
         self.abandon()
         self._seed, self._number = checked.seed, checked.episode
-        self.np_random.bit_generator.state = checked.np_random
-        self._start(scene)
+        self.np_random.bit_generator.state = json.loads(checked.np_random)
+        self._start(scene, is_recorded=not checked.is_over)  # the recording of an episode that is over exists
         episode = self._episode
         assert episode is not None
         for command in checked.commands:
@@ -304,6 +307,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
                 watch(self.encoder.encode(self.snapshot))
             episode.apply(Twist(*command))
             self._current = episode.observe()
+        self._show_first()
         return self.encoder.encode(self.snapshot)
 
     def observe(self, snapshot: Snapshot) -> Observation:
@@ -345,10 +349,10 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         """Leave the present episode without recording it."""
         self._episode = self._current = None
 
-    def _start(self, scene: Scene) -> None:
+    def _start(self, scene: Scene, *, is_recorded: bool = True) -> None:
         """Begin an episode."""
         self._recorder = None
-        if self._folder is not None:
+        if self._folder is not None and is_recorded:
             self._recorder = FolderRecorder(self._folder)
         elif self._metrics:
             self._recorder = EpisodeRecorder()
@@ -356,6 +360,9 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self._episode = Episode(scene, observers=observers)
         self._current = self._episode.observe()
         self.encoder.reset(scene)
+
+    def _show_first(self) -> None:
+        """Forget the pictures of the last episode, and show the present state."""
         if self.render_mode is not None:
             self._get_renderer().begin()
             self._render_step()
@@ -384,7 +391,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         if self._renderer is None:
             from .rendering import Renderer
 
-            self._renderer = Renderer(self._render_size, self._view, self.metadata["render_fps"])
+            self._renderer = Renderer(self._render_size, self._view, self.config.rules.dt)
         return self._renderer
 
 

@@ -12,11 +12,13 @@ import numpy as np
 from ..core.portable_math import Array
 from ..core.whole_file import whole_file
 from ..learning.fixed_point import LARGEST_VALUE
-from .description import describe
+from .description import describe, environment_of
+from .env import base_of
 from .mlp import Mlp, write_mlp
-from .policy import METADATA_KEY
+from .policy import METADATA_KEY, Model, normalisation_of
 
 Env = gymnasium.Env[Any, Any]
+_EPISODES, _STEPS, _TOLERANCE = 4, 50, 0.02  # of the comparison of a file with its model
 
 
 def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = None, note: str = "") -> None:
@@ -29,26 +31,54 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
             or in .onnx (any policy; needs ONNX Runtime, and `onnxscript` to write).
         model: of Stable-Baselines3, e.g. PPO or SAC.
         env: in which it was trained, with its wrappers.
-        normalisation: the `VecNormalize` of the training; None: that around the environment of the model, if any.
+        normalisation: of the observations, see `policy.normalisation_of`.
         note: how the policy was trained, for human readers.
 
     Raises:
+        ControllerError: the file of the normalisation cannot be read.
         ValueError: the path has another suffix, the environment is not that of the model, or the policy cannot be
-            written as such a file.
+            written as such a file, or not without other actions in some episodes of the environment.
         TypeError: a wrapper of observations or actions is not one of `sonata2d.gym`.
     """
     path, environment = Path(path), describe(env)
     for name in ("observation_space", "action_space"):
         if getattr(model, name) != getattr(env, name):
             raise ValueError(f"the model has another {name} than the environment; give the one in which it was trained")
-    if normalisation is None:
-        normalisation = model.get_vec_normalize_env()
-    if path.suffix == ".npz":
-        write_mlp(path, _mlp_of(model, environment, normalisation, note))
-    elif path.suffix == ".onnx":
-        _write_onnx(path, model, environment, normalisation)
-    else:
+    if path.suffix not in (".npz", ".onnx"):
         raise ValueError(f"the name of a policy ends in .npz or .onnx, got {path}")
+    normalisation = normalisation_of(model, normalisation)
+    if path.suffix == ".onnx":
+        _write_onnx(path, model, environment, normalisation)
+        return
+    mlp = _mlp_of(model, environment, normalisation, note)
+    _require_same_actions(mlp, Model(model, normalisation), environment_of(environment, base_of(env).config))
+    write_mlp(path, mlp)
+
+
+def _require_same_actions(mlp: Mlp, model: Model, env: Env) -> None:
+    """Require that a perceptron acts as the model does, in episodes that the model drives.
+
+    Raises:
+        ValueError: it does not, because its numbers are rounded, and clipped.
+    """
+    is_discrete, differences = mlp.output == "argmax", []
+    for seed in range(_EPISODES):
+        model.begin()
+        observation, _ = env.reset(seed=seed)
+        for _ in range(_STEPS):
+            action, own = model(observation), mlp(observation)
+            differences.append(float(own != action) if is_discrete else float(np.abs(own - action).max()))
+            observation, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated:
+                break
+    env.close()
+    difference = float(np.mean(differences) if is_discrete else np.max(differences))
+    if difference > _TOLERANCE:
+        what = f"in {100.0 * difference:.0f} % of the steps" if is_discrete else f"by up to {difference:.2g}"
+        raise ValueError(
+            f"a .npz file would act otherwise than the model, {what}: it clips numbers beyond ±{LARGEST_VALUE:g} "
+            "within the network; write .onnx"
+        )
 
 
 def _mlp_of(model: Any, environment: dict[str, Any], normalisation: Any, note: str) -> Mlp:
@@ -106,7 +136,7 @@ def _mlp_of(model: Any, environment: dict[str, Any], normalisation: Any, note: s
 
 def _normalisation(normalisation: Any, shape: tuple[int, ...]) -> tuple[Array, Array, float]:
     """Mean, scale and limit of the inputs."""
-    if normalisation is None or not normalisation.norm_obs:
+    if normalisation is None:
         return np.zeros(shape), np.ones(shape), LARGEST_VALUE
     mean, variance = normalisation.obs_rms.mean, normalisation.obs_rms.var
     return np.asarray(mean, dtype=float), 1.0 / np.sqrt(variance + normalisation.epsilon), float(normalisation.clip_obs)

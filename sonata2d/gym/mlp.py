@@ -31,7 +31,7 @@ class Mlp:
     """A multilayer perceptron from a flat observation to an action.
 
     Values are rounded to multiples of 2^-14 within ±64, weights to multiples of 2^-13 within ±32; actions therefore
-    differ by up to some 0.001 from those of a network without rounding.
+    differ a little from those of a network without rounding.
 
     Attributes:
         weights: of each layer, (in, out).

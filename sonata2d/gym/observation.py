@@ -47,6 +47,7 @@ OBJECT = {
     "x": FARTHEST, "y": FARTHEST, "cos": 1.0, "sin": 1.0, "length": FARTHEST, "width": FARTHEST, "is_disc": 1.0,
 }  # fmt: skip
 WALL = {"start_x": FARTHEST, "start_y": FARTHEST, "end_x": FARTHEST, "end_y": FARTHEST}
+_HUMAN_COLUMNS, _OBJECT_COLUMNS, _WALL_COLUMNS = len(HUMAN), len(OBJECT), len(WALL)
 _NEVER_NEGATIVE = ("radius", "time", "distance", "angle", "shoulder", "length", "width", "is_disc")
 
 
@@ -330,7 +331,8 @@ def fill(
         if not is_present[k]:
             continue
         human_rows[n], slot[k] = k, n
-        human, at = row[ROBOT_SIZE + HUMAN_SIZE * k : ROBOT_SIZE + HUMAN_SIZE * (k + 1)], begin[_HUMANS] + 11 * n
+        human = row[ROBOT_SIZE + HUMAN_SIZE * k : ROBOT_SIZE + HUMAN_SIZE * (k + 1)]
+        at = begin[_HUMANS] + _HUMAN_COLUMNS * n
         _put_point(floats, at, human[X], human[Y], frame)
         _put_vector(floats, at + 2, human[VX], human[VY], frame, FASTEST)
         _put_vector(floats, at + 4, human[BODY_X], human[BODY_Y], frame, 1.0)
@@ -345,11 +347,11 @@ def fill(
         count = _insert(chosen, distance, count, rows[_OF_OBJECTS], k, away)
     _arrange(chosen, count, fixed.is_sorted)
     for n in range(count):
-        k, at = chosen[n], begin[_OBJECTS] + 7 * n
+        k, at = chosen[n], begin[_OBJECTS] + _OBJECT_COLUMNS * n
         slot[humans + k] = rows[_OF_HUMANS] + n
         _put_point(floats, at, fixed.objects[k, 0], fixed.objects[k, 1], frame)
         _put_vector(floats, at + 2, fixed.objects[k, 2], fixed.objects[k, 3], frame, 1.0)
-        for column in range(4, 7):
+        for column in range(4, _OBJECT_COLUMNS):
             floats[at + column] = min(fixed.objects[k, column], FARTHEST)
         floats[begin[_OBJECTS_MASK] + n], ints[begin[_TYPES] + n] = 1.0, int(fixed.object_types[k])
 
@@ -363,7 +365,7 @@ def fill(
     _arrange(chosen, count, fixed.is_sorted)
     filled = 0
     for n in range(count):
-        if _put_wall(floats, begin[_WALLS] + 4 * filled, fixed.walls[chosen[n]], frame):
+        if _put_wall(floats, begin[_WALLS] + _WALL_COLUMNS * filled, fixed.walls[chosen[n]], frame):
             floats[begin[_WALLS_MASK] + filled] = 1.0
             filled += 1
 

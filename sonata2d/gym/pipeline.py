@@ -12,7 +12,7 @@ from ..core.geometry import Twist
 from ..core.snapshot import Snapshot
 from .env import base_of, wrappers_of
 from .observation import Observation
-from .wrappers import EpisodeWrapper, changes_spaces
+from .wrappers import EpisodeWrapper, has_memory
 
 Env = gymnasium.Env[Any, Any]
 
@@ -26,18 +26,18 @@ class Pipeline:
 
     Raises:
         TypeError: the environment is not one of sonata2d, or a wrapper changes observations or actions otherwise than
-            by `gymnasium.ObservationWrapper` and `ActionWrapper`.
+            by a function of the present ones, in a `gymnasium.ObservationWrapper` or `ActionWrapper`.
     """
 
     def __init__(self, env: Env) -> None:
         self.base = base_of(env)
         self._wrappers: list[Any] = list(wrappers_of(env))[::-1]  # the innermost first
         for wrapper in self._wrappers:
-            is_known = isinstance(wrapper, (gymnasium.ObservationWrapper, gymnasium.ActionWrapper))
-            if not is_known and changes_spaces(wrapper):
+            if has_memory(wrapper):
                 raise TypeError(
-                    f"what {type(wrapper).__name__} does to observations or actions cannot be repeated; use those of "
-                    "sonata2d.gym, such as History, or a gymnasium.ObservationWrapper or ActionWrapper"
+                    f"what {type(wrapper).__name__} does to observations or actions cannot be repeated, because it "
+                    "depends on more than the present ones; use those of sonata2d.gym, such as History, or a "
+                    "gymnasium.ObservationWrapper or ActionWrapper without a memory"
                 )
 
     def begin(self) -> None:
@@ -70,8 +70,8 @@ def restore(env: Env, state: Mapping[str, Any]) -> Any:
     """Return to a state of `SocialNavEnv.get_state`, in which the wrappers are as they were then.
 
     Args:
-        env: in wrappers or not. Those of sonata2d, time limits, and wrappers without a memory of their own go back;
-            statistics such as those of `NormalizeObservation` do not.
+        env: in wrappers or not. Those of sonata2d and time limits go back; statistics of episodes and of rewards do
+            not.
         state: `env.unwrapped.get_state()` of an environment with the same scenario.
 
     Returns:
@@ -79,6 +79,7 @@ def restore(env: Env, state: Mapping[str, Any]) -> Any:
 
     Raises:
         ValueError: it is not a state of this version, or one of another scenario.
+        TypeError: a wrapper of observations or actions has a memory and is not one of sonata2d.
     """
     pipeline = Pipeline(env)
     observation, _ = env.reset(options={"state": state, "watch": pipeline.observation})

@@ -40,13 +40,12 @@ class PolicyController(LearnedController):
         env: in which it was trained, with its wrappers; may be left out for a file of `save_policy`, which contains
             the description. If it has wrappers of observations or actions of other packages, it must not be stepped
             while this controller drives.
-        normalisation: the `VecNormalize` of the training, or the path of the file to which it was saved; None: that
-            around the environment of a model, if any. A .zip file does not contain it, a file of `save_policy` does.
+        normalisation: of the observations of a model, see `normalisation_of`. A file of `save_policy` contains it.
 
     Raises:
         ControllerError: a file cannot be read, or the policy was trained with other observations or actions than those
             of the environment.
-        TypeError: the environment is missing, or not one of sonata2d.
+        TypeError: the environment is missing, or not one of sonata2d, or the policy is none that takes a normalisation.
 
     Example:
         >>> import sonata2d as s2, sonata2d.gym
@@ -62,15 +61,12 @@ class PolicyController(LearnedController):
         self._path = self._sha256 = None
         self.deterministic = False
         description: Mapping[str, Any] | None = None
-        if isinstance(normalisation, (str, Path)):
-            normalisation = _load_normalisation(Path(normalisation))
         if isinstance(policy, (str, Path)):
             self._path, path = str(policy), Path(policy).absolute()
-            self._predict, description = _load(path, normalisation)
+            policy, description = _load(path)
             self._sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
             self.deterministic = path.suffix == ".npz"  # other files run in libraries whose rounding may differ
-        else:
-            self._predict = _predict_of(policy, normalisation)
+        self._predict = _predict_of(policy, normalisation)
         if env is None:
             if description is None:
                 raise TypeError("the policy does not say what it observes; give PolicyController(policy, env)")
@@ -93,8 +89,12 @@ class PolicyController(LearnedController):
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any], *, weights: str | None = None) -> Self:
-        if (weights or settings.get("weights")) is None:
-            raise ControllerError("this policy was not loaded from a file, so it cannot be created again")
+        path = weights or settings.get("weights")
+        if path is None or Path(path).suffix == ".zip":
+            origin = "was not loaded from a file" if path is None else f"is in {path}, which lacks its observations"
+            raise ControllerError(
+                f"the policy {origin}, so it cannot be created again; files of sonata2d.gym.save_policy can"
+            )
         return super().from_settings(settings, weights=weights)
 
     def reset(self, scene: Scene) -> None:
@@ -111,7 +111,7 @@ class PolicyController(LearnedController):
             )
         self._warn_of_hidden(scene)
         self._pipeline.begin()
-        if isinstance(self._predict, _Model):
+        if isinstance(self._predict, Model):
             self._predict.begin()
 
     def act(self, snapshot: Snapshot) -> Twist:
@@ -131,7 +131,7 @@ class PolicyController(LearnedController):
                     f"{_shape_of(env.observation_space)}; leave out the environment, which the file describes"
                 )
             return
-        model = self._predict.model if isinstance(self._predict, _Model) else self._predict
+        model = self._predict.model if isinstance(self._predict, Model) else self._predict
         for name in ("observation_space", "action_space"):
             trained, own = getattr(model, name, None), getattr(env, name)
             if trained is not None and _shape_of(trained) != _shape_of(own):
@@ -152,19 +152,16 @@ class PolicyController(LearnedController):
                 )  # fmt: skip
 
 
-class _Model:
+class Model:
     """The actions of a model, whose state, if it has any, goes from one to the next.
 
     Args:
         model: has the method `predict` of Stable-Baselines3.
-        normalisation: of its observations, or None.
+        normalisation: of its observations, of `normalisation_of`.
     """
 
     def __init__(self, model: Any, normalisation: Any) -> None:
-        self.model = model
-        if normalisation is None and hasattr(model, "get_vec_normalize_env"):
-            normalisation = model.get_vec_normalize_env()
-        self._normalisation = normalisation
+        self.model, self._normalisation = model, normalisation
         self._arguments = signature(model.predict).parameters
         self.begin()
 
@@ -186,7 +183,12 @@ class _Model:
 def _predict_of(policy: Any, normalisation: Any) -> Predict:
     """A function of an observation from whatever policy."""
     if hasattr(policy, "predict"):
-        return _Model(policy, normalisation)
+        return Model(policy, normalisation_of(policy, normalisation))
+    if normalisation is not None and normalisation is not False:
+        raise TypeError(
+            "a normalisation belongs to a model; a file of save_policy contains it, and a function calls "
+            "normalisation.normalize_obs itself"
+        )
     if not callable(policy):
         raise TypeError(
             f"a policy is a file, an object with the method predict, or a function of an observation, got {policy!r}"
@@ -195,7 +197,34 @@ def _predict_of(policy: Any, normalisation: Any) -> Predict:
     return function
 
 
-def _load(path: Path, normalisation: Any) -> tuple[Predict, Mapping[str, Any] | None]:
+def normalisation_of(model: Any, normalisation: Any) -> Any:
+    """What normalises the observations of a model.
+
+    Args:
+        model: has the method `predict`.
+        normalisation: the `VecNormalize` of the training, or the path of the file to which it was saved; False: none.
+            None: that around the environment of the model, if any; a model that was loaded from a file has none, and a
+            warning says so.
+
+    Returns:
+        A `VecNormalize`, or None.
+
+    Raises:
+        ControllerError: the file cannot be read.
+    """
+    if normalisation is None and hasattr(model, "get_vec_normalize_env"):
+        normalisation = model.get_vec_normalize_env()
+        if model.get_env() is None:
+            logging.getLogger(__name__).warning(
+                "the model has no environment, so it does not say whether its observations were normalised in the "
+                "training; give its normalisation, or normalisation=False if there was none"
+            )
+    if isinstance(normalisation, (str, Path)):
+        normalisation = _load_normalisation(Path(normalisation))
+    return normalisation if normalisation and normalisation.norm_obs else None
+
+
+def _load(path: Path) -> tuple[Any, Mapping[str, Any] | None]:
     """The policy of a file, and the description of its environment if the file has one."""
     if not path.is_file():
         raise ControllerError(f"there is no file {path}")
@@ -205,7 +234,7 @@ def _load(path: Path, normalisation: Any) -> tuple[Predict, Mapping[str, Any] | 
     if path.suffix == ".onnx":
         return _load_onnx(path)
     if path.suffix == ".zip":
-        return _Model(_load_model(path), normalisation), None
+        return _load_model(path), None
     raise ControllerError(f"{path.name} is not a policy; the files are .npz, .onnx, and .zip of Stable-Baselines3")
 
 
@@ -257,8 +286,11 @@ def _load_model(path: Path) -> Any:
         from stable_baselines3.common.save_util import load_from_zip_file
     except ModuleNotFoundError as error:
         raise ControllerError(f"{path.name} needs Stable-Baselines3; pip install stable-baselines3") from error
-    data = load_from_zip_file(path, load_data=True, device="cpu")[0] or {}
-    modules = " ".join(base.__module__ for base in getattr(data.get("policy_class"), "__mro__", ()))
-    names = {"sac": "SAC", "td3": "TD3", "dqn": "DQN"}
-    name = next((names[key] for key in names if f"3.{key}." in modules), "PPO" if "clip_range" in data else "A2C")
-    return getattr(stable_baselines3, name).load(path, device="cpu")
+    try:
+        data = load_from_zip_file(path, load_data=True, device="cpu")[0] or {}
+        modules = " ".join(base.__module__ for base in getattr(data.get("policy_class"), "__mro__", ()))
+        names = {"sac": "SAC", "td3": "TD3", "dqn": "DQN"}
+        name = next((names[key] for key in names if f"3.{key}." in modules), "PPO" if "clip_range" in data else "A2C")
+        return getattr(stable_baselines3, name).load(path, device="cpu")
+    except Exception as error:  # whatever the file makes the unpickler do
+        raise ControllerError(f"{path} is not a model of Stable-Baselines3: {described(error)}") from error

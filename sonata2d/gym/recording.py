@@ -47,7 +47,11 @@ class FolderRecorder(EpisodeRecorder):
         super().close(last, outcome)
         path = self._reserved()
         self.id = path.stem
-        write_atomically(path, self.document())
+        try:
+            write_atomically(path, self.document())
+        except BaseException:
+            path.unlink(missing_ok=True)  # it is empty
+            raise
 
     def _reserved(self) -> Path:
         """A new empty file in the folder."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import pygame
 
@@ -23,17 +23,19 @@ class Renderer:
     Args:
         size: width and height, px.
         view: `top` or `follow`.
-        fps: pictures per second in the window.
+        interval: between two pictures in the window, s.
     """
 
-    def __init__(self, size: tuple[int, int], view: Literal["top", "follow"], fps: int) -> None:
+    _has_started_display: ClassVar[bool] = False
+
+    def __init__(self, size: tuple[int, int], view: Literal["top", "follow"], interval: float) -> None:
         self._request = ImageRequest(*size, view=view)
         self._pictures: list[Any] = []
         self._window: pygame.Window | None = None
         self._was_closed = False  # by the user
         self._painter: Painter | None = None
         self._shown: Snapshot | None = None
-        self._interval, self._next = 1.0 / fps, 0.0
+        self._interval, self._next = interval, 0.0
 
     def begin(self) -> None:
         """Begin an episode: forget the pictures of the last one."""
@@ -83,6 +85,7 @@ class Renderer:
         self._shown, self._was_closed = None, False
 
     def _open(self) -> pygame.Window:
+        is_running = pygame.display.get_init()
         try:
             start_display()
             window = pygame.Window(_CAPTION, (self._request.width, self._request.height))
@@ -91,6 +94,7 @@ class Renderer:
                 f"the window cannot be opened ({error}); without a display, use render_mode='rgb_array'"
             ) from None
         _OPEN[window.id] = self
+        Renderer._has_started_display |= not is_running
         return window
 
     def _close_window(self) -> None:
@@ -98,7 +102,9 @@ class Renderer:
             del _OPEN[self._window.id]
             self._window.destroy()
             self._window = None
-            if not _OPEN:
+            # A display that the program has started, or in which it has opened its own window since, is its own.
+            if not _OPEN and Renderer._has_started_display and pygame.display.get_surface() is None:
+                Renderer._has_started_display = False
                 pygame.display.quit()
 
 

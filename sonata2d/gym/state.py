@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -27,7 +28,9 @@ class EnvState(BaseModel):
         settings: of the scenario.
         seed, episode: of the scene.
         commands: forward (m/s), left (m/s) and turn (rad/s) of each tick so far.
-        np_random: state of the random generator of the environment.
+        is_over: whether the episode has ended.
+        np_random: state of the random generator of the environment, JSON: its integers have 128 bits, which some
+            libraries cannot write as numbers.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -39,7 +42,8 @@ class EnvState(BaseModel):
     seed: _Seed
     episode: _Seed
     commands: list[tuple[FiniteFloat, FiniteFloat, FiniteFloat]]
-    np_random: dict[str, Any]
+    is_over: bool
+    np_random: str
 
 
 def checked_state(state: Mapping[str, Any], config: ScenarioConfig) -> EnvState:
@@ -54,7 +58,7 @@ def checked_state(state: Mapping[str, Any], config: ScenarioConfig) -> EnvState:
         raise ValueError(f"a state has the format {STATE_FORMAT!r}, version {STATE_VERSION}; got {got}")
     try:
         checked = EnvState.model_validate(dict(found))
-        np.random.PCG64().state = checked.np_random  # type: ignore[assignment]
+        np.random.PCG64().state = json.loads(checked.np_random)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(map(str, first["loc"]))

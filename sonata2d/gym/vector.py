@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+import signal
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
@@ -20,6 +22,7 @@ from .env import SocialNavEnv
 Env = gymnasium.Env[Any, Any]
 _Flags = NDArray[np.bool_]
 _Results = tuple[Any, NDArray[np.float64], _Flags, _Flags, list[dict[str, Any]]]  # of `VectorEnv.step`, infos by world
+_PATIENCE = 10.0  # s; how long a process may take to end its episodes when it is closed
 
 
 class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
@@ -53,6 +56,7 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         processes: int = 1,
         **kwargs: Any,
     ) -> None:
+        self._worlds: list[_Local | _Remote] = []
         for name, number in (("num_envs", num_envs), ("processes", processes)):
             if not isinstance(number, int | np.integer) or number < 1:
                 raise ValueError(f"{name} must be an integer of 1 or more, got {number!r}")
@@ -75,8 +79,9 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         shares = np.array_split(np.arange(num_envs), min(processes, num_envs))
         self._shares = [slice(int(share[0]), int(share[-1]) + 1) for share in shares]
         start = _Local if len(shares) == 1 else _Remote
-        self._worlds: list[_Local | _Remote] = [start(make, len(share), self.autoreset_mode) for share in shares]
-        self._was_reset = False
+        self._worlds = [start(make, len(share), self.autoreset_mode) for share in shares]
+        self._needs_reset = True
+        self._is_over = np.zeros(num_envs, dtype=bool)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -90,12 +95,15 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         seeds = self._seeds(seed)
         options = dict(options or {})
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
-        if mask.shape != (self.num_envs,) or not (mask.all() or self._was_reset):
+        if mask.shape != (self.num_envs,) or (self._needs_reset and not mask.all()):
             raise ValueError(
-                f"reset_mask has the shape ({self.num_envs},), and the first reset is one of all; got {mask.tolist()}"
+                f"reset_mask has the shape ({self.num_envs},), and the first reset, as well as that after an error, is "
+                f"one of all; got {mask.tolist()}"
             )
+        self._needs_reset = True
         results = self._ask("reset", [(seeds[share], mask[share], options) for share in self._shares])
-        self._was_reset = True
+        self._needs_reset = False
+        self._is_over &= ~mask
         infos: dict[str, Any] = {}
         for k, info in enumerate(info for _, some in results for info in some):
             if mask[k]:
@@ -103,28 +111,59 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         return _joined([observations for observations, _ in results]), infos
 
     def step(self, actions: Any) -> tuple[Any, NDArray[np.float64], _Flags, _Flags, dict[str, Any]]:
-        """Drive all environments for one tick; see `SocialNavEnv.step`."""
+        """Drive all environments for one tick; see `SocialNavEnv.step`.
+
+        Raises:
+            ResetNeeded: `reset` was not called, the last step failed or was interrupted, so that some environments may
+                be a tick ahead, or an episode is over and the autoreset mode is `DISABLED`.
+        """
         if len(actions) != self.num_envs:
             raise ValueError(f"there are {self.num_envs} environments, got {len(actions)} actions")
+        if self._needs_reset:
+            raise gymnasium.error.ResetNeeded("call reset() first, and after a step that failed or was interrupted")
+        if self.autoreset_mode == AutoresetMode.DISABLED and self._is_over.any():
+            over = np.flatnonzero(self._is_over).tolist()
+            raise gymnasium.error.ResetNeeded(f"the episodes of the environments {over} are over; use reset_mask")
+        self._needs_reset = True
         results: list[_Results] = self._ask("step", [(actions[share],) for share in self._shares])
+        self._needs_reset = False
         observations, rewards, terminated, truncated = (_joined([result[i] for result in results]) for i in range(4))
+        self._is_over = terminated | truncated
         infos: dict[str, Any] = {}
         for k, info in enumerate(info for result in results for info in result[4]):
             infos = self._add_info(infos, info, k)
         return observations, rewards, terminated, truncated, infos
 
-    def call(self, name: str, *args: Any) -> tuple[Any, ...]:
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method of all environments, or get an attribute, e.g. `call("get_state")`.
 
         Args:
             name: of a method or attribute of the wrapped environments or those inside.
             args: of the method.
+            kwargs: of the method.
 
         Returns:
             One result of each environment.
         """
-        results = self._ask("call", [(name, args)] * len(self._shares))
+        results = self._ask("call", [(name, args, kwargs)] * len(self._shares))
         return tuple(result for some in results for result in some)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of each environment."""
+        return self.call("get_wrapper_attr", name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of the environments.
+
+        Args:
+            name: of the attribute.
+            values: a list or tuple with one of each environment, or one for all.
+        """
+        if not isinstance(values, list | tuple):
+            values = [values] * self.num_envs
+        if len(values) != self.num_envs:
+            raise ValueError(f"there are {self.num_envs} environments, got {len(values)} values of {name}")
+        self._ask("set_attr", [(name, values[share]) for share in self._shares])
 
     def render(self) -> tuple[Any, ...] | None:
         """The pictures of all environments."""
@@ -132,11 +171,18 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close all environments."""
+        self.closed = True  # even after an error: Gymnasium closes again what was not
         for worlds in self._worlds:
-            worlds.close()
+            worlds.begin("close", ())
+        answers = [worlds.end() for worlds in self._worlds]
+        for answer in answers:
+            if isinstance(answer, BaseException):
+                raise answer
 
     def _ask(self, method: str, arguments: list[tuple[Any, ...]]) -> list[Any]:
         """Call a method of the worlds of all processes, which work at the same time."""
+        if self.closed:
+            raise gymnasium.error.ClosedEnvironmentError("the vector environment was closed; make another one")
         for worlds, some in zip(self._worlds, arguments, strict=True):
             worlds.begin(method, some)
         results = [worlds.result() for worlds in self._worlds]
@@ -186,9 +232,13 @@ class _Worlds:
             self._is_over = (terminated | truncated).tolist()
         return _batch(self._last), rewards, terminated, truncated, [result[4] for result in results]
 
-    def call(self, name: str, args: tuple[Any, ...]) -> list[Any]:
+    def call(self, name: str, args: tuple[Any, ...], kwargs: dict[str, Any]) -> list[Any]:
         found = [env.get_wrapper_attr(name) for env in self.envs]
-        return [value(*args) if callable(value) else value for value in found]
+        return [value(*args, **kwargs) if callable(value) else value for value in found]
+
+    def set_attr(self, name: str, values: Sequence[Any]) -> None:
+        for env, value in zip(self.envs, values, strict=True):
+            env.set_wrapper_attr(name, value)
 
     def close(self) -> None:
         for env in self.envs:
@@ -197,8 +247,6 @@ class _Worlds:
     def _step_one(self, k: int, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         env = self.envs[k]
         if self._is_over[k]:
-            if self._mode == AutoresetMode.DISABLED:
-                raise gymnasium.error.ResetNeeded("an episode is over; reset it by reset_mask")
             observation, info = env.reset()
             return observation, 0.0, False, False, info
         observation, reward, terminated, truncated, info = env.step(action)
@@ -221,60 +269,108 @@ class _Local:
     def result(self) -> Any:
         return self._result
 
-    def close(self) -> None:
-        self.worlds.close()
+    def end(self) -> Any:
+        return self._result
 
 
 class _Remote:
-    """Worlds in a process of their own, which ends when it is closed or the caller's process ends."""
+    """Worlds in a process of their own, which ends when it is closed or the caller's process ends.
+
+    Requests have numbers, and an answer that nobody has waited for, after an error or an interrupt, is skipped.
+    """
 
     def __init__(self, make: Callable[[], Env], count: int, mode: AutoresetMode) -> None:
         context = get_context()
         self._connection, end = context.Pipe()
-        self._process = context.Process(target=_serve, args=(end, CloudpickleWrapper(make), count, mode), daemon=True)
+        arguments = (end, self._connection, CloudpickleWrapper(make), count, mode)
+        self._process = context.Process(target=_serve, args=arguments, daemon=True)
         self._process.start()
         end.close()
+        self._number = 0  # of the last request
 
     def begin(self, method: str, arguments: tuple[Any, ...]) -> None:
-        with suppress(OSError):  # the process has died, which `result` says
-            self._connection.send((method, arguments))
+        self._number += 1
+        request = pickle.dumps((self._number, method, arguments))
+        with suppress(OSError), self._whole():  # OSError: the process has died, which `result` says
+            self._connection.send_bytes(request)
 
-    def result(self) -> Any:
+    def result(self, timeout: float | None = None) -> Any:
+        """The answer to the last request; an exception if there was one, or if the process has died."""
+        number = -1
+        while number != self._number:
+            try:
+                if not self._connection.poll(timeout):
+                    return TimeoutError(f"a process of environments does not answer for {timeout} s")
+                with self._whole():
+                    answer = self._connection.recv_bytes()
+            except (EOFError, OSError):
+                self._process.join()
+                return RuntimeError(f"a process of environments has died with exit code {self._process.exitcode}")
+            number, result = pickle.loads(answer)
+        return result
+
+    @contextmanager
+    def _whole(self) -> Iterator[None]:
+        """Ends the process if the program is interrupted within a message: the rest of it would be read as another."""
         try:
-            return self._connection.recv()
-        except (EOFError, OSError):
-            self._process.join()
-            return RuntimeError(f"a process of environments has died with exit code {self._process.exitcode}")
+            yield
+        except (EOFError, OSError):  # the process has died
+            raise
+        except BaseException:
+            self._process.kill()
+            raise
 
-    def close(self) -> None:
-        with suppress(OSError):  # the process has died
-            self._connection.send(None)
-        self._process.join()
+    def end(self) -> Any:
+        """The answer to the last request, after which the process is ended."""
+        is_dead = self._process.exitcode is not None  # it was said when it died
+        result = None if is_dead else self.result(_PATIENCE)
         self._connection.close()
+        self._process.join(0.0 if isinstance(result, TimeoutError) else _PATIENCE)
+        self._process.kill()
+        self._process.join()
+        return result
 
 
-def _serve(connection: Connection, make: Callable[[], Env], count: int, mode: AutoresetMode) -> None:
+def _serve(
+    connection: Connection, end_of_caller: Connection, make: Callable[[], Env], count: int, mode: AutoresetMode
+) -> None:
     """Answer the requests of `_Remote`; an exception is an answer."""
-    worlds = None
-    while True:
+    end_of_caller.close()  # an open copy would hide that the caller has ended
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # not the caller's own function, which a forked process inherits
+    worlds, is_open = None, True
+    while is_open:
         try:
-            request = connection.recv()
-        except (EOFError, KeyboardInterrupt):  # the caller has ended; an interrupt reaches its process as well
-            break
-        if request is None:
-            break
-        method, arguments = request
+            number, method, arguments = connection.recv()
+        except (EOFError, ConnectionError):  # the caller has ended
+            method, number, arguments = "close", -1, ()
+        is_open = method != "close"
         try:
-            worlds = worlds or _Worlds(make, count, mode)
-            answer = getattr(worlds, method)(*arguments)
+            if worlds is None and is_open:
+                worlds = _Worlds(make, count, mode)
+            answer = None if worlds is None else getattr(worlds, method)(*arguments)
         except Exception as error:
-            answer = error
+            answer = _portable(error)
         try:
-            connection.send(answer)
+            reply = pickle.dumps((number, answer))
         except (AttributeError, TypeError, pickle.PicklingError) as error:
-            connection.send(TypeError(f"the result of {method} cannot be sent between processes: {error}"))
-    if worlds is not None:
-        worlds.close()
+            reply = pickle.dumps(
+                (number, TypeError(f"the result of {method} cannot be sent between processes: {error}"))
+            )
+        with suppress(ConnectionError):  # the caller has ended, which the next request says
+            connection.send_bytes(reply)
+
+
+def _portable(error: Exception) -> Exception:
+    """An exception that can be sent to another process, with its traceback as a note."""
+    text = "".join(traceback.format_exception(error))
+    copy = error
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # whatever its class does
+        copy = RuntimeError(f"{type(error).__name__}: {error}")
+    copy.add_note(f"in a process of environments:\n{text}")
+    return copy
 
 
 def _batch(observations: list[Any]) -> Any:

@@ -16,6 +16,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
+from gymnasium.wrappers import NormalizeObservation
 from numpy.typing import NDArray
 
 from ..core.entities import RELATIONS
@@ -35,6 +36,22 @@ def changes_spaces(env: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
     return env.observation_space != inner.observation_space or env.action_space != inner.action_space
 
 
+def has_memory(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
+    """Whether what a wrapper of another package does to observations or actions depends on more than the present ones.
+
+    Those of values have a memory if they have methods of their own to update it; of the others it is known whether they
+    change anything only if the spaces change.
+    """
+    if isinstance(wrapper, EpisodeWrapper):
+        return False
+    if isinstance(wrapper, NormalizeObservation):
+        return wrapper.update_running_mean
+    for base in (gymnasium.ObservationWrapper, gymnasium.ActionWrapper):
+        if isinstance(wrapper, base):
+            return type(wrapper).reset is not base.reset or type(wrapper).step is not base.step
+    return changes_spaces(wrapper) or type(wrapper).__name__ in ("MaxAndSkipObservation", "RepeatAction")
+
+
 class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstructorArgs):
     """Base class of the wrappers of observations.
 
@@ -43,7 +60,9 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
     """
 
     def __init__(self, env: Env, **arguments: Any) -> None:
-        RecordConstructorArgs.__init__(self, **arguments)
+        # numbers of NumPy as those of Python, for files
+        plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in arguments.items()}
+        RecordConstructorArgs.__init__(self, **plain)
         super().__init__(env)
 
     def begin(self) -> None:
@@ -73,6 +92,20 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
                 )
         return space
 
+    def _require_rows(self, *names: str) -> None:
+        """Require a row for each entity of some kinds, because those without one would not be in the way.
+
+        Raises:
+            ValueError: there are fewer rows than the scenario may have entities.
+        """
+        own, needed = asdict(self._base.encoder.sizes), asdict(Sizes.of(self._base.config))
+        for name in names:
+            if own[name] < needed[name]:
+                raise ValueError(
+                    f"{type(self).__name__} needs rows of all {name}, because they hide what is behind them: "
+                    f"sizes[{name!r}] is {own[name]}, the scenario has up to {needed[name]}; leave it out"
+                )
+
     @property
     def _base(self) -> SocialNavEnv:
         return base_of(self.env)
@@ -88,7 +121,7 @@ class Flat(EpisodeWrapper):
     """
 
     def __init__(self, env: Env, keys: Sequence[str] | None = None) -> None:
-        super().__init__(env, keys=keys)
+        super().__init__(env, keys=None if keys is None else tuple(map(str, keys)))
         space = env.observation_space
         if not isinstance(space, spaces.Dict):
             raise TypeError(f"Flat needs observations in a dictionary, got {_shape_of(space)} of {env}")
@@ -123,13 +156,21 @@ def _bounds(space: spaces.Space[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 # Columns of vectors, by the part of the observation; those of points move with the origin of the frame.
 _POINTS = (("x", "y"), ("start_x", "start_y"), ("end_x", "end_y"))
 _VECTORS = (("vx", "vy"), ("cos", "sin"), ("gaze_cos", "gaze_sin"))
+_WORLD = 10_000.0  # m, bound of coordinates in the world frame
 _COLUMNS = {"robot": ROBOT, "goal": GOAL, "humans": HUMAN, "objects": OBJECT, "walls": WALL}
+
+
+def _in_world(columns: dict[str, float]) -> NDArray[np.float64]:
+    """The bounds of columns in the world frame."""
+    points = {name for pair in _POINTS for name in pair}
+    return np.array([_WORLD if name in points else bound for name, bound in columns.items()])
 
 
 class WorldFrame(EpisodeWrapper):
     """Positions, velocities and directions in the frame of the world instead of the robot's.
 
-    The part `robot` begins with the robot's own x, y (m), cosine and sine of its heading.
+    Coordinates are clipped to ±10 km. The part `robot` begins with the robot's own x, y (m), cosine and sine of its
+    heading.
     """
 
     def __init__(self, env: Env) -> None:
@@ -137,9 +178,18 @@ class WorldFrame(EpisodeWrapper):
         space = self._parts()
         robot = space["robot"]
         assert isinstance(robot, spaces.Box)
-        own = np.array([FARTHEST, FARTHEST, 1.0, 1.0], dtype=np.float32)
-        box = spaces.Box(np.concatenate((-own, robot.low)), np.concatenate((own, robot.high)), dtype=np.float32)
-        self.observation_space = spaces.Dict({**space.spaces, "robot": box})
+        self._high = {name: _in_world(columns) for name, columns in _COLUMNS.items()}
+        boxes: dict[str, spaces.Space[Any]] = {}
+        for name in ("goal", "humans", "objects", "walls"):
+            inner = space[name]
+            assert isinstance(inner, spaces.Box)
+            high = np.broadcast_to(self._high[name], inner.shape).astype(np.float32)
+            boxes[name] = spaces.Box(np.where(inner.low < 0.0, -high, inner.low), high, dtype=np.float32)
+        own = np.array([_WORLD, _WORLD, 1.0, 1.0], dtype=np.float32)
+        boxes["robot"] = spaces.Box(
+            np.concatenate((-own, robot.low)), np.concatenate((own, robot.high)), (9,), np.float32
+        )
+        self.observation_space = spaces.Dict({**space.spaces, **boxes})
 
     def observation(self, observation: Observation) -> Observation:
         robot = self._base.snapshot.robot
@@ -155,9 +205,8 @@ class WorldFrame(EpisodeWrapper):
                     rows[..., i], rows[..., k] = at_x + a * c - b * s, at_y + a * s + b * c
             if f"{name}_mask" in observation:
                 rows *= observation[f"{name}_mask"][:, None]  # rows of absent entities stay 0
-            high = np.array(list(columns.values()))
-            result[name] = np.clip(rows, -high, high).astype(np.float32)
-        own = np.clip([x, y, c, s], -FARTHEST, FARTHEST).astype(np.float32)
+            result[name] = np.clip(rows, -self._high[name], self._high[name]).astype(np.float32)
+        own = np.clip([x, y, c, s], -_WORLD, _WORLD).astype(np.float32)
         result["robot"] = np.concatenate((own, result["robot"]))
         return result
 
@@ -228,6 +277,8 @@ class FieldOfView(EpisodeWrapper):
             raise ValueError(f"angle must be above 0 and at most 2 pi, got {angle!r}")
         if not 0.0 < distance < math.inf:
             raise ValueError(f"distance must be positive and finite, got {distance!r}")
+        if occlusion:
+            self._require_rows("humans", "walls")
         self._cosine, self._distance, self._occlusion = math.cos(angle / 2.0), distance, occlusion
 
     def observation(self, observation: Observation) -> Observation:
@@ -269,14 +320,7 @@ class Lidar(EpisodeWrapper):
         if not 0.0 < distance < math.inf:
             raise ValueError(f"distance must be positive and finite, got {distance!r}")
         space, self._distance = self._parts(), distance
-        base = self._base
-        own, needed = asdict(base.encoder.sizes), asdict(Sizes.of(base.config))
-        for name in ("humans", "objects", "walls"):
-            if own[name] < needed[name]:
-                raise ValueError(
-                    f"the rays of Lidar end at what the observation contains: sizes[{name!r}] is {own[name]}, the "
-                    f"scenario has up to {needed[name]}; leave it out"
-                )
+        self._require_rows("humans", "objects", "walls")
         self._kept = tuple(space.spaces) if keep else ("goal", "robot")
         self._directions = unit_vectors(np.arange(rays, dtype=float) * (2.0 * PI / rays))
         box = spaces.Box(np.float32(0.0), np.float32(distance), (rays,), np.float32)

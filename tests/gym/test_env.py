@@ -10,6 +10,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+import orjson
 import pygame
 import pytest
 from gymnasium.utils.env_checker import check_env
@@ -290,13 +291,98 @@ def test_time_limits_and_checks_of_gymnasium_are_restored() -> None:
     assert truncated == [False] * 9 + [True]
 
 
-def test_wrappers_that_cannot_be_repeated_are_refused() -> None:
-    stacked = gymnasium.wrappers.FrameStackObservation(s2g.Flat(s2g.SocialNavEnv("empty")), 4)
-    stacked.reset(seed=0)
-    state = stacked.unwrapped.get_state()  # type: ignore[attr-defined]
-    for refused in (lambda: s2g.restore(stacked, state), lambda: s2g.PolicyController(len, stacked)):
-        with pytest.raises(TypeError, match="FrameStackObservation"):
+REPEATS = hasattr(gymnasium.wrappers, "RepeatAction")  # Gymnasium 1.3 and later
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("FrameStackObservation", [4]), ("DelayObservation", [2]), ("TimeAwareObservation", []),
+        ("NormalizeObservation", []), ("MaxAndSkipObservation", [2]), ("StickyAction", [0.5]),
+        *([("RepeatAction", [2])] if REPEATS else []),
+    ],
+)  # fmt: skip
+def test_wrappers_with_a_memory_of_their_own_are_refused(name: str, arguments: list[Any]) -> None:
+    flat = gymnasium.wrappers.TimeLimit(s2g.Flat(s2g.SocialNavEnv("empty")), 50)
+    env = getattr(gymnasium.wrappers, name)(flat, *arguments)
+    env.reset(seed=0)
+    state = env.unwrapped.get_state()
+    for refused in (lambda: s2g.restore(env, state), lambda: s2g.PolicyController(len, env)):
+        with pytest.raises(TypeError, match=f"{name} .* depends on more than the present ones"):
             refused()
+
+
+def test_wrappers_of_gymnasium_without_a_memory_are_repeated() -> None:
+    def make() -> Any:
+        flat = s2g.Flat(s2g.SocialNavEnv("empty"))
+        halved = gymnasium.wrappers.TransformObservation(flat, lambda values: values / 2.0, flat.observation_space)
+        env = gymnasium.wrappers.NormalizeObservation(halved)
+        env.update_running_mean = False
+        return gymnasium.wrappers.ClipAction(env)
+
+    env, other = make(), make()
+    env.reset(seed=0)
+    env.step(FORWARD)
+    restored = s2g.restore(other, env.unwrapped.get_state())
+    assert equal(other.step(FORWARD)[0], env.step(FORWARD)[0])
+    assert restored.shape == env.observation_space.shape
+
+
+def test_a_state_after_the_end_is_not_recorded_again(tmp_path: Path) -> None:
+    env = s2g.SocialNavEnv("empty", settings=SHORT, record=tmp_path, metrics=["success"])
+    env.reset(seed=2)
+    drive_to_end(env, 0 * FORWARD)
+    s2g.restore(env, env.get_state())
+    with pytest.raises(gymnasium.error.ResetNeeded, match="over"):
+        env.step(FORWARD)
+    env.close()
+    assert len(list(tmp_path.glob("*.json"))) == 1
+
+
+def test_a_state_is_plain_data_for_any_json() -> None:
+    env = s2g.SocialNavEnv("empty", settings=SHORT)
+    env.reset()
+    env.step(FORWARD)
+    state = orjson.loads(orjson.dumps(env.get_state()))
+    assert equal(s2g.restore(s2g.SocialNavEnv("empty", settings=SHORT), state), env.encoder.encode(env.snapshot))
+
+
+def test_a_recording_that_cannot_be_written_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    env = s2g.SocialNavEnv("empty", settings={"rules": {"time_limit": 0.1}}, record=tmp_path)
+    env.reset(seed=2)
+
+    def full(path: Path, data: bytes) -> None:
+        raise RecordError(f"{path} cannot be written: no space left")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("sonata2d.gym.recording.write_atomically", full)
+        with pytest.raises(RecordError, match="no space left"):
+            env.step(FORWARD)
+    assert not list(tmp_path.iterdir())
+
+
+def test_long_ticks_can_be_drawn() -> None:
+    env = s2g.SocialNavEnv("empty", settings={"rules": {"dt": 2.5}}, render_mode="rgb_array", render_size=(64, 64))
+    env.reset(seed=0)
+    assert env.render().shape == (64, 64, 3)
+    assert env.metadata["render_fps"] == 1
+
+
+def test_a_time_limit_below_one_tick_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"rules.time_limit: .* at least one tick, dt = 0.1 s"):
+        s2g.SocialNavEnv("empty", settings={"rules": {"time_limit": 0.05}})
+
+
+def test_pictures_after_a_restore_show_the_restored_state() -> None:
+    env = s2g.SocialNavEnv("lively", render_mode="rgb_array_list", render_size=(96, 96))
+    env.reset(seed=0)
+    for _ in range(20):
+        env.step(FORWARD)
+    pictures = env.render()
+    s2g.restore(env, env.get_state())
+    (picture,) = env.render()
+    np.testing.assert_array_equal(picture, pictures[-1])
+    assert not np.array_equal(picture, pictures[0])
 
 
 def test_a_state_of_another_scenario_or_version_is_refused() -> None:
@@ -370,6 +456,19 @@ def test_each_environment_has_a_window_of_its_own() -> None:
     assert window_of(second).get_surface().get_size() == (96, 96)
     second.close()
     assert not pygame.display.get_init()
+
+
+def test_a_display_of_the_program_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    pygame.display.init()
+    windowed().close()
+    assert pygame.display.get_init()
+    pygame.display.quit()
+    env = windowed()
+    pygame.display.set_mode((64, 64))
+    env.close()
+    assert pygame.display.get_surface() is not None
+    pygame.display.quit()
 
 
 def test_an_environment_whose_window_was_closed_goes_on() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 import sonata2d as s2
 import sonata2d.gym as s2g
+from sonata2d.errors import ControllerError
 from tests.gym.samples import SHORT, Env
 
 sb3 = pytest.importorskip("stable_baselines3", reason="not installed; pip install 'sonata2d[rl]'")
@@ -95,6 +96,64 @@ def test_the_file_drives(tmp_path: Path) -> None:
     assert s2.Episode(scene, s2g.PolicyController(tmp_path / "policy.npz")).run().status == "timeout"
 
 
+@pytest.mark.parametrize("normalised", [False, True])
+def test_an_onnx_file_of_a_policy_of_the_dictionary(normalised: bool, tmp_path: Path) -> None:
+    for package in ("onnx", "onnxruntime", "onnxscript"):
+        pytest.importorskip(package)
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    worlds: Any = DummyVecEnv([lambda: s2g.SocialNavEnv("lively", settings=SHORT)])
+    if normalised:  # only its rewards
+        worlds = VecNormalize(worlds, norm_obs=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = sb3.PPO("MultiInputPolicy", worlds, n_steps=64, batch_size=64, seed=0, device="cpu")
+        env = s2g.SocialNavEnv("lively", settings=SHORT)
+        s2g.save_policy(tmp_path / "policy.onnx", model, env)
+    predict, live = s2g.PolicyController(tmp_path / "policy.onnx")._predict, s2g.PolicyController(model, env)._predict
+    for observation in observations(env):
+        np.testing.assert_allclose(predict(observation), live(observation), atol=1e-4)
+
+
+def test_a_model_from_its_file_needs_its_normalisation(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model, env = model_of("PPO", normalised=True)
+        normalisation = tmp_path / "normalisation.pkl"
+        model.get_vec_normalize_env().save(str(normalisation))
+        model.save(tmp_path / "model.zip")
+        s2g.save_policy(tmp_path / "live.npz", model, env)
+        loaded = sb3.PPO.load(tmp_path / "model.zip", device="cpu")
+        s2g.save_policy(tmp_path / "loaded.npz", loaded, env, normalisation=normalisation)
+    assert (tmp_path / "live.npz").read_bytes() == (tmp_path / "loaded.npz").read_bytes()
+    live = s2g.PolicyController(model, env)
+    again = s2g.PolicyController(tmp_path / "model.zip", env, normalisation=normalisation)
+    for observation in observations(env):
+        np.testing.assert_allclose(again._predict(observation), live._predict(observation), atol=1e-6)
+    s2g.PolicyController(tmp_path / "model.zip", env, normalisation=False)
+    assert not caplog.messages
+    s2g.PolicyController(tmp_path / "model.zip", env)
+    (message,) = caplog.messages
+    assert "does not say whether its observations were normalised" in message
+    (tmp_path / "damaged.zip").write_bytes(b"PK")
+    with pytest.raises(ControllerError, match=r"damaged.zip is not a model of Stable-Baselines3"):
+        s2g.PolicyController(tmp_path / "damaged.zip", env)
+
+
+def test_a_file_that_would_act_otherwise_is_refused(tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        relu = {"activation_fn": torch.nn.ReLU}
+        model = sb3.PPO("MlpPolicy", make(), n_steps=64, batch_size=64, seed=0, device="cpu", policy_kwargs=relu)
+        layers = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
+        for layer, factor in ((layers[0], 20.0), (layers[-1], 0.5)):
+            with torch.no_grad():
+                layer.weight.mul_(factor)
+        with pytest.raises(ValueError, match=r"otherwise than the model, by up to .* numbers beyond ±64"):
+            s2g.save_policy(tmp_path / "policy.npz", model, make())
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_a_file_cannot_hold_is_refused(tmp_path: Path) -> None:
     env = make()
     ppo = sb3.PPO("MlpPolicy", make(), n_steps=64, batch_size=64, device="cpu")
@@ -108,5 +167,5 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path: Path) -> None:
         s2g.save_policy(tmp_path / "policy.npz", gelu, env)
     parts = s2g.SocialNavEnv("lively", settings=SHORT)
     several = sb3.PPO("MultiInputPolicy", parts, n_steps=64, batch_size=64, device="cpu")
-    with pytest.raises(ValueError, match="flat observations"):
+    with pytest.raises(ValueError, match="observations in one array"):
         s2g.save_policy(tmp_path / "policy.npz", several, parts)

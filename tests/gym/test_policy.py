@@ -18,7 +18,8 @@ from sonata2d.datasets.replay import check_replay, check_rerun
 from sonata2d.errors import ControllerError
 from sonata2d.gym.description import describe, environment_of
 from sonata2d.gym.mlp import Mlp, read_mlp, write_mlp
-from tests.gym.samples import CHAINS, SHORT, Env, equal
+from sonata2d.gym.pipeline import Pipeline
+from tests.gym.samples import CHAINS, SHORT, Env, actions, equal
 
 
 def perceptron(env: Env, seed: int = 0, output: str = "clip") -> Mlp:
@@ -142,11 +143,26 @@ def test_a_policy_sees_what_the_environment_shows(chain: str) -> None:
 
 
 @pytest.mark.parametrize("chain", CHAINS)
-def test_a_description_gives_the_same_spaces(chain: str) -> None:
+def test_a_description_gives_the_same_observations_and_actions(chain: str) -> None:
     env = CHAINS[chain](s2g.SocialNavEnv("lively", settings={"robot": {"kinematics": "unicycle"}}, order="scene"))
     again = environment_of(json.loads(json.dumps(describe(env))))
     assert again.observation_space == env.observation_space
     assert again.action_space == env.action_space
+    driven = s2g.SocialNavEnv("lively", settings={"robot": {"kinematics": "unicycle"}})
+    driven.reset(seed=2)
+    first, second = Pipeline(env), Pipeline(again)  # both see the same snapshots
+    for move, action in zip(actions(driven, 20), actions(env, 20), strict=True):
+        assert equal(first.observe(driven.snapshot), second.observe(driven.snapshot))
+        assert first.twist(action) == second.twist(action)
+        driven.step(move)
+
+
+def test_numbers_of_numpy_can_be_arguments_of_wrappers() -> None:
+    env = s2g.Noise(s2g.SocialNavEnv("empty"), position=np.float32(0.5))  # type: ignore[arg-type]
+    description = json.loads(json.dumps(describe(env)))
+    assert description["wrappers"] == [
+        {"name": "Noise", "arguments": {"position": 0.5, "velocity": 0.05, "angle": 0.05}}
+    ]
 
 
 def test_a_policy_drives_with_the_limits_of_its_training() -> None:
@@ -209,10 +225,14 @@ def test_bad_files_and_policies_are_named(tmp_path: Path) -> None:
     with pytest.raises(TypeError, match="got 'lively'"):
         s2g.PolicyController(lambda observation: None, "lively")  # type: ignore[arg-type]
     with pytest.raises(ControllerError, match=r"norm.pkl cannot be read"):
-        s2g.PolicyController(lambda observation: None, env, normalisation=tmp_path / "norm.pkl")
+        s2g.PolicyController(Still(), env, normalisation=tmp_path / "norm.pkl")
     (tmp_path / "norm.pkl").write_text("no pickle")
     with pytest.raises(ControllerError, match="not a file of VecNormalize"):
+        s2g.PolicyController(Still(), env, normalisation=tmp_path / "norm.pkl")
+    with pytest.raises(TypeError, match="a normalisation belongs to a model"):
         s2g.PolicyController(lambda observation: None, env, normalisation=tmp_path / "norm.pkl")
+    with pytest.raises(ControllerError, match=r"policy.zip, which lacks its observations, so it cannot be created"):
+        s2g.PolicyController.from_settings({"weights": "policy.zip"})
     mlp = perceptron(env)
     with pytest.raises(ControllerError, match="reads"):
         mlp(np.zeros(3))
@@ -225,9 +245,22 @@ def test_bad_files_and_policies_are_named(tmp_path: Path) -> None:
         name: getattr(mlp, name)
         for name in ("weights", "biases", "activation", "output", "environment", "mean", "scale")
     }
-    for change in ({"activation": "gelu"}, {"weights": mlp.weights[:1]}, {"scale": mlp.scale[1:]}):
-        with pytest.raises(ValueError, match=r"."):
+    for change, message in (
+        ({"activation": "gelu"}, "one of tanh, relu .* got 'gelu'"),
+        ({"weights": mlp.weights[:1]}, "1 weights and 2 biases"),
+        ({"scale": mlp.scale[1:]}, "mean and scale have the shapes"),
+        ({"biases": [mlp.biases[0], mlp.biases[1][1:]]}, "layer 1 has 16 inputs"),
+        ({"mean": np.full_like(mlp.mean, np.nan)}, "not finite"),
+    ):
+        with pytest.raises(ValueError, match=message):
             Mlp(**{**fields, **change})
+
+
+class Still:
+    """A model that stands still."""
+
+    def predict(self, observation: Any, deterministic: bool = False) -> tuple[Any, None]:
+        return np.zeros(3), None
 
 
 def test_a_model_of_another_environment_is_refused() -> None:

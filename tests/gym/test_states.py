@@ -23,7 +23,7 @@ PRESETS = sorted(set(s2g.ENVIRONMENT_IDS.values()))
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_stepping_after_a_restore_equals_never_having_left(preset: str) -> None:
-    """The point lies in the first 10 s; 2 s that follow are compared, and those after a wrong turn are not the same."""
+    """The point lies in the first 10 s; the 2 s that follow are compared."""
     rng = np.random.default_rng(PRESETS.index(preset))
     for point in range(-(-COUNT // len(PRESETS))):
         chain = list(CHAINS.values())[int(rng.integers(len(CHAINS)))]

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +16,11 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import sonata2d as s2
 import sonata2d.gym as s2g
-from sonata2d.errors import ControllerError
+from sonata2d.errors import ControllerError, RecordError
+from sonata2d.gym.vector import _Remote
 from tests.gym.samples import CHAINS, SHORT, equal
 
+STILL = np.zeros((2, 3), dtype=np.float32)
 COUNT, STEPS = 3, 80  # episodes of 60 steps end within
 
 
@@ -69,12 +74,15 @@ def test_without_autoreset_a_mask_selects_what_is_reset() -> None:
     for _ in range(60):
         last, _, _, truncated, _ = envs.step(still)
     assert truncated.all()
-    with pytest.raises(gymnasium.error.ResetNeeded):
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"environments \[0, 1\] are over"):
         envs.step(still)
     observation, infos = envs.reset(options={"reset_mask": np.array([True, False])})
     np.testing.assert_array_equal(observation["goal"][1], last["goal"][1])
     assert infos["episode_number"][0] == 1
     assert not np.array_equal(observation["goal"][0], first["goal"][0])
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"environments \[1\] are over"):
+        envs.step(still)
+    assert [len(state["commands"]) for state in envs.call("get_state")] == [0, 60]  # none was stepped
 
 
 @pytest.mark.parametrize("processes", [1, 2])
@@ -98,17 +106,144 @@ def test_methods_of_all_environments_can_be_called(processes: int) -> None:
     envs.step(np.ones((3, 3), dtype=np.float32))
     states = envs.call("get_state")
     assert [(state["seed"], len(state["commands"])) for state in states] == [(5, 1), (6, 1), (7, 1)]
-    assert envs.call("render_mode") == (None, None, None)
+    assert envs.call("render_mode") == envs.get_attr("render_mode") == (None, None, None)
+    observations = envs.call("reset", seed=9)
+    assert observations[0][1] == observations[2][1] == {"seed": 9, "episode_number": 0}
+    envs.set_attr("note", ["a", "b", "c"])
+    assert envs.get_attr("note") == ("a", "b", "c")
+    envs.set_attr("note", 7)
+    assert envs.get_attr("note") == (7, 7, 7)
+    with pytest.raises(ValueError, match="3 environments, got 2 values"):
+        envs.set_attr("note", [1, 2])
+    with pytest.raises(AttributeError, match="nothing"):
+        envs.get_attr("nothing")
     envs.close()
 
 
-def test_an_error_in_a_process_is_raised_and_the_others_go_on() -> None:
+@pytest.mark.parametrize("processes", [1, 2])
+def test_an_error_of_one_environment_is_raised_and_all_are_reset(processes: int) -> None:
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=processes)
+    first, _ = envs.reset(seed=5)
+    with pytest.raises(ControllerError, match="finite") as caught:
+        envs.step(np.array([[np.nan] * 3, [0.0] * 3], dtype=np.float32))
+    assert processes == 1 or "in step" in caught.value.__notes__[0]  # the traceback of the other process
+    with pytest.raises(gymnasium.error.ResetNeeded, match="failed or was interrupted"):
+        envs.step(STILL)  # the second environment may be a tick ahead
+    with pytest.raises(ValueError, match="after an error, is one of all"):
+        envs.reset(options={"reset_mask": np.array([True, False])})
+    assert equal(envs.reset(seed=5)[0], first)
+    envs.step(STILL)
+    envs.close()
+
+
+class PairError(Exception):
+    """An error that cannot be sent between processes, because it takes two arguments."""
+
+    def __init__(self, a: str, b: str) -> None:
+        super().__init__(a + b)
+
+
+def test_an_error_that_cannot_be_sent_is_raised_as_another() -> None:
+    def refuse(before: Any, after: Any, outcome: Any) -> float:
+        raise PairError("two ", "parts")
+
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2, reward=refuse)
+    envs.reset(seed=5)
+    with pytest.raises(RuntimeError, match="PairError: two parts"):
+        envs.step(STILL)
+    envs.close()
+
+
+def test_answers_to_an_interrupted_step_are_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    envs = s2g.SocialNavVectorEnv(2, scenario="lively", processes=2)
+    first, _ = envs.reset(seed=5)
+
+    def interrupt() -> Any:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(envs._worlds[0], "result", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            envs.step(STILL)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="interrupted"):
+        envs.step(STILL)
+    assert equal(envs.reset(seed=5)[0], first)
+    with monkeypatch.context() as patch:
+        patch.setattr(envs._worlds[0], "result", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            envs.step(STILL)
+    envs.close()
+    assert not any(worlds._process.is_alive() for worlds in envs._worlds if isinstance(worlds, _Remote))
+
+
+def test_a_process_that_is_interrupted_within_a_message_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2)
     envs.reset(seed=5)
-    with pytest.raises(ControllerError, match="finite"):
-        envs.step(np.array([[np.nan] * 3, [0.0] * 3], dtype=np.float32))
-    assert envs.step(np.zeros((2, 3), dtype=np.float32))[0]["goal"].shape == (2, 6)
+
+    class Interrupted:
+        def __init__(self, connection: Any) -> None:
+            self.connection = connection
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self.connection, name)
+
+        def recv_bytes(self) -> bytes:
+            raise KeyboardInterrupt
+
+    worlds = envs._worlds[0]
+    assert isinstance(worlds, _Remote)
+    with monkeypatch.context() as patch:
+        patch.setattr(worlds, "_connection", Interrupted(worlds._connection))
+        with pytest.raises(KeyboardInterrupt):
+            envs.step(STILL)
+    worlds._process.join()
+    with pytest.raises(RuntimeError, match="has died"):
+        envs.reset(seed=5)
     envs.close()
+
+
+def test_processes_end_with_their_caller() -> None:
+    code = (
+        "import os, sonata2d.gym as g\n"
+        "envs = [g.SocialNavVectorEnv(2, scenario='empty', processes=2) for _ in range(2)]\n"
+        "print(*(worlds._process.pid for one in envs for worlds in one._worlds), flush=True)\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    program = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, check=False)
+    pids = [int(pid) for pid in program.stdout.split()]
+    assert len(pids) == 4
+    deadline = time.monotonic() + 60.0
+    while any(is_running(pid) for pid in pids):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+def is_running(pid: int) -> bool:
+    """Whether there is a process that has not ended; one that nobody has waited for has."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_a_recording_that_cannot_be_written_at_the_end_is_reported(processes: int, tmp_path: Path) -> None:
+    folder = tmp_path / "runs"
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=processes, record=folder)
+    envs.reset(seed=5)
+    envs.step(STILL)
+    folder.write_text("a file, no folder")
+    with pytest.raises(RecordError, match="cannot record in"):
+        envs.close()
+
+
+def test_a_closed_vector_says_so() -> None:
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2)
+    envs.reset(seed=5)
+    envs.close()
+    envs.close()
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="was closed"):
+        envs.step(STILL)
 
 
 def test_a_result_that_cannot_be_sent_is_reported() -> None:
@@ -123,9 +258,10 @@ def test_a_result_that_cannot_be_sent_is_reported() -> None:
 def test_a_process_that_dies_is_reported() -> None:
     envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2, reward=lambda before, after, outcome: os._exit(7))
     envs.reset(seed=5)
-    for _ in range(2):
-        with pytest.raises(RuntimeError, match="exit code 7"):
-            envs.step(np.zeros((2, 3), dtype=np.float32))
+    with pytest.raises(RuntimeError, match="exit code 7"):
+        envs.step(STILL)
+    with pytest.raises(RuntimeError, match="exit code 7"):
+        envs.reset(seed=5)
     envs.close()
 
 
@@ -145,7 +281,7 @@ def test_bad_arguments_are_named() -> None:
         with pytest.raises(ValueError, match=f"{name} .* got {wrong}"):
             s2g.SocialNavVectorEnv(**{name: wrong})  # type: ignore[arg-type]
     envs = s2g.SocialNavVectorEnv(2, scenario="empty")
-    with pytest.raises(ValueError, match="first reset is one of all"):
+    with pytest.raises(ValueError, match=r"the first reset, .* is one of all"):
         envs.reset(options={"reset_mask": np.array([True, False])})
     with pytest.raises(ValueError, match="3 seeds"):
         envs.reset(seed=[1, 2, 3])

@@ -230,9 +230,25 @@ def test_discrete_actions_are_moves() -> None:
 
 
 def test_lidar_needs_the_rows_of_all_entities() -> None:
-    with pytest.raises(ValueError, match=r"sizes\['humans'\] is 1, the scenario has up to"):
+    with pytest.raises(
+        ValueError, match=r"Lidar needs rows of all humans, .* sizes\['humans'\] is 1, the scenario has up to"
+    ):
         s2g.Lidar(s2g.SocialNavEnv("lively", sizes={"humans": 1}))
     s2g.Lidar(s2g.SocialNavEnv("lively", sizes={"humans": 40, "interactions": 1}))
+    with pytest.raises(ValueError, match=r"FieldOfView needs rows of all walls, .* sizes\['walls'\] is 1"):
+        s2g.FieldOfView(s2g.SocialNavEnv("lively", sizes={"walls": 1}))
+    s2g.FieldOfView(s2g.SocialNavEnv("lively", sizes={"walls": 1}), occlusion=False)
+
+
+def test_the_world_frame_has_no_end_at_the_range_of_the_robot() -> None:
+    long = {"room": {"polygon": [[0, 0], [500, 0], [500, 6], [0, 6]]}, "robot": {"pose": [450, 3, 0]},
+            "goal": {"position": [480, 3]}}  # fmt: skip
+    env = s2g.WorldFrame(s2g.SocialNavEnv("empty", settings=long))
+    observation, _ = env.reset(seed=0)
+    np.testing.assert_allclose(observation["robot"][:2], [450.0, 3.0])
+    np.testing.assert_allclose(observation["goal"][:2], [480.0, 3.0], atol=1e-4)
+    assert observation["walls"].max() == pytest.approx(500.0, abs=1e-3)
+    assert env.observation_space.contains(observation)
 
 
 def test_orders_that_would_give_wrong_values_are_refused() -> None:

@@ -535,3 +535,10 @@ class RulesConfig(Settings):
     guard: bool = Rules().guard
     contact_distance: NonNegativeFloat = Rules().contact_distance
     side: Literal[-1, 1] = Rules().side
+
+    @model_validator(mode="after")
+    def _check_time_limit(self) -> Self:
+        if self.time_limit < self.dt:
+            context: dict[str, Any] = {"limit": self.time_limit, "dt": self.dt, "path": ("time_limit",)}
+            raise PydanticCustomError("rules", "the time limit must be at least one tick, dt = {dt} s", context)
+        return self
