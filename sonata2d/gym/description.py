@@ -44,7 +44,7 @@ def describe(env: Env) -> dict[str, Any]:
     robot = base.config.robot
     return {
         "sizes": asdict(base.encoder.sizes),
-        "entities": asdict(Sizes.of(base.config)),
+        "entities": asdict(base.entities),
         "order": base.encoder.order,
         "robot": {"kinematics": robot.kinematics, "limits": robot.limits.model_dump()},
         "wrappers": wrappers,
@@ -64,9 +64,11 @@ def environment_of(description: Mapping[str, Any], scenario: str | ScenarioConfi
     try:
         robot = {"robot": description["robot"]}
         sizes = asdict(Sizes(**description["sizes"]))
-        env: Env = SocialNavEnv(scenario, settings=robot, sizes=sizes, order=description["order"])
+        base = SocialNavEnv(scenario, settings=robot, sizes=sizes, order=description["order"])
+        base.entities = Sizes(**description["entities"])  # which the wrappers require rows for
+        env: Env = base
         for wrapper in description["wrappers"]:
             env = _WRAPPERS[wrapper["name"]](env, **wrapper["arguments"])
-    except (AttributeError, ConfigError, KeyError, TypeError) as error:
+    except (AttributeError, ConfigError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"not the description of an environment: {error!r}") from error
     return env

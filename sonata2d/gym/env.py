@@ -66,7 +66,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         order: of the rows: `nearest` first, or as in the `scene`, in which an entity keeps its row.
         metrics: names of metrics of `sonata2d.metrics` that the last `info` contains; True: all but those that need a
             second run of the episode, without a robot.
-        record: folder in which every episode is recorded; existing files stay.
+        record: folder in which every episode is recorded when it ends; existing files stay.
         render_mode: `human` shows a window, `rgb_array` and `rgb_array_list` return pictures.
         render_size: width and height of pictures, px.
         view: of pictures: `top`, the whole room, or `follow`, behind the robot.
@@ -75,6 +75,11 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         ConfigError: there is no such scenario, or its settings are invalid.
         RecordError: the folder of the recordings is a data set.
         TypeError, ValueError: another argument is invalid.
+
+    Attributes:
+        config: settings of the scenario.
+        entities: the largest numbers of entities in its scenes.
+        encoder: writes the observations.
 
     >>> import gymnasium, sonata2d.gym
     >>> env = gymnasium.make("sonata2d/SocialNav-v0", scenario="sonata-2020")
@@ -126,7 +131,8 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         config = scenario if isinstance(scenario, ScenarioConfig) else load_scenario(scenario)
         self.config = config.changed(**settings) if settings else config
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / self.config.rules.dt), 1)}
-        self.encoder = Encoder(Sizes.of(self.config).changed(dict(sizes or {})), order)
+        self.entities = Sizes.of(self.config)
+        self.encoder = Encoder(self.entities.changed(dict(sizes or {})), order)
         self.observation_space: spaces.Space[Any] = self.encoder.space
         axes = 3 if self.config.robot.kinematics == "holonomic" else 2
         self.action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (axes,), np.float32)
@@ -150,7 +156,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             ResetNeeded: `reset` was not called.
         """
         if self._current is None:
-            raise gymnasium.error.ResetNeeded("call reset() first")
+            raise gymnasium.error.ResetNeeded("call reset() first, or again after close()")
         return self._current
 
     @property
@@ -267,7 +273,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         """
         episode = self._episode
         if episode is None:
-            raise gymnasium.error.ResetNeeded("there is no state before the first reset()")
+            raise gymnasium.error.ResetNeeded("there is no episode; call reset() first")
         state = EnvState(
             settings=self.config.settings(),
             seed=episode.scene.seed,
@@ -299,7 +305,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self.abandon()
         self._seed, self._number = checked.seed, checked.episode
         self.np_random.bit_generator.state = json.loads(checked.np_random)
-        self._start(scene, is_recorded=not checked.is_over)  # the recording of an episode that is over exists
+        self._start(scene, is_recorded=not checked.is_over)  # what is over was recorded when it ended
         episode = self._episode
         assert episode is not None
         for command in checked.commands:

@@ -11,7 +11,8 @@ import numpy as np
 
 from ..core.portable_math import Array
 from ..core.whole_file import whole_file
-from ..learning.fixed_point import LARGEST_VALUE
+from ..core.wording import shown
+from ..learning.fixed_point import LARGEST_VALUE, LARGEST_WEIGHT
 from .description import describe, environment_of
 from .env import base_of
 from .mlp import Mlp, write_mlp
@@ -31,15 +32,20 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
             or in .onnx (any policy; needs ONNX Runtime, and `onnxscript` to write).
         model: of Stable-Baselines3, e.g. PPO or SAC.
         env: in which it was trained, with its wrappers.
-        normalisation: of the observations, see `policy.normalisation_of`.
+        normalisation: of the observations: the `VecNormalize` of the training, or the path of the file to which it was
+            saved; False: none. None: that around the environment of the model, if any; a model that was loaded from a
+            file has none, and a warning says so.
         note: how the policy was trained, for human readers.
 
     Raises:
         ControllerError: the file of the normalisation cannot be read.
         ValueError: the path has another suffix, the environment is not that of the model, or the policy cannot be
             written as such a file, or not without other actions in some episodes of the environment.
-        TypeError: a wrapper of observations or actions is not one of `sonata2d.gym`.
+        TypeError: it is not a model of Stable-Baselines3, or a wrapper of observations or actions is not one of
+            `sonata2d.gym`.
     """
+    if not (hasattr(model, "policy") and hasattr(model, "get_vec_normalize_env")):
+        raise TypeError(f"save_policy needs a model of Stable-Baselines3, such as PPO or SAC, got {shown(model)}")
     path, environment = Path(path), describe(env)
     for name in ("observation_space", "action_space"):
         if getattr(model, name) != getattr(env, name):
@@ -47,6 +53,8 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
     if path.suffix not in (".npz", ".onnx"):
         raise ValueError(f"the name of a policy ends in .npz or .onnx, got {path}")
     normalisation = normalisation_of(model, normalisation)
+    if not all(parameter.isfinite().all() for parameter in model.policy.parameters()):
+        raise ValueError("a weight of the policy is not finite: the training has diverged")
     if path.suffix == ".onnx":
         _write_onnx(path, model, environment, normalisation)
         return
@@ -120,6 +128,9 @@ def _mlp_of(model: Any, environment: dict[str, Any], normalisation: Any, note: s
         names = ", ".join(sorted(one.__name__ for one in activations))
         raise ValueError(f"a .npz file holds hidden layers with tanh or ReLU, got {names}; write .onnx")
     mean, scale, limit = _normalisation(normalisation, space.shape)
+    largest = max(float(layer.weight.abs().max()) for layer in linear)
+    if largest > LARGEST_WEIGHT:
+        raise ValueError(f"a .npz file holds weights within ±{LARGEST_WEIGHT:g}, got {largest:g}; write .onnx")
     return Mlp(
         weights=[layer.weight.detach().cpu().numpy().T.astype(float) for layer in linear],
         biases=[layer.bias.detach().cpu().numpy().astype(float) for layer in linear],

@@ -40,12 +40,15 @@ class PolicyController(LearnedController):
         env: in which it was trained, with its wrappers; may be left out for a file of `save_policy`, which contains
             the description. If it has wrappers of observations or actions of other packages, it must not be stepped
             while this controller drives.
-        normalisation: of the observations of a model, see `normalisation_of`. A file of `save_policy` contains it.
+        normalisation: of the observations of a model: the `VecNormalize` of the training, or the path of the file to
+            which it was saved; False: none. None: that around the environment of the model, if any; a model that was
+            loaded from a file has none, and a warning says so. A file of `save_policy` contains it.
 
     Raises:
         ControllerError: a file cannot be read, or the policy was trained with other observations or actions than those
             of the environment.
-        TypeError: the environment is missing, or not one of sonata2d, or the policy is none that takes a normalisation.
+        TypeError: the environment is missing, or not one of sonata2d, or a normalisation is given for a policy that is
+            not a model.
 
     Example:
         >>> import sonata2d as s2, sonata2d.gym
@@ -173,9 +176,9 @@ class Model:
     def __call__(self, observation: Any) -> Any:
         if self._normalisation is not None:
             observation = self._normalisation.normalize_obs(observation)
-        known = {"state": self._state, "episode_start": np.array([self._is_first])}
+        known = {"state": self._state, "episode_start": np.array([self._is_first]), "deterministic": True}
         arguments = {name: value for name, value in known.items() if name in self._arguments}
-        action, self._state = self.model.predict(observation, deterministic=True, **arguments)
+        action, self._state = self.model.predict(observation, **arguments)
         self._is_first = False
         return action
 
@@ -210,7 +213,8 @@ def normalisation_of(model: Any, normalisation: Any) -> Any:
         A `VecNormalize`, or None.
 
     Raises:
-        ControllerError: the file cannot be read.
+        ControllerError: the file cannot be read, or the normalisation has another shape than the observations.
+        TypeError: it is not a `VecNormalize`.
     """
     if normalisation is None and hasattr(model, "get_vec_normalize_env"):
         normalisation = model.get_vec_normalize_env()
@@ -221,7 +225,21 @@ def normalisation_of(model: Any, normalisation: Any) -> Any:
             )
     if isinstance(normalisation, (str, Path)):
         normalisation = _load_normalisation(Path(normalisation))
-    return normalisation if normalisation and normalisation.norm_obs else None
+    if normalisation is None or normalisation is False:
+        return None
+    if not (hasattr(normalisation, "norm_obs") and hasattr(normalisation, "normalize_obs")):
+        raise TypeError(
+            f"normalisation must be a VecNormalize of Stable-Baselines3, or its file, got {normalisation!r}"
+        )
+    if not normalisation.norm_obs:
+        return None
+    own, trained = normalisation.observation_space, getattr(model, "observation_space", None)
+    if trained is not None and _shape_of(own) != _shape_of(trained):
+        raise ControllerError(
+            f"the normalisation is one of observations of {one_line(_shape_of(own), 100)}, the policy was trained with "
+            f"{one_line(_shape_of(trained), 100)}"
+        )
+    return normalisation
 
 
 def _load(path: Path) -> tuple[Any, Mapping[str, Any] | None]:
@@ -267,7 +285,7 @@ def _load_onnx(path: Path) -> tuple[Predict, Mapping[str, Any] | None]:
     except Exception as error:  # of classes that the package does not publish
         raise ControllerError(f"{path.name} cannot be read: {error}") from error
     names = [part.name for part in session.get_inputs()]
-    described = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
+    metadata = session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
 
     def predict(observation: Any) -> Any:
         parts = observation if isinstance(observation, dict) else {names[0]: observation}
@@ -276,7 +294,11 @@ def _load_onnx(path: Path) -> tuple[Predict, Mapping[str, Any] | None]:
             raise ControllerError(f"{path.name} needs {missing[0]!r}, which the observation lacks")
         return session.run(None, {name: np.asarray(parts[name])[None] for name in names})[0][0]
 
-    return predict, None if described is None else json.loads(described)
+    try:
+        description = None if metadata is None else json.loads(metadata)
+    except ValueError as error:
+        raise ControllerError(f"{path.name} has a damaged description of its environment: {error}") from error
+    return predict, description
 
 
 def _load_model(path: Path) -> Any:

@@ -64,7 +64,7 @@ def checked_state(state: Mapping[str, Any], config: ScenarioConfig) -> EnvState:
         place = ".".join(map(str, first["loc"]))
         problem = "is missing" if first["type"] == "missing" else f"{first['msg']}, got {shown(first['input'])}"
         raise ValueError(f"the state is damaged: {place}: {problem}; use one of get_state()") from None
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, OverflowError, RecursionError, TypeError, ValueError) as error:
         raise ValueError(f"the state is damaged: np_random: {error!r}; use one of get_state()") from None
     if checked.physics != PHYSICS_VERSION:
         raise ValueError(

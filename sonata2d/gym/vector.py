@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import signal
+import sys
+import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from typing import Any
 
+import cloudpickle
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import CloudpickleWrapper, batch_space
 from numpy.typing import NDArray
 
+from ..core.wording import described
 from .env import SocialNavEnv
+from .pipeline import restore
 
 Env = gymnasium.Env[Any, Any]
 _Flags = NDArray[np.bool_]
@@ -97,17 +105,17 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
         if mask.shape != (self.num_envs,) or (self._needs_reset and not mask.all()):
             raise ValueError(
-                f"reset_mask has the shape ({self.num_envs},), and the first reset, as well as that after an error, is "
-                f"one of all; got {mask.tolist()}"
+                f"reset_mask must have the shape ({self.num_envs},), and the first reset, or the one after an error, "
+                f"must reset all environments; got {mask.tolist()}"
             )
         self._needs_reset = True
         results = self._ask("reset", [(seeds[share], mask[share], options) for share in self._shares])
-        self._needs_reset = False
         self._is_over &= ~mask
         infos: dict[str, Any] = {}
         for k, info in enumerate(info for _, some in results for info in some):
             if mask[k]:
                 infos = self._add_info(infos, info, k)
+        self._needs_reset = False
         return _joined([observations for observations, _ in results]), infos
 
     def step(self, actions: Any) -> tuple[Any, NDArray[np.float64], _Flags, _Flags, dict[str, Any]]:
@@ -115,7 +123,7 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
 
         Raises:
             ResetNeeded: `reset` was not called, the last step failed or was interrupted, so that some environments may
-                be a tick ahead, or an episode is over and the autoreset mode is `DISABLED`.
+                be a tick ahead or gone, or an episode is over and the autoreset mode is `DISABLED`.
         """
         if len(actions) != self.num_envs:
             raise ValueError(f"there are {self.num_envs} environments, got {len(actions)} actions")
@@ -126,16 +134,18 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
             raise gymnasium.error.ResetNeeded(f"the episodes of the environments {over} are over; use reset_mask")
         self._needs_reset = True
         results: list[_Results] = self._ask("step", [(actions[share],) for share in self._shares])
-        self._needs_reset = False
         observations, rewards, terminated, truncated = (_joined([result[i] for result in results]) for i in range(4))
         self._is_over = terminated | truncated
         infos: dict[str, Any] = {}
         for k, info in enumerate(info for result in results for info in result[4]):
             infos = self._add_info(infos, info, k)
+        self._needs_reset = False
         return observations, rewards, terminated, truncated, infos
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method of all environments, or get an attribute, e.g. `call("get_state")`.
+
+        Methods that begin or continue an episode are refused: the vector has its own `reset`, `step` and `restore`.
 
         Args:
             name: of a method or attribute of the wrapped environments or those inside.
@@ -145,8 +155,30 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         Returns:
             One result of each environment.
         """
+        if name in ("reset", "step", "set_state"):
+            own = "restore" if name == "set_state" else name
+            raise ValueError(
+                f"{name} of single environments would not be noticed; call {own} of the vector environment"
+            )
         results = self._ask("call", [(name, args, kwargs)] * len(self._shares))
         return tuple(result for some in results for result in some)
+
+    def restore(self, states: Sequence[Mapping[str, Any]]) -> Any:
+        """Return to states, see `sonata2d.gym.restore`.
+
+        Args:
+            states: one of each environment, e.g. of `call("get_state")`.
+
+        Returns:
+            The observations.
+        """
+        if len(states) != self.num_envs:
+            raise ValueError(f"there are {self.num_envs} environments, got {len(states)} states")
+        self._needs_reset = True
+        results = self._ask("restore", [(states[share],) for share in self._shares])
+        self._needs_reset = False
+        self._is_over = np.array([state["is_over"] for state in states], dtype=bool)
+        return _joined(results)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute of each environment."""
@@ -174,21 +206,23 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, NDArray[Any]]):
         self.closed = True  # even after an error: Gymnasium closes again what was not
         for worlds in self._worlds:
             worlds.begin("close", ())
-        answers = [worlds.end() for worlds in self._worlds]
-        for answer in answers:
-            if isinstance(answer, BaseException):
-                raise answer
+        deadline = time.monotonic() + _PATIENCE
+        answers = [worlds.end(deadline) for worlds in self._worlds]
+        _raise_first(answers)
 
     def _ask(self, method: str, arguments: list[tuple[Any, ...]]) -> list[Any]:
         """Call a method of the worlds of all processes, which work at the same time."""
         if self.closed:
             raise gymnasium.error.ClosedEnvironmentError("the vector environment was closed; make another one")
-        for worlds, some in zip(self._worlds, arguments, strict=True):
-            worlds.begin(method, some)
-        results = [worlds.result() for worlds in self._worlds]
-        for result in results:
-            if isinstance(result, BaseException):
-                raise result
+        try:
+            for worlds, some in zip(self._worlds, arguments, strict=True):
+                worlds.begin(method, some)
+            results = [worlds.result() for worlds in self._worlds]
+        except BaseException:  # an interrupt, which leaves messages unread or in parts
+            for worlds in self._worlds:
+                worlds.abandon()
+            raise
+        _raise_first(results)
         return results
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
@@ -232,6 +266,12 @@ class _Worlds:
             self._is_over = (terminated | truncated).tolist()
         return _batch(self._last), rewards, terminated, truncated, [result[4] for result in results]
 
+    def restore(self, states: Sequence[Mapping[str, Any]]) -> Any:
+        for k, (env, state) in enumerate(zip(self.envs, states, strict=True)):
+            self._last[k] = restore(env, state)
+            self._is_over[k] = bool(state["is_over"])
+        return _batch(self._last)
+
     def call(self, name: str, args: tuple[Any, ...], kwargs: dict[str, Any]) -> list[Any]:
         found = [env.get_wrapper_attr(name) for env in self.envs]
         return [value(*args, **kwargs) if callable(value) else value for value in found]
@@ -269,66 +309,78 @@ class _Local:
     def result(self) -> Any:
         return self._result
 
-    def end(self) -> Any:
+    def end(self, deadline: float) -> Any:
         return self._result
+
+    def abandon(self) -> None:
+        pass
 
 
 class _Remote:
-    """Worlds in a process of their own, which ends when it is closed or the caller's process ends.
+    """Worlds in a process of their own, which ends with this object, or with the caller's process.
 
-    Requests have numbers, and an answer that nobody has waited for, after an error or an interrupt, is skipped.
+    A process that has died, or was abandoned, is started again by the next `reset` or `restore`.
     """
 
     def __init__(self, make: Callable[[], Env], count: int, mode: AutoresetMode) -> None:
+        self._arguments = CloudpickleWrapper(make), count, mode
+        self._start()
+
+    def _start(self) -> None:
         context = get_context()
         self._connection, end = context.Pipe()
-        arguments = (end, self._connection, CloudpickleWrapper(make), count, mode)
-        self._process = context.Process(target=_serve, args=arguments, daemon=True)
+        self._process = context.Process(target=_serve, args=(end, self._connection, *self._arguments), daemon=True)
         self._process.start()
         end.close()
-        self._number = 0  # of the last request
+        self._stop = weakref.finalize(self, _stop, self._connection, self._process, os.getpid())
 
     def begin(self, method: str, arguments: tuple[Any, ...]) -> None:
-        self._number += 1
-        request = pickle.dumps((self._number, method, arguments))
-        with suppress(OSError), self._whole():  # OSError: the process has died, which `result` says
-            self._connection.send_bytes(request)
+        if not self._stop.alive and method in ("reset", "restore"):
+            self._start()
+        if self._stop.alive:
+            request = cloudpickle.dumps((method, arguments))
+            with suppress(ConnectionError):  # the process has died, which `result` says
+                self._connection.send_bytes(request)
 
-    def result(self, timeout: float | None = None) -> Any:
+    def result(self) -> Any:
         """The answer to the last request; an exception if there was one, or if the process has died."""
-        number = -1
-        while number != self._number:
-            try:
-                if not self._connection.poll(timeout):
-                    return TimeoutError(f"a process of environments does not answer for {timeout} s")
-                with self._whole():
-                    answer = self._connection.recv_bytes()
-            except (EOFError, OSError):
-                self._process.join()
-                return RuntimeError(f"a process of environments has died with exit code {self._process.exitcode}")
-            number, result = pickle.loads(answer)
-        return result
-
-    @contextmanager
-    def _whole(self) -> Iterator[None]:
-        """Ends the process if the program is interrupted within a message: the rest of it would be read as another."""
+        if not self._stop.alive:
+            return RuntimeError(
+                "the processes of the environments were ended by an error or an interrupt; call reset()"
+            )
         try:
-            yield
-        except (EOFError, OSError):  # the process has died
-            raise
-        except BaseException:
-            self._process.kill()
-            raise
+            return self._connection.recv()
+        except (EOFError, OSError):
+            self._process.join(1.0)
+            if self._process.exitcode is None:  # another error, such as that of a signal
+                raise
+            self.abandon()
+            return RuntimeError(f"a process of environments has died with exit code {self._process.exitcode}")
 
-    def end(self) -> Any:
+    def end(self, deadline: float) -> Any:
         """The answer to the last request, after which the process is ended."""
-        is_dead = self._process.exitcode is not None  # it was said when it died
-        result = None if is_dead else self.result(_PATIENCE)
-        self._connection.close()
-        self._process.join(0.0 if isinstance(result, TimeoutError) else _PATIENCE)
-        self._process.kill()
-        self._process.join()
+        result = None
+        if self._stop.alive and self._process.exitcode is None:
+            if self._connection.poll(max(deadline - time.monotonic(), 0.0)):
+                result = self.result()
+            else:
+                result = TimeoutError(f"a process of environments did not close within {_PATIENCE:g} s and was ended")
+        self.abandon()
         return result
+
+    def abandon(self) -> None:
+        """End the process, with the recordings of its episodes if it has not closed them yet."""
+        self._stop()
+
+
+def _stop(connection: Connection, process: BaseProcess, owner: int) -> None:
+    """End a process of environments; it closes them first, unless it takes long."""
+    if os.getpid() == owner:  # not in a process that was forked from it
+        process.terminate()
+        process.join(_PATIENCE)
+        process.kill()
+        process.join()
+        connection.close()
 
 
 def _serve(
@@ -337,28 +389,28 @@ def _serve(
     """Answer the requests of `_Remote`; an exception is an answer."""
     end_of_caller.close()  # an open copy would hide that the caller has ended
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # not the caller's own function, which a forked process inherits
-    worlds, is_open = None, True
-    while is_open:
-        try:
-            number, method, arguments = connection.recv()
-        except (EOFError, ConnectionError):  # the caller has ended
-            method, number, arguments = "close", -1, ()
-        is_open = method != "close"
-        try:
-            if worlds is None and is_open:
-                worlds = _Worlds(make, count, mode)
-            answer = None if worlds is None else getattr(worlds, method)(*arguments)
-        except Exception as error:
-            answer = _portable(error)
-        try:
-            reply = pickle.dumps((number, answer))
-        except (AttributeError, TypeError, pickle.PicklingError) as error:
-            reply = pickle.dumps(
-                (number, TypeError(f"the result of {method} cannot be sent between processes: {error}"))
-            )
-        with suppress(ConnectionError):  # the caller has ended, which the next request says
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit())
+    worlds = None
+    try:
+        while True:
+            method, arguments = connection.recv()
+            try:
+                worlds = worlds or _Worlds(make, count, mode)
+                answer = getattr(worlds, method)(*arguments)
+            except Exception as error:
+                answer = _portable(error)
+            try:
+                reply = pickle.dumps(answer)
+            except Exception as error:  # whatever the classes of the answer do
+                message = f"the result of {method} cannot be sent between processes: {described(error)}"
+                reply = pickle.dumps(TypeError(message))
             connection.send_bytes(reply)
+    except (EOFError, ConnectionError):  # the caller has ended
+        pass
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the recordings are being written
+        if worlds is not None:
+            worlds.close()
 
 
 def _portable(error: Exception) -> Exception:
@@ -368,9 +420,16 @@ def _portable(error: Exception) -> Exception:
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:  # whatever its class does
-        copy = RuntimeError(f"{type(error).__name__}: {error}")
+        copy = RuntimeError(described(error))
     copy.add_note(f"in a process of environments:\n{text}")
     return copy
+
+
+def _raise_first(results: list[Any]) -> None:
+    """Raise the first exception among results."""
+    for result in results:
+        if isinstance(result, BaseException):
+            raise result
 
 
 def _batch(observations: list[Any]) -> Any:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -24,7 +24,7 @@ from ..core.humans import ACTIVITIES
 from ..core.portable_math import PI, unit_vectors
 from ..registry import did_you_mean
 from .env import SocialNavEnv, base_of, wrappers_of
-from .observation import FARTHEST, GOAL, HUMAN, OBJECT, OBJECT_TYPES, ROBOT, WALL, Floats32, Observation, Sizes
+from .observation import FARTHEST, GOAL, HUMAN, OBJECT, OBJECT_TYPES, ROBOT, WALL, Floats32, Observation
 from .sensing import measure_ranges, visible
 
 Env = gymnasium.Env[Any, Any]
@@ -80,15 +80,14 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
         """
         space, own, name = self.env.observation_space, self._base.encoder.space, type(self).__name__
         if not isinstance(space, spaces.Dict) or "humans" not in space.spaces:
-            raise TypeError(
-                f"{name} needs the dictionary of SocialNavEnv, got {_shape_of(space)} of {self.env}; put {name} "
-                "inside it"
-            )
+            is_frame = isinstance(self, WorldFrame) and isinstance(self.env, Lidar)
+            way = "use Lidar(keep=True)" if is_frame else f"put {name} inside it"
+            raise TypeError(f"{name} needs the dictionary of SocialNavEnv, got {_shape_of(space)} of {self.env}; {way}")
         for part in own.spaces:
             if part not in space.spaces or space[part].shape != own[part].shape:
                 raise TypeError(
-                    f"{name} needs the parts of SocialNavEnv, but {part!r} was changed inside {self.env}; put {name} "
-                    "inside WorldFrame and History"
+                    f"{name} needs the parts of SocialNavEnv in the robot's frame, but {part!r} was changed inside "
+                    f"{self.env}; put {name} inside WorldFrame and History"
                 )
         return space
 
@@ -98,12 +97,12 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
         Raises:
             ValueError: there are fewer rows than the scenario may have entities.
         """
-        own, needed = asdict(self._base.encoder.sizes), asdict(Sizes.of(self._base.config))
+        own, needed = asdict(self._base.encoder.sizes), asdict(self._base.entities)
         for name in names:
             if own[name] < needed[name]:
                 raise ValueError(
                     f"{type(self).__name__} needs rows of all {name}, because they hide what is behind them: "
-                    f"sizes[{name!r}] is {own[name]}, the scenario has up to {needed[name]}; leave it out"
+                    f"sizes[{name!r}] is {own[name]}, the scenario has up to {needed[name]}; leave out this size"
                 )
 
     @property
@@ -120,12 +119,15 @@ class Flat(EpisodeWrapper):
             taken as floats if they are named.
     """
 
-    def __init__(self, env: Env, keys: Sequence[str] | None = None) -> None:
-        super().__init__(env, keys=None if keys is None else tuple(map(str, keys)))
+    def __init__(self, env: Env, keys: Iterable[str] | None = None) -> None:
+        keys = None if keys is None else tuple(map(str, keys))
+        super().__init__(env, keys=keys)
         space = env.observation_space
         if not isinstance(space, spaces.Dict):
             raise TypeError(f"Flat needs observations in a dictionary, got {_shape_of(space)} of {env}")
-        self._keys = tuple(name for name in space if space[name].dtype == np.float32) if keys is None else tuple(keys)
+        self._keys = tuple(name for name in space if space[name].dtype == np.float32) if keys is None else keys
+        if not self._keys:
+            raise ValueError(f"keys must name one or more parts of {', '.join(space.spaces)}; None: those of floats")
         for name in self._keys:
             if name not in space.spaces:
                 hint = did_you_mean(name, space.spaces) or f"; it has {', '.join(space.spaces)}"
@@ -315,7 +317,7 @@ class Lidar(EpisodeWrapper):
 
     def __init__(self, env: Env, rays: int = 72, distance: float = 10.0, keep: bool = False) -> None:
         super().__init__(env, rays=rays, distance=distance, keep=keep)
-        if not (isinstance(rays, int) and rays >= 1):
+        if not (isinstance(rays, int | np.integer) and rays >= 1):
             raise ValueError(f"rays must be an integer of 1 or more, got {rays!r}")
         if not 0.0 < distance < math.inf:
             raise ValueError(f"distance must be positive and finite, got {distance!r}")
@@ -427,10 +429,10 @@ class History(EpisodeWrapper):
 
     def __init__(self, env: Env, length: int = 4) -> None:
         super().__init__(env, length=length)
-        if not (isinstance(length, int) and length >= 1):
+        if not (isinstance(length, int | np.integer) and length >= 1):
             raise ValueError(f"length must be an integer of 1 or more, got {length!r}")
         self._length = length
-        self._past: deque[Any] = deque(maxlen=length)
+        self._past: deque[Any] = deque(maxlen=int(length))
         space = env.observation_space
         if isinstance(space, spaces.Dict):
             self.observation_space: spaces.Space[Any] = spaces.Dict(

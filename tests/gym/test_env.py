@@ -401,7 +401,14 @@ def test_a_state_of_another_scenario_or_version_is_refused() -> None:
         env.set_state("x")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="seed: is missing"):
         env.set_state({key: value for key, value in state.items() if key != "seed"})
-    for key, value in (("seed", "x"), ("seed", -1), ("commands", [[1.0, 0.0]]), ("np_random", {}), ("surplus", 1)):
+    for key, value in (
+        ("seed", "x"),
+        ("seed", -1),
+        ("commands", [[1.0, 0.0]]),
+        ("np_random", {}),
+        ("np_random", "[" * 100_000),
+        ("surplus", 1),
+    ):
         for go_back in (env.set_state, lambda state: s2g.restore(env, state)):
             with pytest.raises(ValueError, match=rf"the state is damaged: {key}.*get_state"):
                 go_back({**state, key: value})

@@ -159,8 +159,14 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path: Path) -> None:
     ppo = sb3.PPO("MlpPolicy", make(), n_steps=64, batch_size=64, device="cpu")
     with pytest.raises(ValueError, match="another observation_space"):
         s2g.save_policy(tmp_path / "policy.npz", ppo, s2g.Flat(s2g.SocialNavEnv("empty")))
+    with pytest.raises(TypeError, match=r"needs a model .* got ActorCritic"):
+        s2g.save_policy(tmp_path / "policy.npz", ppo.policy, env)
     with pytest.raises(ValueError, match=r"\.npz or \.onnx"):
         s2g.save_policy(tmp_path / "policy.pt", ppo, env)
+    with torch.no_grad():
+        ppo.policy.action_net.bias[0] = torch.nan
+    with pytest.raises(ValueError, match="not finite"):
+        s2g.save_policy(tmp_path / "policy.npz", ppo, env)
     rounded = {"activation_fn": torch.nn.GELU}
     gelu = sb3.PPO("MlpPolicy", make(), n_steps=64, batch_size=64, device="cpu", policy_kwargs=rounded)
     with pytest.raises(ValueError, match="GELU"):

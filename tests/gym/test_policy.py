@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -118,8 +119,12 @@ def test_functions_and_models_are_policies() -> None:
             assert deterministic
             return act(observation), None
 
-    outcomes = [s2.Episode(scene, s2g.PolicyController(policy, env)).run() for policy in (act, Model())]
-    assert outcomes[0] == outcomes[1]
+    class Plain:
+        def predict(self, observation: Any) -> tuple[Any, None]:
+            return act(observation), None
+
+    outcomes = [s2.Episode(scene, s2g.PolicyController(policy, env)).run() for policy in (act, Model(), Plain())]
+    assert outcomes[0] == outcomes[1] == outcomes[2]
     assert outcomes[0].status == "goal"
 
 
@@ -155,6 +160,14 @@ def test_a_description_gives_the_same_observations_and_actions(chain: str) -> No
         assert equal(first.observe(driven.snapshot), second.observe(driven.snapshot))
         assert first.twist(action) == second.twist(action)
         driven.step(move)
+
+
+@pytest.mark.parametrize("preset", sorted(set(s2g.ENVIRONMENT_IDS.values())))
+def test_a_description_has_the_rows_of_its_scenario(preset: str) -> None:
+    env = s2g.Lidar(s2g.FieldOfView(s2g.SocialNavEnv(preset)))
+    again = environment_of(json.loads(json.dumps(describe(env))))
+    assert again.observation_space == env.observation_space
+    assert describe(again) == describe(env)
 
 
 def test_numbers_of_numpy_can_be_arguments_of_wrappers() -> None:
@@ -229,6 +242,10 @@ def test_bad_files_and_policies_are_named(tmp_path: Path) -> None:
     (tmp_path / "norm.pkl").write_text("no pickle")
     with pytest.raises(ControllerError, match="not a file of VecNormalize"):
         s2g.PolicyController(Still(), env, normalisation=tmp_path / "norm.pkl")
+    for wrong in (True, {}, "empty.pkl"):
+        (tmp_path / "empty.pkl").write_bytes(pickle.dumps([]))
+        with pytest.raises(TypeError, match="must be a VecNormalize"):
+            s2g.PolicyController(Still(), env, normalisation=tmp_path / wrong if isinstance(wrong, str) else wrong)
     with pytest.raises(TypeError, match="a normalisation belongs to a model"):
         s2g.PolicyController(lambda observation: None, env, normalisation=tmp_path / "norm.pkl")
     with pytest.raises(ControllerError, match=r"policy.zip, which lacks its observations, so it cannot be created"):

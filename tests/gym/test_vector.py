@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -107,8 +109,9 @@ def test_methods_of_all_environments_can_be_called(processes: int) -> None:
     states = envs.call("get_state")
     assert [(state["seed"], len(state["commands"])) for state in states] == [(5, 1), (6, 1), (7, 1)]
     assert envs.call("render_mode") == envs.get_attr("render_mode") == (None, None, None)
-    observations = envs.call("reset", seed=9)
-    assert observations[0][1] == observations[2][1] == {"seed": 9, "episode_number": 0}
+    assert envs.call("twist_of", action=np.zeros(3)) == (s2.Twist(),) * 3
+    envs.set_attr("added", lambda: 5)
+    assert envs.call("added") == (5, 5, 5)
     envs.set_attr("note", ["a", "b", "c"])
     assert envs.get_attr("note") == ("a", "b", "c")
     envs.set_attr("note", 7)
@@ -129,7 +132,7 @@ def test_an_error_of_one_environment_is_raised_and_all_are_reset(processes: int)
     assert processes == 1 or "in step" in caught.value.__notes__[0]  # the traceback of the other process
     with pytest.raises(gymnasium.error.ResetNeeded, match="failed or was interrupted"):
         envs.step(STILL)  # the second environment may be a tick ahead
-    with pytest.raises(ValueError, match="after an error, is one of all"):
+    with pytest.raises(ValueError, match="must reset all environments"):
         envs.reset(options={"reset_mask": np.array([True, False])})
     assert equal(envs.reset(seed=5)[0], first)
     envs.step(STILL)
@@ -154,51 +157,86 @@ def test_an_error_that_cannot_be_sent_is_raised_as_another() -> None:
     envs.close()
 
 
-def test_answers_to_an_interrupted_step_are_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
-    envs = s2g.SocialNavVectorEnv(2, scenario="lively", processes=2)
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="Windows has no timer signals")
+@pytest.mark.parametrize("error", [KeyboardInterrupt, TimeoutError])
+def test_after_an_interrupt_all_is_as_new(error: type[BaseException], tmp_path: Path) -> None:
+    """Signals arrive at random moments of steps; the recordings of the episodes that they end are kept."""
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2, record=tmp_path)
     first, _ = envs.reset(seed=5)
+    second = envs.step(STILL)[0]
+
+    def interrupt(number: int, frame: Any) -> None:
+        raise error
+
+    before, rng = signal.signal(signal.SIGALRM, interrupt), np.random.default_rng(0)
+    try:
+        for k in range(8):
+            signal.setitimer(signal.ITIMER_REAL, rng.uniform(0.001, 0.02))
+            with pytest.raises(error):
+                step_for_ever(envs)
+            assert equal(envs.reset(seed=5)[0], first)
+            assert equal(envs.step(STILL)[0], second)
+            assert len(list(tmp_path.glob("*.json"))) == 2 * (k + 1)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    envs.close()
+    for path in tmp_path.glob("*.json"):
+        assert s2.read_episode(path).outcome.status == "stopped"
+
+
+def step_for_ever(envs: s2g.SocialNavVectorEnv) -> None:
+    while True:
+        envs.step(STILL)
+
+
+def test_after_an_interrupted_step_a_reset_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2)
+    envs.reset(seed=5)
 
     def interrupt() -> Any:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(envs._worlds[0], "result", interrupt)
+        patch.setattr(envs._worlds[1], "result", interrupt)
         with pytest.raises(KeyboardInterrupt):
             envs.step(STILL)
     with pytest.raises(gymnasium.error.ResetNeeded, match="interrupted"):
         envs.step(STILL)
-    assert equal(envs.reset(seed=5)[0], first)
-    with monkeypatch.context() as patch:
-        patch.setattr(envs._worlds[0], "result", interrupt)
-        with pytest.raises(KeyboardInterrupt):
-            envs.step(STILL)
+    envs.reset()
     envs.close()
-    assert not any(worlds._process.is_alive() for worlds in envs._worlds if isinstance(worlds, _Remote))
 
 
-def test_a_process_that_is_interrupted_within_a_message_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2)
+def test_a_vector_that_is_dropped_ends_its_processes() -> None:
+    dropped, other = (s2g.SocialNavVectorEnv(2, scenario="empty", processes=2) for _ in range(2))
+    pids = [worlds._process.pid for worlds in dropped._worlds if isinstance(worlds, _Remote)]
+    del dropped
+    gc.collect()
+    assert len(pids) == 2
+    assert not any(is_running(pid) for pid in pids if pid is not None)
+    other.reset(seed=1)
+    other.close()
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_all_environments_return_to_states(processes: int) -> None:
+    envs = s2g.SocialNavVectorEnv(2, scenario="lively", settings=SHORT, processes=processes, wrappers=[s2g.History])
     envs.reset(seed=5)
-
-    class Interrupted:
-        def __init__(self, connection: Any) -> None:
-            self.connection = connection
-
-        def __getattr__(self, name: str) -> Any:
-            return getattr(self.connection, name)
-
-        def recv_bytes(self) -> bytes:
-            raise KeyboardInterrupt
-
-    worlds = envs._worlds[0]
-    assert isinstance(worlds, _Remote)
-    with monkeypatch.context() as patch:
-        patch.setattr(worlds, "_connection", Interrupted(worlds._connection))
-        with pytest.raises(KeyboardInterrupt):
-            envs.step(STILL)
-    worlds._process.join()
-    with pytest.raises(RuntimeError, match="has died"):
-        envs.reset(seed=5)
+    moves = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 2, 3)).astype(np.float32)
+    results = [envs.step(move) for move in moves[:20]]
+    states = envs.call("get_state")
+    results += [envs.step(move) for move in moves[20:]]
+    assert results[-1][3].all()
+    assert equal(envs.restore(states), results[19][0])
+    for move, expected in zip(moves[20:], results[20:], strict=True):
+        found = envs.step(move)
+        assert equal(found[0], expected[0])
+        np.testing.assert_array_equal(found[3], expected[3])
+    for name in ("set_state", "reset", "step"):
+        with pytest.raises(ValueError, match=f"{name} of single environments would not be noticed"):
+            envs.call(name)
+    with pytest.raises(ValueError, match="got 1 states"):
+        envs.restore(states[:1])
     envs.close()
 
 
@@ -258,10 +296,12 @@ def test_a_result_that_cannot_be_sent_is_reported() -> None:
 def test_a_process_that_dies_is_reported() -> None:
     envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2, reward=lambda before, after, outcome: os._exit(7))
     envs.reset(seed=5)
-    with pytest.raises(RuntimeError, match="exit code 7"):
-        envs.step(STILL)
-    with pytest.raises(RuntimeError, match="exit code 7"):
-        envs.reset(seed=5)
+    for _ in range(2):
+        with pytest.raises(RuntimeError, match="exit code 7"):
+            envs.step(STILL)
+        with pytest.raises(RuntimeError, match=r"ended by an error .* call reset"):
+            envs.call("get_state")
+        envs.reset(seed=5)  # starts it again
     envs.close()
 
 
@@ -281,7 +321,7 @@ def test_bad_arguments_are_named() -> None:
         with pytest.raises(ValueError, match=f"{name} .* got {wrong}"):
             s2g.SocialNavVectorEnv(**{name: wrong})  # type: ignore[arg-type]
     envs = s2g.SocialNavVectorEnv(2, scenario="empty")
-    with pytest.raises(ValueError, match=r"the first reset, .* is one of all"):
+    with pytest.raises(ValueError, match=r"the first reset, .* must reset all"):
         envs.reset(options={"reset_mask": np.array([True, False])})
     with pytest.raises(ValueError, match="3 seeds"):
         envs.reset(seed=[1, 2, 3])

@@ -263,6 +263,16 @@ def test_orders_that_would_give_wrong_values_are_refused() -> None:
     assert s2g.WorldFrame(s2g.FieldOfView(s2g.Lidar(env, keep=True))).reset(seed=0)[0]["lidar"].shape == (72,)
 
 
+def test_the_error_of_an_order_names_one_that_works() -> None:
+    env = s2g.SocialNavEnv("empty")
+    with pytest.raises(TypeError, match=r"use Lidar\(keep=True\)"):
+        s2g.WorldFrame(s2g.Lidar(env))
+    with pytest.raises(ValueError, match="one or more parts"):
+        s2g.Flat(env, keys=[])
+    assert s2g.Flat(env, keys=(name for name in ("goal", "robot"))).reset(seed=0)[0].shape == (11,)
+    assert s2g.History(s2g.Lidar(env, rays=np.int64(8)), length=np.int64(2)).reset(seed=0)[0]["lidar"].shape == (2, 8)  # type: ignore[arg-type]
+
+
 def test_two_noises_differ() -> None:
     plain, twice = (wrap(s2g.SocialNavEnv("crowded-hall")) for wrap in (lambda env: env, two_noises))
     differences = np.concatenate(
