@@ -133,11 +133,6 @@ def note(text: str, *, err: bool = False) -> None:
         click.echo(text, err=err)
 
 
-def counted(count: int, noun: str) -> str:
-    """A number with its noun, such as `1 episode` or `2 episodes`."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
 def show_json(value: Any) -> None:
     """Print a value as indented JSON."""
     import orjson

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sonata2d.core.wording import counted
 from sonata2d.registry import FORMATS
 
 from .command import Command
-from .common import PATH, counted, examples, json_option, note, progress, registry_option, show_json
+from .common import PATH, examples, json_option, note, progress, registry_option, show_json
 
 if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sonata2d.core.wording import counted
+
 from .command import Command
-from .common import PATH, counted, examples, json_option, note, progress, show_json, show_table, workers_option
+from .common import PATH, examples, json_option, note, progress, show_json, show_table, workers_option
 
 if TYPE_CHECKING:
     from sonata2d.datasets.check import Problem

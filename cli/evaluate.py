@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from sonata2d.core.wording import counted
+
 from .command import Command, RenamedOption
-from .common import PATH, counted, examples, json_option, note, progress, show_json, workers_option
+from .common import PATH, examples, json_option, note, progress, show_json, workers_option
 from .controllers import CONTROLLER_NAMES
 
 if TYPE_CHECKING:

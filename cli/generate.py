@@ -12,11 +12,12 @@ from typing import Any
 
 import click
 
+from sonata2d.core.wording import counted
+
 from .command import Command, has_flag
 from .common import (
     PATH,
     compress_option,
-    counted,
     episode_suffix,
     examples,
     exit_interrupted,

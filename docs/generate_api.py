@@ -53,6 +53,7 @@ PACKAGES = {
 }
 SECTION = re.compile(r"^(Args|Attributes|Returns|Yields|Raises|Source):(.*)$")
 ITEM = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*): (.*)$", re.DOTALL)
+_SHOWN_WITH_SUBCLASSES = ("sonata2d.core.drawable",)  # modules of base classes whose methods subclasses list
 MAX_SIGNATURE, MAX_DEFAULT = 100, 40  # characters
 MAX_ENTRIES = 12  # of a constant
 
@@ -123,8 +124,12 @@ def first_paragraph(docstring: str | None) -> str:
 
 
 def methods_of(found: type) -> Iterator[tuple[str, str]]:
-    """Public methods and properties that a class of sonata2d defines itself, with what they do."""
-    for name, value in vars(found).items():
+    """Public methods and properties that a class of sonata2d defines itself, or shows, with what they do."""
+    members = dict(vars(found))
+    for base in found.__mro__[1:]:
+        if base.__module__ in _SHOWN_WITH_SUBCLASSES:
+            members |= {name: value for name, value in vars(base).items() if name not in members}
+    for name, value in members.items():
         if name.startswith("_"):
             continue
         function = value.__func__ if isinstance(value, classmethod | staticmethod) else value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,9 +11,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .drawable import Drawable, Drawing
 from .entities import Door, EndsOn, Furniture, Goal, Group, Human, Interaction, Place, Queue, Robot, Wall
 from .geometry import Barriers, Edge, Point
 from .portable_math import Array
+from .wording import counted
 
 PARKING_DISTANCE, PARKING_SPACING = 200.0, 5.0  # m, of absent pedestrians from the room and from each other
 
@@ -90,8 +93,8 @@ Unmeasured = Literal["robot", "goal", "headings", "heads", "seed", "outcome"]
 """What a recording of another program may lack; headings are the directions of pedestrians' bodies."""
 
 
-@dataclass(frozen=True)
-class Scene:
+@dataclass(frozen=True, repr=False)
+class Scene(Drawable):
     """The layout that an episode starts from, with all that determines its course apart from the controller.
 
     Attributes:
@@ -126,6 +129,38 @@ class Scene:
     doors: tuple[Door, ...] = ()
     queues: tuple[Queue, ...] = ()
     places: tuple[Place, ...] = ()
+
+    def __repr__(self) -> str:
+        people, objects = counted(len(self.humans), "person"), counted(len(self.furniture), "object")
+        return f"<Scene {self.title}: {people}, {objects}>"
+
+    @property
+    def title(self) -> str:
+        """Family, seed and episode number, in words."""
+        origin = "" if "seed" in self.unmeasured else f", seed {self.seed}, episode {self.episode}"
+        return f"{self.family}{origin}"
+
+    @property
+    def origin(self) -> dict[str, object]:
+        """Scenario and seed, for tables."""
+        own: dict[str, object] = {"scenario": self.name, "family": self.family}
+        return own if "seed" in self.unmeasured else own | {"seed": self.seed, "episode": self.episode}
+
+    def _drawing(self) -> Drawing:
+        from .snapshot import snapshot_of  # which is built on scenes
+
+        return Drawing([snapshot_of(self)])
+
+    def _facts(self) -> dict[str, object]:
+        kinds = Counter(piece.type for piece in self.furniture)
+        return {
+            **self.origin,
+            "people": len(self.humans),
+            "objects": ", ".join(counted(number, kind) for kind, number in kinds.items()) or "none",
+            "robot": f"({self.robot.pose.x:.2f}, {self.robot.pose.y:.2f}) m",
+            "goal": f"({self.goal.x:.2f}, {self.goal.y:.2f}) m",
+            "time limit": f"{self.rules.time_limit:g} s",
+        }
 
     @cached_property
     def barriers(self) -> Barriers:

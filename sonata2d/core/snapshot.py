@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, Protocol, Self
@@ -9,12 +10,30 @@ from typing import Any, Literal, NamedTuple, Protocol, Self
 import numpy as np
 
 from .devices import DeviceEvent
+from .drawable import Drawable, Drawing
 from .entities import Furniture, Goal, Interaction, Robot, Wall
 from .geometry import Point, Pose, Twist
-from .humans import BODY_X, BODY_Y, OMEGA, VX, VY, Constant, Humans, X, Y, frozen
-from .portable_math import Array, IntArray, angle_of
+from .humans import (
+    BODY_X,
+    BODY_Y,
+    GAZE_Y,
+    OMEGA,
+    VX,
+    VY,
+    Constant,
+    Humans,
+    X,
+    Y,
+    activities_of_present,
+    constant_of,
+    frozen,
+    human_ids,
+    initial_activities,
+)
+from .portable_math import Array, IntArray, angle_of, unit_vector
 from .scene import Scene
 from .state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED, State, joined_row, robot_row
+from .wording import counted
 
 CLOSING_SPEED = 0.01  # m/s; a side that approaches the other faster than this closes the gap between them
 Status = Literal["goal", "timeout", "contact", "stopped", "regenerate", "error"]
@@ -75,8 +94,8 @@ class RobotState:
         return Twist(vx * c + vy * s, vy * c - vx * s, self.omega)
 
 
-@dataclass(frozen=True)
-class Snapshot:
+@dataclass(frozen=True, repr=False)
+class Snapshot(Drawable):
     """State of the world at one tick, frozen; controller and crowd receive the same one.
 
     The objects of a snapshot of a running episode are built when they are first read, so that a controller pays only
@@ -171,6 +190,24 @@ class Snapshot:
         if humans.row is not None:
             is_present = frozen(humans.expand(np.ones(len(humans), dtype=bool), count, False))
         return State(row, frozen(humans.expand(humans.activity_index, count, 0)), is_present)
+
+    def __repr__(self) -> str:
+        people = counted(len(self.humans), "person")
+        return f"<Snapshot of {self.scene.title}: tick {self.tick}, {self.time:g} s, {people}>"
+
+    def _drawing(self) -> Drawing:
+        return Drawing([self])
+
+    def _facts(self) -> dict[str, object]:
+        (x, y), (vx, vy) = self.robot.position, self.robot.velocity
+        return {
+            **self.scene.origin,
+            "time": f"{self.time:g} s, tick {self.tick}",
+            "robot": f"({x:.2f}, {y:.2f}) m, {math.sqrt(vx * vx + vy * vy):.2f} m/s",
+            "people": len(self.humans),
+            "interactions": len(self.interactions),
+            "contacts": len(self.contacts),
+        }
 
     @property
     def goal(self) -> Goal:
@@ -280,3 +317,23 @@ class Observer(Protocol):
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
         """Called once, at the end; `last` is the final snapshot, to which no command belongs."""
+
+
+def snapshot_of(scene: Scene) -> Snapshot:
+    """The snapshot at tick 0: all agents at their initial poses and at rest, heads pointing ahead."""
+    robot = scene.robot
+    state = np.zeros((len(scene.humans), 9))
+    for row, human in zip(state, scene.humans, strict=True):
+        row[X : Y + 1] = human.pose.position
+        row[BODY_X : GAZE_Y + 1] = (*human.pose.direction, *human.pose.direction)
+    at_rest = RobotState(robot.pose.position, unit_vector(robot.pose.theta), (0.0, 0.0), 0.0, Twist(), False, robot)
+    entering_later = {human.id for human in scene.humans if human.enters > 0}
+    interactions = tuple(
+        link for link in scene.interactions if link.src not in entering_later and link.dst not in entering_later
+    )
+    activity = initial_activities(scene)
+    if entering_later:
+        activity = activities_of_present(activity, human_ids(scene), interactions)
+    humans = Humans(frozen(state), *constant_of(scene), activity)
+    present = humans.select(np.flatnonzero([human.enters == 0 for human in scene.humans]))
+    return Snapshot(0, 0.0, scene, at_rest, present, interactions)

@@ -48,3 +48,13 @@ def described(error: BaseException, max_length: int | None = 300) -> str:
         max_length: maximum number of characters, see `one_line`.
     """
     return one_line(f"{one_line(type(error).__name__, 100)}: {text_of(error) or ''}", max_length).removesuffix(":")
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun.
+
+    >>> counted(1, "episode"), counted(3, "person")
+    ('1 episode', '3 people')
+    """
+    plural = {"person": "people"}.get(noun, f"{noun}s")
+    return f"{number} {noun if number == 1 else plural}"

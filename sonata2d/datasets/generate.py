@@ -26,8 +26,9 @@ from ..core.wording import described, one_line, text_of
 from ..errors import ControllerError, ControllerWarning, RecordError, SceneError, Sonata2dError, WorkerError
 from ..record.layout import JsonDict
 from ..record.recorder import EpisodeRecorder
-from ..scenegen.generator import generate, require_config
+from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
+from ..scenegen.scenario.load import scenario_of
 from ..sim.episode import Episode, controller_info_of, renderer_for
 from .card import write_manifest_and_card
 from .executors import Advance, Workers, end_if_forked, unordered_map
@@ -83,7 +84,7 @@ class Job:
 
 def generate_dataset(
     out: str | Path,
-    scenario: ScenarioConfig,
+    scenario: str | Path | ScenarioConfig = "sonata-2020",
     controller: str = "social-planner",
     *,
     episodes: int = 20,
@@ -100,7 +101,7 @@ def generate_dataset(
     Args:
         out: folder of the data set. Unless `resume` or `overwrite` is set, it is new or empty, or holds a data set
             without episodes, as of a run that failed at once.
-        scenario: settings of the scenes.
+        scenario: settings of the scenes, the name of a preset, or the path of a scenario file.
         controller: name of the controller, as on the command line; each worker creates its own.
         episodes: number of episodes; with `keep`, number of kept episodes.
         seed: seed of the data set; the bytes of episode k depend on no other argument but scenario and controller.
@@ -123,14 +124,15 @@ def generate_dataset(
         WorkerError: a worker process crashed, or was killed; finished episodes stay.
         SceneError: a scene cannot be generated; finished episodes stay.
         ValueError: `keep` names an outcome that cannot be kept, or both `resume` and `overwrite` are set.
-        TypeError: the scenario is not a `ScenarioConfig`.
+        ConfigError: there is no such preset or scenario file, or the file is invalid.
+        TypeError: the scenario is something else.
 
     Warns:
         ControllerWarning: most commands exceed the limits of the robot's drive, or move a unicycle sideways.
     """
     if resume and overwrite:
         raise ValueError("resume continues a data set and overwrite replaces it; set one of them")
-    require_config(scenario)
+    config = scenario_of(scenario)
     out = Path(out)
     kept_outcomes = _in_fixed_order(keep)
     process = os.getpid()
@@ -139,7 +141,7 @@ def generate_dataset(
     stored = read_manifest(out) if resume and (out / MANIFEST).exists() else None
     split = None if stored is None else stored["split"]
     info, hashes = controller_info_of(loaded, controller), source_hashes(controller, loaded)
-    spec = DatasetSpec(scenario.name, scenario.settings(), seed, episodes, info, suffix, kept_outcomes, hashes)
+    spec = DatasetSpec(config.name, config.settings(), seed, episodes, info, suffix, kept_outcomes, hashes)
     spec = _without_unknown_code(spec, out, stored)
     with sole_writer(out):
         listed = start_dataset(out, spec, resume=resume, overwrite=overwrite)
@@ -148,7 +150,7 @@ def generate_dataset(
         missing = episodes - min(len(progress.stored), episodes)
         with _logged(out, missing, workers), _finished_listed(out, spec, progress):
             try:
-                _run_episodes(Job(out.absolute(), scenario, spec), progress, workers if missing > 1 else 1, advance)
+                _run_episodes(Job(out.absolute(), config, spec), progress, workers if missing > 1 else 1, advance)
                 if (failure := progress.failure) is not None:
                     raise failure.error(_failure_message(failure, out, spec)) from _RaisedInWorker(failure.traceback)
             except (WorkerError, *_FAILURES) as error:

@@ -27,7 +27,7 @@ from ..record.reader import record_from_document
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
-from ..scenegen.scenario.load import load_scenario
+from ..scenegen.scenario.load import scenario_of
 from ..sim.episode import Episode
 from .observation import Encoder, Observation, Order, Sizes
 from .recording import FolderRecorder, recording_folder
@@ -123,12 +123,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         for name, value in (("settings", settings), ("sizes", sizes)):
             if not isinstance(value, Mapping | None):
                 raise TypeError(f"{name} must be a dictionary, e.g. {_EXAMPLES[name]}, got {value!r}")
-        if not isinstance(scenario, str | Path | ScenarioConfig):
-            raise TypeError(
-                "scenario must be the name of a preset, the path of a file or a ScenarioConfig; single settings are "
-                f"given as `settings`; got {shown(scenario)}"
-            )
-        config = scenario if isinstance(scenario, ScenarioConfig) else load_scenario(scenario)
+        config = scenario_of(scenario)
         self.config = config.changed(**settings) if settings else config
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / self.config.rules.dt), 1)}
         self.entities = Sizes.of(self.config)

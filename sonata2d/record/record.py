@@ -7,17 +7,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex, overload
 
 import numpy as np
 
 from ..core.devices import DeviceEvent
+from ..core.drawable import Drawable, Drawing
 from ..core.geometry import Twist
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Constant, Humans, X, Y, constant_of, frozen
 from ..core.labels import LabelSpec
 from ..core.portable_math import Array, BoolArray, IntArray, unit_vector, unit_vectors
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
+from ..core.wording import counted
 from ..errors import RecordError
 from .counts import run_counts
 from .layout import (
@@ -55,9 +57,12 @@ class States:
     activity: IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class EpisodeRecord:
+@dataclass(frozen=True, eq=False, repr=False)
+class EpisodeRecord(Drawable):
     """A recorded episode of T frames and N people. Its arrays are read-only.
+
+    `record[i]` is the snapshot of frame i, `record[2:5]` a list of snapshots, and `for snapshot in record` goes through
+    those of all T frames. The final state, which has no command any more, is `record.snapshot(-1)`.
 
     Attributes:
         path: of the file.
@@ -86,6 +91,53 @@ class EpisodeRecord:
     def __len__(self) -> int:
         """T, the number of frames."""
         return len(self.command)
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> Snapshot: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Snapshot]: ...
+
+    def __getitem__(self, index: SupportsIndex | slice) -> Snapshot | list[Snapshot]:
+        """The snapshot of a frame, or a list of some.
+
+        Raises:
+            IndexError: there is no such frame.
+        """
+        if isinstance(index, slice):
+            return [self.snapshot(t) for t in range(len(self))[index]]
+        if not hasattr(index, "__index__"):
+            raise TypeError(f"a record is indexed by the number of a frame, or a slice, got {index!r}")
+        try:
+            return self.snapshot(range(len(self))[index])
+        except IndexError:
+            raise IndexError(f"frame {index!r} of {self!r}: the numbers are 0 to {len(self) - 1}") from None
+
+    def __iter__(self) -> Iterator[Snapshot]:
+        """The snapshots of the T frames."""
+        return (self.snapshot(t) for t in range(len(self)))
+
+    def __repr__(self) -> str:
+        people = counted(self.states.humans.shape[1], "person")
+        frames = counted(len(self), "frame")
+        return f"<EpisodeRecord {self.id} of {self.family}: {frames}, {self._end}, {people}, {self.outcome.status}>"
+
+    @property
+    def _end(self) -> str:
+        return f"{float(self.states.time[-1]):g} s"
+
+    def _drawing(self) -> Drawing:
+        return Drawing(list(self.snapshots()), self.outcome.status, self.command.tolist(), self.labels)
+
+    def _facts(self) -> dict[str, object]:
+        return {
+            "file": self.path,
+            **self._scene.origin,
+            "controller": self.controller_info.path,
+            "outcome": f"{self.outcome.status}: {self.outcome.reason}",
+            "length": f"{self._end}, {counted(len(self), 'frame')}",
+            "people": self.states.humans.shape[1],
+        }
 
     @property
     def id(self) -> str:

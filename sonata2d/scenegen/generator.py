@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from ..core.entities import Furniture, Human
 from ..core.geometry import Barriers, Pose, inside_polygon
 from ..core.rng import RandomStream
 from ..core.scene import Rules, Scene, standing_throughout
-from ..core.wording import shown
 from ..errors import SceneError
 from .floor_plans import FloorPlan, draw_floor_plan
 from .journeys import Journeys, plan_journeys, with_visitors
@@ -36,16 +36,17 @@ from .sampling import (
     shape_of,
 )
 from .scenario.config import ScenarioConfig
+from .scenario.load import scenario_of
 
 
-def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
+def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 0) -> Scene:
     """Generate a scene.
 
     The room, the entities, their relations and the distances within relations are drawn once. Only poses are drawn
     again where something does not fit, so that small rooms are not biased towards few entities and short distances.
 
     Args:
-        config: settings of the scenario.
+        config: settings of the scenario, the name of a preset, or the path of a scenario file.
         seed: of the data set, 0 or more.
         episode: number of the episode in the data set.
 
@@ -54,12 +55,13 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
 
     Raises:
         SceneError: no layout of `config.max_layouts` has space for everything, or a given position is not possible.
-        TypeError: the settings are not a `ScenarioConfig`.
+        ConfigError: there is no such preset or file, or the file is invalid.
+        TypeError: the scenario is something else.
 
     >>> generate(ScenarioConfig(), seed=7) == generate(ScenarioConfig(), seed=7)
     True
     """
-    require_config(config)
+    config = scenario_of(config)
     rng = RandomStream(seed, episode, "scene")
     plan, given = draw_floor_plan(config.room, rng), config
     if config.flip and rng.uniform() < config.flip:
@@ -80,13 +82,6 @@ def generate(config: ScenarioConfig, seed: int, episode: int = 0) -> Scene:
         scene = _try_layout(given, plan, fixed, clusters, journeys, manners, rng)  # the last error is raised
     scene = with_visitors(scene, given, journeys, manners, own_rng)
     return replace(scene, seed=seed, episode=episode, settings=config.settings())
-
-
-def require_config(config: object) -> None:
-    """Raise TypeError for the name of a scenario, or a dictionary, in place of its settings."""
-    if not isinstance(config, ScenarioConfig):
-        how = "ScenarioConfig(**settings)" if isinstance(config, dict) else "load_scenario(name or file)"
-        raise TypeError(f"the scenario must be a ScenarioConfig, got {shown(config)}; use sonata2d.{how}")
 
 
 def _check_furniture(fixed: tuple[Furniture, ...], plan: FloorPlan) -> None:

@@ -12,10 +12,11 @@ from ..agents.controllers.base import Controller, External, Regenerate, Stop, re
 from ..agents.pedestrians.crowd import Crowd
 from ..core import interruption
 from ..core.devices import DeviceEvent, ImageRequest
+from ..core.drawable import Drawable, Drawing
 from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, Snapshot, Status
-from ..core.wording import described, shown, text_of
+from ..core.wording import counted, described, shown, text_of
 from ..errors import ControllerError, Sonata2dError
 from ..registry import did_you_mean
 from .world import World
@@ -51,7 +52,7 @@ class TickInput:
     events: tuple[DeviceEvent, ...] = ()
 
 
-class Episode:
+class Episode(Drawable):
     """Runs a scene tick by tick: observe, decide, record, move.
 
     Args:
@@ -99,6 +100,34 @@ class Episode:
         controller.reset(scene)
         for observer in self.observers:
             observer.open(scene, self._controller_info)
+
+    def __repr__(self) -> str:
+        state = "running" if self.outcome is None else self.outcome.status
+        ticks = counted(len(self.past), "tick")
+        return f"<Episode of {self.scene.title}: {type(self.controller).__name__}, {ticks}, {state}>"
+
+    def _drawing(self) -> Drawing:
+        again = Episode(self.scene, past=self.past)  # the snapshots of earlier ticks are not kept
+        snapshots = []
+        for _ in self.past:
+            snapshots.append(again.snapshot())
+            again.step()
+        commands = [(tick.command.vx, tick.command.vy, tick.command.omega) for tick in self.past]
+        labels = [
+            command if tick.label is None else tick.label for command, tick in zip(commands, self.past, strict=True)
+        ]
+        status = None if self.outcome is None else self.outcome.status
+        return Drawing([*snapshots, again.snapshot()], status, commands or None, labels or None)
+
+    def _facts(self) -> dict[str, object]:
+        ticks = len(self.past)
+        return {
+            **self.scene.origin,
+            "controller": type(self.controller).__name__,
+            "outcome": "running" if self.outcome is None else f"{self.outcome.status}: {self.outcome.reason}",
+            "length": f"{ticks * self.scene.rules.dt:g} s, {counted(ticks, 'tick')}",
+            "people": len(self.scene.humans),
+        }
 
     @property
     def is_over(self) -> bool:

@@ -73,6 +73,24 @@ def save_page(
     Raises:
         RenderError: `snapshots` is empty, or the file cannot be written.
     """
+    page = page_of(snapshots, commands=commands, labels=labels, layers=layers, caption=caption, outcome=outcome)
+    write_file(path, page.encode())
+
+
+def page_of(
+    snapshots: Iterable[Snapshot],
+    *,
+    commands: Any = None,
+    labels: Sequence[Any] | None = None,
+    layers: Layers | None = None,
+    caption: str | None = None,
+    outcome: str | None = None,
+) -> str:
+    """The page that `save_page` writes, with the same arguments.
+
+    Raises:
+        RenderError: `snapshots` is empty.
+    """
     snapshots = list(snapshots)
     if not snapshots:
         raise RenderError("there is nothing to draw: the episode holds no frame")
@@ -82,8 +100,8 @@ def save_page(
     data |= _controller_data(commands if is_driven else None, labels if is_driven else None)
     data["outcome"] = None if "outcome" in scene.unmeasured else outcome
     title = scene.name if caption is None else caption
-    page = _template().render(title=title, subtitle=origin(scene), data=data, legend=_legend(snapshots))
-    write_file(path, page.encode())
+    page: str = _template().render(title=title, subtitle=origin(scene), data=data, legend=_legend(snapshots))
+    return page
 
 
 def _template() -> Any:

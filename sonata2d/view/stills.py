@@ -14,22 +14,8 @@ import numpy as np
 import pygame
 
 from ..core.devices import View
-from ..core.geometry import Twist
-from ..core.humans import (
-    BODY_X,
-    GAZE_Y,
-    Humans,
-    X,
-    Y,
-    activities_of_present,
-    constant_of,
-    frozen,
-    human_ids,
-    initial_activities,
-)
-from ..core.portable_math import unit_vector
 from ..core.scene import Scene
-from ..core.snapshot import RobotState, Snapshot
+from ..core.snapshot import Snapshot, snapshot_of as snapshot_of
 from ..core.whole_file import whole_file
 from ..errors import RenderError
 from .annotations import STRIP, TEXT, draw_strip, origin, summary
@@ -63,7 +49,7 @@ def save_surface(surface: pygame.Surface, path: str | Path) -> None:
     """
     if Path(path).suffix.lower() != ".png":
         raise RenderError(f"{path}: a picture is written as PNG; end the name in .png")
-    write_file(path, _png(surface))
+    write_file(path, png_of(surface))
 
 
 def write_file(path: str | Path, content: bytes) -> None:
@@ -81,10 +67,11 @@ def write_file(path: str | Path, content: bytes) -> None:
 
 def url_of(surface: pygame.Surface) -> str:
     """A data URL that holds a surface as PNG, for pages that consist of one file."""
-    return "data:image/png;base64," + base64.b64encode(_png(surface)).decode("ascii")
+    return "data:image/png;base64," + base64.b64encode(png_of(surface)).decode("ascii")
 
 
-def _png(surface: pygame.Surface) -> bytes:
+def png_of(surface: pygame.Surface) -> bytes:
+    """A surface as the content of a PNG file."""
     file = io.BytesIO()
     pygame.image.save(surface, file, "picture.png")
     return file.getvalue()
@@ -196,26 +183,6 @@ def _vectors(
 
 
 # Scenes
-
-
-def snapshot_of(scene: Scene) -> Snapshot:
-    """The snapshot at tick 0: all agents at their initial poses and at rest, heads pointing ahead."""
-    robot = scene.robot
-    state = np.zeros((len(scene.humans), 9))
-    for row, human in zip(state, scene.humans, strict=True):
-        row[X : Y + 1] = human.pose.position
-        row[BODY_X : GAZE_Y + 1] = (*human.pose.direction, *human.pose.direction)
-    at_rest = RobotState(robot.pose.position, unit_vector(robot.pose.theta), (0.0, 0.0), 0.0, Twist(), False, robot)
-    entering_later = {human.id for human in scene.humans if human.enters > 0}
-    interactions = tuple(
-        link for link in scene.interactions if link.src not in entering_later and link.dst not in entering_later
-    )
-    activity = initial_activities(scene)
-    if entering_later:
-        activity = activities_of_present(activity, human_ids(scene), interactions)
-    humans = Humans(frozen(state), *constant_of(scene), activity)
-    present = humans.select(np.flatnonzero([human.enters == 0 for human in scene.humans]))
-    return Snapshot(0, 0.0, scene, at_rest, present, interactions)
 
 
 def scene_picture(

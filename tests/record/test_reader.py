@@ -93,6 +93,18 @@ def test_the_command_is_the_label_of_a_frame_without_label(episode: Path, tmp_pa
     assert read_episode(tmp_path / "labelled.json").labels == [{"tick": 0}, {"tick": 1}]
 
 
+def test_a_record_is_a_sequence_of_the_snapshots_of_its_frames(episode: Path) -> None:
+    record = read_episode(episode)
+    assert [snapshot.tick for snapshot in record] == list(range(6))
+    assert len(record) == 6
+    assert (record[2].tick, record[-1].tick, record[np.int64(3)].tick) == (2, 5, 3)
+    assert [snapshot.tick for snapshot in record[1:5:2]] == [1, 3]
+    with pytest.raises(IndexError, match=r"frame 6 of <EpisodeRecord .*: the numbers are 0 to 5"):
+        record[6]
+    with pytest.raises(TypeError, match="got 'x'"):
+        record["x"]  # type: ignore[call-overload]
+
+
 def test_snapshots_include_the_final_state(episode: Path) -> None:
     record = read_episode(episode)
     assert [snapshot.tick for snapshot in record.snapshots()] == list(range(7))

@@ -23,7 +23,7 @@ from sonata2d.core.navigation import FreeSpace
 from sonata2d.core.outlines import shape_gap
 from sonata2d.core.scene import Scene
 from sonata2d.core.vectors import wrap_angle
-from sonata2d.errors import SceneError
+from sonata2d.errors import ConfigError, SceneError
 from sonata2d.scenegen.generator import generate
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.scenegen.scenario.load import load_scenario
@@ -402,9 +402,17 @@ def test_the_requested_numbers_of_entities_are_placed(standing, wandering, table
     assert sum(piece.type == "table" for piece in scene.furniture) == tables
 
 
-@pytest.mark.parametrize(
-    ("settings", "remedy"), [("sonata-2020", "load_scenario"), ({"humans": 2}, r"ScenarioConfig\(\*\*settings\)")]
-)
-def test_a_name_or_a_dictionary_is_not_a_scenario(settings: Any, remedy: str) -> None:
-    with pytest.raises(TypeError, match=rf"must be a ScenarioConfig, got .*{remedy}"):
+def test_a_scenario_can_be_given_by_name_or_path(tmp_path: Path) -> None:
+    (tmp_path / "own.yaml").write_text("extends: lively\nwandering: 3\n")
+    assert generate("lively") == generate(load_scenario("lively"), seed=0)
+    by_path = generate(tmp_path / "own.yaml", seed=4)
+    assert by_path == generate(str(tmp_path / "own.yaml"), seed=4)
+    assert (by_path.name, sum(human.behaviour == "wandering" for human in by_path.humans)) == ("own", 3)
+    with pytest.raises(ConfigError, match="did you mean 'lively'"):
+        generate("livley")
+
+
+@pytest.mark.parametrize(("settings", "remedy"), [(3, ""), ({"humans": 2}, r"; ScenarioConfig\(\*\*settings\)")])
+def test_a_number_or_a_dictionary_is_not_a_scenario(settings: Any, remedy: str) -> None:
+    with pytest.raises(TypeError, match=rf"the name of a preset, .* or a ScenarioConfig, got .*{remedy}"):
         generate(settings, seed=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,23 @@ def load_scenario(name_or_path: str | Path) -> ScenarioConfig:
         ConfigError: there is no such preset or file, or the file is invalid; one line with file, line, key and value.
     """
     return _load(_find(str(name_or_path), Path()), ())[0]
+
+
+def scenario_of(scenario: object) -> ScenarioConfig:
+    """The settings of a scenario that is given as such, by name or by path.
+
+    Raises:
+        ConfigError: as `load_scenario`.
+        TypeError: it is something else, such as a dictionary.
+    """
+    if isinstance(scenario, ScenarioConfig):
+        return scenario
+    if isinstance(scenario, str | Path):
+        return load_scenario(scenario)
+    hint = "; ScenarioConfig(**settings) takes a dictionary" if isinstance(scenario, Mapping) else ""
+    raise TypeError(
+        f"a scenario is the name of a preset, the path of a file or a ScenarioConfig, got {shown(scenario)}{hint}"
+    )
 
 
 def preset_names() -> list[str]:

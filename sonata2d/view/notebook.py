@@ -1,0 +1,113 @@
+"""Pictures and pages in notebooks, and in a browser without one; `core.drawable` calls these functions."""
+
+from __future__ import annotations
+
+import html
+import importlib
+import sys
+import tempfile
+import webbrowser
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..core.drawable import Drawing
+from ..errors import RenderError
+from .draw import Layers, picture
+from .files import FILM_SUFFIXES, render
+from .page import page_of
+from .stills import filmstrip, png_of, write_file
+from .trails import Trails
+
+_CARD_SIDE = 320  # px, longer side of the picture beside a table
+_PAGE_HEIGHT = 640  # px, of a page below a cell
+
+
+def save(drawing: Drawing, path: str | Path, **options: Any) -> None:
+    """See `Drawable.save`."""
+    is_still = len(drawing.snapshots) == 1
+    if is_still and Path(path).suffix.lower() in FILM_SUFFIXES:
+        raise RenderError(f"{path}: a single state makes no film; end the name in .png, .svg or .html")
+    render(
+        drawing.snapshots, path, outcome=drawing.outcome, commands=drawing.commands, labels=drawing.labels, **options
+    )
+
+
+def show(
+    drawing: Drawing,
+    *,
+    size: tuple[int, int] | None = None,
+    layers: Layers | None = None,
+    caption: str | None = None,
+) -> None:
+    """See `Drawable.show`."""
+    surface = picture(
+        drawing.snapshots[-1], size=size, layers=layers or Layers(legend=True), trails=_trails(drawing),
+        caption=caption, outcome=drawing.outcome,
+    )  # fmt: skip
+    content = png_of(surface)
+    if not _displayed({"image/png": content}):
+        _open(content, ".png")
+
+
+def animate(drawing: Drawing, *, layers: Layers | None = None, caption: str | None = None) -> None:
+    """See `Drawable.animate`."""
+    page = page_of(
+        drawing.snapshots, commands=drawing.commands, labels=drawing.labels, layers=layers, caption=caption,
+        outcome=drawing.outcome,
+    )  # fmt: skip
+    frame = (
+        f'<iframe srcdoc="{html.escape(page)}" style="width: 100%; height: {_PAGE_HEIGHT}px; border: 0" '
+        'sandbox="allow-scripts"></iframe>'
+    )
+    if not _displayed({"text/html": frame}):
+        _open(page.encode(), ".html")
+
+
+def card(title: str, facts: Mapping[str, object], drawing: Drawing) -> str:
+    """A table of facts beside a picture, as HTML that fits light and dark notebooks.
+
+    Args:
+        title: above the table.
+        facts: text by name.
+        drawing: of which the last state is drawn, with paths, and without caption and legend.
+    """
+    (url,) = filmstrip(drawing.snapshots, [len(drawing.snapshots) - 1])
+    rows = "".join(
+        f'<tr><th style="text-align: left">{html.escape(name)}</th>'
+        f'<td style="text-align: left">{html.escape(str(value))}</td></tr>'
+        for name, value in facts.items()
+    )
+    return (
+        '<div style="display: flex; flex-wrap: wrap; gap: 1.5em; align-items: flex-start">'
+        f'<img src="{url}" alt="{html.escape(title)}" style="max-width: {_CARD_SIDE}px; max-height: {_CARD_SIDE}px"/>'
+        f'<div style="flex: 1 1 16em; min-width: 0; overflow-wrap: anywhere"><strong>{html.escape(title)}</strong>'
+        f"<table>{rows}</table></div></div>"
+    )
+
+
+def _trails(drawing: Drawing) -> Trails | None:
+    """The paths of a drawing; a single state has none."""
+    return Trails.of(drawing.snapshots) if len(drawing.snapshots) > 1 else None
+
+
+def _displayed(data: Mapping[str, Any]) -> bool:
+    """Show data by media type below the cell of a notebook that runs; False if there is none."""
+    ipython = sys.modules.get("IPython")  # it is loaded where a notebook runs
+    shell = None if ipython is None else ipython.get_ipython()
+    if shell is None or not hasattr(shell, "kernel"):
+        return False
+    importlib.import_module("IPython.display").display(dict(data), raw=True)
+    return True
+
+
+def _open(content: bytes, suffix: str) -> None:
+    """Open a file in the browser.
+
+    Raises:
+        RenderError: there is none.
+    """
+    path = Path(tempfile.mkdtemp(prefix="sonata2d-")) / f"episode{suffix}"
+    write_file(path, content)
+    if not webbrowser.open(path.as_uri()):
+        raise RenderError(f'there is neither a notebook nor a browser; save("episode{suffix}") writes a file')
