@@ -156,22 +156,23 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM was received, as from a cluster that needs the machine."""
 
 
-_IMPORT_GRACE = 2.0  # s, after which an interruption does not wait for an import any more
+_DELICATE_GRACE = 2.0  # s, after which an interruption does not wait any more
 
 
 @contextmanager
 def raising_interruptions() -> Iterator[None]:
     """Raise `Terminated` on SIGTERM, so that work in progress ends in an orderly way, as on Ctrl-C.
 
-    Both wait for the end of an import: some extension modules crash if an exception is raised while they are loaded.
+    Both wait for the end of an import, because some extension modules crash if an exception is raised while they are
+    loaded, and until pymunk has freed a world, where cffi would print the exception and go on.
     """
     deadline = math.inf
 
     def stop(number: int, frame: FrameType | None) -> None:
         nonlocal deadline
         now = time.monotonic()
-        deadline = min(deadline, now + _IMPORT_GRACE)
-        if _is_importing(frame) and now < deadline:
+        deadline = min(deadline, now + _DELICATE_GRACE)
+        if _is_delicate(frame) and now < deadline:
             again = threading.Timer(0.01, interrupt_main, [number])
             again.daemon = True
             again.start()
@@ -194,11 +195,16 @@ def raising_interruptions() -> Iterator[None]:
         forget()
 
 
-def _is_importing(frame: FrameType | None) -> bool:
-    """Whether a module is being loaded."""
-    while frame is not None and frame.f_code.co_filename != "<frozen importlib._bootstrap>":
+def _is_delicate(frame: FrameType | None) -> bool:
+    """Whether a module is being loaded, or pymunk is freeing memory."""
+    while frame is not None:
+        code = frame.f_code
+        if code.co_filename == "<frozen importlib._bootstrap>":
+            return True
+        if "free" in code.co_name and Path(code.co_filename).parent.name == "pymunk":
+            return True
         frame = frame.f_back
-    return frame is not None
+    return False
 
 
 def exit_interrupted(error: KeyboardInterrupt, hint: str = "") -> NoReturn:

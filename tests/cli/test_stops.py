@@ -340,6 +340,22 @@ def test_a_data_set_is_generated_by_one_program_at_a_time(sonata2d: Run, here: P
     assert not [path for path in (here / "out").iterdir() if path.name.startswith(".")]
 
 
+def test_a_signal_waits_until_pymunk_has_freed_its_memory(here: Path) -> None:
+    """The controller makes a finalizer of pymunk's that sends the signal, and goes on for a moment."""
+    (here / "fatal.py").write_text(
+        FATAL.format(at_import="", in_act="free()")
+        + '\ntext = \'def spacefree():\\n os.kill(os.getpid(), signal.SIGTERM)\\n open("freed", "w").close()\'\n'
+        + "space = {'os': os, 'signal': signal}\n"
+        + "exec(compile(text, '/lib/pymunk/space.py', 'exec'), space)\nfree = space['spacefree']\n"
+    )
+    line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 2000 --workers 1"
+    with started(line) as process:
+        _, output = process.communicate(timeout=100)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert one_line(output).startswith("terminated")
+    assert (here / "freed").exists()
+
+
 @pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
 @pytest.mark.parametrize(("number", "word"), [("SIGINT", "interrupted"), ("SIGTERM", "terminated")])
 def test_a_signal_waits_for_the_end_of_an_import(here: Path, number: str, word: str) -> None:
