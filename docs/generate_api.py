@@ -31,7 +31,7 @@ PURPOSES = {
     "Write a controller": ("Controller", "Twist", "Pose", "Stop", "Regenerate", "check_controller", "clearance"),
     "Stock controllers": ("SocialPlanner", "StraightToGoal", "SocialForce", "Orca", "HumanLike"),
     "Describe scenarios": ("ScenarioConfig", "load_scenario", "Door", "Queue", "Place"),
-    "Record and read episodes": ("JsonRecorder", "EpisodeRecorder", "read_episode", "EpisodeRecord"),
+    "Record and read episodes": ("JsonRecorder", "EpisodeRecorder", "read_episode", "EpisodeRecord", "Dataset"),
     "Generate data sets": ("generate_dataset",),
     "Constants and types": ("INTIMATE_DISTANCE", "PERSONAL_DISTANCE", "SOCIAL_DISTANCE", "Array", "__version__"),
     "Exceptions": ("Sonata2dError", "errors"),

@@ -14,6 +14,7 @@ from .core.proxemics import (
 )
 from .core.scene import Scene as Scene
 from .core.snapshot import Frame as Frame, Observer as Observer, Outcome as Outcome, Snapshot as Snapshot
+from .datasets.dataset import Dataset as Dataset
 from .datasets.generate import generate_dataset as generate_dataset
 from .errors import Sonata2dError as Sonata2dError
 from .record.reader import read_episode as read_episode

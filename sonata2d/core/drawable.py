@@ -69,7 +69,7 @@ class Drawable:
         Raises:
             RenderError: the suffix is unknown, an argument has no effect on the format, or the file cannot be written.
         """
-        _display().save(
+        display().save(
             self._drawing(), path, size=size, scale=scale, strip=strip, fps=fps, speed=speed, layers=layers,
             caption=caption,
         )  # fmt: skip
@@ -83,7 +83,7 @@ class Drawable:
         Raises:
             RenderError: the size is out of range, or there is neither a notebook nor a browser.
         """
-        _display().show(self._drawing(), size=size, layers=layers, caption=caption)
+        display().show(self._drawing(), size=size, layers=layers, caption=caption)
 
     def animate(self, *, layers: Any = None, caption: str | None = None) -> None:
         """Show a page that plays the episode: below a cell of a notebook, else in a browser.
@@ -94,11 +94,11 @@ class Drawable:
         Raises:
             RenderError: there is neither a notebook nor a browser.
         """
-        _display().animate(self._drawing(), layers=layers, caption=caption)
+        display().animate(self._drawing(), layers=layers, caption=caption)
 
     def _repr_html_(self) -> str:
         """A table and a picture, which notebooks show."""
-        html: str = _display().card(type(self).__name__, self._facts(), self._drawing())
+        html: str = display().card(type(self).__name__, self._facts(), [self._drawing()])
         return html
 
     @abstractmethod
@@ -110,5 +110,6 @@ class Drawable:
         """What the table of a notebook says, by name."""
 
 
-def _display() -> Any:
+def display() -> Any:
+    """The functions that draw, `sonata2d.view.notebook`."""
     return importlib.import_module("sonata2d.view.notebook")

@@ -19,7 +19,6 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import orjson
 
 from ..core.humans import ACTIVITIES
@@ -29,13 +28,12 @@ from ..errors import RecordError
 from ..record.files import file_stem, write_atomically
 from ..record.layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
+from ..record.tables import JSON_KEYS, TABLES, tables_of
 from .base import Format, Options
 from .parse import parsing
 
 NAME = "parquet"
-TABLES = ("episodes", "frames", "agents", "interactions")
 _ROW_GROUP = 100_000  # rows
-_JSON_KEYS = ("contacts", "events", "label")  # columns of `frames` that hold JSON
 
 
 def export_all(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
@@ -96,7 +94,7 @@ def _write_all(pa: Any, records: Iterator[EpisodeRecord], writers: dict[str, Any
                 f"{record.path}: another episode is also named {name}, but names join the tables; rename one file"
             )
         names.add(name)
-        for table, columns in _rows(record, name).items():
+        for table, columns in tables_of(record, name).items():
             waiting[table].append(pa.table(columns, schema=schemas[table]))
             if sum(len(part) for part in waiting[table]) > _ROW_GROUP:
                 writers[table].write_table(pa.concat_tables(waiting[table]))
@@ -138,85 +136,11 @@ def _schemas(pa: Any) -> dict[str, Any]:
         | robot
         | twists
         | {"guarded": pa.bool_()}
-        | dict.fromkeys(_JSON_KEYS, text),
+        | dict.fromkeys(JSON_KEYS, text),
         "agents": frame_key | {"human_id": integer} | human | {"activity": text, "radius": number, "breadth": number},
         "interactions": frame_key | {"src": integer, "relation": text, "dst": integer},
     }
     return {name: pa.schema(list(columns.items())) for name, columns in tables.items()}
-
-
-def _rows(record: EpisodeRecord, name: str) -> dict[str, dict[str, Any]]:
-    """The columns of each table for one episode."""
-    frames = [*record.document["frames"], record.document["final"]]
-    rows = [(frame["tick"], *interaction) for frame in frames for interaction in frame["interactions"]]
-    tick, src, relation, dst = (list(column) for column in zip(*rows, strict=True)) if rows else ([], [], [], [])
-    return {
-        "episodes": _episode(record, name),
-        "frames": _frames(record, name, frames),
-        "agents": _agents(record, name),
-        "interactions": {
-            "episode_id": [name] * len(rows), "tick": tick, "src": src, "relation": relation, "dst": dst
-        },
-    }  # fmt: skip
-
-
-def _episode(record: EpisodeRecord, name: str) -> dict[str, Any]:
-    document, scene = record.document, record.scene()
-    header = {key: value for key, value in document.items() if key not in ("frames", "final")}
-    row = {key: document[key] for key in ("name", "family", "contributor", "context", "seed", "episode", "physics")}
-    row |= {
-        "episode_id": name,
-        "outcome": record.outcome.status,
-        "outcome_reason": record.outcome.reason,
-        "frames": len(record),
-        "dt": scene.rules.dt,
-        "goal_x": scene.goal.x,
-        "goal_y": scene.goal.y,
-        "goal_distance": scene.goal.distance,
-        "robot_radius": scene.robot.radius,
-        "label": _json(document, "label"),
-        "header": orjson.dumps(header).decode(),
-    }
-    return {key: [value] for key, value in row.items()}
-
-
-def _json(tree: JsonDict, key: str) -> str | None:
-    return orjson.dumps(tree[key]).decode() if key in tree else None
-
-
-def _frames(record: EpisodeRecord, name: str, frames: list[JsonDict]) -> dict[str, Any]:
-    robot = {f"robot_{key}": record.states.robot[:, k] for k, key in enumerate(ROBOT_NAMES)}
-    twists = {
-        f"{kind}_{key}": [frame[kind][k] if kind in frame else None for frame in frames]
-        for kind in ("command", "executed")
-        for k, key in enumerate(COMMAND_NAMES)
-    }
-    return {
-        "episode_id": [name] * len(frames),
-        "tick": record.states.tick,
-        "time": record.states.time,
-        **robot,
-        **twists,
-        "guarded": [frame.get("guarded") for frame in frames],
-        **{key: [_json(frame, key) for frame in frames] for key in _JSON_KEYS},
-    }
-
-
-def _agents(record: EpisodeRecord, name: str) -> dict[str, Any]:
-    """The pedestrians who are present, frame by frame."""
-    states, humans = record.states, record.scene().humans
-    t, k = np.nonzero(states.present)
-    activities = np.array(record.document["activities"], dtype=object)
-    rows = states.humans[t, k]
-    return {
-        "episode_id": [name] * len(t),
-        "tick": states.tick[t],
-        "human_id": np.array([human.id for human in humans], dtype=np.int64)[k],
-        **{key: rows[:, column] for column, key in enumerate(HUMAN_NAMES)},
-        "activity": activities[states.activity[t, k]].tolist(),
-        "radius": np.array([human.radius for human in humans], dtype=float)[k],
-        "breadth": np.array([human.breadth for human in humans], dtype=float)[k],
-    }
 
 
 def _readme() -> str:
@@ -306,7 +230,7 @@ def _frame(row: JsonDict, humans: list[Any], activity: list[int], interactions: 
         "humans": humans,
         "activity": activity,
         "interactions": interactions,
-        **{key: orjson.loads(row[key]) for key in _JSON_KEYS if row[key] is not None},
+        **{key: orjson.loads(row[key]) for key in JSON_KEYS if row[key] is not None},
     }
 
 

@@ -7,16 +7,18 @@ import importlib
 import sys
 import tempfile
 import webbrowser
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import pygame
 
 from ..core.drawable import Drawing
 from ..errors import RenderError
 from .draw import Layers, picture
 from .files import FILM_SUFFIXES, render
 from .page import page_of
-from .stills import filmstrip, png_of, write_file
+from .stills import episode_sheet, filmstrip, png_of, save_surface, write_file
 from .trails import Trails
 
 _CARD_SIDE = 320  # px, longer side of the picture beside a table
@@ -64,23 +66,45 @@ def animate(drawing: Drawing, *, layers: Layers | None = None, caption: str | No
         _open(page.encode(), ".html")
 
 
-def card(title: str, facts: Mapping[str, object], drawing: Drawing) -> str:
-    """A table of facts beside a picture, as HTML that fits light and dark notebooks.
+def save_sheet(drawings: Sequence[Drawing], titles: Sequence[str], path: str | Path) -> None:
+    """Write pictures of several episodes side by side as PNG, each with its title."""
+    save_surface(_sheet(drawings, titles), path)
+
+
+def show_sheet(drawings: Sequence[Drawing], titles: Sequence[str]) -> None:
+    """Show what `save_sheet` writes."""
+    content = png_of(_sheet(drawings, titles))
+    if not _displayed({"image/png": content}):
+        _open(content, ".png")
+
+
+def _sheet(drawings: Sequence[Drawing], titles: Sequence[str]) -> pygame.Surface:
+    texts = [f"{title}   {drawing.outcome or ''}" for title, drawing in zip(titles, drawings, strict=True)]
+    return episode_sheet([drawing.snapshots for drawing in drawings], titles=texts)
+
+
+def card(title: str, facts: Mapping[str, object], drawings: Sequence[Drawing]) -> str:
+    """A table of facts beside pictures, as HTML that fits light and dark notebooks.
 
     Args:
         title: above the table.
         facts: text by name.
-        drawing: of which the last state is drawn, with paths, and without caption and legend.
+        drawings: of each the last state is drawn, with paths, and without caption and legend.
     """
-    (url,) = filmstrip(drawing.snapshots, [len(drawing.snapshots) - 1])
+    side = _CARD_SIDE if len(drawings) == 1 else _CARD_SIDE // 2
+    pictures = "".join(
+        f'<img src="{filmstrip(drawing.snapshots, [len(drawing.snapshots) - 1])[0]}" alt="{html.escape(title)}" '
+        f'style="max-width: {side}px; max-height: {side}px; margin: 0 8px 8px 0"/>'
+        for drawing in drawings
+    )
     rows = "".join(
-        f'<tr><th style="text-align: left">{html.escape(name)}</th>'
+        f'<tr><th style="text-align: left; white-space: nowrap; vertical-align: top">{html.escape(name)}</th>'
         f'<td style="text-align: left">{html.escape(str(value))}</td></tr>'
         for name, value in facts.items()
     )
     return (
         '<div style="display: flex; flex-wrap: wrap; gap: 1.5em; align-items: flex-start">'
-        f'<img src="{url}" alt="{html.escape(title)}" style="max-width: {_CARD_SIDE}px; max-height: {_CARD_SIDE}px"/>'
+        f'<div style="flex: 0 1 {_CARD_SIDE + 24}px">{pictures}</div>'
         f'<div style="flex: 1 1 16em; min-width: 0; overflow-wrap: anywhere"><strong>{html.escape(title)}</strong>'
         f"<table>{rows}</table></div></div>"
     )

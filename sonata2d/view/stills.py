@@ -216,6 +216,31 @@ def scene_picture(
     return _tiled(tiles, columns)
 
 
+def episode_sheet(
+    episodes: Sequence[Sequence[Snapshot]], *, titles: Sequence[str], columns: int | None = None
+) -> pygame.Surface:
+    """Draw episodes side by side, each at its end with the paths up to it, all at the same scale.
+
+    Args:
+        episodes: the snapshots of each.
+        titles: one per episode.
+        columns: pictures per row; by default about as many as rows.
+
+    Raises:
+        RenderError: no episode is given, or a picture would be too large or too small at that scale.
+    """
+    if not episodes:
+        raise RenderError("there is no episode to draw")
+    columns = columns or math.ceil(math.sqrt(len(episodes)))
+    scale = _common_scale([snapshots[-1].scene for snapshots in episodes], columns)
+    layers = Layers(caption=False, legend=False)
+    tiles = [
+        _with_title(picture(snapshots[-1], layers=layers, trails=Trails.of(snapshots), scale=scale), title)
+        for snapshots, title in zip(episodes, titles, strict=True)
+    ]
+    return _tiled(tiles, columns)
+
+
 # Moments of an episode
 
 

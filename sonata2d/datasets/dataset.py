@@ -1,0 +1,284 @@
+"""`Dataset`: the episodes of a folder as a sequence that reads them when they are accessed."""
+
+from __future__ import annotations
+
+import importlib
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, SupportsIndex, overload
+
+from ..core.drawable import display
+from ..core.wording import counted, shown
+from ..errors import RecordError
+from ..record.files import file_stem
+from ..record.layout import JsonDict
+from ..record.reader import read_episode
+from ..record.record import EpisodeRecord
+from ..record.tables import TABLES, tables_of
+from ..registry import did_you_mean
+from .manifest import MANIFEST, files_of, read_manifest
+from .split import FRACTIONS, split_dataset
+
+_SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
+
+
+class Dataset(Sequence[EpisodeRecord]):
+    """The episodes of a folder; each is read when it is accessed, and not kept.
+
+    `dataset[3]` is a record, `dataset["000003"]` that of a file, `dataset[:10]` a data set again.
+
+    Args:
+        path: folder of a data set, or of any episode files, compressed or not; or one file.
+
+    Attributes:
+        path: as given.
+        files: of the episodes, in the order of the manifest, or of their names.
+        manifest: as read from the folder; None: it has none.
+
+    Raises:
+        RecordError: the path does not exist or holds no episode, or its manifest is damaged.
+
+    Warns:
+        DatasetWarning: the data set is interrupted.
+
+    Example:
+        >>> import sonata2d as s2
+        >>> dataset = s2.Dataset("demo")
+        >>> len(dataset.filter(outcome="goal")) <= len(dataset)
+        True
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.files: tuple[Path, ...] = tuple(files_of(self.path))
+        is_listed = self.path.is_dir() and (self.path / MANIFEST).exists()
+        self.manifest: JsonDict | None = read_manifest(self.path) if is_listed else None
+
+    def __len__(self) -> int:
+        """Number of episodes."""
+        return len(self.files)
+
+    @overload
+    def __getitem__(self, index: SupportsIndex | str) -> EpisodeRecord: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Dataset: ...
+
+    def __getitem__(self, index: SupportsIndex | str | slice) -> EpisodeRecord | Dataset:
+        """The record of an episode, by number or by the name of its file; or a part of the data set.
+
+        Raises:
+            IndexError, KeyError: there is no such episode.
+            RecordError: the file cannot be read.
+        """
+        if isinstance(index, slice):
+            return self._part(self.files[index])
+        if isinstance(index, str):
+            names = {file_stem(file): file for file in self.files}
+            file = names.get(index) or next((file for file in self.files if file.name == index), None)
+            if file is None:
+                raise KeyError(f"{self.path} has no episode {index!r}{did_you_mean(index, names) or ''}")
+            return read_episode(file)
+        if not hasattr(index, "__index__"):
+            raise TypeError(f"a data set is indexed by a number, the name of a file, or a slice, got {shown(index)}")
+        try:
+            file = self.files[index]
+        except IndexError:
+            numbers = f"the numbers are 0 to {len(self) - 1}" if self.files else "it is empty"
+            raise IndexError(f"episode {index!r} of {self!r}: {numbers}") from None
+        return read_episode(file)
+
+    def __iter__(self) -> Iterator[EpisodeRecord]:
+        """The records, each read when its turn comes."""
+        return map(read_episode, self.files)
+
+    def filter(
+        self,
+        condition: Callable[[EpisodeRecord], object] | None = None,
+        *,
+        outcome: str | Iterable[str] | None = None,
+        family: str | Iterable[str] | None = None,
+    ) -> Dataset:
+        """The episodes that fulfil all conditions.
+
+        Args:
+            condition: a function of a record; all remaining files are read for it.
+            outcome: one or several, such as `goal` or `timeout`. With a manifest, no file is read.
+            family: one or several; likewise.
+
+        Raises:
+            RecordError: a file cannot be read.
+        """
+        wanted = {
+            key: {values} if isinstance(values, str) else set(values)
+            for key, values in (("outcome", outcome), ("family", family))
+            if values is not None
+        }
+        files = list(self.files)
+        if wanted:
+            files = [file for file, row in self._rows(files) if all(row[key] in wanted[key] for key in wanted)]
+        if condition is not None:
+            files = [file for file in files if condition(read_episode(file))]
+        return self._part(files)
+
+    def split(
+        self, fractions: Mapping[str, float] = FRACTIONS, *, seed: int = 0, whole_families: bool = False
+    ) -> dict[str, Dataset]:
+        """Split the data set by scene, as `sonata2d split`; the parts are written into its manifest.
+
+        Args:
+            fractions: relative size of each part, by name; they need not sum to 1.
+            seed: seed of the assignment.
+            whole_families: keep each family in one part.
+
+        Returns:
+            The parts by name, see `parts`.
+
+        Raises:
+            RecordError: the folder has no manifest, the data set is damaged, or it has fewer scenes than parts.
+            ValueError: a fraction is not positive and finite.
+        """
+        split_dataset(self.path, fractions, seed=seed, whole_families=whole_families)
+        self.manifest = read_manifest(self.path)
+        return self.parts
+
+    @property
+    def parts(self) -> dict[str, Dataset]:
+        """The parts that `split` has written into the manifest, by name; those of this data set's episodes.
+
+        Raises:
+            RecordError: the data set is not split.
+        """
+        split = (self.manifest or {}).get("split")
+        if not split:
+            raise RecordError(f"{self.path} is not split; call split()")
+        parts = {part: set(names) for part, names in split.items()}
+        return {part: self._part(file for file in self.files if file.name in names) for part, names in parts.items()}
+
+    def to_pandas(self, table: str = "frames") -> Any:
+        """A table of all episodes as a `pandas.DataFrame`.
+
+        Args:
+            table: `episodes`, `frames`, `agents` or `interactions`; they join on `episode_id` and `tick`.
+
+        Raises:
+            RecordError: pandas is not installed, or a file cannot be read.
+            ValueError: there is no such table.
+        """
+        return _installed("pandas").DataFrame(self._columns(table))
+
+    def to_polars(self, table: str = "frames") -> Any:
+        """A table of all episodes as a `polars.DataFrame`; see `to_pandas`."""
+        return _installed("polars").DataFrame(self._columns(table), strict=False)
+
+    def to_torch(self) -> Any:
+        """A `torch.utils.data.Dataset` of dictionaries of tensors, for a `DataLoader`.
+
+        Item k has the arrays of `dataset[k]`: `time` (T,), `robot` (T, 6), `humans` (T, N, 7), `present` (T, N),
+        `activity` (T, N), `command` (T, 3), and `index`, k. T and N differ between episodes.
+
+        Raises:
+            RecordError: PyTorch is not installed.
+        """
+        torch = _installed("torch")
+        _installed("torch.utils.data")
+
+        class Episodes(torch.utils.data.Dataset):  # type: ignore[misc,name-defined]
+            def __init__(self, dataset: Dataset) -> None:
+                self.dataset = dataset
+
+            def __len__(self) -> int:
+                return len(self.dataset)
+
+            def __getitem__(self, index: int) -> dict[str, Any]:
+                record = self.dataset[index]
+                names = ("time", "robot", "humans", "present", "activity", "command")
+                return {name: torch.tensor(getattr(record, name)) for name in names} | {"index": index}
+
+        return Episodes(self)
+
+    def save(self, path: str | Path, *, count: int = _SHOWN) -> None:
+        """Draw the first episodes side by side into a `.png`, each at its end with the paths up to it.
+
+        Args:
+            path: of the file.
+            count: number of episodes.
+
+        Raises:
+            RenderError: the suffix is another one, or the file cannot be written.
+        """
+        display().save_sheet([record._drawing() for record in self[:count]], self._titles(count), path)
+
+    def show(self, *, count: int = _SHOWN) -> None:
+        """Show the picture of `save`: below a cell of a notebook, else in a browser.
+
+        Args:
+            count: number of episodes.
+
+        Raises:
+            RenderError: there is neither a notebook nor a browser.
+        """
+        display().show_sheet([record._drawing() for record in self[:count]], self._titles(count))
+
+    def __repr__(self) -> str:
+        return f"<Dataset {self.path}: {counted(len(self), 'episode')}>"
+
+    def _repr_html_(self) -> str:
+        """A table and pictures of the first episodes, which notebooks show."""
+        facts: dict[str, object] = {"folder": self.path, "episodes": len(self)}
+        if self.manifest:
+            rows = [row for _, row in self._rows(self.files)]
+            facts["outcomes"] = _counts(row["outcome"] for row in rows)
+            facts["families"] = _counts(row["family"] for row in rows)
+            facts["scenario"] = self.manifest["name"]
+        drawings = [record._drawing() for record in self[:_PREVIEWED]]
+        text: str = display().card(type(self).__name__, facts, drawings)
+        return text
+
+    def _part(self, files: Iterable[Path]) -> Dataset:
+        """A data set of some of the files."""
+        part = object.__new__(type(self))
+        part.path, part.files, part.manifest = self.path, tuple(files), self.manifest
+        return part
+
+    def _rows(self, files: Sequence[Path]) -> Iterator[tuple[Path, Mapping[str, Any]]]:
+        """Outcome and family of each file, from the manifest if it lists the file."""
+        rows = {row["name"]: row for row in (self.manifest or {}).get("files", ())}
+        for file in files:
+            row = rows.get(file.name)
+            if row is None:
+                record = read_episode(file)
+                row = {"outcome": record.outcome.status, "family": record.family}
+            yield file, row
+
+    def _columns(self, table: str) -> dict[str, list[Any]]:
+        """The columns of a table over all episodes."""
+        if table not in TABLES:
+            raise ValueError(f"there is no table {shown(table)}; the tables are {', '.join(TABLES)}")
+        columns: dict[str, list[Any]] = {}
+        for record in self:
+            for name, values in tables_of(record, file_stem(record.path))[table].items():
+                columns.setdefault(name, []).extend(values.tolist() if hasattr(values, "tolist") else values)
+        return columns
+
+    def _titles(self, count: int) -> list[str]:
+        return [file_stem(file) for file in self.files[:count]]
+
+
+def _counts(values: Iterable[str]) -> str:
+    """How often each value occurs, the most frequent first: `18 goal, 2 timeout`."""
+    return ", ".join(f"{number} {value}" for value, number in Counter(values).most_common())
+
+
+def _installed(package: str) -> Any:
+    """A package that need not be installed.
+
+    Raises:
+        RecordError: it is not.
+    """
+    try:
+        return importlib.import_module(package)
+    except ModuleNotFoundError as error:
+        name = package.split(".")[0]
+        raise RecordError(f"this needs {name}, which is not installed; pip install {name}") from error

@@ -1,0 +1,162 @@
+"""`Dataset`: the episodes of a folder as a sequence."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import sonata2d as s2
+from sonata2d.errors import RecordError, RenderError
+
+COUNT = 6
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A compressed data set in which some episodes end at the goal and others at the time limit."""
+    out = tmp_path_factory.mktemp("dataset") / "runs"
+    config = s2.load_scenario("lively").changed(rules={"time_limit": 5.0})
+    s2.generate_dataset(out, config, "straight-to-goal", episodes=COUNT, suffix=".json.zst")
+    return out
+
+
+@pytest.fixture
+def dataset(folder: Path) -> s2.Dataset:
+    return s2.Dataset(folder)
+
+
+def test_it_is_the_sequence_of_the_episodes(folder: Path, dataset: s2.Dataset) -> None:
+    assert len(dataset) == COUNT
+    assert [record.episode for record in dataset] == list(range(COUNT))
+    assert (dataset[2].id, dataset[-1].id, dataset[np.int64(1)].id) == ("000002", "000005", "000001")
+    assert dataset["000003"].episode == dataset["000003.json.zst"].episode == 3
+    part = dataset[1:4]
+    assert isinstance(part, s2.Dataset)
+    assert [record.episode for record in part] == [1, 2, 3]
+    assert part[0].episode == 1
+    assert [record.episode for record in s2.Dataset(folder / "000004.json.zst")] == [4]
+    assert repr(part) == f"<Dataset {folder}: 3 episodes>"
+
+
+def test_nothing_is_read_before_it_is_accessed(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    (copy / "000002.json.zst").write_bytes(b"damaged")
+    dataset = s2.Dataset(copy)
+    assert len(dataset.filter(outcome=["goal", "timeout"])) == COUNT
+    assert dataset[1].episode == 1
+    with pytest.raises(RecordError, match="000002"):
+        dataset[2]
+
+
+def test_filters_are_the_same_with_and_without_a_manifest(folder: Path, dataset: s2.Dataset, tmp_path: Path) -> None:
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    for file in folder.glob("*.zst"):
+        shutil.copy(file, bare)
+    other = s2.Dataset(bare)
+    assert other.manifest is None
+    outcomes = [record.outcome.status for record in dataset]
+    assert len(set(outcomes)) == 2
+    for outcome in ("goal", "timeout"):
+        expected = [k for k, found in enumerate(outcomes) if found == outcome]
+        for one in (dataset, other):
+            assert [record.episode for record in one.filter(outcome=outcome)] == expected
+    family = dataset[0].family
+    expected = [record.episode for record in dataset if record.family == family and len(record) > 20]
+    for one in (dataset, other):
+        assert [r.episode for r in one.filter(lambda record: len(record) > 20, family=family)] == expected
+    assert len(dataset.filter(outcome="goal").filter(outcome="timeout")) == 0
+
+
+def test_parts_are_those_of_the_manifest(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    dataset = s2.Dataset(copy)
+    with pytest.raises(RecordError, match=r"is not split; call split\(\)"):
+        _ = dataset.parts
+    parts = dataset.split({"train": 2, "test": 1}, seed=3)
+    assert sorted(record.episode for part in parts.values() for record in part) == list(range(COUNT))
+    again = s2.Dataset(copy).parts
+    assert {name: part.files for name, part in again.items()} == {name: part.files for name, part in parts.items()}
+    assert len(again["test"]) == 2
+    assert all(file in again["train"].files for file in dataset[:3].parts["train"].files)
+
+
+def test_tables_hold_the_arrays_of_the_records(dataset: s2.Dataset) -> None:
+    pandas, polars = pytest.importorskip("pandas"), pytest.importorskip("polars")
+    frames = dataset.to_pandas()
+    assert isinstance(frames, pandas.DataFrame)
+    assert len(frames) == sum(len(record) + 1 for record in dataset)
+    own = frames[frames["episode_id"] == "000002"]
+    np.testing.assert_array_equal(own["robot_x"], dataset[2].states.robot[:, 0])
+    np.testing.assert_array_equal(own["command_vx"][:-1], dataset[2].command[:, 0])
+    for name in ("episodes", "frames", "agents", "interactions"):
+        table = dataset.to_polars(name)
+        assert isinstance(table, polars.DataFrame)
+        assert table.shape == dataset.to_pandas(name).shape
+    assert dataset.to_polars("episodes")["outcome"].to_list() == [record.outcome.status for record in dataset]
+    people = dataset.to_pandas("agents")
+    assert len(people) == sum(int(record.states.present.sum()) for record in dataset)
+    assert dataset[:0].to_pandas().empty
+    with pytest.raises(ValueError, match="no table 'walls'; the tables are episodes"):
+        dataset.to_pandas("walls")
+
+
+def test_a_package_that_is_missing_is_named(dataset: s2.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "polars", None)
+    with pytest.raises(RecordError, match="needs polars, which is not installed; pip install polars"):
+        dataset.to_polars()
+
+
+def test_tensors_are_those_of_the_records(dataset: s2.Dataset) -> None:
+    torch = pytest.importorskip("torch")
+    loader = torch.utils.data.DataLoader(dataset.to_torch(), batch_size=None, shuffle=True)
+    found = {item["index"]: item for item in loader}
+    assert sorted(found) == list(range(COUNT))
+    np.testing.assert_array_equal(found[2]["humans"].numpy(), dataset[2].humans)
+    np.testing.assert_array_equal(found[2]["command"].numpy(), dataset[2].command)
+
+
+def test_pictures(dataset: s2.Dataset, tmp_path: Path) -> None:
+    dataset.save(tmp_path / "all.png")
+    dataset.save(tmp_path / "two.png", count=2)
+    with Image.open(tmp_path / "all.png") as sheet, Image.open(tmp_path / "two.png") as two:
+        assert sheet.height > two.height  # two rows instead of one
+    with pytest.raises(RenderError, match=r"end the name in \.png"):
+        dataset.save(tmp_path / "all.gif")
+    with pytest.raises(RenderError, match="no episode"):
+        dataset[:0].save(tmp_path / "none.png")
+    text = dataset._repr_html_()
+    assert text.count("<img") == 4
+    goals = sum(record.outcome.status == "goal" for record in dataset)
+    assert f"{goals} goal" in text
+    assert dataset[:0]._repr_html_().count("<img") == 0
+
+
+@pytest.mark.parametrize(
+    ("index", "error", "message"),
+    [
+        (COUNT, IndexError, "the numbers are 0 to 5"),
+        ("00002", KeyError, "did you mean '000002'"),
+        (1.5, TypeError, "a number, the name of a file, or a slice, got 1.5"),
+    ],
+)
+def test_wrong_indices_are_named(dataset: s2.Dataset, index: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        dataset[index]
+    with pytest.raises(IndexError, match="it is empty"):
+        dataset[:0][0]
+
+
+def test_a_folder_without_episodes_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="holds no episode files"):
+        s2.Dataset(tmp_path)
+    with pytest.raises(RecordError, match="does not exist"):
+        s2.Dataset(tmp_path / "none")
