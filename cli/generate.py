@@ -88,7 +88,7 @@ def command(
         raise click.UsageError("--resume continues a data set and --overwrite replaces it; give one of them")
     config = load_scenario(scenario)
     with progress(episodes, "episodes") as advance, _hint_at_resume(out, overwrite):
-        manifest = generate_dataset(
+        dataset = generate_dataset(
             out,
             config,
             controller,
@@ -101,6 +101,8 @@ def command(
             suffix=episode_suffix(compress),
             advance=advance,
         )
+    manifest = dataset.manifest
+    assert manifest is not None
     first = out / manifest["files"][0]["name"]
     if picture:
         _draw(first, out / PREVIEW)

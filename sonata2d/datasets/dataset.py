@@ -17,7 +17,7 @@ from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.tables import TABLES, tables_of
 from ..registry import did_you_mean
-from .manifest import MANIFEST, files_of, read_manifest
+from .manifest import MANIFEST, files_of, read_stored_manifest
 from .split import FRACTIONS, split_dataset
 
 _SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
@@ -34,7 +34,7 @@ class Dataset(Sequence[EpisodeRecord]):
     Attributes:
         path: as given.
         files: of the episodes, in the order of the manifest, or of their names.
-        manifest: as read from the folder; None: it has none.
+        manifest: as stored in the folder; None: it has none.
 
     Raises:
         RecordError: the path does not exist or holds no episode, or its manifest is damaged.
@@ -53,7 +53,7 @@ class Dataset(Sequence[EpisodeRecord]):
         self.path = Path(path)
         self.files: tuple[Path, ...] = tuple(files_of(self.path))
         is_listed = self.path.is_dir() and (self.path / MANIFEST).exists()
-        self.manifest: JsonDict | None = read_manifest(self.path) if is_listed else None
+        self.manifest: JsonDict | None = read_stored_manifest(self.path) if is_listed else None
 
     def __len__(self) -> int:
         """Number of episodes."""
@@ -140,7 +140,7 @@ class Dataset(Sequence[EpisodeRecord]):
             ValueError: a fraction is not positive and finite.
         """
         split_dataset(self.path, fractions, seed=seed, whole_families=whole_families)
-        self.manifest = read_manifest(self.path)
+        self.manifest = read_stored_manifest(self.path)
         return self.parts
 
     @property
@@ -236,11 +236,20 @@ class Dataset(Sequence[EpisodeRecord]):
         text: str = display().card(type(self).__name__, facts, drawings)
         return text
 
+    @classmethod
+    def of_manifest(cls, path: Path, manifest: JsonDict) -> Dataset:
+        """The data set of a manifest that has just been written, which is not read again."""
+        return cls._of(path, (path / row["name"] for row in manifest["files"]), manifest)
+
+    @classmethod
+    def _of(cls, path: Path, files: Iterable[Path], manifest: JsonDict | None) -> Dataset:
+        dataset = object.__new__(cls)
+        dataset.path, dataset.files, dataset.manifest = path, tuple(files), manifest
+        return dataset
+
     def _part(self, files: Iterable[Path]) -> Dataset:
         """A data set of some of the files."""
-        part = object.__new__(type(self))
-        part.path, part.files, part.manifest = self.path, tuple(files), self.manifest
-        return part
+        return self._of(self.path, files, self.manifest)
 
     def _rows(self, files: Sequence[Path]) -> Iterator[tuple[Path, Mapping[str, Any]]]:
         """Outcome and family of each file, from the manifest if it lists the file."""

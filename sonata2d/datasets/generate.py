@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import get_args
 
 from ..agents.controllers.base import Controller
-from ..agents.controllers.loading import is_built_in, load_controller, source_hashes
+from ..agents.controllers.loading import ControllerSource, is_built_in, source_hashes
 from ..core import interruption
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
@@ -31,6 +31,7 @@ from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
 from ..sim.episode import Episode, controller_info_of, renderer_for
 from .card import write_manifest_and_card
+from .dataset import Dataset
 from .executors import Advance, Workers, end_if_forked, unordered_map
 from .manifest import (
     FAILED,
@@ -73,19 +74,21 @@ class Job:
         out: folder of the data set; absolute, because a controller may change the working folder.
         scenario: settings of the scenes.
         spec: specification of the data set.
+        source: of the controller.
         process: id of the process that runs the episodes; set there.
     """
 
     out: Path
     scenario: ScenarioConfig
     spec: DatasetSpec
+    source: ControllerSource
     process: int = 0
 
 
 def generate_dataset(
     out: str | Path,
     scenario: str | Path | ScenarioConfig = "sonata-2020",
-    controller: str = "social-planner",
+    controller: str | Controller | type[Controller] = "social-planner",
     *,
     episodes: int = 20,
     seed: int = 0,
@@ -95,14 +98,15 @@ def generate_dataset(
     suffix: str = ".json",
     keep: Sequence[str] = (),
     advance: Advance = lambda step: None,
-) -> JsonDict:
+) -> Dataset:
     """Generate a data set, or the missing episodes of one.
 
     Args:
         out: folder of the data set. Unless `resume` or `overwrite` is set, it is new or empty, or holds a data set
             without episodes, as of a run that failed at once.
         scenario: settings of the scenes, the name of a preset, or the path of a scenario file.
-        controller: name of the controller, as on the command line; each worker creates its own.
+        controller: name of the controller, as on the command line, or a class, of which each worker creates its own;
+            or an object, of which each worker gets a copy. Classes of a notebook are sent with their code.
         episodes: number of episodes; with `keep`, number of kept episodes.
         seed: seed of the data set; the bytes of episode k depend on no other argument but scenario and controller.
         workers: number of processes, or processes that several calls share. With more than one, a script must guard
@@ -115,7 +119,7 @@ def generate_dataset(
         advance: progress callback; its argument is the number of newly kept episodes.
 
     Returns:
-        The manifest.
+        The data set; its `manifest` has hashes, outcomes and contacts of all files.
 
     Raises:
         RecordError: the folder cannot be used or written, it holds a data set with other settings, a file of it was
@@ -125,7 +129,7 @@ def generate_dataset(
         SceneError: a scene cannot be generated; finished episodes stay.
         ValueError: `keep` names an outcome that cannot be kept, or both `resume` and `overwrite` are set.
         ConfigError: there is no such preset or scenario file, or the file is invalid.
-        TypeError: the scenario is something else.
+        TypeError: the scenario or the controller is something else.
 
     Warns:
         ControllerWarning: most commands exceed the limits of the robot's drive, or move a unicycle sideways.
@@ -136,11 +140,12 @@ def generate_dataset(
     out = Path(out)
     kept_outcomes = _in_fixed_order(keep)
     process = os.getpid()
-    loaded = load_controller(controller)
+    source = ControllerSource(controller)
+    loaded, name = source.create(), source.name
     end_if_forked(process)
     stored = read_manifest(out) if resume and (out / MANIFEST).exists() else None
     split = None if stored is None else stored["split"]
-    info, hashes = controller_info_of(loaded, controller), source_hashes(controller, loaded)
+    info, hashes = controller_info_of(loaded, name), source_hashes(name, loaded)
     spec = DatasetSpec(config.name, config.settings(), seed, episodes, info, suffix, kept_outcomes, hashes)
     spec = _without_unknown_code(spec, out, stored)
     with sole_writer(out):
@@ -150,7 +155,9 @@ def generate_dataset(
         missing = episodes - min(len(progress.stored), episodes)
         with _logged(out, missing, workers), _finished_listed(out, spec, progress):
             try:
-                _run_episodes(Job(out.absolute(), config, spec), progress, workers if missing > 1 else 1, advance)
+                _run_episodes(
+                    Job(out.absolute(), config, spec, source), progress, workers if missing > 1 else 1, advance
+                )
                 if (failure := progress.failure) is not None:
                     raise failure.error(_failure_message(failure, out, spec)) from _RaisedInWorker(failure.traceback)
             except (WorkerError, *_FAILURES) as error:
@@ -164,10 +171,10 @@ def generate_dataset(
         manifest = finish_dataset(
             out, spec, progress.kept, left_out=progress.left_out, split=None if missing else split
         )
-    warning = None if is_built_in(loaded) else commands_warning(manifest["files"], controller)
+    warning = None if is_built_in(loaded) else commands_warning(manifest["files"], name)
     if warning is not None:
         warnings.warn(warning, ControllerWarning, stacklevel=2)
-    return manifest
+    return Dataset.of_manifest(out, manifest)
 
 
 def _without_unknown_code(spec: DatasetSpec, out: Path, stored: JsonDict | None) -> DatasetSpec:
@@ -260,7 +267,7 @@ def _run_episodes(job: Job, progress: Progress, workers: int | Workers, advance:
 def _episode_runner(job: Job) -> Callable[[int], EpisodeResult]:
     """A function that runs an episode by number; all its episodes share one controller."""
     process = os.getpid()
-    controller = load_controller(job.spec.controller_info.path)
+    controller = job.source.create()
     end_if_forked(process)
     return partial(_run_episode, replace(job, process=process), controller)
 

@@ -8,6 +8,7 @@ import importlib.util
 import inspect
 import json
 import os
+import pickle
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -15,13 +16,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import cloudpickle
+
 from ...core import interruption
 from ...core.archives import read_npz
 from ...core.limits import MAX_WEIGHTS_BYTES
-from ...core.wording import described, one_line
+from ...core.wording import described, one_line, shown
 from ...errors import ControllerError
 from ...registry import CONTROLLERS, resolve
-from .base import RECORDED_PATHS, Controller, current_path
+from .base import RECORDED_PATHS, Controller, current_path, recorded_path
 from .labelled import Labelled
 
 WEIGHTS_SUFFIX = ".npz"
@@ -61,7 +64,11 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
         policy: Any = _policy_class(Path(name))
         learned: Controller = policy(name) if settings is None else policy.from_settings(settings, weights=name)
         return learned
-    controller_class = find_controller(name)
+    return _created(find_controller(name), name, settings)
+
+
+def _created(controller_class: type[Controller], name: str, settings: Mapping[str, Any] | None = None) -> Controller:
+    """A controller of a class, with default or recorded settings; `name` is for messages."""
     try:
         return controller_class() if settings is None else controller_class.from_settings(settings)
     except ControllerError:
@@ -89,6 +96,64 @@ def _is_perceptron(path: Path) -> bool:
         return bool(json.loads(str(header))["kind"] == "mlp")
     except (ArithmeticError, KeyError, OSError, RecursionError, TypeError, ValueError):
         return False
+
+
+class ControllerSource:
+    """What the processes of a batch create a controller from.
+
+    Args:
+        given: a name as for `load_controller`, a class derived from `Controller`, or an object of one.
+
+    Attributes:
+        name: under which files record the controller.
+
+    Raises:
+        TypeError: it is something else.
+    """
+
+    def __init__(self, given: str | Controller | type[Controller]) -> None:
+        if isinstance(given, type) and (problem := _problem(given)):
+            raise TypeError(f"{given.__name__} {problem}")
+        if not isinstance(given, str | Controller | type):
+            raise TypeError(
+                "a controller is a name, a class derived from sonata2d.Controller or an object of one, got "
+                f"{shown(given)}"
+            )
+        self._given: Any = given
+        self._pickled = b""
+        if isinstance(given, str):
+            self.name = given
+        else:
+            self.name = recorded_path(given if isinstance(given, type) else type(given))
+
+    def create(self) -> Controller:
+        """The controller: a new one of a name or class, or the object itself; in another process a copy of it.
+
+        Raises:
+            ControllerError: it cannot be created, or its class is not known in this process.
+        """
+        if self._given is None:
+            try:
+                self._given = pickle.loads(self._pickled)
+            except Exception as error:  # whatever the classes of the object do
+                raise ControllerError(f"{self.name} is unknown in another process: {described(error)}") from error
+        if isinstance(self._given, str):
+            return load_controller(self._given)
+        if isinstance(self._given, type):
+            return _created(self._given, self.name)
+        controller: Controller = self._given
+        return controller
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What other processes get; classes of a notebook or script are sent with their code."""
+        if not self._pickled:
+            try:
+                self._pickled = cloudpickle.dumps(self._given)
+            except Exception as error:  # whatever the classes of the object do
+                raise ControllerError(
+                    f"{self.name} cannot be sent to other processes: {described(error)}; use one worker"
+                ) from error
+        return {"name": self.name, "_pickled": self._pickled, "_given": None}
 
 
 def is_installed(name: str, settings: Mapping[str, Any]) -> bool:
