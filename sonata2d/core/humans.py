@@ -14,6 +14,7 @@ from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER,
 from .geometry import Point, Pose
 from .portable_math import Array, IntArray, angle_of, arctan2
 from .scene import Scene
+from .wording import counted
 
 # Columns of the (N, 9) state of the pedestrians, world frame: position, velocity, unit vectors of the body's heading
 # and of the gaze, turn rate. Arrays of bodies that hold position and velocity only have the first four of them.
@@ -62,7 +63,7 @@ class HumanState:
         return max(self.breadth / 2 - self.radius, 0.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Humans:
     """The N pedestrians that are present in a snapshot, as read-only arrays in the scene's order.
 
@@ -155,6 +156,9 @@ class Humans:
     def head(self) -> Array:
         """(N,), angles of the gaze, rad, world frame."""
         return arctan2(self.state[:, GAZE_Y], self.state[:, GAZE_X])
+
+    def __repr__(self) -> str:
+        return f"<Humans: {counted(len(self), 'person')}>"
 
     def __len__(self) -> int:
         return len(self.state)

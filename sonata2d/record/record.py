@@ -36,7 +36,7 @@ from .layout import (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class States:
     """States of the world at all ticks, the final state included: T + 1 rows for T frames; N people; read-only arrays.
 
@@ -55,6 +55,9 @@ class States:
     humans: Array
     present: BoolArray
     activity: IntArray
+
+    def __repr__(self) -> str:
+        return f"<States: {counted(len(self.tick), 'tick')}, {counted(self.humans.shape[1], 'person')}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
