@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, SupportsIndex, overload
 
-from ..core.drawable import display
+from ..core.drawable import Drawing, display
 from ..core.wording import counted, shown
 from ..errors import RecordError
 from ..record.files import file_stem
@@ -17,7 +17,7 @@ from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.tables import TABLES, tables_of
 from ..registry import did_you_mean
-from .manifest import MANIFEST, files_of, read_stored_manifest
+from .manifest import MANIFEST, files_in_manifest, files_of, read_stored_manifest
 from .split import FRACTIONS, split_dataset
 
 _SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
@@ -51,9 +51,10 @@ class Dataset(Sequence[EpisodeRecord]):
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self.files: tuple[Path, ...] = tuple(files_of(self.path))
-        is_listed = self.path.is_dir() and (self.path / MANIFEST).exists()
+        is_listed = (self.path / MANIFEST).exists()
         self.manifest: JsonDict | None = read_stored_manifest(self.path) if is_listed else None
+        files = files_of(self.path) if self.manifest is None else files_in_manifest(self.path, self.manifest)
+        self.files: tuple[Path, ...] = tuple(files)
 
     def __len__(self) -> int:
         """Number of episodes."""
@@ -208,7 +209,7 @@ class Dataset(Sequence[EpisodeRecord]):
         Raises:
             RenderError: the suffix is another one, or the file cannot be written.
         """
-        display().save_sheet([record._drawing() for record in self[:count]], self._titles(count), path)
+        display().save_sheet(self._drawings(count), self._titles(count), path)
 
     def show(self, *, count: int = _SHOWN) -> None:
         """Show the picture of `save`: below a cell of a notebook, else in a browser.
@@ -219,7 +220,7 @@ class Dataset(Sequence[EpisodeRecord]):
         Raises:
             RenderError: there is neither a notebook nor a browser.
         """
-        display().show_sheet([record._drawing() for record in self[:count]], self._titles(count))
+        display().show_sheet(self._drawings(count), self._titles(count))
 
     def __repr__(self) -> str:
         return f"<Dataset {self.path}: {counted(len(self), 'episode')}>"
@@ -232,8 +233,7 @@ class Dataset(Sequence[EpisodeRecord]):
             facts["outcomes"] = _counts(row["outcome"] for row in rows)
             facts["families"] = _counts(row["family"] for row in rows)
             facts["scenario"] = self.manifest["name"]
-        drawings = [record._drawing() for record in self[:_PREVIEWED]]
-        text: str = display().card(type(self).__name__, facts, drawings)
+        text: str = display().card(type(self).__name__, facts, self._drawings(_PREVIEWED))
         return text
 
     @classmethod
@@ -270,6 +270,9 @@ class Dataset(Sequence[EpisodeRecord]):
             for name, values in tables_of(record, file_stem(record.path))[table].items():
                 columns.setdefault(name, []).extend(values.tolist() if hasattr(values, "tolist") else values)
         return columns
+
+    def _drawings(self, count: int) -> list[Drawing]:
+        return [record._drawing() for record in self[:count]]
 
     def _titles(self, count: int) -> list[str]:
         return [file_stem(file) for file in self.files[:count]]

@@ -105,14 +105,7 @@ def files_of(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     if (path / MANIFEST).exists():
-        manifest = read_manifest(path)
-        names = [entry["name"] for entry in manifest["files"]]
-        first = names[:_FIRST]
-        if len(names) > _FIRST and not any((path / name).exists() for name in first):
-            raise RecordError(f"{path}: {MANIFEST} lists {len(names)} files, but {first[0]} to {first[-1]} are missing")
-        if names:  # without any, the caller says more
-            warn_if_incomplete(path, manifest)
-        return [path / name for name in names]
+        return files_in_manifest(path, read_manifest(path))
     files = sorted(
         file
         for file in path.glob("*.json*")
@@ -123,6 +116,24 @@ def files_of(path: Path) -> list[Path]:
             raise RecordError(f"{path} holds no episode files")
         raise RecordError(f"{path} is neither a file nor a folder" if path.exists() else f"{path} does not exist")
     return files
+
+
+def files_in_manifest(folder: Path, manifest: JsonDict) -> list[Path]:
+    """The episode files that a manifest lists.
+
+    Raises:
+        RecordError: there are many, and the first ones are missing.
+
+    Warns:
+        DatasetWarning: the data set is interrupted.
+    """
+    names = [entry["name"] for entry in manifest["files"]]
+    first = names[:_FIRST]
+    if len(names) > _FIRST and not any((folder / name).exists() for name in first):
+        raise RecordError(f"{folder}: {MANIFEST} lists {len(names)} files, but {first[0]} to {first[-1]} are missing")
+    if names:  # without any, the caller says more
+        warn_if_incomplete(folder, manifest)
+    return [folder / name for name in names]
 
 
 def read_manifest(folder: Path) -> JsonDict:

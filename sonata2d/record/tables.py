@@ -80,7 +80,7 @@ def _frames(record: EpisodeRecord, name: str, frames: list[JsonDict]) -> dict[st
 
 
 def _agents(record: EpisodeRecord, name: str) -> dict[str, Any]:
-    """The pedestrians who are present, frame by frame."""
+    """A row for each pedestrian that is present in a frame."""
     states, humans = record.states, record.scene().humans
     t, k = np.nonzero(states.present)
     activities = np.array(record.document["activities"], dtype=object)

@@ -257,7 +257,7 @@ def test_processes_end_with_their_caller() -> None:
 
 
 def is_running(pid: int) -> bool:
-    """Whether there is a process that has not ended; one that nobody has waited for has."""
+    """Whether a process is running; a zombie is not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
