@@ -24,6 +24,7 @@ from .start import ended_by_ctrl_c
 # section of the overview: name of the command: (module and attribute, description)
 SECTIONS = {
     "Create data": {
+        "run": ("run:command", "Run one episode, and draw it."),
         "generate": ("generate:command", "Generate a data set of labelled episodes."),
         "collect": ("collect:command", "Drive the robot in a window, or rate recorded episodes."),
         "import": ("convert:import_command", "Import episodes from files of another program."),

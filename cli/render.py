@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from sonata2d.core.wording import counted
+
 from .command import Command
 from .common import PATH, examples, json_option, note, progress, show_json
 
@@ -22,9 +24,10 @@ if TYPE_CHECKING:
         "render demo/000000.json -o moments.png --strip 4",
         "render demo/000000.json -o film.mp4 --speed 2",
         "render demo/000000.json -o graph.png --graph",
+        "render demo -o episodes.png",
     ),
 )
-@click.argument("file", type=PATH)
+@click.argument("file", type=PATH, metavar="FILE|DIR")
 @click.option("-o", "--output", type=PATH, required=True, help="Output file: .png, .svg, .gif, .mp4 or .html.")
 @click.option("--strip", type=click.IntRange(2, 20), help="Draw this number of moments side by side (.png).")
 @click.option("--fps", type=click.IntRange(1, 120), help="Frames per second of a film.")
@@ -40,6 +43,7 @@ if TYPE_CHECKING:
     help="Explain the symbols below a picture or film, or not.  [default: --legend]",
 )
 @click.option("--graph", is_flag=True, help="Draw the last graph of the episode: up to three instants (.png).")
+@click.option("--count", type=click.IntRange(1, 100), help="Number of episodes of DIR.  [default: 12]")
 @json_option
 def command(
     file: Path,
@@ -48,20 +52,27 @@ def command(
     ids: bool,
     legend: bool | None,
     graph: bool,
+    count: int | None,
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Draw the episode FILE as a picture, a film or a page.
+    """Draw the episode FILE, or the first episodes of DIR side by side, as a picture, a film or a page.
 
     The suffix of the output selects the format: a picture (.png, .svg), a film (.gif, .mp4) or a self-contained page
-    that plays the episode (.html).
+    that plays an episode (.html).
     """
     from sonata2d.record.reader import read_episode
     from sonata2d.view.draw import Layers
     from sonata2d.view.files import FILM_SUFFIXES, render
 
     if file.is_dir():
-        raise click.UsageError(f"{file} is a folder; give one of its episodes, as in {file}/000000.json")
+        has_others = any((options.pop("strip"), options.pop("size"), zones, ids, legend is not None, graph))
+        if has_others:
+            raise click.UsageError(f"{file} is a folder: only --count, --fps and --speed can be given with -o")
+        _draw_sheet(file, output, count or 12, as_json, **options)
+        return
+    if count is not None:
+        raise click.UsageError(f"--count is for folders, and {file} is a file")
     record = read_episode(file)
     if graph:
         if any((*options.values(), zones, ids, legend is not None)):
@@ -89,6 +100,19 @@ def command(
         show_json({"output": str(output), "frames": len(record)})
     else:
         note(f"{output}: {len(record)} frames, {record.outcome.status}")
+
+
+def _draw_sheet(folder: Path, output: Path, count: int, as_json: bool, **options: Any) -> None:
+    """Draw the first episodes of a folder side by side."""
+    from sonata2d.datasets.dataset import Dataset
+
+    dataset = Dataset(folder)
+    dataset.save(output, count=count, **options)
+    drawn = min(count, len(dataset))
+    if as_json:
+        show_json({"output": str(output), "episodes": drawn})
+    else:
+        note(f"{output}: {drawn} of {counted(len(dataset), 'episode')}")
 
 
 def _draw_graph(record: EpisodeRecord, output: Path, as_json: bool) -> None:

@@ -33,6 +33,7 @@ PURPOSES = {
     "Describe scenarios": ("ScenarioConfig", "load_scenario", "Door", "Queue", "Place"),
     "Record and read episodes": ("JsonRecorder", "EpisodeRecorder", "read_episode", "EpisodeRecord", "Dataset"),
     "Generate data sets": ("generate_dataset",),
+    "Evaluate": ("evaluate", "Comparison"),
     "Constants and types": ("INTIMATE_DISTANCE", "PERSONAL_DISTANCE", "SOCIAL_DISTANCE", "Array", "__version__"),
     "Exceptions": ("Sonata2dError", "errors"),
 }

@@ -17,6 +17,7 @@ from .core.snapshot import Frame as Frame, Observer as Observer, Outcome as Outc
 from .datasets.dataset import Dataset as Dataset
 from .datasets.generate import generate_dataset as generate_dataset
 from .errors import Sonata2dError as Sonata2dError
+from .metrics.comparison import Comparison as Comparison, evaluate as evaluate
 from .record.reader import read_episode as read_episode
 from .record.record import EpisodeRecord as EpisodeRecord
 from .record.recorder import EpisodeRecorder as EpisodeRecorder, JsonRecorder as JsonRecorder

@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..core.notebook import Advance
 from ..errors import DatasetWarning, RecordError
 from ..record.counts import ANY_KIND
 from ..record.files import read_bytes, read_stored, read_text, write_atomically
@@ -25,7 +26,6 @@ from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from .card_figure import EpisodeStatistics, collect_statistics, draw_statistics, require_matplotlib
 from .croissant import Publication, croissant_metadata, licence_lines, stored_publication
-from .executors import Advance
 from .manifest import (
     CARD,
     CROISSANT,

@@ -199,20 +199,28 @@ class Dataset(Sequence[EpisodeRecord]):
 
         return Episodes(self)
 
-    def save(self, path: str | Path, *, count: int = _SHOWN) -> None:
-        """Draw the first episodes side by side into a `.png`, each at its end with the paths up to it.
+    def save(
+        self, path: str | Path, *, count: int = _SHOWN, fps: float | None = None, speed: float | None = None
+    ) -> None:
+        """Draw the first episodes side by side into a file, whose suffix selects the format.
+
+        `.png` and `.svg` are a picture of each episode at its end, with the paths up to it; `.gif` and `.mp4` a film in
+        which all begin together; `.html` a page that plays the episode that is chosen, without a connection.
 
         Args:
             path: of the file.
             count: number of episodes.
+            fps: pictures per second of a film; by default 10 for a GIF, 30 for an MP4.
+            speed: seconds of the episodes per second of a film; by default 1.
 
         Raises:
-            RenderError: the suffix is another one, or the file cannot be written.
+            RenderError: the suffix is unknown, an argument has no effect on the format, there is no episode, or the
+                file cannot be written.
         """
-        display().save_sheet(self._drawings(count), self._titles(count), path)
+        display().save_sheet(self._drawings(count), self._titles(count), path, fps=fps, speed=speed)
 
     def show(self, *, count: int = _SHOWN) -> None:
-        """Show the picture of `save`: below a cell of a notebook, else in a browser.
+        """Show the picture that `save` draws: below a cell of a notebook, else in a browser.
 
         Args:
             count: number of episodes.
@@ -221,6 +229,17 @@ class Dataset(Sequence[EpisodeRecord]):
             RenderError: there is neither a notebook nor a browser.
         """
         display().show_sheet(self._drawings(count), self._titles(count))
+
+    def animate(self, *, count: int = _SHOWN) -> None:
+        """Show the page of `save`, which plays the episode that is chosen: below a cell of a notebook, or in a browser.
+
+        Args:
+            count: number of episodes.
+
+        Raises:
+            RenderError: there is neither a notebook nor a browser, or no episode.
+        """
+        display().animate_sheet(self._drawings(count), self._titles(count))
 
     def __repr__(self) -> str:
         return f"<Dataset {self.path}: {counted(len(self), 'episode')}>"
@@ -240,6 +259,16 @@ class Dataset(Sequence[EpisodeRecord]):
     def of_manifest(cls, path: Path, manifest: JsonDict) -> Dataset:
         """The data set of a manifest that has just been written, which is not read again."""
         return cls._of(path, (path / row["name"] for row in manifest["files"]), manifest)
+
+    @classmethod
+    def of_files(cls, path: str | Path, files: Iterable[Path]) -> Dataset:
+        """A data set of files, also from several folders.
+
+        Args:
+            path: a folder that stands for all of them, which is printed.
+            files: of the episodes.
+        """
+        return cls._of(Path(path), files, None)
 
     @classmethod
     def _of(cls, path: Path, files: Iterable[Path], manifest: JsonDict | None) -> Dataset:

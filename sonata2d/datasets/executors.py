@@ -16,7 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
 from functools import cached_property, partial
 from itertools import islice
-from multiprocessing import parent_process
+from multiprocessing import current_process, parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.synchronize import Event
 from multiprocessing.util import Finalize
@@ -31,9 +31,9 @@ _PACKAGE = "sonata2d"  # name of the logger of the whole package
 CHUNK_SIZE = 4  # items sent to a worker at a time
 _POLL = 0.5  # s, between two looks at the processes of a pool that is being stopped
 STOP_GRACE = 5.0  # s, that processes have to finish their items after Ctrl-C or SIGTERM
+_WORKER = "sonata2d-worker-"  # beginning of the names of worker processes
+_UNGUARDED = 78  # exit code of a worker process whose script lacks `if __name__ == "__main__":`
 _TERM_GRACE = 2.0  # s, between SIGTERM and the end of a worker process
-
-Advance = Callable[[int], None]  # progress callback; its argument is the number of items finished since the last call
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -49,12 +49,19 @@ class _Context(SpawnContext):
     def Process(self, *args: Any, **settings: Any) -> SpawnProcess:  # type: ignore[override]
         """A process that is about to be started."""
         process = SpawnProcess(*args, **settings)
+        process.name = f"{_WORKER}{len(self._processes) + 1}"
         self._processes.append(process)
         return process
 
     def is_alive(self) -> bool:
         """Whether a process is running."""
         return any(process.is_alive() for process in self._processes)
+
+    def lacks_guard(self) -> bool:
+        """Whether a process ended because the script that it imported called for processes again."""
+        for process in self._processes:
+            process.join(_POLL)
+        return any(process.exitcode == _UNGUARDED for process in self._processes)
 
     def kill(self) -> None:
         """End all processes at once."""
@@ -177,7 +184,13 @@ class Workers:
         try:
             yield
         except BrokenProcessPool as error:
+            lacks_guard = self._context.lacks_guard()
             self._kill()  # the others would finish items of which the caller does not learn
+            if lacks_guard:
+                raise WorkerError(
+                    "each worker process imports the script, which then starts the work again; put the lines that "
+                    "start it below if __name__ == '__main__':"
+                ) from None
             raise WorkerError(
                 "a worker process crashed or was killed; if memory was short, use fewer workers, and if a kernel of "
                 "your own is used, look for an index outside an array with NUMBA_BOUNDSCHECK=1 and one worker"
@@ -300,6 +313,16 @@ def _signals_deferred() -> Iterator[None]:
 # Set in each worker process: the request to stop, and the functions of the present call, pickled and ready for use.
 _stop_request: Event
 _present_call: tuple[bytes, Any, Any] = b"", None, None
+
+
+def end_if_unguarded() -> None:
+    """End this process if it is a worker that is importing the script of its parent, which calls for work again.
+
+    The parent raises the error: the traceback of each worker would hide it.
+    """
+    process = current_process()
+    if process.name.startswith(_WORKER) and getattr(process, "_inheriting", False):
+        os._exit(_UNGUARDED)
 
 
 def end_if_forked(process: int) -> None:

@@ -8,11 +8,11 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..core.notebook import Advance
 from ..errors import RecordError
 from ..record.files import read_bytes, safe_text, write_atomically
 from ..record.layout import JsonDict, software_versions
 from .card import licence_of, write_manifest_and_card
-from .executors import Advance
 from .manifest import DATASET_FORMAT, DATASET_VERSION, new_folder, read_listed_file, read_stored_manifest
 
 _EQUAL_KEYS = ("physics", "precision")  # manifest keys that must be equal in all sources

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.geometry import quantised
+from ..core.notebook import Advance
 from ..core.portable_math import PI
 from ..core.vectors import wrap_angle
 from ..errors import RecordError
@@ -23,7 +24,6 @@ from ..record.layout import JsonDict
 from ..record.reader import read_episode, record_from_document
 from ..record.record import EpisodeRecord, wrap_read_errors
 from .card import licence_of, write_manifest_and_card
-from .executors import Advance
 from .manifest import SCENARIO, new_folder, read_listed_file, read_stored_manifest, warn_if_incomplete
 from .motion import HEAD, OMEGA, THETA, VY, Y
 

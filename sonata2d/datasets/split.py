@@ -8,12 +8,12 @@ from pathlib import Path
 
 import orjson
 
+from ..core.notebook import Advance
 from ..errors import RecordError
 from ..record.layout import scene_to_json
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from .card import write_manifest_and_card
-from .executors import Advance
 from .manifest import read_listed_file, read_stored_manifest, warn_if_incomplete
 from .mirror import mirrored
 

@@ -11,11 +11,12 @@ from pathlib import Path
 
 from ..agents.controllers.loading import is_installed, load_controller, source_hashes
 from ..core import interruption
+from ..core.notebook import Advance
 from ..core.wording import described
 from ..errors import ControllerError, ControllerWarning
 from ..record.layout import JsonDict
 from .check import ListedFile, Problem, check_manifest, check_record, listed_files, open_to_check
-from .executors import Advance, parallel_map
+from .executors import parallel_map
 from .manifest import MANIFEST, files_of, read_manifest
 from .replay import check_replay, check_rerun
 

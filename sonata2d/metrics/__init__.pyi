@@ -4,6 +4,7 @@ from .catalogue import (
     headline_metrics as headline_metrics,
     select_metrics as select_metrics,
 )
+from .comparison import Comparison as Comparison, evaluate as evaluate
 from .definition import DEFINITIONS_VERSION as DEFINITIONS_VERSION, Metric as Metric
 from .disturbance import without_robot as without_robot
 from .interop import VARIANTS as VARIANTS

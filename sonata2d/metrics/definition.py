@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from .trajectory import Trajectory
@@ -44,7 +44,7 @@ class Metric:
     better: Better
     formula: str
     source: str
-    function: Function
+    function: Function = field(repr=False)
     headline: bool = False
     variant_of: str | None = None
 

@@ -13,8 +13,9 @@ from typing import Any
 import orjson
 
 from ..core import interruption
-from ..core.wording import described, one_line
-from ..datasets.executors import Advance, Workers, parallel_map
+from ..core.notebook import Advance
+from ..core.wording import counted, described, one_line
+from ..datasets.executors import Workers, end_if_unguarded, parallel_map
 from ..datasets.manifest import METRICS as METRICS_FILE, files_of as episode_files, write_json
 from ..errors import MetricError, Sonata2dError
 from ..record.files import sha256_of
@@ -77,6 +78,9 @@ class Evaluation:
     episodes: Sequence[Measured]
     resamples: int = RESAMPLES
     _cache: dict[str, Summary] = field(default_factory=dict, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        return f"<Evaluation {self.label}: {counted(len(self.episodes), 'episode')}>"
 
     def values(self, name: str) -> list[float]:
         """Values of a metric in the episodes in which it is defined."""
@@ -178,6 +182,7 @@ def measure_files(
     Raises:
         RecordError: a file cannot be read.
     """
+    end_if_unguarded()
     groups: dict[tuple[str, str], list[int]] = {}
     for index, path in enumerate(paths):
         groups.setdefault((path.parent.name, path.name), []).append(index)
@@ -200,11 +205,11 @@ def save_metrics(folder: Path, evaluation: Evaluation) -> Path:
     return folder / METRICS_FILE
 
 
-def comparison_table(evaluations: Sequence[Evaluation], metrics: Sequence[Metric]) -> list[str]:
-    """Format evaluations side by side as lines of text.
+def comparison_rows(evaluations: Sequence[Evaluation], metrics: Sequence[Metric]) -> list[tuple[str, ...]]:
+    """The cells of a table of evaluations side by side.
 
     Returns:
-        A line of headings, then a line for each metric: name, arrow (which direction is better), unit, and mean with
+        A row of headings, then a row for each metric: name, arrow (which direction is better), unit, and mean with
         confidence interval of each evaluation. `(n=12)` follows where the metric is defined in 12 episodes only, and
         `*` where the value differs significantly from the first evaluation in the common scenes.
     """
@@ -216,6 +221,12 @@ def comparison_table(evaluations: Sequence[Evaluation], metrics: Sequence[Metric
             for one in evaluations
         )
         rows.append((metric.name, ARROWS[metric.better], metric.unit, *cells))
+    return rows
+
+
+def comparison_table(evaluations: Sequence[Evaluation], metrics: Sequence[Metric]) -> list[str]:
+    """`comparison_rows` as lines of text."""
+    rows = comparison_rows(evaluations, metrics)
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from jinja2 import Environment, PackageLoader
 
+from ..core.notebook import Advance
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
-from ..datasets.executors import Advance
 from ..errors import RenderError
 from ..record.files import write_atomically
 from ..record.layout import software_versions
@@ -68,6 +68,26 @@ def save_page(
 
     Args:
         path: of the page, ending in .html.
+        evaluations, files, metrics, advance: as for `page_of`.
+
+    Raises:
+        RenderError: the path does not end in .html or .htm.
+        RecordError: an episode file cannot be read, or the page cannot be written.
+    """
+    path = Path(path)
+    check_page_path(path)
+    write_atomically(path, page_of(evaluations, files, metrics, advance).encode())
+
+
+def page_of(
+    evaluations: Sequence[Evaluation],
+    files: Sequence[Sequence[Path]] | None = None,
+    metrics: Sequence[Metric] | None = None,
+    advance: Advance | None = None,
+) -> str:
+    """A page that shows evaluations side by side, as HTML.
+
+    Args:
         evaluations: one or more, each shown as one column and one colour.
         files: for each evaluation the files of its episodes, in the same order; without files the page has no film
             strips.
@@ -75,11 +95,9 @@ def save_page(
         advance: called with the number of evaluations whose film strips were drawn, as of a progress bar.
 
     Raises:
-        RenderError: the path does not end in .html or .htm.
-        RecordError: an episode file cannot be read, or the page cannot be written.
+        RecordError: an episode file cannot be read.
     """
-    path, shown = Path(path), page_metrics() if metrics is None else metrics
-    check_page_path(path)
+    shown = page_metrics() if metrics is None else metrics
     strips = []
     for one, own in zip(evaluations, files, strict=True) if files else ():
         strips.append(film_strips(one.episodes, own))
@@ -92,7 +110,7 @@ def save_page(
     )
     environment.filters["number"] = format_number
     versions = {"metric definitions": DEFINITIONS_VERSION, "physics": PHYSICS_VERSION, **software_versions()}
-    page = environment.get_template("page.html").render(
+    return environment.get_template("page.html").render(
         evaluations=evaluations,
         names=short_names([one.label for one in evaluations]),
         versions=", ".join(f"{name} {version}" for name, version in versions.items()),
@@ -117,7 +135,6 @@ def save_page(
         mark=MARK,
         colours=COLOURS[:-1],  # the last one is black, for which the page uses its text colour
     )
-    write_atomically(path, page.encode())
 
 
 # --- What was evaluated ---

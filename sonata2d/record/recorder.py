@@ -8,12 +8,14 @@ from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
+import orjson
 
 from ..core.geometry import PRECISION, quantised
 from ..core.humans import ACTIVITIES
 from ..core.labels import LabelSpec
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
+from ..core.wording import counted
 from ..errors import RecordError
 from ..version import FORMAT, FORMAT_VERSION, PHYSICS_VERSION
 from .canonical import rounded, serialise, to_json_value
@@ -21,11 +23,13 @@ from .counts import run_counts
 from .files import compress, file_stem, write_atomically
 from .frames import Answer, Observation, frame_lines, observation
 from .layout import JsonDict, columns, software_versions
+from .reader import record_from_document
+from .record import EpisodeRecord
 from .validate import consistent_scene
 
 
 class EpisodeRecorder:
-    """Records one episode in memory; `document()` returns the content of its file.
+    """Records one episode in memory; `record()` returns it, and `document()` the content of its file.
 
     A tick only keeps references; angles, rounding and JSON are computed at the end for the whole episode.
 
@@ -49,6 +53,8 @@ class EpisodeRecorder:
         'goal'
         >>> b'"format":"sonata2d-episode"' in recorder.document()
         True
+        >>> recorder.record().outcome.status
+        'goal'
     """
 
     def __init__(
@@ -117,6 +123,21 @@ class EpisodeRecorder:
         frames, final = frame_lines(self._observations, self._answers, [human.id for human in scene.humans])
         header = self._header(scene, outcome)
         return serialise({**header, "frames": frames, "final": final, "software": software_versions()})
+
+    def record(self) -> EpisodeRecord:
+        """The recorded episode, as `read_episode` returns it from a file; its path is that of no file.
+
+        Raises:
+            RecordError: as for `document`.
+        """
+        document = orjson.loads(self.document())
+        return record_from_document(document, Path(f"{document['id']}.json"))
+
+    def __repr__(self) -> str:
+        content = "empty" if self.scene is None else f"{self.scene.name}, {counted(len(self._answers), 'frame')}"
+        ended = f", {self.outcome.status}" if self.outcome else ""
+        name = type(self).__name__ + (f" {self.id}" if self.id else "")
+        return f"<{name}: {content}{ended}>"
 
     def counts(self) -> JsonDict:
         """Return the contacts, and the commands beyond the robot's limits, as a manifest holds them.

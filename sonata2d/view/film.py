@@ -7,7 +7,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from itertools import chain
+from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -63,15 +63,7 @@ def save_film(
             written.
     """
     path = Path(path)
-    is_gif = path.suffix.lower() == ".gif"
-    fps = (10.0 if is_gif else 30.0) if fps is None else fps
-    if not (0.0 < fps <= 120.0 and 0.0 < speed < math.inf):
-        raise RenderError(
-            f"cannot film {fps:g} pictures per second at speed {speed:g}; "
-            "use an fps above 0 and up to 120, and a speed above 0"
-        )
-    if is_gif:
-        fps = 100.0 / max(round(100.0 / fps), 2)  # a GIF's delays are multiples of 1/100 s; players slow down below 2
+    fps = _pace_of(path, fps, speed)
     if layers is not None and layers.legend:
         snapshots = [*snapshots]
         legend = Legend.of(snapshots, layers, paths=True) if snapshots else Legend()
@@ -81,14 +73,78 @@ def save_film(
         PictureSequence,
         size=size,
         scale=scale,
-        side=_GIF_SIDE if is_gif else DEFAULT_SIDE,
+        side=_GIF_SIDE if path.suffix.lower() == ".gif" else DEFAULT_SIDE,
         layers=layers,
         legend=legend,
     )
     if advance is not None:
         snapshots = _counted(snapshots, advance)
     samples = _sampled(snapshots, speed / fps, interpolate=interpolate)
-    shown = _pictures(samples, round(fps * _HOLD), make, caption, outcome)
+    _encode(path, _pictures(samples, round(fps * _HOLD), make, caption, outcome), fps)
+
+
+def save_sheet_film(
+    path: str | Path,
+    episodes: Sequence[Sequence[Snapshot]],
+    make: Callable[[Scene], PictureSequence],
+    arrange: Callable[[Sequence[pygame.Surface]], pygame.Surface],
+    *,
+    fps: float | None = None,
+    speed: float = 1.0,
+) -> None:
+    """Write a film in which several episodes begin together; those that have ended stay at their last picture.
+
+    Args:
+        path, fps, speed: as for `save_film`.
+        episodes: the snapshots of each.
+        make: what draws the pictures of an episode.
+        arrange: one picture of those of all episodes; they change afterwards.
+
+    Raises:
+        RenderError: as for `save_film`.
+    """
+    path = Path(path)
+    fps = _pace_of(path, fps, speed)
+    films = [
+        _pictures(_sampled(snapshots, speed / fps, interpolate=True), round(fps * _HOLD), make, None, None)
+        for snapshots in episodes
+    ]
+
+    def together() -> Iterator[pygame.Surface]:
+        pictures: list[pygame.Surface] = []
+        for newer in zip_longest(*films):
+            pictures = [
+                new or old for new, old in zip_longest(newer, pictures)
+            ]  # an episode that has ended yields None
+            yield arrange(pictures)
+
+    _encode(path, together(), fps)
+
+
+def _pace_of(path: Path, fps: float | None, speed: float) -> float:
+    """Pictures per second of a film; by default those of its format.
+
+    Raises:
+        RenderError: fps or speed is out of range.
+    """
+    is_gif = path.suffix.lower() == ".gif"
+    fps = (10.0 if is_gif else 30.0) if fps is None else fps
+    if not (0.0 < fps <= 120.0 and 0.0 < speed < math.inf):
+        raise RenderError(
+            f"cannot film {fps:g} pictures per second at speed {speed:g}; "
+            "use an fps above 0 and up to 120, and a speed above 0"
+        )
+    # a GIF's delays are multiples of 1/100 s; players slow down below 2
+    return 100.0 / max(round(100.0 / fps), 2) if is_gif else fps
+
+
+def _encode(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
+    """Write pictures as a GIF or an MP4.
+
+    Raises:
+        RenderError: a package is missing, or the file cannot be written.
+    """
+    is_gif = path.suffix.lower() == ".gif"
     try:
         with whole_file(path) as temporary:
             (_write_gif if is_gif else _write_mp4)(temporary, shown, fps)

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import html
 import importlib
-import sys
 import tempfile
 import webbrowser
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import pygame
-
 from ..core.drawable import Drawing
+from ..core.notebook import notebook_shell
 from ..errors import RenderError
 from .draw import Layers, picture
 from .files import FILM_SUFFIXES, render
 from .page import page_of
-from .stills import episode_sheet, filmstrip, png_of, save_surface, write_file
+from .sheets import Sheet
+from .stills import filmstrip, png_of, write_file
 from .trails import Trails
 
 _CARD_SIDE = 320  # px, longer side of the picture beside a table
@@ -58,29 +57,42 @@ def animate(drawing: Drawing, *, layers: Layers | None = None, caption: str | No
         drawing.snapshots, commands=drawing.commands, labels=drawing.labels, layers=layers, caption=caption,
         outcome=drawing.outcome,
     )  # fmt: skip
+    show_page(page)
+
+
+def show_page(page: str, *, height: int = _PAGE_HEIGHT) -> None:
+    """Show a page below the cell of a notebook, in a frame of its own, else in a browser.
+
+    Args:
+        page: HTML, with everything that it needs.
+        height: of the frame, px.
+
+    Raises:
+        RenderError: there is neither a notebook nor a browser.
+    """
     frame = (
-        f'<iframe srcdoc="{html.escape(page)}" style="width: 100%; height: {_PAGE_HEIGHT}px; border: 0" '
+        f'<iframe srcdoc="{html.escape(page)}" style="width: 100%; height: {height}px; border: 0" '
         'sandbox="allow-scripts"></iframe>'
     )
     if not _displayed({"text/html": frame}):
         _open(page.encode(), ".html")
 
 
-def save_sheet(drawings: Sequence[Drawing], titles: Sequence[str], path: str | Path) -> None:
-    """Write pictures of several episodes side by side as PNG, each with its title."""
-    save_surface(_sheet(drawings, titles), path)
+def save_sheet(drawings: Sequence[Drawing], titles: Sequence[str], path: str | Path, **options: Any) -> None:
+    """See `Dataset.save`."""
+    Sheet(drawings, titles).save(path, **options)
 
 
 def show_sheet(drawings: Sequence[Drawing], titles: Sequence[str]) -> None:
-    """Show what `save_sheet` writes."""
-    content = png_of(_sheet(drawings, titles))
+    """See `Dataset.show`."""
+    content = png_of(Sheet(drawings, titles).picture())
     if not _displayed({"image/png": content}):
         _open(content, ".png")
 
 
-def _sheet(drawings: Sequence[Drawing], titles: Sequence[str]) -> pygame.Surface:
-    texts = [f"{title}   {drawing.outcome or ''}" for title, drawing in zip(titles, drawings, strict=True)]
-    return episode_sheet([drawing.snapshots for drawing in drawings], titles=texts)
+def animate_sheet(drawings: Sequence[Drawing], titles: Sequence[str]) -> None:
+    """See `Dataset.animate`."""
+    show_page(Sheet(drawings, titles).page(), height=_PAGE_HEIGHT + 200)
 
 
 def card(title: str, facts: Mapping[str, object], drawings: Sequence[Drawing]) -> str:
@@ -117,9 +129,7 @@ def _trails(drawing: Drawing) -> Trails | None:
 
 def _displayed(data: Mapping[str, Any]) -> bool:
     """Show data by media type below the cell of a notebook that runs; False if there is none."""
-    ipython = sys.modules.get("IPython")  # it is loaded where a notebook runs
-    shell = None if ipython is None else ipython.get_ipython()
-    if shell is None or not hasattr(shell, "kernel"):
+    if notebook_shell() is None:
         return False
     importlib.import_module("IPython.display").display(dict(data), raw=True)
     return True

@@ -32,7 +32,7 @@ from .room import FloorPlan, draw_room
 from .svg import SvgCanvas
 from .trails import Trails, draw_trails
 
-_GAP, _TITLE = 10, 26  # px: between pictures, and height of a title
+GAP, TITLE = 10, 26  # px: between pictures, and height of a title
 _SHEET_WIDTH, _MAX_SCALE = 1600.0, 80.0  # px, px/m: of a sheet by default
 _MAX_COLUMNS = 4  # moments side by side
 MOMENT_SIDE = 480  # px, longer side of a moment on a page, which browsers make smaller
@@ -154,10 +154,10 @@ def save_moment(
         drawn = picture(snapshot, layers=layers, trails=trails, caption=caption, outcome=outcome, camera=camera)
         save_surface(drawn, path)
     else:
-        _vectors(snapshot, camera, layers, legend, trails, caption, outcome).write(path)
+        vectors(snapshot, camera, layers, legend, trails, caption, outcome).write(path)
 
 
-def _vectors(
+def vectors(
     snapshot: Snapshot,
     camera: Camera,
     layers: Layers,
@@ -206,39 +206,14 @@ def scene_picture(
     if not scenes:
         raise RenderError("there is no scene to draw; give at least one")
     columns = columns or math.ceil(math.sqrt(len(scenes)))
-    layers, scale = layers or Layers(caption=False), scale or _common_scale(scenes, columns)
+    layers, scale = layers or Layers(caption=False), scale or common_scale(scenes, columns)
     bare = replace(layers, legend=False)
     titles = titles or [f"{scene.name}   {origin(scene)}" for scene in scenes]
     tiles = [
-        _with_title(picture(snapshot_of(scene), layers=bare, camera=camera_for(scene, scale=scale)), title)
+        with_title(picture(snapshot_of(scene), layers=bare, camera=camera_for(scene, scale=scale)), title)
         for scene, title in zip(scenes, titles, strict=True)
     ]
-    return _tiled(tiles, columns)
-
-
-def episode_sheet(
-    episodes: Sequence[Sequence[Snapshot]], *, titles: Sequence[str], columns: int | None = None
-) -> pygame.Surface:
-    """Draw episodes side by side, each at its end with the paths up to it, all at the same scale.
-
-    Args:
-        episodes: the snapshots of each.
-        titles: one per episode.
-        columns: pictures per row; by default about as many as rows.
-
-    Raises:
-        RenderError: no episode is given, or a picture would be too large or too small at that scale.
-    """
-    if not episodes:
-        raise RenderError("there is no episode to draw")
-    columns = columns or math.ceil(math.sqrt(len(episodes)))
-    scale = _common_scale([snapshots[-1].scene for snapshots in episodes], columns)
-    layers = Layers(caption=False, legend=False)
-    tiles = [
-        _with_title(picture(snapshots[-1], layers=layers, trails=Trails.of(snapshots), scale=scale), title)
-        for snapshots, title in zip(episodes, titles, strict=True)
-    ]
-    return _tiled(tiles, columns)
+    return tiled(tiles, columns)
 
 
 # Moments of an episode
@@ -266,14 +241,14 @@ def moments(
         raise RenderError(f"cannot show {count} moments of {len(snapshots)}; ask for 1 to {len(snapshots)}")
     scene, layers = snapshots[0].scene, layers or Layers()
     columns = _columns(count)
-    camera = camera_for(scene, scale=scale or _common_scale([scene], columns))
+    camera = camera_for(scene, scale=scale or common_scale([scene], columns))
     bare = replace(layers, caption=False, legend=False)
     indices = [round(x) for x in np.linspace(0 if count > 1 else len(snapshots) - 1, len(snapshots) - 1, count)]
     tiles = []
     for k in indices:
         drawn = picture(snapshots[k], layers=bare, trails=Trails.of(snapshots[: k + 1]), camera=camera)
-        tiles.append(_with_title(drawn, f"{snapshots[k].time:.1f} s"))
-    rows = _tiled(tiles, columns)
+        tiles.append(with_title(drawn, f"{snapshots[k].time:.1f} s"))
+    rows = tiled(tiles, columns)
     width, height = rows.get_size()
     marks = Trails.of(snapshots[: indices[-1] + 1]).has_marks
     legend = Legend.of([snapshots[k] for k in indices], layers, paths=True, time_marks=marks)
@@ -326,31 +301,31 @@ def filmstrip(snapshots: Sequence[Snapshot], indices: Sequence[int], *, layers: 
 # Sheets
 
 
-def _tiled(pictures: Sequence[pygame.Surface], columns: int) -> pygame.Surface:
+def tiled(pictures: Sequence[pygame.Surface], columns: int) -> pygame.Surface:
     """Arrange pictures in rows from the upper left, each centred in its column."""
     columns = min(columns, len(pictures))
     rows = [pictures[k : k + columns] for k in range(0, len(pictures), columns)]
     width = max(drawn.get_width() for drawn in pictures)
     heights = [max(drawn.get_height() for drawn in row) for row in rows]
-    sheet = pygame.Surface((columns * (width + _GAP) - _GAP, sum(heights) + (len(rows) - 1) * _GAP), 0, 32)
+    sheet = pygame.Surface((columns * (width + GAP) - GAP, sum(heights) + (len(rows) - 1) * GAP), 0, 32)
     sheet.fill(PAPER)
     for k, row in enumerate(rows):
         for column, drawn in enumerate(row):
-            left = column * (width + _GAP) + (width - drawn.get_width()) // 2
-            sheet.blit(drawn, (left, sum(heights[:k]) + k * _GAP))
+            left = column * (width + GAP) + (width - drawn.get_width()) // 2
+            sheet.blit(drawn, (left, sum(heights[:k]) + k * GAP))
     return sheet
 
 
-def _common_scale(scenes: Sequence[Scene], columns: int) -> float:
+def common_scale(scenes: Sequence[Scene], columns: int) -> float:
     """Pixels per metre at which the widest scene fills a column of a sheet; a room without outline counts as 10 m."""
     widest = max(float(np.ptp(scene.outline[:, 0])) for scene in scenes) if all(s.polygon for s in scenes) else 10.0
-    return min(_MAX_SCALE, (_SHEET_WIDTH / columns - _GAP) / (widest + 0.6))
+    return min(_MAX_SCALE, (_SHEET_WIDTH / columns - GAP) / (widest + 0.6))
 
 
-def _with_title(drawn: pygame.Surface, title: str) -> pygame.Surface:
+def with_title(drawn: pygame.Surface, title: str) -> pygame.Surface:
     """The picture with a line of text above it."""
-    sheet, width = _extended(drawn, above=_TITLE), drawn.get_width()
-    PixelCanvas(sheet).text(FAINT, shortened(title, width - 12, TEXT), (width // 2, _TITLE // 2 + 4), TEXT)
+    sheet, width = _extended(drawn, above=TITLE), drawn.get_width()
+    PixelCanvas(sheet).text(FAINT, shortened(title, width - 12, TEXT), (width // 2, TITLE // 2 + 4), TEXT)
     return sheet
 
 

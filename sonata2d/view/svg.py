@@ -99,6 +99,12 @@ class SvgCanvas:
         except OSError as error:
             raise RenderError(f"cannot write {path}: {error.strerror or error}") from error
 
+    def place(self, other: SvgCanvas, left: float, top: float) -> None:
+        """Add another picture, with its upper left corner at a point, px."""
+        size = {side: other.root.attrib[side] for side in ("width", "height")}
+        part = self._add("svg", x=_number(left), y=_number(top), **size)
+        part.extend(other.root)
+
     def inline(self) -> str:
         """The picture as an `svg` element of an HTML page, in which it needs no namespace."""
         root = ElementTree.Element("svg", {name: value for name, value in self.root.items() if name != "xmlns"})

@@ -6,6 +6,7 @@ import shutil
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -129,8 +130,10 @@ def test_pictures(dataset: s2.Dataset, tmp_path: Path) -> None:
     dataset.save(tmp_path / "two.png", count=2)
     with Image.open(tmp_path / "all.png") as sheet, Image.open(tmp_path / "two.png") as two:
         assert sheet.height > two.height  # two rows instead of one
-    with pytest.raises(RenderError, match=r"end the name in \.png"):
-        dataset.save(tmp_path / "all.gif")
+    with pytest.raises(RenderError, match=r"end the name in one of \.png, \.svg, \.gif, \.mp4, \.html"):
+        dataset.save(tmp_path / "all.jpg")
+    with pytest.raises(RenderError, match="fps and speed have an effect on films only"):
+        dataset.save(tmp_path / "all.png", fps=5)
     with pytest.raises(RenderError, match="no episode"):
         dataset[:0].save(tmp_path / "none.png")
     text = dataset._repr_html_()
@@ -160,3 +163,34 @@ def test_a_folder_without_episodes_is_refused(tmp_path: Path) -> None:
         s2.Dataset(tmp_path)
     with pytest.raises(RecordError, match="does not exist"):
         s2.Dataset(tmp_path / "none")
+
+
+def test_a_film_ends_with_the_longest_episode(dataset: s2.Dataset, tmp_path: Path) -> None:
+    dataset.save(tmp_path / "all.gif", count=3, fps=5, speed=2.0)
+    longest = max(record.outcome.time for record in dataset[:3])
+    with Image.open(tmp_path / "all.gif") as film:
+        duration = sum(film.seek(k) or film.info["duration"] for k in range(film.n_frames)) / 1000
+        assert duration == pytest.approx(longest / 2.0 + 1.5, abs=0.6)
+        film.seek(film.n_frames - 1)
+        last = np.asarray(film.convert("RGB"))
+    assert len(np.unique(last.reshape(-1, 3), axis=0)) > 50
+
+
+def test_vectors_and_pages_hold_each_episode(dataset: s2.Dataset, tmp_path: Path) -> None:
+    dataset.save(tmp_path / "all.svg", count=3)
+    root = ElementTree.parse(tmp_path / "all.svg").getroot()
+    parts = [part for part in root if part.tag.endswith("}svg")]
+    assert len(parts) == 3
+    assert all(len(list(part.iter())) > 20 for part in parts)
+    dataset.save(tmp_path / "all.html", count=3)
+    text = (tmp_path / "all.html").read_text()
+    assert text.count("<button") == 3
+    assert text.count("&lt;!DOCTYPE html&gt;") == 3  # the pages that play the episodes, as text of the buttons
+    assert "000002" in text
+
+
+def test_a_page_opens_in_the_browser(dataset: s2.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda url: bool(opened.append(url)) or True)
+    dataset.animate(count=2)
+    assert opened[0].endswith(".html")

@@ -113,3 +113,14 @@ def test_other_things_are_no_controllers(tmp_path: Path) -> None:
         with pytest.raises(TypeError, match=message):
             s2.generate_dataset(tmp_path / "out", SHORT, wrong)  # type: ignore[arg-type]
     assert not (tmp_path / "out").exists()
+
+
+def test_a_script_without_guard_is_told_so_in_one_error(tmp_path: Path) -> None:
+    script = "import sonata2d as s2\ns2.generate_dataset('out', 'empty', episodes=6, workers=2)\n"
+    (tmp_path / "script.py").write_text(script)
+    result = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=200, check=False
+    )
+    assert result.returncode == 1
+    assert result.stderr.count("Traceback") == 1
+    assert "put the lines that start it below if __name__ == '__main__':" in result.stderr

@@ -20,6 +20,7 @@ from PIL import Image
 
 import sonata2d as s2
 from sonata2d.core.drawable import Drawable
+from sonata2d.core.snapshot import ControllerInfo
 from sonata2d.errors import RenderError
 
 KINDS = ("scene", "snapshot", "episode", "record")
@@ -60,6 +61,13 @@ def test_what_is_printed_fits_one_line(shown: dict[str, Any]) -> None:
     assert "rules=RulesConfig(time_limit=5.0, guard=False)" in repr(settings)
     assert len(repr(settings)) < 600  # 3900 characters with all settings
     assert "running>" in repr(s2.Episode(shown["scene"]))
+    assert repr(s2.Orca()) == "Orca(speed=0.9, gain=2.0, model='orca2011')"
+    assert repr(s2.SocialPlanner()).startswith("SocialPlanner(ahead=0.4, ")
+    assert len(repr(s2.HumanLike())) <= 200
+    recorder = s2.EpisodeRecorder()
+    assert repr(recorder) == "<EpisodeRecorder: empty>"
+    recorder.open(shown["scene"], ControllerInfo("x"))
+    assert repr(recorder) == "<EpisodeRecorder: lively/l, 0 frames>"
 
 
 @pytest.mark.parametrize("kind", KINDS)

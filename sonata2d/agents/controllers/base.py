@@ -13,7 +13,7 @@ from ...core.devices import ImageRequest
 from ...core.geometry import Twist
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
-from ...core.wording import shown
+from ...core.wording import one_line, shown
 from ...errors import ControllerError
 
 
@@ -181,6 +181,14 @@ class Controller(ABC):
         plain = (bool, int, float, str)
         public = {k: v for k, v in vars(self).items() if not k.startswith("_") and isinstance(v, plain)}
         return {k: v for k, v in public.items() if not isinstance(v, float) or math.isfinite(v)}
+
+    def __repr__(self) -> str:
+        """Class and settings, on one line."""
+        try:
+            texts = [f"{name}={shown(value, 30)}" for name, value in self.settings().items()]
+        except Exception:  # as of an object that is not initialised yet; what is printed must not hide that
+            texts = ["..."]
+        return one_line(f"{type(self).__name__}({', '.join(texts)})", 200)
 
 
 class External(Controller):

@@ -1,0 +1,46 @@
+"""Whether a notebook runs, and the progress bars that fit it."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from importlib.util import find_spec
+from typing import Any
+
+Advance = Callable[[int], None]  # progress callback; its argument is the number of items finished since the last call
+# a context that shows a progress bar: its arguments are the number of items and their name, `episodes`
+ProgressBar = Callable[[int, str], AbstractContextManager[Advance]]
+
+
+def notebook_shell() -> Any:
+    """The shell of the notebook that runs; None: there is none."""
+    ipython = sys.modules.get("IPython")  # it is loaded where a notebook runs
+    shell = None if ipython is None else ipython.get_ipython()
+    return shell if hasattr(shell, "kernel") else None
+
+
+def progress_bar(is_shown: bool | None) -> ProgressBar:
+    """How progress is shown.
+
+    Args:
+        is_shown: as a bar, in the form that fits a notebook or a terminal; None: only in a notebook.
+    """
+    is_notebook = notebook_shell() is not None
+    if not (is_notebook if is_shown is None else is_shown):
+        return _no_bar
+    # without ipywidgets the form for notebooks fails, and the one for terminals is legible below a cell
+    has_widgets = is_notebook and find_spec("ipywidgets") is not None
+    tqdm = importlib.import_module("tqdm.notebook" if has_widgets else "tqdm").tqdm
+
+    @contextmanager
+    def bar_of(total: int, unit: str) -> Iterator[Advance]:
+        with tqdm(total=total, desc=unit, leave=False) as bar:
+            yield lambda steps: bar.update(steps) and None
+
+    return bar_of
+
+
+def _no_bar(total: int, unit: str) -> AbstractContextManager[Advance]:
+    return nullcontext(lambda steps: None)

@@ -1,0 +1,179 @@
+"""`evaluate` with controllers and recorded episodes, and what its result shows, saves and deletes."""
+
+from __future__ import annotations
+
+import gc
+import json
+from contextlib import contextmanager
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import sonata2d as s2
+from sonata2d.errors import ControllerError, MetricError, RecordError, RenderError
+from sonata2d.metrics import METRICS
+
+SHORT = s2.ScenarioConfig(name="short", humans=2, rules={"time_limit": 3.0})
+
+
+class Ahead(s2.Controller):
+    """Drives ahead."""
+
+    version = "1"
+
+    def __init__(self, speed: float = 0.5) -> None:
+        self.speed = speed
+
+    def act(self, snapshot: s2.Snapshot) -> s2.Twist:
+        return s2.Twist(vx=self.speed)
+
+
+@pytest.fixture(scope="module")
+def compared() -> s2.Comparison:
+    return s2.evaluate({"slow": Ahead(0.2), "fast": Ahead(0.8), "named": "orca"}, SHORT, episodes=3, seed=4)
+
+
+def test_classes_objects_and_names_are_run_in_the_same_scenes(compared: s2.Comparison) -> None:
+    assert repr(compared) == "<Comparison of slow (3 episodes), fast (3 episodes), named (3 episodes)>"
+    assert [one.label for one in compared] == ["slow", "fast", "named"]
+    assert compared["fast"] is compared[1]
+    assert compared[0].scenes == compared[1].scenes == compared[2].scenes
+    slow, fast = (compared[label].summary("path_length").mean for label in ("slow", "fast"))
+    assert slow == pytest.approx(0.6, abs=0.02)
+    assert fast is not None
+    assert fast > slow
+    assert compared.datasets["fast"][1].controller_info.settings == {"speed": 0.8}
+
+
+def test_the_result_holds_the_episodes_until_it_is_deleted() -> None:
+    result = s2.evaluate(Ahead, SHORT, episodes=1, rerun=False)
+    folder = result.datasets["Ahead"].path
+    assert len(result.datasets["Ahead"][0]) == 30
+    del result
+    gc.collect()
+    assert not folder.exists()
+
+
+def test_episodes_are_stored_and_continued(tmp_path: Path) -> None:
+    settings: dict[str, Any] = {"out": tmp_path / "kept", "rerun": False}
+    first = s2.evaluate([Ahead], SHORT, episodes=1, **settings)
+    file = first.datasets["Ahead"].files[0]
+    before = file.stat().st_mtime_ns
+    del first
+    assert len(s2.evaluate([Ahead], SHORT, episodes=2, **settings)["Ahead"].episodes) == 2
+    assert file.stat().st_mtime_ns == before
+    stored = json.loads((tmp_path / "kept/evaluation.json").read_text())
+    assert [one["label"] for one in stored["evaluations"]] == ["Ahead"]
+    assert (file.parent / "metrics.json").exists()
+
+
+def test_recorded_episodes_are_evaluated_and_stay_as_they_are(tmp_path: Path) -> None:
+    dataset = s2.generate_dataset(tmp_path / "runs", SHORT, Ahead, episodes=3)
+    before = sorted(path.name for path in dataset.path.iterdir())
+    result = s2.evaluate({"all": dataset, "some": dataset[:2], "file": dataset.files[0]}, rerun=False)
+    assert [len(one.episodes) for one in result] == [3, 2, 1]
+    assert result["file"].episodes[0] == result["all"].episodes[0]
+    assert sorted(path.name for path in dataset.path.iterdir()) == before
+    assert s2.evaluate(dataset.path, rerun=False)[0].label == str(dataset.path)
+    mixed = s2.evaluate({"recorded": dataset, "run": Ahead}, SHORT, episodes=3, rerun=False)
+    assert mixed["recorded"].scenes == mixed["run"].scenes
+    # only whole data sets get a metrics.json
+    s2.evaluate(dataset[:2], rerun=False).save_metrics()
+    assert not (dataset.path / "metrics.json").exists()
+
+
+def test_several_scenarios_are_evaluated_together(tmp_path: Path) -> None:
+    result = s2.evaluate(Ahead, [SHORT, SHORT.changed(name="other", humans=0)], episodes=2, rerun=False)
+    assert {episode.name for episode in result["Ahead"].episodes} == {"short", "other"}
+    assert len(result.datasets["Ahead"]) == 4
+    with pytest.raises(ValueError, match="two scenarios have the same name: short, short"):
+        s2.evaluate(Ahead, [SHORT, SHORT])
+
+
+def test_tables(compared: s2.Comparison) -> None:
+    lines = str(compared).splitlines()
+    assert lines[0].split() == ["metric", "unit", "slow", "fast", "named"]
+    assert lines[1].split()[0] == next(name for name, metric in METRICS.items() if metric.headline)
+    assert lines[-4] == (
+        "3 episodes of slow, 3 episodes of fast, 3 episodes of named; mean [95 % bootstrap interval]; * significant "
+        "difference from the first, in the common scenes"
+    )
+    frame = compared.to_pandas()
+    assert len(frame) == 9
+    assert frame.groupby("label")["path_length"].mean()["slow"] == pytest.approx(0.6, abs=0.02)
+    other = compared.to_polars()
+    assert other["label"].to_list() == frame["label"].tolist()
+    assert other["time_to_goal"].null_count() == frame["time_to_goal"].isna().sum() > 0
+
+
+def test_a_notebook_shows_a_table_and_a_plot(compared: s2.Comparison) -> None:
+    text = compared._repr_html_()
+    HTMLParser().feed(text)
+    assert text.count("<tr>") == 1 + len(compared.metrics)
+    assert "data:image/svg+xml;base64," in text
+
+
+@pytest.mark.parametrize("name", ["a.html", "a.png", "a.svg", "a.json"])
+def test_a_comparison_is_saved(compared: s2.Comparison, name: str, tmp_path: Path) -> None:
+    compared.save(tmp_path / name)
+    assert (tmp_path / name).stat().st_size > 2000
+    if name == "a.html":
+        assert (tmp_path / name).read_text().count("driven by tests.metrics.test_comparison:Ahead") >= 2
+
+
+def test_another_suffix_is_refused(compared: s2.Comparison, tmp_path: Path) -> None:
+    with pytest.raises(RenderError, match=r"must end in .html, .png, .pdf, .svg or .json"):
+        compared.save(tmp_path / "a.gif")
+    with pytest.raises(KeyError, match="did you mean 'fast'"):
+        compared["fats"]
+
+
+def test_progress_is_reported_to_a_function() -> None:
+    seen: dict[str, list[int]] = {}
+
+    @contextmanager
+    def bar(total: int, unit: str) -> Any:
+        seen[unit] = [total, 0]
+
+        def advance(steps: int) -> None:
+            seen[unit][1] += steps
+
+        yield advance
+
+    s2.evaluate(Ahead, SHORT, episodes=2, rerun=False, progress=bar)
+    assert seen == {"episodes of Ahead": [2, 2], "episodes measured": [2, 2]}
+
+
+def test_progress_is_shown_on_request(capfd: pytest.CaptureFixture[str]) -> None:
+    s2.evaluate(Ahead, SHORT, episodes=1, rerun=False, progress=True)
+    assert "episodes of Ahead" in capfd.readouterr().err
+    s2.evaluate(Ahead, SHORT, episodes=1, rerun=False)
+    assert capfd.readouterr().err == ""
+
+
+def test_invalid_arguments(tmp_path: Path) -> None:
+    (tmp_path / "runs").mkdir()
+    cases: list[tuple[Any, dict[str, Any], type[Exception], str]] = [
+        ([], {}, ValueError, "nothing to evaluate"),
+        ([Ahead(0.1), Ahead(0.2)], {}, ValueError, "two subjects have the label 'Ahead'; name them"),
+        (3, {}, TypeError, "got 3; recorded episodes are a sonata2d.Dataset or a pathlib.Path"),
+        ("social-planer", {}, ControllerError, "did you mean 'social-planner'"),
+        (str(tmp_path / "runs"), {}, ControllerError, "no controller is named"),
+        (tmp_path / "runs", {}, RecordError, "no episode"),
+        (tmp_path / "none", {}, RecordError, "does not exist"),
+        (Ahead, {"episodes": 0}, ValueError, "at least one scenario, 1 episode and 100 resamples are needed"),
+        (Ahead, {"metrics": ["sucess"]}, MetricError, "did you mean 'success'"),
+    ]
+    for subjects, settings, kind, message in cases:
+        with pytest.raises(kind, match=message):
+            s2.evaluate(subjects, SHORT, **settings)
+    dataset = s2.generate_dataset(tmp_path / "set", SHORT, Ahead, episodes=1)
+    with pytest.raises(ValueError, match="only recorded episodes are given"):
+        s2.evaluate(dataset, out=tmp_path / "out")
+    with pytest.raises(RecordError, match="set is a data set; choose a folder"):
+        s2.evaluate(Ahead, SHORT, out=dataset.path)
+    with pytest.raises(ControllerError) as caught:
+        s2.evaluate(str(dataset.path))
+    assert "recorded episodes are evaluated with Dataset(" in caught.value.__notes__[0]
