@@ -134,7 +134,7 @@ class EpisodeRecorder:
         return record_from_document(document, Path(f"{document['id']}.json"))
 
     def __repr__(self) -> str:
-        content = "empty" if self.scene is None else f"{self.scene.name}, {counted(len(self._answers), 'frame')}"
+        content = "empty" if self.scene is None else f"{self.scene.family}, {counted(len(self._answers), 'frame')}"
         ended = f", {self.outcome.status}" if self.outcome else ""
         name = type(self).__name__ + (f" {self.id}" if self.id else "")
         return f"<{name}: {content}{ended}>"
