@@ -73,6 +73,7 @@ class Commands(Group):
             return None
         module, _, attribute = COMMANDS[cmd_name].partition(":")
         command: click.Command = getattr(importlib.import_module(f".{module}", __package__), attribute)
+        command.name = cmd_name  # the functions of most modules are called `command`
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

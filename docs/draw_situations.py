@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/scenarios.md: one run of each situation, the room kinds, and the formations.
+"""Draws the pictures of docs/scenarios.md and docs/gallery.md: a run of each preset, the room kinds, the formations.
 
 python docs/draw_situations.py [FOLDER]
 """
@@ -38,6 +38,10 @@ def main(folder: Path) -> None:
         path, layers = folder / f"situation-{name}.png", Layers(legend=False)
         render(selected(snapshots), path, size=size_of(snapshots[0]), caption=name, layers=layers)
         sys.stdout.write(f"{name}: {verdict.description}\n")
+    for name in ("sonata-2020", "sonata-2020-crowded", "lively", "crossing-flows"):
+        snapshots = run(name)
+        size = size_of(snapshots[0])
+        render(snapshots, folder / f"preset-{name}.png", size=size, caption=name, layers=Layers(legend=False))
     waiting_room(folder / "waiting-room.png")
     demo(folder / "demo.gif")
     rooms(folder / "rooms.png")

@@ -32,7 +32,8 @@ top-level key and every frame is on a line of its own. `json` alone reads it:
 import json
 import numpy as np
 
-episode = json.load(open("polite.json"))
+with open("demo/000000.json") as file:
+    episode = json.load(file)
 humans = np.array([frame["humans"] for frame in episode["frames"]])  # (T, N, 7), if everybody is always present
 ```
 

@@ -53,7 +53,7 @@ Conventions:
 - `metrics.json` summarises all runs, the runs that reached the goal, and the runs of each scene family.
 - ↑ more is better, ↓ less is better. Metrics in **bold** are part of the short table and the picture; `--page` adds
   every class of collision, and the fractions of outcomes with Wilson's interval, which has a positive width even if
-  all outcomes are equal: [how to](how-to.md#evaluate-runs-and-compare-controllers).
+  all outcomes are equal: [how to](how-to/evaluate.md).
 """
 
 VARIANTS_INTRO = """\

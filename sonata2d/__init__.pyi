@@ -1,6 +1,7 @@
 from . import errors as errors
 from .agents.controllers.base import Controller as Controller, Regenerate as Regenerate, Stop as Stop
 from .agents.controllers.human_like import HumanLike as HumanLike
+from .agents.controllers.loading import load_controller as load_controller
 from .agents.controllers.planner import SocialPlanner as SocialPlanner
 from .agents.controllers.reactive import Orca as Orca, SocialForce as SocialForce, StraightToGoal as StraightToGoal
 from .core.entities import Door as Door, Place as Place, Queue as Queue

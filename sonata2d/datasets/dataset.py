@@ -6,9 +6,10 @@ import importlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, SupportsIndex, overload
+from typing import Any, SupportsIndex, get_args, overload
 
 from ..core.drawable import Drawing, display
+from ..core.snapshot import Status
 from ..core.wording import counted, shown
 from ..errors import RecordError
 from ..record.files import file_stem
@@ -110,12 +111,17 @@ class Dataset(Sequence[EpisodeRecord]):
 
         Raises:
             RecordError: a file cannot be read.
+            ValueError: there is no such outcome.
         """
         wanted = {
             key: {values} if isinstance(values, str) else set(values)
             for key, values in (("outcome", outcome), ("family", family))
             if values is not None
         }
+        unknown = wanted.get("outcome", set()) - set(get_args(Status))
+        if unknown:
+            name = sorted(map(str, unknown))[0]
+            raise ValueError(f"no episode has the outcome {name!r}; outcomes are {', '.join(get_args(Status))}")
         files = list(self.files)
         if wanted:
             files = [file for file, row in self._rows(files) if all(row[key] in wanted[key] for key in wanted)]

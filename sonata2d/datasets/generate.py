@@ -20,11 +20,13 @@ from typing import get_args
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource, is_built_in, source_hashes
 from ..core import interruption
+from ..core.arguments import whole_number
 from ..core.notebook import Advance, progress_bar
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
-from ..core.wording import described, one_line, text_of
+from ..core.wording import described, one_line, shown, text_of
 from ..errors import ControllerError, ControllerWarning, RecordError, SceneError, Sonata2dError, WorkerError
+from ..record.files import SUFFIXES
 from ..record.layout import JsonDict
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
@@ -97,7 +99,7 @@ def generate_dataset(
     resume: bool = False,
     overwrite: bool = False,
     suffix: str = ".json",
-    keep: Sequence[str] = (),
+    keep: str | Sequence[str] = (),
     progress: bool | None = None,
     advance: Advance | None = None,
 ) -> Dataset:
@@ -130,9 +132,10 @@ def generate_dataset(
         ControllerError: the controller cannot be created, or an error ended an episode; finished episodes stay.
         WorkerError: a worker process crashed, or was killed; finished episodes stay.
         SceneError: a scene cannot be generated; finished episodes stay.
-        ValueError: `keep` names an outcome that cannot be kept, or both `resume` and `overwrite` are set.
+        ValueError: `keep` names an outcome that cannot be kept, both `resume` and `overwrite` are set, or the suffix or
+            a number is not valid.
         ConfigError: there is no such preset or scenario file, or the file is invalid.
-        TypeError: the scenario or the controller is something else.
+        TypeError: the scenario, the controller or a number is something else.
 
     Warns:
         ControllerWarning: most commands exceed the limits of the robot's drive, or move a unicycle sideways.
@@ -141,6 +144,11 @@ def generate_dataset(
     if resume and overwrite:
         raise ValueError("resume continues a data set and overwrite replaces it; set one of them")
     config = scenario_of(scenario)
+    episodes, seed = whole_number("episodes", episodes, 1), whole_number("seed", seed)
+    if not isinstance(workers, Workers):
+        whole_number("workers", workers, 1)
+    if suffix not in SUFFIXES:
+        raise ValueError(f"suffix must be one of {', '.join(SUFFIXES)}, got {shown(suffix)}")
     out = Path(out)
     kept_outcomes = _in_fixed_order(keep)
     process = os.getpid()
@@ -234,8 +242,9 @@ def _restore_removed(out: Path, spec: DatasetSpec, progress: Progress, overwrite
         )
 
 
-def _in_fixed_order(keep: Sequence[str]) -> tuple[Status, ...]:
+def _in_fixed_order(keep: str | Sequence[str]) -> tuple[Status, ...]:
     """The outcomes to keep, without repetitions and in the order of `Status`."""
+    keep = (keep,) if isinstance(keep, str) else keep
     for status in keep:
         if status not in KEEPABLE:
             raise ValueError(f"keep accepts {', '.join(KEEPABLE)}; got {status!r}")

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import orjson
-from pydantic import ValidationError
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import is_installed, load_controller
@@ -16,7 +15,7 @@ from ..core import interruption
 from ..core.devices import DeviceEvent
 from ..core.geometry import Twist
 from ..core.snapshot import Observer, Snapshot
-from ..errors import ControllerError, RecordError, SceneError
+from ..errors import ConfigError, ControllerError, RecordError, SceneError
 from ..record.canonical import serialise
 from ..record.files import read_bytes
 from ..record.reader import read_episode
@@ -222,11 +221,7 @@ def _check_scene(path: Path, record: EpisodeRecord) -> list[Problem]:
         return []
     try:
         scene = generate(ScenarioConfig(**settings), record.seed, record.episode)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        problem = ": ".join(filter(None, (".".join(map(str, first["loc"])), first["msg"])))
-        return [Problem(path.name, "settings", f"they give no scene: {problem}")]
-    except (ValueError, SceneError) as error:
+    except (ValueError, ConfigError, SceneError) as error:
         return [Problem(path.name, "settings", f"they give no scene: {error}")]
     is_equal = replace(scene, settings=settings) == record.scene()  # newer versions have more settings
     return [] if is_equal else [Problem(path.name, "scene", "settings and seed give another scene")]

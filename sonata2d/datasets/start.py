@@ -71,8 +71,8 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
             raise RecordError(f"{folder} holds another data set: {differences}; {remedy}")
         else:
             raise RecordError(
-                f"{folder} already holds a data set; continue it with --resume, replace it with --overwrite, or choose "
-                "another folder"
+                f"{folder} already holds a data set; continue it with --resume (resume=True), replace it with "
+                "--overwrite (overwrite=True), or choose another folder"
             )
     elif folder.exists() and any(not path.name.startswith(TEMPORARY_PREFIX) for path in folder.iterdir()):
         raise RecordError(f"{folder} is not empty and has no {MANIFEST}; choose another folder")

@@ -16,6 +16,7 @@ from typing import Any, overload
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource
+from ..core.arguments import whole_number
 from ..core.notebook import ProgressBar, progress_bar
 from ..core.wording import counted, shown
 from ..datasets.dataset import Dataset
@@ -312,11 +313,12 @@ def evaluate(
     configs = [scenario_of(one) for one in scenarios]
     if len({config.name for config in configs}) < len(configs):
         raise ValueError(f"two scenarios have the same name: {', '.join(config.name for config in configs)}")
-    if not configs or episodes < 1 or resamples < 100:
-        raise ValueError(
-            f"at least one scenario, 1 episode and 100 resamples are needed, got {len(configs)}, {episodes} and "
-            f"{resamples}"
-        )
+    if not configs:
+        raise ValueError("there is no scenario to run the controllers in")
+    whole_number("episodes", episodes, 1)
+    whole_number("resamples", resamples, 100)
+    if not isinstance(workers, Workers):
+        whole_number("workers", workers, 1)
     if out is not None and all(isinstance(subject, Dataset) for subject in given.values()):
         raise ValueError(f"out={str(out)!r} is for the episodes of controllers, and only recorded episodes are given")
     bar = _bar(progress)

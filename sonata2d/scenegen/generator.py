@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.arguments import whole_number
 from ..core.entities import Furniture, Human
 from ..core.geometry import Barriers, Pose, inside_polygon
 from ..core.rng import RandomStream
@@ -56,12 +57,14 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     Raises:
         SceneError: no layout of `config.max_layouts` has space for everything, or a given position is not possible.
         ConfigError: there is no such preset or file, or the file is invalid.
-        TypeError: the scenario is something else.
+        TypeError: the scenario is something else, or a seed or episode is no whole number.
+        ValueError: a seed or episode is negative.
 
     >>> generate(ScenarioConfig(), seed=7) == generate(ScenarioConfig(), seed=7)
     True
     """
     config = scenario_of(config)
+    seed, episode = whole_number("seed", seed), whole_number("episode", episode)
     rng = RandomStream(seed, episode, "scene")
     plan, given = draw_floor_plan(config.room, rng), config
     if config.flip and rng.uniform() < config.flip:

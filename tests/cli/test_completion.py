@@ -1,4 +1,4 @@
-"""The Tab key in Bash, Zsh and Fish: the shells run in a terminal, with the lines of docs/how-to.md."""
+"""The Tab key in Bash, Zsh and Fish: the shells run in a terminal, with the lines of the documentation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 pexpect = pytest.importorskip("pexpect", reason="needs pexpect")
 
-HOW_TO = Path(__file__).parents[2] / "docs" / "how-to.md"
+HOW_TO = Path(__file__).parents[2] / "docs" / "how-to" / "command-line.md"
 SHELLS = {
     "bash": ["--noprofile", "--norc", "-i"],
     "zsh": ["-f", "-i"],
@@ -36,7 +36,7 @@ def start_up_line(shell: str) -> str:
             match = re.search(r"`([^`]*_SONATA2D_COMPLETE[^`]*)`", line)
             assert match is not None
             return match[1].replace("\\|", "|")
-    raise AssertionError(f"docs/how-to.md has no line for {shell}")
+    raise AssertionError(f"{HOW_TO} has no line for {shell}")
 
 
 @pytest.fixture(params=SHELLS)

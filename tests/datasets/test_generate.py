@@ -19,7 +19,7 @@ from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.manifest import read_manifest
 from sonata2d.datasets.start import unlisted_episodes
 from sonata2d.datasets.verification import verify
-from sonata2d.errors import ControllerError, RecordError, Sonata2dError
+from sonata2d.errors import ConfigError, ControllerError, RecordError, Sonata2dError
 from sonata2d.record.reader import read_episode
 from sonata2d.testing.controllers import check_controller
 
@@ -159,7 +159,7 @@ def test_a_fast_robot_without_guard_passes_the_check_or_is_refused(tmp_path: Pat
     pushed = [read_episode(path).states.humans[..., 3:5] for path in sorted((tmp_path / "out").glob("0*.json"))]
     assert max(float(np.nanmax(np.hypot(v[..., 0], v[..., 1]))) for v in pushed) > 5.0
     assert verify(tmp_path / "out", replay=True) == []
-    with pytest.raises(ValueError, match=r"without the guard the robot may drive at 12 m/s"):
+    with pytest.raises(ConfigError, match=r"without the guard the robot may drive at 12 m/s"):
         scenario(20.0)
 
 

@@ -163,7 +163,9 @@ def test_invalid_arguments(tmp_path: Path) -> None:
         (str(tmp_path / "runs"), {}, ControllerError, "no controller is named"),
         (tmp_path / "runs", {}, RecordError, "no episode"),
         (tmp_path / "none", {}, RecordError, "does not exist"),
-        (Ahead, {"episodes": 0}, ValueError, "at least one scenario, 1 episode and 100 resamples are needed"),
+        (Ahead, {"episodes": 0}, ValueError, "episodes must be 1 or more, got 0"),
+        (Ahead, {"workers": 0}, ValueError, "workers must be 1 or more, got 0"),
+        (Ahead, {"resamples": "many"}, TypeError, "resamples must be a whole number, got 'many'"),
         (Ahead, {"metrics": ["sucess"]}, MetricError, "did you mean 'success'"),
     ]
     for subjects, settings, kind, message in cases:

@@ -8,12 +8,12 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from sonata2d.core.entities import TALKING, WALKING_TOGETHER, Group, Human
 from sonata2d.core.geometry import Pose
 from sonata2d.core.scene import Scene
 from sonata2d.core.vectors import wrap_angle
+from sonata2d.errors import ConfigError
 from sonata2d.scenegen.generator import generate
 from sonata2d.scenegen.sampling import talking_formation, walking_formation
 from sonata2d.scenegen.scenario.config import ScenarioConfig
@@ -152,5 +152,5 @@ def test_settings_of_groups_draw_nothing_without_groups() -> None:
     ],
 )
 def test_invalid_settings_of_groups_are_refused(groups: dict[str, object], message: str) -> None:
-    with pytest.raises(ValidationError, match=message):
+    with pytest.raises(ConfigError, match=message):
         ScenarioConfig(groups=groups)

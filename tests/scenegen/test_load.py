@@ -237,5 +237,5 @@ def test_of_a_list_with_many_faults_the_first_is_reported(write_scenario, text):
 
 
 def test_lists_have_a_maximum_length():
-    with pytest.raises(ValueError, match="at most 10000"):
+    with pytest.raises(ConfigError, match="at most 10000"):
         ScenarioConfig(room={"walls": [(0.0, 0.0, 1.0, 1.0)] * 10_001})

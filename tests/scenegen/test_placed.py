@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from pydantic import ValidationError
 
 import sonata2d as s2
 from sonata2d.core.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction
@@ -228,13 +227,13 @@ AT_1_1 = {"x": 1.0, "y": 1.0}
     ],
 )
 def test_an_invalid_person_is_refused(person: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValidationError) as error:
+    with pytest.raises(ConfigError) as error:
         config_with(person)
     assert message in str(error.value)
 
 
 def test_an_id_given_twice_is_refused() -> None:
-    with pytest.raises(ValidationError, match="id 4 is given to more than one person"):
+    with pytest.raises(ConfigError, match="id 4 is given to more than one person"):
         config_with({"id": 4, "x": 0, "y": 0}, {"id": 4, "x": 1, "y": 1})
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from pydantic import ValidationError
 
-from sonata2d.errors import SceneError
+from sonata2d.errors import ConfigError, SceneError
 from sonata2d.scenegen.generator import generate
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 
@@ -39,7 +38,7 @@ def test_a_track_counts_as_a_path_and_is_mirrored_with_the_scene() -> None:
 def test_without_paths_the_error_names_the_setting() -> None:
     with pytest.raises(SceneError, match=r"no free start and goal .* or set robot\.on_ways to null$"):
         generate(ScenarioConfig(**EMPTY, robot={"on_ways": 1.0}), 1)
-    with pytest.raises(ValidationError, match="greater than 0"):
+    with pytest.raises(ConfigError, match="greater than 0"):
         ScenarioConfig(robot={"on_ways": 0.0})
 
 

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from sonata2d.core.geometry import inside_polygon
 from sonata2d.core.navigation import FreeSpace
 from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Scene
+from sonata2d.errors import ConfigError
 from sonata2d.scenegen.floor_plans import FloorPlan, draw_floor_plan
 from sonata2d.scenegen.generator import generate
 from sonata2d.scenegen.scenario.config import ScenarioConfig
@@ -113,5 +113,5 @@ def test_mirroring_a_plan_changes_the_sign_of_y() -> None:
     ],
 )
 def test_invalid_sizes_are_refused(sizes: dict[str, object], message: str) -> None:
-    with pytest.raises(ValidationError, match=message):
+    with pytest.raises(ConfigError, match=message):
         RoomConfig(**sizes)

@@ -262,7 +262,8 @@ def test_the_reason_of_a_stop_must_be_text() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "remedy"), [(Answers, r"pass Answers\(\)"), ("orca", r"pass load_controller\('orca'\)"), (3, "got 3")]
+    ("given", "remedy"),
+    [(Answers, r"pass Answers\(\)"), ("orca", r"pass sonata2d.load_controller\('orca'\)"), (3, "got 3")],
 )
 def test_a_controller_is_an_object(given: Any, remedy: str) -> None:
     scene = s2.generate(s2.ScenarioConfig(humans=0), seed=1)

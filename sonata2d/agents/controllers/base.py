@@ -92,7 +92,7 @@ def require_controller(value: object) -> Controller:
     if isinstance(value, Controller):
         return value
     if isinstance(value, str):
-        remedy = f"pass load_controller({value!r}), from sonata2d.agents.controllers.loading"
+        remedy = f"pass sonata2d.load_controller({value!r})"
         raise TypeError(f"a controller is an object, got the name {value!r}; {remedy}")
     if isinstance(value, type):
         raise TypeError(f"a controller is an object, got the class {value.__name__}; pass {value.__name__}()")

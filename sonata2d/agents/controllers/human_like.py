@@ -14,6 +14,7 @@ from ...core.portable_math import exp_of
 from ...core.rng import RandomStream
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
+from ...core.wording import shown
 from .base import Answer, Controller, current_path, recorded_path
 from .planner import SocialPlanner
 
@@ -61,6 +62,8 @@ class HumanLike(Controller):
         noise: float = 0.15,
         labels_intention: bool = False,
     ) -> None:
+        if inner is not None and not isinstance(inner, Controller):
+            raise TypeError(f"the inner controller must be an object of a Controller class, got {shown(inner)}")
         for name, value in (("delay", delay), ("lag", lag), ("noise", noise)):
             if not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} must be finite and not negative, got {value}")

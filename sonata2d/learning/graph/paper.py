@@ -3,7 +3,7 @@
 Positions and velocities are those of the original's recorder: x to the robot's right, y ahead, angles clockwise from
 the right; velocities are the previous position minus the current one, each in the robot frame of its own tick.
 
-Source: the SONATA toolkit and its data set; see "Learn from graphs" in docs/how-to.md for what agrees with it.
+Source: the SONATA toolkit and its data set; see docs/how-to/graphs.md for what agrees with it.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError
 from ...core.geometry import MAX_MAGNITUDE
 from ...core.limits import MAX_COUNT
 from ...registry import Registry, did_you_mean
+from .problems import OneLineErrors
 
 if TYPE_CHECKING:  # settings are also read where nothing is generated, and random streams load the compiler
     from ...core.rng import RandomStream
@@ -60,7 +61,7 @@ def require_registered(registry: Registry, name: str) -> str:
     return name
 
 
-class Settings(BaseModel):
+class Settings(BaseModel, metaclass=OneLineErrors):
     """Base class of scenario settings: immutable; unknown keys are errors with a suggestion; numbers are finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -179,6 +180,14 @@ class Normal(Settings):
     sd: PositiveFloat
     min: NonNegativeFloat
     max: PositiveFloat
+
+    @model_validator(mode="before")
+    @classmethod
+    def _reject_numbers(cls, values: Any) -> Any:
+        if isinstance(values, int | float | list | tuple):
+            keys = "{mean: ..., sd: ..., min: ..., max: ...}"
+            raise PydanticCustomError("distribution", "a distribution is {keys}, or some of these", {"keys": keys})
+        return values
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from typing import Any, Self
 
-from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, field_validator, model_validator
+from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from ...core.entities import Limits, Robot
 from ...core.geometry import MAX_MAGNITUDE, Pose
 from ...core.limits import MAX_COUNT, MAX_NAME
-from ...core.wording import one_line, shown
-from ...errors import ConfigError
 from ...registry import did_you_mean
 from .base import Entities, Fraction, IntRange, Range, Settings
 from .people import PersonSpec, check_people
@@ -236,11 +233,7 @@ class ScenarioConfig(Settings):
         Raises:
             ConfigError: a setting is unknown or invalid.
         """
-        combined = merged(self.settings(), settings)
-        try:
-            return ScenarioConfig(**combined)
-        except ValidationError as error:
-            raise ConfigError(problem_of(combined, error)[1]) from None
+        return ScenarioConfig(**merged(self.settings(), settings))
 
     def settings(self) -> dict[str, Any]:
         """Return all settings, with defaults, as JSON values; `ScenarioConfig(**settings)` restores the scenario."""
@@ -259,46 +252,6 @@ def merged(base: dict[str, Any], changes: dict[str, Any], model: type[Settings] 
             value = merged(result.get(key) or {}, value, section)
         result[key] = value
     return result
-
-
-def problem_of(settings: dict[str, Any], error: ValidationError) -> tuple[list[int | str], str]:
-    """The first validation error of settings.
-
-    Returns:
-        The keys of the wrong setting, and one line: key, message, value.
-    """
-    first, *others = error.errors(include_url=False)
-    inner_path = first.get("ctx", {}).get("path", ())  # model validators put the key that is wrong there
-    keys, value = _follow(settings, (*first["loc"], *inner_path))
-    hint = ""
-    if first["type"] == "literal_error":  # one of some words; the wrong one may be a key of a mapping
-        value = first["input"]
-        hint = did_you_mean(str(value), re.findall(r"'([^']*)'", first["ctx"]["expected"]))
-    key_path = f"{one_line('.'.join(map(str, keys)), 200)}: " if keys else ""
-    got = f" (got {shown(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
-    # errors at the same place are those of the other members of a union
-    places = (_follow(settings, other["loc"])[0] for other in others)
-    further = sorted({".".join(map(str, place)) for place in places if place[: len(keys)] != keys})
-    more = f" (and more in {one_line(', '.join(further), 100)})" if further else ""
-    return keys, f"{key_path}{one_line(first['msg'], 300)}{got}{hint}{more}"
-
-
-def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
-    """Follow the location that pydantic reports through the settings.
-
-    Returns:
-        The keys that exist in the settings, and the value there. pydantic's names of union members and validators are
-        left out; a missing setting is kept as the last key.
-    """
-    known: list[int | str] = []
-    for key in keys:
-        is_item = isinstance(settings, list | tuple) and isinstance(key, int) and key < len(settings)
-        if is_item or (isinstance(settings, dict) and key in settings):
-            known.append(key)
-            settings = settings[key]
-        elif key == keys[-1] and isinstance(settings, dict):  # a missing setting
-            known.append(key)
-    return known, settings
 
 
 def _huge_number(value: Any, path: tuple[int | str, ...] = ()) -> tuple[int | str, ...] | None:

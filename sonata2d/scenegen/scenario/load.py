@@ -13,8 +13,9 @@ from pydantic import ValidationError
 from ...core.reading import is_shell_pipe
 from ...core.wording import shown
 from ...errors import ConfigError
-from .config import ScenarioConfig, merged, problem_of
+from .config import ScenarioConfig, merged
 from .parse import line_of, parse_settings
+from .problems import problem_of
 
 _PRESETS = Path(__file__).parents[1] / "presets"
 _SUFFIXES = (".yaml", ".yml", ".json", ".toml")

@@ -1,0 +1,67 @@
+"""Errors in settings, each as one line that names the key, the value and the remedy."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel, ValidationError
+
+from ...core.wording import one_line, shown
+from ...errors import ConfigError
+from ...registry import did_you_mean
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)
+
+
+class OneLineErrors(ModelMetaclass):
+    """Metaclass of settings: their constructors raise ConfigError in place of pydantic's ValidationError."""
+
+    def __call__(cls, **settings: Any) -> Any:
+        try:
+            return super().__call__(**settings)
+        except ValidationError as error:
+            raise ConfigError(problem_of(settings, error)[1]) from None
+
+
+def problem_of(settings: dict[str, Any], error: ValidationError) -> tuple[list[int | str], str]:
+    """The first validation error of settings.
+
+    Returns:
+        The keys of the wrong setting, and one line: key, message, value.
+    """
+    first, *others = error.errors(include_url=False)
+    inner_path = first.get("ctx", {}).get("path", ())  # model validators put the key that is wrong there
+    keys, value = _follow(settings, (*first["loc"], *inner_path))
+    hint = ""
+    if first["type"] == "literal_error":  # one of some words; the wrong one may be a key of a mapping
+        value = first["input"]
+        hint = did_you_mean(str(value), re.findall(r"'([^']*)'", first["ctx"]["expected"]))
+    key_path = f"{one_line('.'.join(map(str, keys)), 200)}: " if keys else ""
+    got = f" (got {shown(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
+    # errors at the same place are those of the other members of a union
+    places = (_follow(settings, other["loc"])[0] for other in others)
+    further = sorted({".".join(map(str, place)) for place in places if place[: len(keys)] != keys})
+    more = f" (and more in {one_line(', '.join(further), 100)})" if further else ""
+    return keys, f"{key_path}{one_line(first['msg'], 300)}{got}{hint}{more}"
+
+
+def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
+    """Follow the location that pydantic reports through the settings.
+
+    Returns:
+        The keys that exist in the settings, and the value there. pydantic's names of union members and validators are
+        left out; a missing setting is kept as the last key.
+    """
+    known: list[int | str] = []
+    for key in keys:
+        is_item = isinstance(settings, list | tuple) and isinstance(key, int) and key < len(settings)
+        if is_item or (isinstance(settings, dict) and key in settings):
+            known.append(key)
+            settings = settings[key]
+        elif key == keys[-1] and isinstance(settings, dict):  # a missing setting
+            known.append(key)
+    return known, settings
