@@ -33,7 +33,7 @@ extensions = [
     "sphinx_click",
     "sphinx_copybutton",
 ]
-exclude_patterns = ["_templates"]
+exclude_patterns = ["_templates", "notebooks/runs"]
 smartquotes = False
 templates_path = ["_templates"]
 

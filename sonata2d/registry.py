@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import importlib
 import logging
+import pickle
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
@@ -57,6 +58,7 @@ class Registry:
     ) -> None:
         self.kind, self.group, self.built_in, self.error = kind, group, dict(built_in), error
         self._loaded: dict[str, Any] = {}
+        self.registered: dict[str, Any] = {}  # objects of this process, by name
 
     @cached_property
     def plugins(self) -> dict[str, EntryPoint]:
@@ -75,25 +77,50 @@ class Registry:
         return found
 
     def __iter__(self) -> Iterator[str]:
-        return iter((*self.built_in, *self.plugins))
+        return iter((*self.built_in, *self.plugins, *self.registered))
 
     def __contains__(self, name: object) -> bool:
-        return name in self.built_in or name in self.plugins
+        return name in self.built_in or name in self.plugins or name in self.registered
+
+    def register(self, name: str, found: Any) -> None:
+        """Give an object of this program, as of a notebook, a name; a former object of that name is replaced.
+
+        Worker processes of `generate_dataset` and `evaluate` get it with its code. Other programs do not know it: to
+        replay a data set that names it, they register it too, or install it as a plug-in.
+
+        Args:
+            name: as in a scenario, `person: {model: NAME}`.
+            found: what an entry point of a plug-in would name.
+
+        Raises:
+            ValueError: a built-in object or a plug-in has that name, or metrics are meant, of which functions take
+                objects.
+        """
+        if self.kind == "metric":  # tables of all metrics are made when `sonata2d.metrics` is imported
+            raise ValueError("metrics cannot be registered; give them as objects: measure(record, [metric])")
+        if name in self.built_in or name in self.plugins:
+            raise ValueError(f"a {self.kind} named {name!r} exists already; choose another name")
+        self.registered[name] = found
 
     def load(self, name: str, check: Check = lambda found: None) -> Any:
         """Import an object.
 
         Args:
-            name: of a built-in object or a plug-in.
-            check: called with the object of a plug-in; returns why it is not of the registry's kind, or None.
+            name: of a built-in object, a plug-in, or a registered object.
+            check: called with an object that is not built in; returns why it is not of the registry's kind, or None.
 
         Returns:
-            The object; the same one on every call.
+            The object; the same one on every call, unless another one is registered.
 
         Raises:
             Sonata2dError: the name is unknown, or the plug-in does not load or fails the check; an instance of the
                 registry's own error class.
         """
+        if name in self.registered:
+            reason = check(self.registered[name])
+            if reason is not None:
+                raise self.error(f"{self.kind} {name!r} {reason}")
+            return self.registered[name]
         if name not in self._loaded:
             if name in self.built_in:
                 found = resolve(self.built_in[name])
@@ -117,6 +144,7 @@ class Registry:
     def unknown(self, name: str) -> str:
         """The error message for an unknown name: with the closest name, else with all names."""
         hint = f"; known are {', '.join(self)}; if it is a plug-in, install the package that provides it"
+        hint += ", and if it is an object of a notebook or script, register it first"
         return f"no {self.kind} is named {name!r}{did_you_mean(name, self) or hint}"
 
     def _load_plugin(self, point: EntryPoint, check: Check) -> Any:
@@ -203,3 +231,26 @@ ROOM_KINDS = Registry(
     },
     ConfigError,
 )
+
+_REGISTRIES = {one.kind: one for one in (CONTROLLERS, PEDESTRIAN_MODELS, FORMATS, METRICS, ROOM_KINDS)}
+
+
+def registered_objects() -> bytes:
+    """What other processes need to know the registered objects; empty if there are none."""
+    names = {kind: registry.registered for kind, registry in _REGISTRIES.items() if registry.registered}
+    if not names:
+        return b""
+    import cloudpickle  # sends classes of a notebook with their code
+
+    content: bytes = cloudpickle.dumps(names)
+    return content
+
+
+def restore_registered(content: bytes) -> None:
+    """Register the objects of another process.
+
+    Args:
+        content: as `registered_objects` returns it there.
+    """
+    for kind, objects in pickle.loads(content).items() if content else ():
+        _REGISTRIES[kind].registered |= objects

@@ -56,6 +56,7 @@ class Dataset(Sequence[EpisodeRecord]):
         self.manifest: JsonDict | None = read_stored_manifest(self.path) if is_listed else None
         files = files_of(self.path) if self.manifest is None else files_in_manifest(self.path, self.manifest)
         self.files: tuple[Path, ...] = tuple(files)
+        self._owner: object = None
 
     def __len__(self) -> int:
         """Number of episodes."""
@@ -276,15 +277,22 @@ class Dataset(Sequence[EpisodeRecord]):
         """
         return cls._of(Path(path), files, None)
 
+    def keeps(self, owner: object) -> None:
+        """Refer to an object as long as this data set, or a part of it, exists: the owner of a temporary folder."""
+        self._owner = owner
+
     @classmethod
     def _of(cls, path: Path, files: Iterable[Path], manifest: JsonDict | None) -> Dataset:
         dataset = object.__new__(cls)
         dataset.path, dataset.files, dataset.manifest = path, tuple(files), manifest
+        dataset._owner = None
         return dataset
 
     def _part(self, files: Iterable[Path]) -> Dataset:
         """A data set of some of the files."""
-        return self._of(self.path, files, self.manifest)
+        part = self._of(self.path, files, self.manifest)
+        part.keeps(self._owner)
+        return part
 
     def _rows(self, files: Sequence[Path]) -> Iterator[tuple[Path, Mapping[str, Any]]]:
         """Outcome and family of each file, from the manifest if it lists the file."""

@@ -24,6 +24,7 @@ from typing import Any, Self, TypeVar
 
 from ..core import interruption
 from ..errors import PluginWarning, WorkerError
+from ..registry import registered_objects, restore_registered
 
 logger = logging.getLogger(__name__)
 
@@ -100,7 +101,8 @@ class Workers:
             return
         chunks = [items[start : start + CHUNK_SIZE] for start in range(0, len(items), CHUNK_SIZE)]
         with self._submitting() as submit:
-            for future, chunk in zip(submit(partial(_map_chunk, function), chunks), chunks, strict=True):
+            run = partial(_map_chunk, _WithRegistered(function))
+            for future, chunk in zip(submit(run, chunks), chunks, strict=True):
                 while not wait([future], timeout=_POLL).done:  # without a time limit Windows does not see Ctrl-C
                     interruption.check()
                 results = future.result()
@@ -115,7 +117,7 @@ class Workers:
         if self.count <= 1:
             yield from _results(_apply(set_up), items)
             return
-        run = partial(_run_chunk, pickle.dumps((set_up, is_last)))
+        run = partial(_run_chunk, pickle.dumps((_WithRegistered(set_up), is_last)))
         pending: set[Future[list[R]]] = set()
         chunks = iter(lambda: tuple(islice(items, CHUNK_SIZE)), ())
         with self._submitting() as submit:
@@ -384,6 +386,17 @@ def _results(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
     for item in items:
         interruption.check()
         yield _apply(function, item)
+
+
+class _WithRegistered:
+    """A function for another process, in which the objects that are registered in this one are known as well."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function, self._registered = function, registered_objects()
+
+    def __call__(self, *arguments: Any) -> Any:
+        restore_registered(self._registered)
+        return self._function(*arguments)
 
 
 def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
+from ..datasets.dataset import Dataset
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
 from ..errors import RecordError, UnsuitableEpisode
 from ..record.files import SUFFIXES, compress, file_stem, safe_text, write_atomically
@@ -121,7 +122,12 @@ def episodes_in(source: Path) -> list[Path]:
 
 
 def export_to(
-    source: Path, format: str, out: Path, options: Options = _DEFAULT_OPTIONS, *, advance: Advance = lambda step: None
+    source: str | Path | Dataset,
+    format: str,
+    out: str | Path,
+    options: Options = _DEFAULT_OPTIONS,
+    *,
+    advance: Advance = lambda step: None,
 ) -> TransferResult:
     """Write episodes in another format.
 
@@ -129,10 +135,10 @@ def export_to(
     refused; the others are still written.
 
     Args:
-        source: an episode file, or a folder of them.
+        source: an episode file, a folder of them, or a data set, such as those that `Dataset.filter` returns.
         format: name of the format, see `registry.FORMATS`.
-        out: a folder; for a single episode that becomes a single file, a path that ends with the suffix of the format
-            is the name of the file.
+        out: a folder; for a single episode file that becomes a single file, a path that ends with the suffix of the
+            format is the name of the file.
         options: see `Options`.
         advance: called with 1 after each episode.
 
@@ -143,7 +149,14 @@ def export_to(
         RecordError: no format has this name, it does not export or use a given option, the source holds no episodes,
             or tables would be written into the folder of a data set.
     """
-    chosen, files = format_named(format), episodes_in(source)
+    out = Path(out)
+    if isinstance(source, Dataset):
+        files, is_single = list(source.files), False
+        if not files:
+            raise RecordError(f"{source!r} holds no episodes")
+    else:
+        files, is_single = episodes_in(Path(source)), Path(source).is_file()
+    chosen = format_named(format)
     _require_supported(format, options)
     result, notes = TransferResult([]), Counter[str]()
     if chosen.export_all is not None:
@@ -155,7 +168,7 @@ def export_to(
         raise RecordError(f"{format} files can only be imported")
     for record in _read(files, result, advance):
         try:
-            path = _output_path(record, chosen, out, options, is_single=source.is_file())
+            path = _output_path(record, chosen, out, options, is_single=is_single)
             _write(path, chosen.export(record, options), record.path, result)
             if chosen.note is not None and (note := chosen.note(record, options)):
                 notes[note] += 1
@@ -194,7 +207,12 @@ def _write(path: Path, data: bytes, source: Path, result: TransferResult) -> Non
 
 
 def import_from(
-    source: Path, format: str, out: Path, options: Options = _DEFAULT_OPTIONS, *, advance: Advance = lambda step: None
+    source: str | Path,
+    format: str,
+    out: str | Path,
+    options: Options = _DEFAULT_OPTIONS,
+    *,
+    advance: Advance = lambda step: None,
 ) -> TransferResult:
     """Convert files of another format to episode files.
 
@@ -217,6 +235,7 @@ def import_from(
     chosen, result = format_named(format), TransferResult([])
     read = _import_function(chosen, format)
     _require_supported(format, options)
+    source, out = Path(source), Path(out)
     is_single = source.is_file() and out.name.endswith(SUFFIXES) and not out.is_dir()
     folder = out.parent if is_single else out
     if (folder / MANIFEST).exists():  # its manifest would not list the episodes

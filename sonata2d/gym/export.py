@@ -16,37 +16,46 @@ from ..learning.fixed_point import LARGEST_VALUE, LARGEST_WEIGHT
 from .description import describe, environment_of
 from .env import base_of
 from .mlp import Mlp, write_mlp
-from .policy import METADATA_KEY, Model, normalisation_of
+from .policy import METADATA_KEY, Model, TorchPolicy, is_torch_module, normalisation_of
 
 Env = gymnasium.Env[Any, Any]
 _EPISODES, _STEPS, _TOLERANCE = 4, 50, 0.02  # of the comparison of a file with its model
 
 
 def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = None, note: str = "") -> None:
-    """Write the policy of a model of Stable-Baselines3 as a file that is a controller by itself.
+    """Write a policy as a file that is a controller by itself.
 
     `sonata2d evaluate --controller ./policy.npz` and `PolicyController("policy.npz")` drive with it.
 
     Args:
         path: ends in .npz (multilayer perceptrons; needs no deep-learning library, the same bits on every processor)
             or in .onnx (any policy; needs ONNX Runtime, and `onnxscript` to write).
-        model: of Stable-Baselines3, e.g. PPO or SAC.
+        model: of Stable-Baselines3, e.g. PPO or SAC, or a PyTorch module that reads observations in one array: for
+            .npz a `torch.nn.Sequential` of linear layers with tanh or ReLU between them, whose last layer may be
+            followed by tanh.
         env: in which it was trained, with its wrappers.
         normalisation: of the observations: the `VecNormalize` of the training, or the path of the file to which it was
             saved; False: none. None: that around the environment of the model, if any; a model that was loaded from a
-            file has none, and a warning says so.
+            file has none, and a warning says so. Of a PyTorch module: mean and standard deviation, (n,) each.
         note: how the policy was trained, for human readers.
 
     Raises:
         ControllerError: the file of the normalisation cannot be read.
         ValueError: the path has another suffix, the environment is not that of the model, or the policy cannot be
             written as such a file, or not without other actions in some episodes of the environment.
-        TypeError: it is not a model of Stable-Baselines3, or a wrapper of observations or actions is not one of
-            `sonata2d.gym`.
+        TypeError: it is neither a model of Stable-Baselines3 nor a PyTorch module, or a wrapper of observations or
+            actions is not one of `sonata2d.gym`.
     """
-    if not (hasattr(model, "policy") and hasattr(model, "get_vec_normalize_env")):
-        raise TypeError(f"save_policy needs a model of Stable-Baselines3, such as PPO or SAC, got {shown(model)}")
+    is_module = is_torch_module(model)
+    if not is_module and not (hasattr(model, "policy") and hasattr(model, "get_vec_normalize_env")):
+        raise TypeError(
+            "save_policy needs a model of Stable-Baselines3, such as PPO or SAC, or a PyTorch module, got "
+            f"{shown(model)}"
+        )
     path, environment = Path(path), describe(env)
+    if is_module:
+        _save_module(path, model, env, environment, normalisation, note)
+        return
     for name in ("observation_space", "action_space"):
         if getattr(model, name) != getattr(env, name):
             raise ValueError(f"the model has another {name} than the environment; give the one in which it was trained")
@@ -63,7 +72,31 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
     write_mlp(path, mlp)
 
 
-def _require_same_actions(mlp: Mlp, model: Model, env: Env) -> None:
+def _save_module(path: Path, module: Any, env: Env, environment: dict[str, Any], normalisation: Any, note: str) -> None:
+    """Write a PyTorch module; see `save_policy`."""
+    from torch import nn
+
+    space, is_discrete = env.observation_space, isinstance(env.action_space, gymnasium.spaces.Discrete)
+    if path.suffix != ".npz":
+        raise ValueError(f"the name of the file of a PyTorch module ends in .npz, got {path}")
+    if not isinstance(space, gymnasium.spaces.Box):
+        raise ValueError("a .npz file holds policies of observations in one array; wrap the environment in Flat")
+    policy = TorchPolicy(module, normalisation, is_discrete=is_discrete)
+    if not all(parameter.isfinite().all() for parameter in module.parameters()):
+        raise ValueError("a weight of the policy is not finite: the training has diverged")
+    modules = [layer for layer in module.modules() if not isinstance(layer, nn.Sequential)]
+    output = "argmax" if is_discrete else "clip"
+    if isinstance(modules[-1], nn.Tanh) and not is_discrete:
+        output = "tanh"
+        modules.pop()
+    width = int(np.prod(space.shape))
+    mean, scale = np.broadcast_to(policy.mean, width), np.broadcast_to(1.0 / policy.deviation, width)
+    mlp = _perceptron(modules, environment, output=output, mean=mean, scale=scale, limit=LARGEST_VALUE, note=note)
+    _require_same_actions(mlp, policy, environment_of(environment, base_of(env).config))
+    write_mlp(path, mlp)
+
+
+def _require_same_actions(mlp: Mlp, model: Model | TorchPolicy, env: Env) -> None:
     """Require that a perceptron acts as the model does, in episodes that the model drives.
 
     Raises:
@@ -122,26 +155,40 @@ def _mlp_of(model: Any, environment: dict[str, Any], normalisation: Any, note: s
     output_limit = LARGEST_VALUE
     if isinstance(modules[-1], nn.Hardtanh):  # of SAC with noise that depends on the state
         output_limit = float(modules.pop().max_val)
+    mean, scale, limit = _normalisation(normalisation, space.shape)
+    return _perceptron(
+        modules, environment, output=output, mean=mean.ravel(), scale=scale.ravel(), limit=limit,
+        output_limit=output_limit, note=note,
+    )  # fmt: skip
+
+
+def _perceptron(modules: list[Any], environment: dict[str, Any], **settings: Any) -> Mlp:
+    """The perceptron of linear layers and activations.
+
+    Raises:
+        ValueError: there is another module, or a weight is too large.
+    """
+    from torch import nn
+
     linear = [module for module in modules if isinstance(module, nn.Linear)]
     activations = {type(module) for module in modules if not isinstance(module, nn.Linear)}
-    if not isinstance(modules[-1], nn.Linear) or len(activations) > 1 or not activations <= {nn.Tanh, nn.ReLU}:
+    if (
+        not modules
+        or not isinstance(modules[-1], nn.Linear)
+        or len(activations) > 1
+        or not activations <= {nn.Tanh, nn.ReLU}
+    ):
         names = ", ".join(sorted(one.__name__ for one in activations))
         raise ValueError(f"a .npz file holds hidden layers with tanh or ReLU, got {names}; write .onnx")
-    mean, scale, limit = _normalisation(normalisation, space.shape)
-    largest = max(float(layer.weight.abs().max()) for layer in linear)
+    largest = max(float(layer.weight.detach().abs().max()) for layer in linear)
     if largest > LARGEST_WEIGHT:
         raise ValueError(f"a .npz file holds weights within ±{LARGEST_WEIGHT:g}, got {largest:g}; write .onnx")
     return Mlp(
         weights=[layer.weight.detach().cpu().numpy().T.astype(float) for layer in linear],
         biases=[layer.bias.detach().cpu().numpy().astype(float) for layer in linear],
         activation="relu" if activations == {nn.ReLU} else "tanh",
-        output=output,
         environment=environment,
-        mean=mean.ravel(),
-        scale=scale.ravel(),
-        limit=limit,
-        output_limit=output_limit,
-        note=note,
+        **settings,
     )
 
 

@@ -19,7 +19,7 @@ from ..agents.controllers.learned import LearnedController
 from ..core.geometry import Twist
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from ..core.wording import described, one_line
+from ..core.wording import described, one_line, shown
 from ..errors import ControllerError
 from .description import describe, environment_of
 from .env import base_of
@@ -36,13 +36,15 @@ class PolicyController(LearnedController):
 
     Args:
         policy: a file of `save_policy` (.npz or .onnx), a file of Stable-Baselines3 (.zip), an object with a method
-            `predict` such as a model of Stable-Baselines3, or a function of an observation that returns an action.
+            `predict` such as a model of Stable-Baselines3, a PyTorch module, or a function of an observation that
+            returns an action.
         env: in which it was trained, with its wrappers; may be left out for a file of `save_policy`, which contains
             the description. If it has wrappers of observations or actions of other packages, it must not be stepped
             while this controller drives.
         normalisation: of the observations of a model: the `VecNormalize` of the training, or the path of the file to
             which it was saved; False: none. None: that around the environment of the model, if any; a model that was
-            loaded from a file has none, and a warning says so. A file of `save_policy` contains it.
+            loaded from a file has none, and a warning says so. A file of `save_policy` contains it. Of a PyTorch
+            module: mean and standard deviation of the observations.
 
     Raises:
         ControllerError: a file cannot be read, or the policy was trained with other observations or actions than those
@@ -69,7 +71,6 @@ class PolicyController(LearnedController):
             policy, description = _load(path)
             self._sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
             self.deterministic = path.suffix == ".npz"  # other files run in libraries whose rounding may differ
-        self._predict = _predict_of(policy, normalisation)
         if env is None:
             if description is None:
                 raise TypeError("the policy does not say what it observes; give PolicyController(policy, env)")
@@ -84,6 +85,8 @@ class PolicyController(LearnedController):
                 env = environment_of(description)  # so that both can be used at the same time
         self._entities: Mapping[str, int] = (description or {}).get("entities", {})  # at most in its training
         self._pipeline, self._has_warned = Pipeline(env), False
+        is_discrete = isinstance(env.action_space, gymnasium.spaces.Discrete)
+        self._predict = _predict_of(policy, normalisation, is_discrete=is_discrete)
         self._require_spaces(env)
 
     def settings(self) -> dict[str, Any]:
@@ -183,8 +186,53 @@ class Model:
         return action
 
 
-def _predict_of(policy: Any, normalisation: Any) -> Predict:
+class TorchPolicy:
+    """The actions of a PyTorch module.
+
+    Args:
+        module: reads observations in one array, (1, n), and returns actions, (1, m), or of a discrete space a number
+            for each action.
+        normalisation: mean and standard deviation of the observations, (n,) each; None or False: none.
+        is_discrete: whether actions are the index of the largest number.
+
+    Raises:
+        TypeError: the normalisation is something else.
+    """
+
+    def __init__(self, module: Any, normalisation: Any, *, is_discrete: bool) -> None:
+        self.module, self._is_discrete = module, is_discrete
+        self.mean: Any = 0.0
+        self.deviation: Any = 1.0
+        if normalisation is not None and normalisation is not False:
+            if not (isinstance(normalisation, tuple | list) and len(normalisation) == 2):
+                raise TypeError(
+                    f"the normalisation of a PyTorch module is (mean, deviation), got {shown(normalisation)}"
+                )
+            self.mean, self.deviation = (np.asarray(part, dtype=np.float32).ravel() for part in normalisation)
+
+    def begin(self) -> None:
+        """Begin an episode; a module has no state."""
+
+    def __call__(self, observation: Any) -> Any:
+        import torch
+
+        if isinstance(observation, Mapping):
+            raise ControllerError("a PyTorch module reads observations in one array; wrap the environment in Flat")
+        flat = (np.asarray(observation, dtype=np.float32).ravel() - self.mean) / self.deviation
+        with torch.no_grad():
+            output = self.module(torch.as_tensor(flat, dtype=torch.float32)[None])[0].cpu().numpy()
+        return int(output.argmax()) if self._is_discrete else np.clip(output, -1.0, 1.0)
+
+
+def is_torch_module(policy: Any) -> bool:
+    """Whether a policy is a PyTorch module that is no model of its own."""
+    return hasattr(policy, "state_dict") and hasattr(policy, "forward") and not hasattr(policy, "predict")
+
+
+def _predict_of(policy: Any, normalisation: Any, *, is_discrete: bool) -> Predict:
     """A function of an observation from whatever policy."""
+    if is_torch_module(policy):
+        return TorchPolicy(policy, normalisation, is_discrete=is_discrete)
     if hasattr(policy, "predict"):
         return Model(policy, normalisation_of(policy, normalisation))
     if normalisation is not None and normalisation is not False:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import importlib
 import shutil
@@ -48,8 +49,8 @@ class Comparison(Sequence[Evaluation]):
 
     Attributes:
         evaluations: one for each controller or data set, in the given order; differences are to the first one.
-        datasets: their episodes by label. Those that `evaluate` has generated without `out` are deleted with this
-            object.
+        datasets: their episodes by label. Those that `evaluate` has generated without `out` are deleted when neither
+            this object nor a data set of it is referred to any more.
         metrics: of the table, the plot and the page.
     """
 
@@ -210,13 +211,12 @@ class Comparison(Sequence[Evaluation]):
         picture = ""
         if find_spec("matplotlib") is not None:
             with tempfile.TemporaryDirectory(prefix="sonata2d-") as folder:
-                path = Path(folder) / "plot.svg"
+                path = Path(folder) / "plot.png"
                 try:
                     self._plot(path)
-                    # in an img, so that the ids of several plots of a notebook do not meet
-                    data = importlib.import_module("base64").b64encode(path.read_bytes()).decode()
+                    data = base64.b64encode(path.read_bytes()).decode()
                     picture = (
-                        f'<img src="data:image/svg+xml;base64,{data}" alt="means and intervals of the metrics" '
+                        f'<img src="data:image/png;base64,{data}" alt="means and intervals of the metrics" '
                         'style="max-width: 100%; background: #fff"/>'
                     )
                 except RenderError:  # no metric is defined, as for imported tracks; the notes say so
@@ -279,7 +279,7 @@ def evaluate(
         workers: number of processes, or processes that several calls share. With more than one, a script must guard
             its entry point by `if __name__ == "__main__":`.
         out: folder for the episodes of the controllers, a data set for each controller and scenario; the same call
-            continues them. None: a temporary folder, which is deleted with the result.
+            continues them. None: a temporary folder, which is deleted with the result and its data sets.
         metrics: names of the metrics to show, or `all`, or a program whose variants are shown, `socnavgym`; empty: the
             main metrics. All metrics are computed in any case.
         rerun: also run each seed without a robot, for the metrics of its effect on people.
@@ -333,11 +333,20 @@ def evaluate(
             shutil.rmtree(root, ignore_errors=True)
         raise
     if out is None:
-        weakref.finalize(comparison, shutil.rmtree, root, ignore_errors=True)
+        folder = _TemporaryFolder(root)
+        for dataset in (*comparison.datasets.values(), *(one for own in sources.values() for one in own)):
+            dataset.keeps(folder)
     else:
         comparison.save_metrics()
         write_json(root / COMPARISON, comparison.to_json())
     return comparison
+
+
+class _TemporaryFolder:
+    """Deletes a folder when no data set in it is referred to any more."""
+
+    def __init__(self, path: Path) -> None:
+        weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
 
 
 def _bar(progress: bool | ProgressBar | None) -> ProgressBar:

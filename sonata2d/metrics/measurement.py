@@ -22,6 +22,7 @@ from ..record.files import sha256_of
 from ..record.layout import scene_to_json, software_versions
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
+from ..registry import did_you_mean
 from .catalogue import ALL, is_measurable
 from .definition import ARROWS, DEFINITIONS_VERSION, Metric
 from .disturbance import RunWithoutRobot, without_robot
@@ -87,7 +88,13 @@ class Evaluation:
         return [value for episode in self.episodes if (value := episode.values.get(name)) is not None]
 
     def summary(self, name: str) -> Summary:
-        """Summary of a metric over all episodes."""
+        """Summary of a metric over all episodes.
+
+        Raises:
+            MetricError: no metric has this name.
+        """
+        if name not in ALL:
+            raise MetricError(f"no metric is named {name!r}{did_you_mean(name, ALL)}")
         if name not in self._cache:
             self._cache[name] = self._summarise(name, self.episodes)
         return self._cache[name]

@@ -175,3 +175,62 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path: Path) -> None:
     several = sb3.PPO("MultiInputPolicy", parts, n_steps=64, batch_size=64, device="cpu")
     with pytest.raises(ValueError, match="observations in one array"):
         s2g.save_policy(tmp_path / "policy.npz", several, parts)
+
+
+def module_of(env: Env, *, last: Any = None, seed: int = 0) -> Any:
+    """A module with random weights."""
+    torch.manual_seed(seed)
+    width, space = int(np.prod(env.observation_space.shape or ())), env.action_space
+    outputs = int(space.n) if hasattr(space, "n") else int(np.prod(space.shape or ()))
+    nn = torch.nn
+    hidden = nn.Sequential(nn.Linear(width, 32), nn.Tanh(), nn.Linear(32, 32), nn.Tanh())
+    return nn.Sequential(hidden, nn.Linear(32, outputs), *([last] if last else []))
+
+
+@pytest.mark.parametrize("kind", ["clip", "tanh", "argmax"])
+@pytest.mark.parametrize("normalised", [False, True])
+def test_a_file_does_what_a_torch_module_does(kind: str, normalised: bool, tmp_path: Path) -> None:
+    env = make(discrete=kind == "argmax")
+    module = module_of(env, last=torch.nn.Tanh() if kind == "tanh" else None)
+    seen = np.stack(observations(env))
+    normalisation = (seen.mean(axis=0), seen.std(axis=0) + 0.1) if normalised else None
+    path = tmp_path / "policy.npz"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        s2g.save_policy(path, module, env, normalisation=normalisation, note="not trained")
+    live = s2g.PolicyController(module, env, normalisation=normalisation)._predict
+    stored = s2g.PolicyController(path)._predict
+    for observation in seen:
+        np.testing.assert_allclose(stored(observation), live(observation), atol=0.02)
+    scene = s2.generate("lively", seed=3)
+    outcomes = [
+        s2.Episode(scene, controller).run()
+        for controller in (
+            s2g.PolicyController(path),
+            s2g.PolicyController(module, env, normalisation=normalisation),
+        )
+    ]
+    assert outcomes[0].status == outcomes[1].status
+
+
+def test_a_module_that_is_no_perceptron_is_refused(tmp_path: Path) -> None:
+    env, nn = make(), torch.nn
+    width = int(np.prod(env.observation_space.shape or ()))
+    cases = [
+        (nn.Sequential(nn.Linear(width, 8), nn.ELU(), nn.Linear(8, 3)), "hidden layers with tanh or ReLU, got ELU"),
+        (nn.Sequential(nn.Linear(4, 8), nn.Tanh(), nn.Linear(8, 3)), "layer 0 has"),
+    ]
+    for module, message in cases:
+        with pytest.raises(ValueError, match=message):
+            s2g.save_policy(tmp_path / "a.npz", module, env)
+    with pytest.raises(ValueError, match=r"ends in \.npz, got"):
+        s2g.save_policy(tmp_path / "a.onnx", module_of(env), env)
+    with pytest.raises(ValueError, match="wrap the environment in Flat"):
+        s2g.save_policy(tmp_path / "a.npz", module_of(env), s2g.SocialNavEnv("lively", settings=SHORT))
+    with pytest.raises(TypeError, match=r"is \(mean, deviation\), got 3"):
+        s2g.save_policy(tmp_path / "a.npz", module_of(env), env, normalisation=3)
+    with pytest.raises(TypeError, match="or a PyTorch module, got 3"):
+        s2g.save_policy(tmp_path / "a.npz", 3, env)
+    plain = s2g.PolicyController(module_of(env), s2g.SocialNavEnv("lively", settings=SHORT))
+    with pytest.raises(ControllerError, match="wrap the environment in Flat"):
+        s2.Episode(s2.generate("lively", seed=1), plain).run()

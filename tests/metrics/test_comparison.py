@@ -112,7 +112,7 @@ def test_a_notebook_shows_a_table_and_a_plot(compared: s2.Comparison) -> None:
     text = compared._repr_html_()
     HTMLParser().feed(text)
     assert text.count("<tr>") == 1 + len(compared.metrics)
-    assert "data:image/svg+xml;base64," in text
+    assert "data:image/png;base64," in text
 
 
 @pytest.mark.parametrize("name", ["a.html", "a.png", "a.svg", "a.json"])
