@@ -474,7 +474,7 @@ def _combined(datasets: Sequence[Dataset]) -> Dataset:
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:
-    style = ' style="text-align: left; white-space: nowrap"'
+    style = ' style="text-align: left; white-space: nowrap; padding: 1px 12px 1px 0"'
     return "<tr>" + "".join(f"<{tag}{style}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
 
