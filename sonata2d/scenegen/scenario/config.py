@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from inspect import Parameter, Signature, signature
 from typing import Any, Self
 
 from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
@@ -238,6 +239,12 @@ class ScenarioConfig(Settings):
     def settings(self) -> dict[str, Any]:
         """Return all settings, with defaults, as JSON values; `ScenarioConfig(**settings)` restores the scenario."""
         return self.model_dump(mode="json")
+
+
+# `help` and notebooks show the call; with the types of pydantic it takes several screens
+ScenarioConfig.__signature__ = Signature(
+    [parameter.replace(annotation=Parameter.empty) for parameter in signature(ScenarioConfig).parameters.values()]
+)
 
 
 def merged(base: dict[str, Any], changes: dict[str, Any], model: type[Settings] = ScenarioConfig) -> dict[str, Any]:
