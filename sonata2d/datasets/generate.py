@@ -270,7 +270,7 @@ def _run_episodes(job: Job, progress: Progress, workers: int | Workers, advance:
             advance(progress.add(result))
             if progress.is_finished:
                 return
-    if not progress.is_finished:  # a worker gave up its episodes although nobody asked for that
+    if not progress.is_finished:  # a worker gave up its episodes without a request
         raise WorkerError("the worker processes ended before all episodes were generated")
 
 

@@ -320,7 +320,7 @@ def fill(
     count = 0
     keeps_rows = not fixed.is_sorted and humans <= rows[_OF_HUMANS]
     for k in range(humans):
-        if keeps_rows:  # whoever is absent leaves its row empty
+        if keeps_rows:  # an absent pedestrian leaves its row empty
             chosen[k], count = k, k + 1
         elif is_present[k]:
             human = row[ROBOT_SIZE + HUMAN_SIZE * k : ROBOT_SIZE + HUMAN_SIZE * (k + 1)]

@@ -30,7 +30,7 @@ ListOf = Annotated[list[T], Field(fail_fast=True)]
 
 
 def _with_people(settings: dict[str, Any]) -> dict[str, Any]:
-    """Require that the listed people, whom data cards count, are mappings; the rest may be anything."""
+    """Require that the listed people, which data cards count, are mappings; the rest may be anything."""
     people = settings.get("people", [])
     if not isinstance(people, list) or not all(isinstance(person, dict) for person in people):
         raise ValueError("people must be a list of mappings")

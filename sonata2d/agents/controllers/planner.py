@@ -563,7 +563,7 @@ def _ground_cost(
 def _nearby_people(
     numbers: Array, state: Array, radius: Array, shoulder: Array, position: Point, speed: float
 ) -> Array:
-    """The people before whom the robot might have to brake.
+    """The people for which the robot might have to brake.
 
     Returns:
         (n, 4): unit vector to the nearest point of the person, gap, and the person's speed towards the robot; m, m/s.

@@ -31,7 +31,7 @@ RANGE = 3.0  # m, on the path, within which pedestrians consider a passage
 INSIDE = 0.45  # m, from the end of a passage, within which pedestrians count as inside
 CLAIM = 1.5  # m, from the end of a passage, within which pedestrians can get the right of way
 PATIENCE = 6.0  # s, after which the right of way goes to the direction that waits
-JAM = 18.0  # s, after which the rule is suspended, because somebody in the passage may be stuck
+JAM = 18.0  # s, after which the rule is suspended, because a pedestrian in the passage may be stuck
 WAITING_DISTANCE = 1.1  # m, from the end of a passage
 LANE, LANE_LENGTH = 0.55, 2.2  # m, half the width and the length of what is kept free for those who come out
 STEP_ASIDE = 0.5  # m/s
@@ -48,7 +48,7 @@ class Passages(NamedTuple):
             where people wait at the end to the left of the unit vector, and at that to the right: 1 on the side to
             which the vector points, -1 on the other one, 0 on both.
         holder: (G,) of int, direction with the right of way: 1 to the left of the unit vector, -1 to the right, 0 if
-            nobody has it.
+            no pedestrian has it.
         waited: (G,), for which the other direction has been waiting, s.
         way: (G, N) of int, direction in which each pedestrian is about to pass, or passes; 0 if it does not.
         distance: (G, N), on the path of each pedestrian with a way, to the end of the passage, m; 0 inside.

@@ -145,7 +145,7 @@ def advance(
 
 @subroutine
 def _turn_bodies(matter: Matter) -> None:
-    """Turn bodies and heads by one tick. People whom the robot presses turn only their heads if they lack the room.
+    """Turn bodies and heads by one tick. People that the robot presses turn only their heads if they lack the room.
 
     The engine can move a torso that turns out of its neighbours, but not out of a place that has become too narrow.
     """

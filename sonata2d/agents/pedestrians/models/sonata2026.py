@@ -329,7 +329,7 @@ def steer(
     """Choose the direction and speed with the best progress.
 
     The value of a direction is the speed that its headway permits, times its cosine with the desired direction. Where
-    others do not walk in the same direction, it is also limited by walls, so that nobody evades into a wall.
+    others do not walk in the same direction, it is also limited by walls, so that no pedestrian evades into a wall.
     Oncoming pedestrians count as nearer, and receding ones as farther, by the distance that they walk within the
     look-ahead time; pedestrians that walk in the same direction do not count: they are followed, not overtaken. The
     result is the mean of the directions weighted by their values, so that a small change of the positions changes the

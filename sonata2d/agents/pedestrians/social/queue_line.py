@@ -47,7 +47,7 @@ class QueueLine:
 
     @property
     def is_full(self) -> bool:
-        """Whether nobody can join now."""
+        """Whether no pedestrian can join now."""
         return self.tail >= self.queue.capacity
 
     def slot(self, number: int) -> tuple[Point, Point]:

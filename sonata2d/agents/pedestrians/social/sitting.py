@@ -46,7 +46,7 @@ class Seats:
         """A task for each free seat that can be reached.
 
         Args:
-            claimed: ids of the seats that somebody sits on or goes to.
+            claimed: ids of the seats that a pedestrian sits on or goes to.
         """
         for id, (_, seat) in self._seats.items():
             place = self._place_beside(seat) if id not in claimed else None
