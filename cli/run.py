@@ -58,15 +58,16 @@ def command(scenario: str, controller: str, seed: int, episode: int, outputs: tu
     from sonata2d.view.files import FILM_SUFFIXES, SUFFIXES as DRAWN, render
 
     for path in outputs:  # before the run
-        if not path.name.lower().endswith((*DRAWN, *SUFFIXES)):
+        if path.suffix.lower() not in DRAWN and not path.name.endswith(SUFFIXES):
             raise click.UsageError(f"{path}: end the name in one of {', '.join((*DRAWN, *SUFFIXES))}")
+        path.parent.mkdir(parents=True, exist_ok=True)
     config, driver = scenario_of(scenario), load_controller(controller)
     scene, info = generate(config, seed, episode), controller_info_of(driver, controller)
     recorder = EpisodeRecorder(id=f"{episode:06d}", context=config.context)
     Episode(scene, driver, observers=[recorder], controller_info=info, renderer=renderer_for(driver)).run()
     record = recorder.record()
     for path in outputs:
-        if path.name.lower().endswith(SUFFIXES):
+        if path.name.endswith(SUFFIXES):
             write_atomically(path, compress(recorder.document(), path))
             continue
         is_film = path.suffix.lower() in FILM_SUFFIXES

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from types import UnionType
@@ -14,10 +15,12 @@ from docutils.utils.math.latex2mathml import tex2mathml
 
 from sonata2d.version import __version__
 
-_names = "GITHUB_SERVER_URL", "GITHUB_REPOSITORY"  # set where the publishing workflow runs
-REPOSITORY = "/".join([*(os.environ[name] for name in _names), "blob/main"]) if _names[1] in os.environ else ""
+if "GITHUB_REPOSITORY" in os.environ:  # where the publishing workflow runs
+    _parts = "GITHUB_SERVER_URL", "GITHUB_REPOSITORY"
+    REPOSITORY = "/".join([*(os.environ[name] for name in _parts), "blob", os.environ.get("GITHUB_REF_NAME", "main")])
+else:
+    REPOSITORY = ""
 
-# `dev`, or the tag of a release, as the publishing workflow names the folders of the versions
 VERSIONS = os.environ.get("SONATA2D_DOCS_VERSIONS", "")  # address of the list of published versions
 SHOWN = os.environ.get("SONATA2D_DOCS_VERSION", __version__).removeprefix("v")
 
@@ -136,6 +139,7 @@ def _as_mathml(translator: Any, node: Any) -> None:
 
 def setup(app: Any) -> None:
     """Connect the functions above."""
+    shutil.rmtree(Path(__file__).parent / "api", ignore_errors=True)  # pages of names that may have been removed
     app.add_html_math_renderer("mathml", (_as_mathml, None), (_as_mathml, None))
     app.connect("source-read", _with_links_to_the_repository)
     app.connect("sphinx-click-process-epilog", _with_examples)

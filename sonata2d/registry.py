@@ -20,7 +20,8 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from .core import interruption
-from .core.wording import described
+from .core.code_hash import code_sha256
+from .core.wording import described, shown
 from .errors import ConfigError, ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
 
 logger = logging.getLogger(__name__)
@@ -96,6 +97,8 @@ class Registry:
             ValueError: a built-in object or a plug-in has that name, or metrics are meant, of which functions take
                 objects.
         """
+        if not isinstance(name, str) or not name.strip():
+            raise ValueError(f"the name of a {self.kind} is a text that is not empty, got {shown(name)}")
         if self.kind == "metric":  # tables of all metrics are made when `sonata2d.metrics` is imported
             raise ValueError("metrics cannot be registered; give them as objects: measure(record, [metric])")
         if name in self.built_in or name in self.plugins:
@@ -236,14 +239,26 @@ _REGISTRIES = {one.kind: one for one in (CONTROLLERS, PEDESTRIAN_MODELS, FORMATS
 
 
 def registered_objects() -> bytes:
-    """What other processes need to know the registered objects; empty if there are none."""
-    names = {kind: registry.registered for kind, registry in _REGISTRIES.items() if registry.registered}
-    if not names:
-        return b""
-    import cloudpickle  # sends classes of a notebook with their code
+    """What other processes need to know the registered objects; empty if there are none.
 
-    content: bytes = cloudpickle.dumps(names)
-    return content
+    Raises:
+        Sonata2dError: an object cannot be sent to them.
+    """
+    pickled: dict[str, dict[str, bytes]] = {}
+    for kind, registry in _REGISTRIES.items():
+        for name, found in registry.registered.items():
+            import cloudpickle  # sends classes of a notebook with their code
+
+            try:
+                pickled.setdefault(kind, {})[name] = cloudpickle.dumps(found)
+            except Exception as error:  # whatever the object does
+                raise registry.error(
+                    f"{kind} {name!r} cannot be sent to other processes: {described(error)}; use one worker"
+                ) from error
+    return pickle.dumps(pickled) if pickled else b""
+
+
+_restored = b""
 
 
 def restore_registered(content: bytes) -> None:
@@ -252,5 +267,36 @@ def restore_registered(content: bytes) -> None:
     Args:
         content: as `registered_objects` returns it there.
     """
+    global _restored
+    if content == _restored:  # as for the former item
+        return
     for kind, objects in pickle.loads(content).items() if content else ():
-        _REGISTRIES[kind].registered |= objects
+        _REGISTRIES[kind].registered = {name: pickle.loads(found) for name, found in objects.items()}
+    _restored = content
+
+
+def registered_hashes(settings: Any) -> dict[str, str]:
+    """SHA-256 of the code of the registered objects that settings name, by kind and name.
+
+    Args:
+        settings: JSON values.
+    """
+    words = set(_texts(settings))
+    return {
+        f"{kind} {name}": code_sha256(found)
+        for kind, registry in _REGISTRIES.items()
+        for name, found in registry.registered.items()
+        if name in words
+    }
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """All texts in JSON values, keys included."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from (*_texts(key), *_texts(item))
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from _texts(item)

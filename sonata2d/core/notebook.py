@@ -21,12 +21,16 @@ def notebook_shell() -> Any:
     return shell if hasattr(shell, "kernel") else None
 
 
-def progress_bar(is_shown: bool | None) -> ProgressBar:
+def bar_of(progress: bool | ProgressBar | None) -> ProgressBar:
     """How progress is shown.
 
     Args:
-        is_shown: as a bar, in the form that fits a notebook or a terminal; None: only in a notebook.
+        progress: whether as a bar, in the form that fits a notebook or a terminal; None: only in a notebook. A function
+            is returned as it is.
     """
+    if callable(progress):
+        return progress
+    is_shown = progress
     is_notebook = notebook_shell() is not None
     if not (is_notebook if is_shown is None else is_shown):
         return _no_bar
@@ -35,11 +39,11 @@ def progress_bar(is_shown: bool | None) -> ProgressBar:
     tqdm = importlib.import_module("tqdm.notebook" if has_widgets else "tqdm").tqdm
 
     @contextmanager
-    def bar_of(total: int, unit: str) -> Iterator[Advance]:
-        with tqdm(total=total, desc=unit, leave=False) as bar:
-            yield lambda steps: bar.update(steps) and None
+    def bar(total: int, unit: str) -> Iterator[Advance]:
+        with tqdm(total=total, desc=unit, leave=False) as shown:
+            yield lambda steps: shown.update(steps) and None
 
-    return bar_of
+    return bar
 
 
 def _no_bar(total: int, unit: str) -> AbstractContextManager[Advance]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, SupportsIndex, get_args, overload
 
+from ..core.arguments import whole_number
 from ..core.drawable import Drawing, display
 from ..core.snapshot import Status
 from ..core.wording import counted, shown
@@ -79,7 +80,10 @@ class Dataset(Sequence[EpisodeRecord]):
             return self._part(self.files[index])
         if isinstance(index, str):
             names = {file_stem(file): file for file in self.files}
-            file = names.get(index) or next((file for file in self.files if file.name == index), None)
+            found = [file for file in self.files if index in (file_stem(file), file.name)]
+            if len(found) > 1:
+                raise KeyError(f"{len(found)} episodes of {self.path} are named {index!r}; give a number")
+            file = found[0] if found else None
             if file is None:
                 raise KeyError(f"{self.path} has no episode {index!r}{did_you_mean(index, names) or ''}")
             return read_episode(file)
@@ -94,7 +98,8 @@ class Dataset(Sequence[EpisodeRecord]):
 
     def __iter__(self) -> Iterator[EpisodeRecord]:
         """The records, each read when its turn comes."""
-        return map(read_episode, self.files)
+        for file in self.files:  # a generator, which refers to this data set: its folder may be a temporary one
+            yield read_episode(file)
 
     def filter(
         self,
@@ -309,12 +314,16 @@ class Dataset(Sequence[EpisodeRecord]):
         if table not in TABLES:
             raise ValueError(f"there is no table {shown(table)}; the tables are {', '.join(TABLES)}")
         columns: dict[str, list[Any]] = {}
+        folders = len({file.parent for file in self.files})  # file names of several folders are the same
         for record in self:
-            for name, values in tables_of(record, file_stem(record.path))[table].items():
+            stem = file_stem(record.path)
+            key = stem if folders == 1 else f"{record.path.parent.name}/{stem}"
+            for name, values in tables_of(record, key)[table].items():
                 columns.setdefault(name, []).extend(values.tolist() if hasattr(values, "tolist") else values)
         return columns
 
     def _drawings(self, count: int) -> list[Drawing]:
+        whole_number("count", count, 1)
         return [record._drawing() for record in self[:count]]
 
     def _titles(self, count: int) -> list[str]:

@@ -60,9 +60,10 @@ class _Context(SpawnContext):
 
     def lacks_guard(self) -> bool:
         """Whether a process ended because the script that it imported called for processes again."""
-        for process in self._processes:
+        started = [process for process in self._processes if process.pid is not None]
+        for process in started:
             process.join(_POLL)
-        return any(process.exitcode == _UNGUARDED for process in self._processes)
+        return any(process.exitcode == _UNGUARDED for process in started)
 
     def kill(self) -> None:
         """End all processes at once."""
@@ -255,6 +256,7 @@ def parallel_map(function: Callable[[T], R], items: Sequence[T], *, workers: int
         items: its arguments.
         workers: processes, or their number; with 1, or a single item, the calling process does the work.
     """
+    end_if_unguarded()
     with _shared(workers) as pool:
         yield from pool.ordered(function, items)
 

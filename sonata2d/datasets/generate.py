@@ -21,7 +21,7 @@ from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource, is_built_in, source_hashes
 from ..core import interruption
 from ..core.arguments import whole_number
-from ..core.notebook import Advance, progress_bar
+from ..core.notebook import Advance, ProgressBar, bar_of
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
 from ..core.wording import described, one_line, shown, text_of
@@ -29,6 +29,7 @@ from ..errors import ControllerError, ControllerWarning, RecordError, SceneError
 from ..record.files import SUFFIXES
 from ..record.layout import JsonDict
 from ..record.recorder import EpisodeRecorder
+from ..registry import registered_hashes
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
@@ -100,7 +101,7 @@ def generate_dataset(
     overwrite: bool = False,
     suffix: str = ".json",
     keep: str | Sequence[str] = (),
-    progress: bool | None = None,
+    progress: bool | ProgressBar | None = None,
     advance: Advance | None = None,
 ) -> Dataset:
     """Generate a data set, or the missing episodes of one.
@@ -120,8 +121,9 @@ def generate_dataset(
         suffix: `.json`, `.json.gz` or `.json.zst`.
         keep: outcomes to keep (`Status`); empty: all. Episodes 0, 1, 2, … are run until the requested number has one
             of these outcomes; the manifest counts the others by outcome.
-        progress: whether to show a progress bar; None: in a notebook, unless `advance` is given.
-        advance: progress callback; its argument is the number of newly kept episodes.
+        progress: whether to show a progress bar; None: in a notebook. Or a function of the number of episodes and the
+            word `episodes` that returns a context, whose value is called with the number of newly kept episodes.
+        advance: in place of `progress`: called with the number of newly kept episodes.
 
     Returns:
         The data set; its `manifest` has hashes, outcomes and contacts of all files.
@@ -141,6 +143,8 @@ def generate_dataset(
         ControllerWarning: most commands exceed the limits of the robot's drive, or move a unicycle sideways.
     """
     end_if_unguarded()
+    if progress and advance:
+        raise ValueError("progress and advance both report the same; give one of them")
     if resume and overwrite:
         raise ValueError("resume continues a data set and overwrite replaces it; set one of them")
     config = scenario_of(scenario)
@@ -157,10 +161,11 @@ def generate_dataset(
     end_if_forked(process)
     stored = read_manifest(out) if resume and (out / MANIFEST).exists() else None
     split = None if stored is None else stored["split"]
-    info, hashes = controller_info_of(loaded, name), source_hashes(name, loaded)
+    info = controller_info_of(loaded, name)
+    hashes = source_hashes(name, loaded) | registered_hashes(config.settings())
     spec = DatasetSpec(config.name, config.settings(), seed, episodes, info, suffix, kept_outcomes, hashes)
     spec = _without_unknown_code(spec, out, stored)
-    bar = progress_bar(progress)(episodes, "episodes") if advance is None else nullcontext(advance)
+    bar = bar_of(progress)(episodes, "episodes") if advance is None else nullcontext(advance)
     with sole_writer(out), bar as step:
         listed = start_dataset(out, spec, resume=resume, overwrite=overwrite)
         results = Progress(spec, _known_results(out, spec, listed) if resume else ())

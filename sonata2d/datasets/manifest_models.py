@@ -34,8 +34,9 @@ FileName = Annotated[str, AfterValidator(_in_folder)]
 
 
 _CODE_DESCRIPTION = (
-    "SHA-256 of the source file that defines the controller, by its name; of driver+labeller both. Modules that the "
-    "file imports are not included. Absent: the controller is part of sonata2d, or its source is unknown"
+    "SHA-256 of the source file that defines the controller, by its name; of driver+labeller both; of a class without "
+    "a file, as in a notebook, that of its code. Likewise of pedestrian models and room kinds that a program has "
+    "registered. Modules that the file imports are not included. Absent: all of these are part of sonata2d, or plug-ins"
 )
 
 

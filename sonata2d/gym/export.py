@@ -78,22 +78,37 @@ def _save_module(path: Path, module: Any, env: Env, environment: dict[str, Any],
 
     space, is_discrete = env.observation_space, isinstance(env.action_space, gymnasium.spaces.Discrete)
     if path.suffix != ".npz":
-        raise ValueError(f"the name of the file of a PyTorch module ends in .npz, got {path}")
+        raise ValueError(f"a PyTorch module is written as .npz, got {path}; for .onnx use torch.onnx.export")
     if not isinstance(space, gymnasium.spaces.Box):
         raise ValueError("a .npz file holds policies of observations in one array; wrap the environment in Flat")
     policy = TorchPolicy(module, normalisation, is_discrete=is_discrete)
     if not all(parameter.isfinite().all() for parameter in module.parameters()):
         raise ValueError("a weight of the policy is not finite: the training has diverged")
-    modules = [layer for layer in module.modules() if not isinstance(layer, nn.Sequential)]
+    modules = _layers(module)
     output = "argmax" if is_discrete else "clip"
-    if isinstance(modules[-1], nn.Tanh) and not is_discrete:
+    if modules and isinstance(modules[-1], nn.Tanh) and not is_discrete:
         output = "tanh"
         modules.pop()
+    is_alternating = all(isinstance(layer, nn.Linear) == (k % 2 == 0) for k, layer in enumerate(modules))
+    kinds = {type(layer) for layer in modules[1::2]}
+    if len(modules) % 2 == 0 or not is_alternating or len(kinds) > 1 or not kinds <= {nn.Tanh, nn.ReLU}:
+        names = ", ".join(type(layer).__name__ for layer in modules) or "nothing"
+        raise ValueError(
+            "a .npz file holds a torch.nn.Sequential of linear layers with tanh, or with ReLU, between them, got "
+            f"{names}; PolicyController(module, env) drives with any module"
+        )
     width = int(np.prod(space.shape))
     mean, scale = np.broadcast_to(policy.mean, width), np.broadcast_to(1.0 / policy.deviation, width)
     mlp = _perceptron(modules, environment, output=output, mean=mean, scale=scale, limit=LARGEST_VALUE, note=note)
     _require_same_actions(mlp, policy, environment_of(environment, base_of(env).config))
     write_mlp(path, mlp)
+
+
+def _layers(module: Any) -> list[Any]:
+    """The modules of a `torch.nn.Sequential` in the order in which they run, those of nested ones included."""
+    from torch import nn
+
+    return [layer for part in module for layer in _layers(part)] if isinstance(module, nn.Sequential) else [module]
 
 
 def _require_same_actions(mlp: Mlp, model: Model | TorchPolicy, env: Env) -> None:

@@ -197,10 +197,15 @@ class TorchPolicy:
 
     Raises:
         TypeError: the normalisation is something else.
+        ValueError: its arrays have different lengths, or a deviation is not positive.
     """
 
     def __init__(self, module: Any, normalisation: Any, *, is_discrete: bool) -> None:
-        self.module, self._is_discrete = module, is_discrete
+        import torch
+
+        self.module, self._is_discrete = module.eval(), is_discrete  # without dropout
+        first = next(module.parameters(), torch.zeros(1))
+        self._kind: dict[str, Any] = {"device": first.device, "dtype": first.dtype}
         self.mean: Any = 0.0
         self.deviation: Any = 1.0
         if normalisation is not None and normalisation is not False:
@@ -208,7 +213,13 @@ class TorchPolicy:
                 raise TypeError(
                     f"the normalisation of a PyTorch module is (mean, deviation), got {shown(normalisation)}"
                 )
-            self.mean, self.deviation = (np.asarray(part, dtype=np.float32).ravel() for part in normalisation)
+            self.mean, self.deviation = (np.asarray(part, dtype=np.float64).ravel() for part in normalisation)
+            if self.mean.shape != self.deviation.shape or not (self.deviation > 0.0).all():
+                raise ValueError(
+                    "mean and deviation of the normalisation have one number for each number of the observation, and "
+                    f"deviations are above 0; got shapes {self.mean.shape} and {self.deviation.shape}, deviations from "
+                    f"{self.deviation.min(initial=np.inf):g}"
+                )
 
     def begin(self) -> None:
         """Begin an episode; a module has no state."""
@@ -218,9 +229,16 @@ class TorchPolicy:
 
         if isinstance(observation, Mapping):
             raise ControllerError("a PyTorch module reads observations in one array; wrap the environment in Flat")
-        flat = (np.asarray(observation, dtype=np.float32).ravel() - self.mean) / self.deviation
+        flat = np.asarray(observation, dtype=np.float64).ravel()
+        if np.ndim(self.mean) and len(self.mean) != len(flat):
+            raise ControllerError(
+                f"the normalisation has {len(self.mean)} numbers, the observation {len(flat)}; give those of the "
+                "training"
+            )
         with torch.no_grad():
-            output = self.module(torch.as_tensor(flat, dtype=torch.float32)[None])[0].cpu().numpy()
+            output = (
+                self.module(torch.as_tensor((flat - self.mean) / self.deviation, **self._kind)[None])[0].cpu().numpy()
+            )
         return int(output.argmax()) if self._is_discrete else np.clip(output, -1.0, 1.0)
 
 

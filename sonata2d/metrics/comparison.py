@@ -5,10 +5,12 @@ from __future__ import annotations
 import base64
 import html
 import importlib
+import os
 import shutil
 import tempfile
 import weakref
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from importlib.util import find_spec
 from itertools import islice
@@ -18,15 +20,15 @@ from typing import Any, overload
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource
 from ..core.arguments import whole_number
-from ..core.notebook import ProgressBar, progress_bar
+from ..core.notebook import ProgressBar, bar_of
 from ..core.wording import counted, shown
 from ..datasets.dataset import Dataset
 from ..datasets.executors import Workers, end_if_unguarded
 from ..datasets.generate import generate_dataset
 from ..datasets.manifest import MANIFEST, read_manifest, write_json
 from ..datasets.start import unlisted_episodes
-from ..errors import MetricError, RecordError, RenderError, Sonata2dError
-from ..record.files import safe_text, safe_texts
+from ..errors import ConfigError, MetricError, RecordError, RenderError, Sonata2dError
+from ..record.files import safe_texts
 from ..registry import did_you_mean
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
@@ -167,8 +169,9 @@ class Comparison(Sequence[Evaluation]):
         from .plots import SUFFIXES
 
         path, suffix = Path(path), Path(path).suffix.lower()
+        path.parent.mkdir(parents=True, exist_ok=True)
         if suffix in (".html", ".htm"):
-            with _bar(progress)(len(self), "film strips") as advance:
+            with bar_of(progress)(len(self), "film strips") as advance:
                 save_page(path, self.evaluations, self._files(), self._page_metrics(), advance)
         elif suffix == ".json":
             write_json(path, self.to_json())
@@ -189,13 +192,19 @@ class Comparison(Sequence[Evaluation]):
 
         show_page(page_of(self.evaluations, self._files(), self._page_metrics()), height=800)
 
-    def save_metrics(self) -> None:
+    def save_metrics(self, labels: Iterable[str] | None = None) -> None:
         """Write `metrics.json` into the folder of each data set; parts of data sets and other files get none.
+
+        Args:
+            labels: of the evaluations; None: all.
 
         Raises:
             RecordError: a file cannot be written.
         """
+        wanted = set(self._sources) if labels is None else set(labels)
         for evaluation, own in zip(self.evaluations, self._sources.values(), strict=True):
+            if evaluation.label not in wanted:
+                continue
             remaining = iter(evaluation.episodes)  # in the order of the data sets
             for dataset in own:
                 measured = list(islice(remaining, len(dataset)))
@@ -261,7 +270,7 @@ def evaluate(
     seed: int = 0,
     workers: int | Workers = 1,
     out: str | Path | None = None,
-    metrics: Sequence[str] = (),
+    metrics: str | Sequence[str] = (),
     rerun: bool = True,
     resamples: int = RESAMPLES,
     progress: bool | ProgressBar | None = None,
@@ -280,8 +289,8 @@ def evaluate(
             its entry point by `if __name__ == "__main__":`.
         out: folder for the episodes of the controllers, a data set for each controller and scenario; the same call
             continues them. None: a temporary folder, which is deleted with the result and its data sets.
-        metrics: names of the metrics to show, or `all`, or a program whose variants are shown, `socnavgym`; empty: the
-            main metrics. All metrics are computed in any case.
+        metrics: one or several names of metrics to show, or `all`, or a program whose variants are shown, `socnavgym`;
+            empty: the main metrics. All metrics are computed in any case.
         rerun: also run each seed without a robot, for the metrics of its effect on people.
         resamples: number of resamples of the bootstrap, 100 or more.
         progress: whether to show progress bars; None: in a notebook. Or a function of a number of items and their name
@@ -291,14 +300,14 @@ def evaluate(
         The evaluations, with tables, plots and pages.
 
     Raises:
-        ConfigError: there is no such scenario, or its file is invalid.
+        ConfigError: there is no such scenario, its file is invalid, or two have the same name.
         ControllerError: a controller cannot be created, or an error ended an episode.
         MetricError: there is no such metric, or one fails.
         RecordError: there are no episodes to evaluate, a file cannot be read, or `out` cannot be used.
         SceneError: a scene cannot be generated.
         WorkerError: a worker process crashed, or was killed.
-        TypeError: a subject is something else.
-        ValueError: there is no subject, two have the same label, or a number is out of range.
+        TypeError: a subject, a label or a number is something else.
+        ValueError: there is no subject or no scenario, two subjects have the same label, or a number is out of range.
 
     Example:
         >>> import sonata2d as s2
@@ -307,50 +316,46 @@ def evaluate(
         1.0
     """
     end_if_unguarded()
-    selected = select_metrics(metrics) if metrics else headline_metrics()
+    selected = select_metrics([metrics] if isinstance(metrics, str) else metrics) if metrics else headline_metrics()
     given = _labelled(subjects)
     scenarios = scenario if isinstance(scenario, Sequence) and not isinstance(scenario, str) else [scenario]
     configs = [scenario_of(one) for one in scenarios]
-    if len({config.name for config in configs}) < len(configs):
-        raise ValueError(f"two scenarios have the same name: {', '.join(config.name for config in configs)}")
     if not configs:
         raise ValueError("there is no scenario to run the controllers in")
-    whole_number("episodes", episodes, 1)
-    whole_number("resamples", resamples, 100)
+    twice = [name for name, count in Counter(config.name for config in configs).items() if count > 1]
+    if twice:
+        raise ConfigError(f"two scenarios have the name {twice[0]!r}; give them different names")
+    episodes, seed = whole_number("episodes", episodes, 1), whole_number("seed", seed)
+    resamples = whole_number("resamples", resamples, 100)
     if not isinstance(workers, Workers):
-        whole_number("workers", workers, 1)
-    if out is not None and all(isinstance(subject, Dataset) for subject in given.values()):
+        workers = whole_number("workers", workers, 1)
+    has_controllers = any(not isinstance(subject, Dataset) for subject in given.values())
+    if out is not None and not has_controllers:
         raise ValueError(f"out={str(out)!r} is for the episodes of controllers, and only recorded episodes are given")
-    bar = _bar(progress)
-    root = Path(tempfile.mkdtemp(prefix="sonata2d-")) if out is None else Path(out)
-    try:
-        with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as pool:
-            sources = _sources(given, configs, root, episodes, seed, pool, bar, is_kept=out is not None)
-            evaluations = _measured(sources, pool, bar, rerun=rerun, resamples=resamples)
-        comparison = Comparison(sources, evaluations, selected, is_selected=bool(metrics))
-    except BaseException:
-        if out is None:
-            shutil.rmtree(root, ignore_errors=True)
-        raise
-    if out is None:
-        folder = _TemporaryFolder(root)
-        for dataset in (*comparison.datasets.values(), *(one for own in sources.values() for one in own)):
-            dataset.keeps(folder)
-    else:
-        comparison.save_metrics()
+    bar = bar_of(progress)
+    folder = _TemporaryFolder() if out is None and has_controllers else None
+    root = folder.path if folder is not None else Path(out or ".")
+    with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as pool:
+        sources = _sources(given, configs, root, episodes, seed, pool, bar, folder)
+        evaluations = _measured(sources, pool, bar, rerun=rerun, resamples=resamples)
+    comparison = Comparison(sources, evaluations, selected, is_selected=bool(metrics))
+    if out is not None:
         write_json(root / COMPARISON, comparison.to_json())
+        comparison.save_metrics(label for label, subject in given.items() if not isinstance(subject, Dataset))
     return comparison
 
 
 class _TemporaryFolder:
-    """Deletes a folder when no data set in it is referred to any more."""
+    """A folder that is deleted when no data set in it is referred to any more."""
 
-    def __init__(self, path: Path) -> None:
-        weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
+    def __init__(self) -> None:
+        self.path = Path(tempfile.mkdtemp(prefix="sonata2d-"))
+        weakref.finalize(self, _delete, self.path, os.getpid())
 
 
-def _bar(progress: bool | ProgressBar | None) -> ProgressBar:
-    return progress if callable(progress) else progress_bar(progress)
+def _delete(folder: Path, process: int) -> None:
+    if os.getpid() == process:  # and not in a copy of the process, which would delete what the original needs
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _labelled(subjects: Subject | Sequence[Subject] | Mapping[str, Subject]) -> dict[str, Any]:
@@ -368,6 +373,9 @@ def _labelled(subjects: Subject | Sequence[Subject] | Mapping[str, Subject]) -> 
     if not pairs:
         raise ValueError("there is nothing to evaluate: give controllers or data sets")
     labels = [label for label, _ in pairs]
+    wrong = next((label for label in labels if not isinstance(label, str) or not label), None)
+    if wrong is not None:
+        raise TypeError(f"a label is a text that is not empty, got {shown(wrong)}")
     twice = next((label for label in labels if labels.count(label) > 1), None)
     if twice is not None:
         raise ValueError(f"two subjects have the label {twice!r}; name them: evaluate({{'slow': …, 'fast': …}})")
@@ -419,37 +427,41 @@ def _sources(
     seed: int,
     pool: Workers,
     bar: ProgressBar,
-    *,
-    is_kept: bool,
+    folder: _TemporaryFolder | None,
 ) -> dict[str, list[Dataset]]:
     """The data sets by label: those that are given, and those that are generated, or continued, with the controllers.
 
     Raises:
         Sonata2dError: as of `generate_dataset`; its note says how to keep or continue the episodes.
     """
-    if (root / MANIFEST).exists():
-        raise RecordError(f"{root} is a data set; choose a folder for the data sets of the controllers")
     labels = [label for label, subject in given.items() if not isinstance(subject, Dataset)]
+    if labels and (root / MANIFEST).exists():
+        raise RecordError(f"{root} is a data set; choose a folder for the data sets of the controllers")
     folders = dict(zip(labels, safe_texts(labels), strict=True))
+    places = safe_texts([config.name for config in configs])
     sources: dict[str, list[Dataset]] = {}
     for label, subject in given.items():
         if isinstance(subject, Dataset):
             sources[label] = [subject]
             continue
         sources[label] = []
-        for config in configs:
-            folder = root / folders[label] / safe_text(config.name)
+        for config, place in zip(configs, places, strict=True):
+            path = root / folders[label] / place
             try:
                 with bar(episodes, f"episodes of {label}") as advance:
                     dataset = generate_dataset(
-                        folder, config, subject, episodes=episodes, seed=seed, workers=pool,
-                        resume=(folder / MANIFEST).exists(), progress=False, advance=advance,
+                        path, config, subject, episodes=episodes, seed=seed, workers=pool,
+                        resume=(path / MANIFEST).exists(), progress=False, advance=advance,
                     )  # fmt: skip
-            except Sonata2dError as error:
+            except Sonata2dError as error:  # with other remedies than those of `generate_dataset`
+                if isinstance(error, RecordError) and "; repeat the options" in str(error):
+                    text = str(error).partition("; repeat the options")[0]
+                    raise RecordError(f"{text}; choose another folder for the evaluation") from error
+                is_kept = folder is None
                 keep = "keep the complete episodes with --output DIR (out=DIR)"
-                # in place of the arguments of `generate_dataset`
                 error.__notes__ = ["run the same evaluation again to continue" if is_kept else keep]
                 raise
+            dataset.keeps(folder)
             sources[label].append(dataset)
     return sources
 
@@ -470,7 +482,9 @@ def _combined(datasets: Sequence[Dataset]) -> Dataset:
     """One data set with the episodes of several; the single one itself."""
     if len(datasets) == 1:
         return datasets[0]
-    return Dataset.of_files(datasets[0].path.parent, (file for one in datasets for file in one.files))
+    combined = Dataset.of_files(datasets[0].path.parent, (file for one in datasets for file in one.files))
+    combined.keeps(tuple(datasets))
+    return combined
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:

@@ -84,7 +84,12 @@ class Evaluation:
         return f"<Evaluation {self.label}: {counted(len(self.episodes), 'episode')}>"
 
     def values(self, name: str) -> list[float]:
-        """Values of a metric in the episodes in which it is defined."""
+        """Values of a metric in the episodes in which it is defined.
+
+        Raises:
+            MetricError: no metric has this name.
+        """
+        _require_known(name)
         return [value for episode in self.episodes if (value := episode.values.get(name)) is not None]
 
     def summary(self, name: str) -> Summary:
@@ -93,8 +98,7 @@ class Evaluation:
         Raises:
             MetricError: no metric has this name.
         """
-        if name not in ALL:
-            raise MetricError(f"no metric is named {name!r}{did_you_mean(name, ALL)}")
+        _require_known(name)
         if name not in self._cache:
             self._cache[name] = self._summarise(name, self.episodes)
         return self._cache[name]
@@ -149,6 +153,12 @@ class Evaluation:
     def _summaries(self, episodes: Sequence[Measured]) -> dict[str, Any]:
         names = self.episodes[0].values if self.episodes else ()  # also for an empty selection
         return {name: self._summarise(name, episodes).to_json() for name in names}
+
+
+def _require_known(name: str) -> None:
+    if name not in ALL:
+        hint = did_you_mean(name, ALL) or "; sonata2d.metrics.ALL holds all metrics"
+        raise MetricError(f"no metric is named {name!r}{hint}")
 
 
 def measure(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
+import sonata2d.datasets
 from sonata2d.datasets.replay import check_replay
-from sonata2d.errors import ConfigError, ControllerError
+from sonata2d.errors import ConfigError, ControllerError, RecordError
 from sonata2d.registry import METRICS, PEDESTRIAN_MODELS
 
 from ..datasets.test_generate import contents
@@ -82,7 +84,33 @@ def test_the_next_object_of_a_name_replaces_the_former_one() -> None:
     assert walks[0] > 2.0 * walks[1]
 
 
+def test_episodes_of_another_law_are_not_continued(tmp_path: Path) -> None:
+    settings: dict[str, Any] = {"controller": "orca", "resume": True}
+    PEDESTRIAN_MODELS.register("mine", Straight)
+    dataset = s2.generate_dataset(tmp_path / "out", config(), episodes=1, **settings)
+    assert list((dataset.manifest or {})["controller_sha256"]) == ["pedestrian model mine"]
+    assert s2.datasets.verify(tmp_path / "out", replay=True, rerun=True) == []
+    s2.generate_dataset(tmp_path / "out", config(), episodes=2, **settings)
+    PEDESTRIAN_MODELS.register("mine", Still)
+    with pytest.raises(RecordError, match=r"the code of pedestrian model mine, SHA-256 .* stored"):
+        s2.generate_dataset(tmp_path / "out", config(), episodes=3, **settings)
+
+
+def test_an_object_that_cannot_be_sent_is_named(tmp_path: Path) -> None:
+    class Locked(Straight):
+        lock = threading.Lock()
+
+    PEDESTRIAN_MODELS.register("mine", Locked)
+    with pytest.raises(
+        ConfigError, match=r"pedestrian model .mine. cannot be sent to other processes: .*; use one worker"
+    ):
+        s2.generate_dataset(tmp_path / "out", "empty", "orca", episodes=6, workers=2)
+
+
 def test_what_cannot_be_registered() -> None:
+    for name in (None, 3, " "):
+        with pytest.raises(ValueError, match="the name of a pedestrian model is a text that is not empty"):
+            PEDESTRIAN_MODELS.register(name, Straight)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="a pedestrian model named 'orca2011' exists already; choose another name"):
         PEDESTRIAN_MODELS.register("orca2011", Straight)
     with pytest.raises(ValueError, match="give them as objects"):

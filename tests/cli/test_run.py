@@ -35,9 +35,9 @@ def test_the_episode_is_that_of_a_data_set(sonata2d: Run, here: Path) -> None:
 
 
 def test_the_result_as_json(sonata2d: Run, here: Path) -> None:
-    found = json.loads(sonata2d("run --scenario quick.yaml --controller orca -o a.svg --json").output)
+    found = json.loads(sonata2d("run --scenario quick.yaml --controller orca -o new/a.svg --json").output)
     assert found["controller"] == "orca"
-    assert found["written"] == ["a.svg"]
+    assert found["written"] == ["new/a.svg"]
     assert found["metrics"]["path_length"] > 0.0
 
 
@@ -45,6 +45,7 @@ def test_the_result_as_json(sonata2d: Run, here: Path) -> None:
     ("line", "code", "message"),
     [
         ("run -o a.txt", 2, "a.txt: end the name in one of .png"),
+        ("run -o A.JSON.ZST", 2, "A.JSON.ZST: end the name in one of .png"),
         ("run --controller social-planer", 1, "did you mean 'social-planner'"),
         ("run --scenario livly", 1, "did you mean 'lively'"),
         ("render out -o a.png --ids", 2, "out is a folder: only --count, --fps and --speed"),

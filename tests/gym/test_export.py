@@ -183,8 +183,9 @@ def module_of(env: Env, *, last: Any = None, seed: int = 0) -> Any:
     width, space = int(np.prod(env.observation_space.shape or ())), env.action_space
     outputs = int(space.n) if hasattr(space, "n") else int(np.prod(space.shape or ()))
     nn = torch.nn
-    hidden = nn.Sequential(nn.Linear(width, 32), nn.Tanh(), nn.Linear(32, 32), nn.Tanh())
-    return nn.Sequential(hidden, nn.Linear(32, outputs), *([last] if last else []))
+    tanh = last or nn.Tanh()  # the same object in several places
+    hidden = nn.Sequential(nn.Linear(width, 32), tanh, nn.Linear(32, 32), tanh)
+    return nn.Sequential(hidden, nn.Linear(32, outputs), *([tanh] if last else []))
 
 
 @pytest.mark.parametrize("kind", ["clip", "tanh", "argmax"])
@@ -217,13 +218,19 @@ def test_a_module_that_is_no_perceptron_is_refused(tmp_path: Path) -> None:
     env, nn = make(), torch.nn
     width = int(np.prod(env.observation_space.shape or ()))
     cases = [
-        (nn.Sequential(nn.Linear(width, 8), nn.ELU(), nn.Linear(8, 3)), "hidden layers with tanh or ReLU, got ELU"),
+        (
+            nn.Sequential(nn.Linear(width, 8), nn.ELU(), nn.Linear(8, 3)),
+            "with tanh, or with ReLU, between them, got Linear, ELU, Linear",
+        ),
+        (nn.Sequential(), "between them, got nothing"),
+        (nn.Sequential(nn.Linear(width, 8), nn.Linear(8, 3)), "got Linear, Linear"),
+        (nn.Linear(4, 3), "layer 0 has"),
         (nn.Sequential(nn.Linear(4, 8), nn.Tanh(), nn.Linear(8, 3)), "layer 0 has"),
     ]
     for module, message in cases:
         with pytest.raises(ValueError, match=message):
             s2g.save_policy(tmp_path / "a.npz", module, env)
-    with pytest.raises(ValueError, match=r"ends in \.npz, got"):
+    with pytest.raises(ValueError, match=r"is written as \.npz, got"):
         s2g.save_policy(tmp_path / "a.onnx", module_of(env), env)
     with pytest.raises(ValueError, match="wrap the environment in Flat"):
         s2g.save_policy(tmp_path / "a.npz", module_of(env), s2g.SocialNavEnv("lively", settings=SHORT))
@@ -234,3 +241,17 @@ def test_a_module_that_is_no_perceptron_is_refused(tmp_path: Path) -> None:
     plain = s2g.PolicyController(module_of(env), s2g.SocialNavEnv("lively", settings=SHORT))
     with pytest.raises(ControllerError, match="wrap the environment in Flat"):
         s2.Episode(s2.generate("lively", seed=1), plain).run()
+
+
+def test_a_module_drives_without_dropout_and_with_its_own_type() -> None:
+    env, nn = make(), torch.nn
+    width = int(np.prod(env.observation_space.shape or ()))
+    module = nn.Sequential(nn.Linear(width, 8), nn.Dropout(0.5), nn.Linear(8, 3)).double().train()
+    predict = s2g.PolicyController(module, env)._predict
+    observation = observations(env)[0]
+    np.testing.assert_array_equal(predict(observation), predict(observation))
+    with pytest.raises(ValueError, match="deviations are above 0"):
+        s2g.PolicyController(module, env, normalisation=(np.zeros(width), np.zeros(width)))
+    other = s2g.PolicyController(module, env, normalisation=(np.zeros(3), np.ones(3)))
+    with pytest.raises(ControllerError, match="the normalisation has 3 numbers"):
+        s2.Episode(s2.generate("lively", seed=1), other).run()

@@ -5,14 +5,13 @@ from __future__ import annotations
 import gc
 import json
 from contextlib import contextmanager
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import sonata2d as s2
-from sonata2d.errors import ControllerError, MetricError, RecordError, RenderError
+from sonata2d.errors import ConfigError, ControllerError, MetricError, RecordError, RenderError
 from sonata2d.metrics import METRICS
 
 SHORT = s2.ScenarioConfig(name="short", humans=2, rules={"time_limit": 3.0})
@@ -88,7 +87,7 @@ def test_several_scenarios_are_evaluated_together(tmp_path: Path) -> None:
     result = s2.evaluate(Ahead, [SHORT, SHORT.changed(name="other", humans=0)], episodes=2, rerun=False)
     assert {episode.name for episode in result["Ahead"].episodes} == {"short", "other"}
     assert len(result.datasets["Ahead"]) == 4
-    with pytest.raises(ValueError, match="two scenarios have the same name: short, short"):
+    with pytest.raises(ConfigError, match="two scenarios have the name 'short'; give them different names"):
         s2.evaluate(Ahead, [SHORT, SHORT])
 
 
@@ -110,7 +109,6 @@ def test_tables(compared: s2.Comparison) -> None:
 
 def test_a_notebook_shows_a_table_and_a_plot(compared: s2.Comparison) -> None:
     text = compared._repr_html_()
-    HTMLParser().feed(text)
     assert text.count("<tr>") == 1 + len(compared.metrics)
     assert "data:image/png;base64," in text
 
@@ -179,3 +177,49 @@ def test_invalid_arguments(tmp_path: Path) -> None:
     with pytest.raises(ControllerError) as caught:
         s2.evaluate(str(dataset.path))
     assert "recorded episodes are evaluated with Dataset(" in caught.value.__notes__[0]
+
+
+def test_a_baseline_can_be_used_again_and_keeps_its_episodes() -> None:
+    first = s2.evaluate(Ahead, SHORT, episodes=1, rerun=False)
+    second = s2.evaluate({"old": first.datasets["Ahead"], "new": Ahead(0.8)}, SHORT, episodes=1, rerun=False)
+    part = first.datasets["Ahead"][:1]
+    del second
+    gc.collect()
+    assert len(first.datasets["Ahead"][0]) == 30
+    del first
+    gc.collect()
+    assert len(part[0]) == 30  # a part keeps the folder
+
+
+def test_a_loop_over_episodes_keeps_their_folder() -> None:
+    for record in s2.evaluate(Ahead, SHORT, episodes=2, rerun=False).datasets["Ahead"]:
+        gc.collect()
+        assert len(record) == 30
+
+
+def test_episodes_of_several_scenarios_have_different_ids() -> None:
+    scenarios = [SHORT, SHORT.changed(name="other")]
+    dataset = s2.evaluate(Ahead, scenarios, episodes=2, rerun=False).datasets["Ahead"]
+    ids = dataset.to_pandas("episodes")["episode_id"].tolist()
+    assert ids == ["short/000000", "short/000001", "other/000000", "other/000001"]
+    with pytest.raises(KeyError, match=r"2 episodes of .* are named '000000'; give a number"):
+        dataset["000000"]
+
+
+def test_episodes_of_changed_code_are_not_continued(tmp_path: Path) -> None:
+    space: dict[str, Any] = {"s2": s2, "__name__": "__main__"}
+    code = "class Mine(s2.Controller):\n    def act(self, snapshot):\n        return s2.Twist(vx=SPEED)\n"
+    settings: dict[str, Any] = {"episodes": 1, "out": tmp_path / "kept", "rerun": False}
+    exec(code.replace("SPEED", "0.2"), space)
+    s2.evaluate(space["Mine"], SHORT, **settings)
+    s2.evaluate(space["Mine"], SHORT, **settings)  # the same code
+    exec(code.replace("SPEED", "0.9"), space)
+    with pytest.raises(RecordError, match=r"the code of __main__:Mine, SHA-256 .* now; choose another folder"):
+        s2.evaluate(space["Mine"], SHORT, **settings)
+
+
+def test_recorded_data_sets_beside_controllers_are_not_changed(tmp_path: Path) -> None:
+    dataset = s2.generate_dataset(tmp_path / "runs", SHORT, Ahead, episodes=1)
+    s2.evaluate({"recorded": dataset, "run": Ahead}, SHORT, episodes=1, out=tmp_path / "out", rerun=False)
+    assert not (dataset.path / "metrics.json").exists()
+    assert (tmp_path / "out/run/short/metrics.json").exists()

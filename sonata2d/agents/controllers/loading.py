@@ -20,6 +20,7 @@ import cloudpickle
 
 from ...core import interruption
 from ...core.archives import read_npz
+from ...core.code_hash import code_sha256
 from ...core.limits import MAX_WEIGHTS_BYTES
 from ...core.wording import described, one_line, shown
 from ...errors import ControllerError
@@ -182,7 +183,7 @@ def source_hashes(name: str, controller: Controller) -> dict[str, str]:
     """SHA-256 of the source file that defines a controller, by its name; of `driver+labeller` both.
 
     Modules that the file imports are not included. Controllers of sonata2d are left out, because its version covers
-    them, and so are classes whose source is unknown, as in a notebook.
+    them. A class without a file, as in a notebook, has the hash of its code (`core.code_hash`).
 
     Args:
         name: with which the controller was loaded.
@@ -195,8 +196,10 @@ def source_hashes(name: str, controller: Controller) -> dict[str, str]:
     path = Path(current_path(name).rpartition(":")[0] or name)
     if path.suffix != ".py" or path.stem != module:  # a module, or a file that imports the class from another module
         path = Path(getattr(sys.modules.get(module), "__file__", None) or "")
-    if _is_own_module(module) or not path.is_file():
+    if _is_own_module(module):
         return {}
+    if not path.is_file():
+        return {name: code_sha256(type(controller))}
     return {name: hashlib.sha256(path.read_bytes()).hexdigest()}
 
 

@@ -20,11 +20,15 @@ else:
 class OneLineErrors(ModelMetaclass):
     """Metaclass of settings: their constructors raise ConfigError in place of pydantic's ValidationError."""
 
-    def __call__(cls, **settings: Any) -> Any:
-        try:
-            return super().__call__(**settings)
-        except ValidationError as error:
-            raise ConfigError(problem_of(settings, error)[1]) from None
+    if not TYPE_CHECKING:  # type checkers know the arguments of the constructors
+
+        def __call__(cls, *values: Any, **settings: Any) -> Any:
+            if values:
+                raise ConfigError(f"the settings of a {cls.__name__} have names; write {cls.__name__}(name=value)")
+            try:
+                return super().__call__(**settings)
+            except ValidationError as error:
+                raise ConfigError(problem_of(settings, error)[1]) from None
 
 
 def problem_of(settings: dict[str, Any], error: ValidationError) -> tuple[list[int | str], str]:
