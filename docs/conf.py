@@ -101,8 +101,13 @@ def _as_restructured_text(app: Any, what: str, name: str, found: Any, options: A
     if what == "data":
         lines[:] = [_constant(found), ""]
     elif not re.search(r"``|:`", text := "\n".join(lines)):  # as in docstrings inherited from other packages
-        text = re.sub(r"(?<![`:])`([^`]+)`(?![`_])", r"``\1``", text)
-        lines[:] = re.sub(r"(``[^`]+``)(?=\w)", r"\1\\ ", text).split("\n")  # an s that follows
+        text = re.sub(r"(?<![`:])`([^`]+)`(?![`_])(\w?)", _literal, text)
+        lines[:] = text.split("\n")
+
+
+def _literal(match: re.Match[str]) -> str:
+    """Code, and an escaped space before a letter that follows, as the s of a plural."""
+    return f"``{match[1]}``" + (f"\\ {match[2]}" if match[2] else "")
 
 
 def _constant(found: Any) -> str:

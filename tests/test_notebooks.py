@@ -165,7 +165,7 @@ def packages_of(name: str) -> set[str]:
     assert found, "the first cell says how to install what the notebook needs"
     packages: set[str] = set()
     for word in found[1].replace("'", "").split():
-        requirement = Requirement(word)
+        requirement = Requirement(f"sonata2d{word[1:]}" if word.startswith(".[") else word)
         packages.add(canonicalize_name(requirement.name))
         if requirement.name == "sonata2d":
             packages |= requirements_of({"", *requirement.extras})

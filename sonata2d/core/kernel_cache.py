@@ -34,6 +34,7 @@ from numba.core.serialize import dumps
 from ..errors import KernelError
 from . import interruption
 from .kernel_key import NotCacheableError, key_of
+from .notebook import notebook_shell
 
 logger = logging.getLogger(__name__)
 
@@ -45,7 +46,7 @@ _MAX_FILES = 16  # of one kernel: versions, settings, argument types
 _MAX_AGE = 90 * 86400.0  # s since a file was last used
 _SILENT_WAIT = 3.0  # s of waiting for another process, after which the user is told
 _LOCK_TIMEOUT = 120.0  # s; then a process compiles although another one seems to
-_SAME_START = 60.0  # s between compilations that are announced once
+_SAME_START = 10.0  # s between compilations that are announced once
 
 
 def use_cache(kernel: F) -> F:
@@ -277,20 +278,24 @@ def _locked(name: str) -> Iterator[None]:
 
 
 _is_announced = False
+_announced_cell: object = None  # of a notebook, in which the last announcement appeared
 
 
 def _announce(is_kept: bool) -> None:
-    """Say that kernels are being compiled, once for all processes that start together.
+    """Say that kernels are being compiled, once for all processes that start together; in a notebook in each cell.
 
     Args:
         is_kept: whether later processes load what is compiled now.
     """
-    global _is_announced
-    if _is_announced:
+    global _is_announced, _announced_cell
+    cell = getattr(notebook_shell(), "execution_count", None)
+    if _is_announced and cell == _announced_cell:
         return
-    _is_announced = True
+    is_first, _is_announced, _announced_cell = not _is_announced, True, cell
     folder = writable_folder()
-    if folder is None:
+    if not is_first:  # another cell of a notebook, which would wait without a reason
+        is_said = False
+    elif folder is None:
         from multiprocessing import parent_process
 
         is_said = parent_process() is not None  # the workers compile the same as their parent, or as each other

@@ -21,6 +21,7 @@ from ..record.tables import TABLES, tables_of
 from ..registry import did_you_mean
 from .manifest import MANIFEST, files_in_manifest, files_of, read_stored_manifest
 from .split import FRACTIONS, split_dataset
+from .summaries import contact_summary
 
 _SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
 
@@ -107,6 +108,7 @@ class Dataset(Sequence[EpisodeRecord]):
         *,
         outcome: str | Iterable[str] | None = None,
         family: str | Iterable[str] | None = None,
+        contact: bool | None = None,
     ) -> Dataset:
         """The episodes that fulfil all conditions.
 
@@ -114,11 +116,17 @@ class Dataset(Sequence[EpisodeRecord]):
             condition: a function of a record; all remaining files are read for it.
             outcome: one or several, such as `goal` or `timeout`. With a manifest, no file is read.
             family: one or several; likewise.
+            contact: whether the robot touched a person, an object or a wall; likewise.
 
         Raises:
             RecordError: a file cannot be read.
+            TypeError: the condition is not a function.
             ValueError: there is no such outcome.
         """
+        if condition is not None and not callable(condition):
+            raise TypeError(
+                f"a condition is a function of a record, got {shown(condition)}; write outcome=... or family=..."
+            )
         wanted = {
             key: {values} if isinstance(values, str) else set(values)
             for key, values in (("outcome", outcome), ("family", family))
@@ -131,6 +139,8 @@ class Dataset(Sequence[EpisodeRecord]):
         files = list(self.files)
         if wanted:
             files = [file for file, row in self._rows(files) if all(row[key] in wanted[key] for key in wanted)]
+        if contact is not None:
+            files = [file for file, row in self._rows(files) if bool(row["contacts"]) == contact]
         if condition is not None:
             files = [file for file in files if condition(read_episode(file))]
         return self._part(files)
@@ -262,9 +272,11 @@ class Dataset(Sequence[EpisodeRecord]):
         if self.manifest:
             rows = [row for _, row in self._rows(self.files)]
             facts["outcomes"] = _counts(row["outcome"] for row in rows)
+            contacts = contact_summary(rows)
+            facts["contacts"] = contacts.rows()[0][1]
             facts["families"] = _counts(row["family"] for row in rows)
             facts["scenario"] = self.manifest["name"]
-        text: str = display().card(type(self).__name__, facts, self._drawings(_PREVIEWED))
+        text: str = display().card(type(self).__name__, facts, self._drawings(_PREVIEWED), self._titles(_PREVIEWED))
         return text
 
     @classmethod
@@ -304,9 +316,10 @@ class Dataset(Sequence[EpisodeRecord]):
         rows = {row["name"]: row for row in (self.manifest or {}).get("files", ())}
         for file in files:
             row = rows.get(file.name)
-            if row is None:
+            if row is None or "contacts" not in row:
                 record = read_episode(file)
-                row = {"outcome": record.outcome.status, "family": record.family}
+                row = {"outcome": record.outcome.status, "family": record.family, **record.counts()}
+                row.setdefault("contacts", {})  # of an imported episode, which does not record them
             yield file, row
 
     def _columns(self, table: str) -> dict[str, list[Any]]:

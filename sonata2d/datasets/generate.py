@@ -109,9 +109,10 @@ def generate_dataset(
     Args:
         out: folder of the data set. Unless `resume` or `overwrite` is set, it is new or empty, or holds a data set
             without episodes, as of a run that failed at once.
-        scenario: settings of the scenes, the name of a preset, or the path of a scenario file.
-        controller: name of the controller, as on the command line, or a class, of which each worker creates its own;
-            or an object, of which each worker gets a copy. Classes of a notebook are sent with their code.
+        scenario: settings of the scenes, the name of a preset (`sonata2d.scenegen.scenario_names()` lists them), or the
+            path of a scenario file.
+        controller: name of the controller (`sonata2d controllers` lists them), or a class, of which each worker creates
+            its own; or an object, of which each worker gets a copy. Classes of a notebook are sent with their code.
         episodes: number of episodes; with `keep`, number of kept episodes.
         seed: seed of the data set; the bytes of episode k depend on no other argument but scenario and controller.
         workers: number of processes, or processes that several calls share. With more than one, a script must guard

@@ -35,7 +35,7 @@ from ..scenegen.scenario.load import scenario_of
 from .catalogue import headline_metrics, select_metrics
 from .definition import Metric
 from .measurement import Evaluation, Measured, comparison_rows, comparison_table, measure_files, save_metrics
-from .summary import RESAMPLES
+from .summary import FEW, RESAMPLES
 
 COMPARISON = "evaluation.json"
 
@@ -114,6 +114,9 @@ class Comparison(Sequence[Evaluation]):
             if failed:
                 episodes = f"{counted(failed, 'episode')} of {len(one.episodes)}"
                 notes.append(f"means of {one.label} include {episodes} without success")
+        few = min(len(one.episodes) for one in self.evaluations)
+        if few < FEW:
+            notes.append(f"intervals of fewer than {FEW} episodes are too narrow")
         for one in self.evaluations:
             stopped = sum(episode.outcome == "stopped" for episode in one.episodes)
             if stopped:
@@ -240,7 +243,9 @@ class Comparison(Sequence[Evaluation]):
 
         scenarios = ", ".join(sorted({episode.name for one in self.evaluations for episode in one.episodes}))
         counts = " or ".join(map(str, sorted({len(one.episodes) for one in self.evaluations})))
-        title = f"{scenarios}: {counts} episodes each; mean, 95 % bootstrap interval, every episode"
+        title = (
+            f"{scenarios}: {counts} episodes each; shares with 95 % Wilson intervals; means with bootstrap intervals"
+        )
         chart(path, self.evaluations, self.metrics, title=title)
 
     def _files(self) -> list[tuple[Path, ...]]:

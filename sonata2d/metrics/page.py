@@ -26,10 +26,9 @@ from .definition import ARROWS, DEFINITIONS_VERSION, Metric
 from .measurement import MARK, Evaluation, Measured
 from .page_panels import constant_of, panel, shares
 from .plots import COLOURS, short_names
-from .summary import LEVEL, Interval, Summary, format_number, wilson_interval
+from .summary import FEW, LEVEL, Interval, Summary, format_number, wilson_interval
 from .trajectory import Trajectory
 
-FEW = 20  # episodes; with fewer, confidence intervals are too narrow
 OUTCOMES = {
     "goal": "goal reached without collision",
     "goal-collision": "goal reached after a collision",

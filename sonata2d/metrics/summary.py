@@ -13,6 +13,7 @@ import numpy as np
 from ..core.portable_math import Array, IntArray
 
 LEVEL = 0.95  # of confidence intervals
+FEW = 20  # episodes; with fewer, confidence intervals are too narrow
 RESAMPLES = 2000  # of the bootstrap
 _AT_ONCE = 1_000_000  # values drawn at a time, which bounds the memory
 

@@ -31,6 +31,9 @@ def read_episode(path: str | Path) -> EpisodeRecord:
     Args:
         path: of the file.
 
+    Returns:
+        The episode: arrays of all states, commands, labels, and each frame as the snapshot that the controller saw.
+
     Raises:
         NewerFormatError: a newer version of sonata2d wrote the file.
         InvalidFileError: the content is not that of an episode; `findings` lists what is wrong.

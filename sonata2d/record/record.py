@@ -136,11 +136,20 @@ class EpisodeRecord(Drawable):
         return {
             "file": self.path,
             **self._scene.origin,
-            "controller": self.controller_info.path,
+            "controller": self.controller_info.path.rpartition(":")[2] or "none",
             "outcome": f"{self.outcome.status}: {self.outcome.reason}",
             "length": f"{self._end}, {counted(len(self), 'frame')}",
             "people": self.states.humans.shape[1],
+            "contacts": self._contacts_text(),
         }
+
+    def _contacts_text(self) -> str:
+        """In how many frames the robot touched something."""
+        counts = self.counts()
+        if "contacts" not in counts:
+            return "not recorded"
+        touched = counts["contacts"].get("any", {}).get("frames", 0)
+        return f"in {touched} of {counted(len(self), 'frame')}" if touched else "none"
 
     @property
     def id(self) -> str:

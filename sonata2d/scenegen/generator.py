@@ -47,7 +47,8 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     again where something does not fit, so that small rooms are not biased towards few entities and short distances.
 
     Args:
-        config: settings of the scenario, the name of a preset, or the path of a scenario file.
+        config: settings of the scenario, the name of a preset (`sonata2d.scenegen.scenario_names()` lists them), or the
+            path of a scenario file.
         seed: of the data set, 0 or more.
         episode: number of the episode in the data set.
 

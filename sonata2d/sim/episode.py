@@ -90,6 +90,8 @@ class Episode(Drawable):
             raise ControllerError(
                 f"{type(controller).__name__} requests a camera image; give Episode(renderer=sonata2d.view.image_of)"
             )
+        if hasattr(observers, "note"):
+            raise TypeError(f"observers are several; write observers=[{type(observers).__name__}(...)]")
         self.scene, self.controller, self.observers = scene, controller, tuple(observers)
         self.past: list[TickInput] = []
         self.outcome: Outcome | None = None

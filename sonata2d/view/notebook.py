@@ -95,19 +95,23 @@ def animate_sheet(drawings: Sequence[Drawing], titles: Sequence[str]) -> None:
     show_page(Sheet(drawings, titles).page(), height=_PAGE_HEIGHT + 200)
 
 
-def card(title: str, facts: Mapping[str, object], drawings: Sequence[Drawing]) -> str:
+def card(title: str, facts: Mapping[str, object], drawings: Sequence[Drawing], titles: Sequence[str] = ()) -> str:
     """A table of facts beside pictures, as HTML that fits light and dark notebooks.
 
     Args:
         title: above the table.
         facts: text by name.
         drawings: of each the last state is drawn, with paths, and without caption and legend.
+        titles: below the drawings, if there are several; the outcomes are added.
     """
     side = _CARD_SIDE if len(drawings) == 1 else _CARD_SIDE // 2
+    captions = [html.escape(f"{text}: {drawing.outcome}") for text, drawing in zip(titles, drawings, strict=False)]
     pictures = "".join(
+        '<div style="display: inline-block; text-align: center; margin: 0 8px 8px 0">'
         f'<img src="{filmstrip(drawing.snapshots, [len(drawing.snapshots) - 1])[0]}" alt="{html.escape(title)}" '
-        f'style="max-width: {side}px; max-height: {side}px; margin: 0 8px 8px 0"/>'
-        for drawing in drawings
+        f'style="max-width: {side}px; max-height: {side}px"/>'
+        f"{f'<br><small>{captions[k]}</small>' if k < len(captions) else ''}</div>"
+        for k, drawing in enumerate(drawings)
     )
     rows = "".join(
         f'<tr><th style="text-align: left; white-space: nowrap; vertical-align: top">{html.escape(name)}</th>'

@@ -71,7 +71,7 @@ def test_without_out_no_file_remains(sonata2d: Run, here: Path) -> None:
 def test_metrics_are_selected_by_name(sonata2d: Run) -> None:
     sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
     lines = sonata2d("evaluate out/000000.json --metric spl --metric socnav3 --workers 1").output.splitlines()
-    names = [line.split()[0] for line in lines[1:-1]]
+    names = [line.split()[0] for line in lines[1:-2]]
     assert names[0] == "spl"
     assert names[1:] == [name for name in ALL if name.startswith("socnav3.")]
     output = sonata2d("evaluate out --metric all --workers 1").output

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -694,3 +695,15 @@ def test_plugins_of_the_same_name_do_not_share_subroutines(tmp_path: Path) -> No
     assert run(script, "first", cache=cache).communicate()[0] == "32.0 0\n"
     assert run(script, "second", cache=cache).communicate()[0] == "243.0 0\n"
     assert run(script, "first", "second", cache=cache).communicate()[0] == "32.0 1\n243.0 1\n"
+
+
+def test_each_cell_of_a_notebook_says_why_it_waits(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    shell = types.SimpleNamespace(kernel=object(), execution_count=1)
+    monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: shell))
+    for count in (1, 1, 2, 2, 3):
+        shell.execution_count = count
+        kernel_cache._announce(is_kept=True)
+    said = [record for record in caplog.records if "is compiled for this processor" in record.message]
+    assert len(said) == 3

@@ -194,3 +194,35 @@ def test_a_page_opens_in_the_browser(dataset: s2.Dataset, monkeypatch: pytest.Mo
     monkeypatch.setattr("webbrowser.open", lambda url: bool(opened.append(url)) or True)
     dataset.animate(count=2)
     assert opened[0].endswith(".html")
+
+
+def test_episodes_are_filtered_by_contact(tmp_path: Path) -> None:
+    class Ahead(s2.Controller):
+        def act(self, snapshot: s2.Snapshot) -> s2.Twist:
+            return s2.Twist(vx=1.0)
+
+    config = s2.ScenarioConfig(name="full", humans=8, rules={"time_limit": 6.0})
+    dataset = s2.generate_dataset(tmp_path / "full", config, Ahead, episodes=6)
+    touching, others = dataset.filter(contact=True), dataset.filter(contact=False)
+    assert len(touching) + len(others) == 6
+    assert len(touching) > 0
+    assert all(record.counts()["contacts"] for record in touching)
+    assert not any(record.counts()["contacts"] for record in others)
+    (dataset.path / "manifest.json").unlink()  # the files are read instead
+    assert s2.Dataset(dataset.path).filter(contact=True).files == touching.files
+    assert f"in {len(touching)} of 6 episodes" in dataset._repr_html_()
+    assert "<th" in touching[0]._repr_html_()
+    assert "contacts</th><td" in touching[0]._repr_html_()
+
+
+def test_pictures_of_a_table_have_captions(dataset: s2.Dataset) -> None:
+    assert f"<small>000000: {dataset[0].outcome.status}</small>" in dataset._repr_html_()
+
+
+def test_a_condition_is_a_function(dataset: s2.Dataset) -> None:
+    with pytest.raises(TypeError, match=r"got 'goal'; write outcome=\.\.\. or family=\.\.\."):
+        dataset.filter("goal")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="no episode has the outcome 'gaol'; outcomes are goal, "):
+        dataset.filter(outcome="gaol")
+    with pytest.raises(ValueError, match="count must be 1 or more, got 0"):
+        dataset.show(count=0)

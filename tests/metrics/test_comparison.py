@@ -95,7 +95,8 @@ def test_tables(compared: s2.Comparison) -> None:
     lines = str(compared).splitlines()
     assert lines[0].split() == ["metric", "unit", "slow", "fast", "named"]
     assert lines[1].split()[0] == next(name for name, metric in METRICS.items() if metric.headline)
-    assert lines[-4] == (
+    assert "intervals of fewer than 20 episodes are too narrow" in lines
+    assert lines[-5] == (
         "3 episodes of slow, 3 episodes of fast, 3 episodes of named; mean [95 % bootstrap interval]; * significant "
         "difference from the first, in the common scenes"
     )

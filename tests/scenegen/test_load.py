@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import sonata2d as s2
 from sonata2d.errors import ConfigError
 from sonata2d.scenegen.generator import generate
 from sonata2d.scenegen.scenario import parse
@@ -239,3 +240,8 @@ def test_of_a_list_with_many_faults_the_first_is_reported(write_scenario, text):
 def test_lists_have_a_maximum_length():
     with pytest.raises(ConfigError, match="at most 10000"):
         ScenarioConfig(room={"walls": [(0.0, 0.0, 1.0, 1.0)] * 10_001})
+
+
+def test_a_controller_in_the_place_of_the_scenario_is_pointed_out(tmp_path):
+    with pytest.raises(TypeError, match=r"a scenario is .*; write controller=\.\.\."):
+        s2.generate_dataset(tmp_path / "out", s2.Orca)

@@ -105,7 +105,7 @@ def test_the_robot_may_not_start_on_its_goal():
 
 
 def test_settings_are_frozen():
-    with pytest.raises(ValueError, match="frozen"):
+    with pytest.raises(ConfigError, match=r"settings are fixed; changed\(drop=True\) returns others"):
         ScenarioConfig().drop = True
 
 

@@ -270,3 +270,8 @@ def test_a_controller_is_an_object(given: Any, remedy: str) -> None:
     for use in (partial(s2.Episode, scene), s2.check_controller):
         with pytest.raises(TypeError, match=remedy):
             use(given)
+
+
+def test_observers_are_a_list() -> None:
+    with pytest.raises(TypeError, match=r"observers are several; write observers=\[EpisodeRecorder\(\.\.\.\)\]"):
+        s2.Episode(s2.generate("empty", 1), s2.StraightToGoal(), observers=s2.EpisodeRecorder())  # type: ignore[arg-type]

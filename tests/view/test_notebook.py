@@ -55,7 +55,7 @@ def test_what_is_printed_fits_one_line(shown: dict[str, Any]) -> None:
     assert repr(shown["record"]) == "<EpisodeRecord run of lively/l: 30 frames, 3 s, 7 people, timeout>"
     assert repr(shown["snapshot"].humans) == "<Humans: 7 people>"
     assert repr(shown["record"].states) == "<States: 31 ticks, 7 people>"
-    own = "ScenarioConfig(name='custom', standing=None, wandering=None, humans=IntRange(min=3, max=3))"
+    own = "ScenarioConfig(name='custom', humans=IntRange(min=3, max=3))"
     assert repr(s2.ScenarioConfig(humans=3)) == own
     settings = s2.load_scenario("empty").changed(rules={"time_limit": 5.0, "guard": False})
     assert "rules=RulesConfig(time_limit=5.0, guard=False)" in repr(settings)

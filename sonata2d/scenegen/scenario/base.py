@@ -22,6 +22,8 @@ from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError
 
 from ...core.geometry import MAX_MAGNITUDE
 from ...core.limits import MAX_COUNT
+from ...core.wording import shown
+from ...errors import ConfigError
 from ...registry import Registry, did_you_mean
 from .problems import OneLineErrors
 
@@ -70,8 +72,12 @@ class Settings(BaseModel, metaclass=OneLineErrors):
         """The settings that differ from their defaults."""
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
-            if value != field.get_default(call_default_factory=True):
+            is_default = value == field.get_default(call_default_factory=True)
+            if name == "name" or (not is_default and value is not None):
                 yield name, value
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise ConfigError(f"settings are fixed; changed({name}={shown(value)}) returns others")
 
     @model_validator(mode="before")
     @classmethod
@@ -79,7 +85,7 @@ class Settings(BaseModel, metaclass=OneLineErrors):
         # pydantic's own check (extra="forbid") runs later and has no suggestions
         for key in values if isinstance(values, dict) else ():
             if key not in cls.model_fields:
-                hint = did_you_mean(str(key), cls.model_fields)
+                hint = did_you_mean(str(key), cls.model_fields) or f"; keys are {', '.join(cls.model_fields)}"
                 context = {"key": str(key), "hint": hint, "path": (key,)}
                 raise PydanticCustomError("unknown_key", "unknown key '{key}'{hint}", context)
         return values

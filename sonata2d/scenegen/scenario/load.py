@@ -53,6 +53,8 @@ def scenario_of(scenario: object) -> ScenarioConfig:
     if isinstance(scenario, str | Path):
         return load_scenario(scenario)
     hint = "; ScenarioConfig(**settings) takes a dictionary" if isinstance(scenario, Mapping) else ""
+    if hasattr(scenario, "act"):
+        hint = "; write controller=..."
     raise TypeError(
         f"a scenario is the name of a preset, the path of a file or a ScenarioConfig, got {shown(scenario)}{hint}"
     )
