@@ -38,7 +38,7 @@ PREVIEW = "preview.png"  # drawn by `sonata2d generate`
 LOG = "run.jsonl"  # of generation runs
 FAILED = "failed"  # subfolder for the frames of episodes that ended in an error
 METRICS = "metrics.json"  # written by `sonata2d evaluate`
-_NOT_EPISODES = (METRICS, CROISSANT, "evaluation.json")  # JSON files that may lie beside episodes without a manifest
+_NOT_EPISODES = (SCENARIO, METRICS, CROISSANT, "evaluation.json")  # JSON beside episodes without a manifest
 
 
 _BLOCK = 1000  # rows of a manifest that are validated at a time
