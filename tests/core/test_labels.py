@@ -8,6 +8,7 @@ import pytest
 
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.core.labels import LabelSpec
+from sonata2d.errors import ConfigError
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 
 CLASSES = LabelSpec("classes", classes=("poor", "fair", "good"))
@@ -62,7 +63,7 @@ def test_a_scenario_defines_the_label() -> None:
     ],
 )
 def test_a_scenario_with_an_invalid_label_is_rejected(label: dict[str, object]) -> None:
-    with pytest.raises(ValueError, match="label"):
+    with pytest.raises(ConfigError, match="label"):
         ScenarioConfig(label=label)
 
 
