@@ -62,6 +62,7 @@ copybutton_prompt_is_regexp = True
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"sonata2d {version}"
+html_sidebars = {"index": [], "first-steps": [], "troubleshooting": []}  # they have no pages below them
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_favicon = "_static/favicon.svg"
@@ -103,6 +104,11 @@ def _as_restructured_text(app: Any, what: str, name: str, found: Any, options: A
     elif not re.search(r"``|:`", text := "\n".join(lines)):  # as in docstrings inherited from other packages
         text = re.sub(r"(?<![`:])`([^`]+)`(?![`_])(\w?)", _literal, text)
         lines[:] = text.split("\n")
+
+
+def _settings_signature(app: Any, what: str, name: str, found: Any, *others: Any) -> tuple[str, None] | None:
+    """Settings have dozens of arguments, which their page lists; the signature would fill a screen."""
+    return ("(**settings)", None) if what == "class" and hasattr(found, "model_fields") else None
 
 
 def _literal(match: re.Match[str]) -> str:
@@ -148,4 +154,5 @@ def setup(app: Any) -> None:
     app.add_html_math_renderer("mathml", (_as_mathml, None), (_as_mathml, None))
     app.connect("source-read", _with_links_to_the_repository)
     app.connect("sphinx-click-process-epilog", _with_examples)
+    app.connect("autodoc-process-signature", _settings_signature)
     app.connect("autodoc-process-docstring", _as_restructured_text, priority=400)
