@@ -389,16 +389,26 @@ def _serve(
     """Answer the requests of `_Remote`; an exception is an answer."""
     end_of_caller.close()  # an open copy would hide that the caller has ended
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit())
+    is_busy = is_ended = False
+
+    def end(number: int, frame: Any) -> None:
+        nonlocal is_ended
+        is_ended = True
+        if not is_busy:  # an exception within a step would look like an error of the episode
+            sys.exit()
+
+    signal.signal(signal.SIGTERM, end)
     worlds = None
     try:
-        while True:
+        while not is_ended:
             method, arguments = connection.recv()
+            is_busy = True
             try:
                 worlds = worlds or _Worlds(make, count, mode)
                 answer = getattr(worlds, method)(*arguments)
             except Exception as error:
                 answer = _portable(error)
+            is_busy = False
             try:
                 reply = pickle.dumps(answer)
             except Exception as error:  # whatever the classes of the answer do
