@@ -107,7 +107,7 @@ def _draw_sheet(folder: Path, output: Path, count: int, as_json: bool, **options
     from sonata2d.datasets.dataset import Dataset
 
     dataset = Dataset(folder)
-    dataset.save(output, count=count, **options)
+    dataset.save(output, count=count, progress=progress, **options)
     drawn = min(count, len(dataset))
     if as_json:
         show_json({"output": str(output), "episodes": drawn})

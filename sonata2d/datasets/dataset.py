@@ -10,6 +10,7 @@ from typing import Any, SupportsIndex, get_args, overload
 
 from ..core.arguments import whole_number
 from ..core.drawable import Drawing, display
+from ..core.notebook import ProgressBar
 from ..core.snapshot import Status
 from ..core.wording import counted, shown
 from ..errors import RecordError
@@ -222,7 +223,13 @@ class Dataset(Sequence[EpisodeRecord]):
         return Episodes(self)
 
     def save(
-        self, path: str | Path, *, count: int = _SHOWN, fps: float | None = None, speed: float | None = None
+        self,
+        path: str | Path,
+        *,
+        count: int = _SHOWN,
+        fps: float | None = None,
+        speed: float | None = None,
+        progress: bool | ProgressBar | None = None,
     ) -> None:
         """Draw the first episodes side by side into a file, whose suffix selects the format.
 
@@ -234,12 +241,13 @@ class Dataset(Sequence[EpisodeRecord]):
             count: number of episodes.
             fps: pictures per second of a film; by default 10 for a GIF, 30 for an MP4.
             speed: seconds of the episodes per second of a film; by default 1.
+            progress: of a film: whether to show a progress bar; None: in a notebook.
 
         Raises:
             RenderError: the suffix is unknown, an argument has no effect on the format, there is no episode, or the
                 file cannot be written.
         """
-        display().save_sheet(self._drawings(count), self._titles(count), path, fps=fps, speed=speed)
+        display().save_sheet(self._drawings(count), self._titles(count), path, fps=fps, speed=speed, progress=progress)
 
     def show(self, *, count: int = _SHOWN) -> None:
         """Show the picture that `save` draws: below a cell of a notebook, else in a browser.

@@ -13,6 +13,7 @@ from typing import Any
 
 import pygame
 
+from ..core.notebook import Advance, ProgressBar
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.whole_file import whole_file
@@ -91,6 +92,7 @@ def save_sheet_film(
     *,
     fps: float | None = None,
     speed: float = 1.0,
+    bar: ProgressBar,
 ) -> None:
     """Write a film in which several episodes begin together; those that have ended stay at their last picture.
 
@@ -99,6 +101,7 @@ def save_sheet_film(
         episodes: the snapshots of each.
         make: what draws the pictures of an episode.
         arrange: one picture of those of all episodes; they change afterwards.
+        bar: shows how many seconds of the longest episode are drawn.
 
     Raises:
         RenderError: as for `save_film`.
@@ -110,15 +113,22 @@ def save_sheet_film(
         for snapshots in episodes
     ]
 
-    def together() -> Iterator[pygame.Surface]:
+    length = max(snapshots[-1].time - snapshots[0].time for snapshots in episodes)
+
+    def together(advance: Advance) -> Iterator[pygame.Surface]:
         pictures: list[pygame.Surface] = []
-        for newer in zip_longest(*films):
+        drawn = 0  # s
+        for k, newer in enumerate(zip_longest(*films)):
+            seconds = min(int(k * speed / fps), int(length))
+            advance(seconds - drawn)
+            drawn = seconds
             pictures = [
                 new or old for new, old in zip_longest(newer, pictures)
             ]  # an episode that has ended yields None
             yield arrange(pictures)
 
-    _encode(path, together(), fps)
+    with bar(int(length), "seconds of the longest episode") as advance:
+        _encode(path, together(advance), fps)
 
 
 def _pace_of(path: Path, fps: float | None, speed: float) -> float:

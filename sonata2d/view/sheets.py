@@ -12,6 +12,7 @@ import pygame
 from jinja2 import Environment, PackageLoader
 
 from ..core.drawable import Drawing
+from ..core.notebook import ProgressBar, bar_of
 from ..errors import RenderError
 from .annotations import TEXT
 from .draw import Layers, camera_for, picture
@@ -48,12 +49,20 @@ class Sheet:
         if not self.drawings:
             raise RenderError("there is no episode to draw")
 
-    def save(self, path: str | Path, *, fps: float | None = None, speed: float | None = None) -> None:
+    def save(
+        self,
+        path: str | Path,
+        *,
+        fps: float | None = None,
+        speed: float | None = None,
+        progress: bool | ProgressBar | None = None,
+    ) -> None:
         """Draw into a file, whose suffix selects the format; see `SUFFIXES`.
 
         Args:
             path: of the file.
             fps, speed: of a film, as for `save_film`.
+            progress: of a film, as for `core.notebook.bar_of`.
 
         Raises:
             RenderError: the suffix is unknown, fps or speed has no effect on it, or the file cannot be written.
@@ -73,7 +82,7 @@ class Sheet:
             make = partial(PictureSequence, scale=self._scale, layers=_LAYERS)
             episodes = [drawing.snapshots for drawing in self.drawings]
             pace = 1.0 if speed is None else speed
-            save_sheet_film(path, episodes, make, self._arranged, fps=fps, speed=pace)
+            save_sheet_film(path, episodes, make, self._arranged, fps=fps, speed=pace, bar=bar_of(progress))
 
     def picture(self) -> pygame.Surface:
         """Each episode at its end, with the paths up to it.

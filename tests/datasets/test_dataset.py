@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -166,8 +167,15 @@ def test_a_folder_without_episodes_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_film_ends_with_the_longest_episode(dataset: s2.Dataset, tmp_path: Path) -> None:
-    dataset.save(tmp_path / "all.gif", count=3, fps=5, speed=2.0)
+    seen = {}
+
+    @contextmanager
+    def bar(total: int, unit: str) -> Any:
+        yield lambda steps: seen.update({total: seen.get(total, 0) + steps})
+
+    dataset.save(tmp_path / "all.gif", count=3, fps=5, speed=2.0, progress=bar)
     longest = max(record.outcome.time for record in dataset[:3])
+    assert seen == {int(longest): int(longest)}
     with Image.open(tmp_path / "all.gif") as film:
         duration = sum(film.seek(k) or film.info["duration"] for k in range(film.n_frames)) / 1000
         assert duration == pytest.approx(longest / 2.0 + 1.5, abs=0.6)
