@@ -69,7 +69,7 @@ def command(
         has_others = any((options.pop("strip"), options.pop("size"), zones, ids, legend is not None, graph))
         if has_others:
             raise click.UsageError(f"{file} is a folder: only --count, --fps and --speed can be given with -o")
-        _draw_sheet(file, output, count or 12, as_json, **options)
+        _draw_sheet(file, output, count, as_json, **options)
         return
     if count is not None:
         raise click.UsageError(f"--count is for folders, and {file} is a file")
@@ -102,11 +102,11 @@ def command(
         note(f"{output}: {len(record)} frames, {record.outcome.status}")
 
 
-def _draw_sheet(folder: Path, output: Path, count: int, as_json: bool, **options: Any) -> None:
+def _draw_sheet(folder: Path, output: Path, count: int | None, as_json: bool, **options: Any) -> None:
     """Draw the first episodes of a folder side by side."""
-    from sonata2d.datasets.dataset import Dataset
+    from sonata2d.datasets.dataset import SHOWN, Dataset
 
-    dataset = Dataset(folder)
+    dataset, count = Dataset(folder), count or SHOWN
     dataset.save(output, count=count, progress=progress, **options)
     drawn = min(count, len(dataset))
     if as_json:

@@ -56,7 +56,7 @@ def clean(notebook: Any, folder: Path) -> None:
 
     Args:
         notebook: executed.
-        folder: whose path is removed from outputs.
+        folder: its path is removed from outputs.
     """
     notebook.metadata = {
         "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},

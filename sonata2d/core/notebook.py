@@ -30,9 +30,8 @@ def bar_of(progress: bool | ProgressBar | None) -> ProgressBar:
     """
     if callable(progress):
         return progress
-    is_shown = progress
     is_notebook = notebook_shell() is not None
-    if not (is_notebook if is_shown is None else is_shown):
+    if not (is_notebook if progress is None else progress):
         return _no_bar
     # without ipywidgets the form for notebooks fails, and the one for terminals is legible below a cell
     has_widgets = is_notebook and find_spec("ipywidgets") is not None

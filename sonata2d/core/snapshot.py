@@ -106,7 +106,7 @@ class Snapshot(Drawable):
         time: s since the start.
         scene: the layout at the start.
         robot: `pose`, `position`, `direction`, `velocity` (world frame), `twist` (body frame), `radius`, `body.limits`.
-        humans: those who are present, as arrays over N people: `position`, `velocity`, `direction`, `gaze` (N, 2),
+        humans: the people present, as arrays over N people: `position`, `velocity`, `direction`, `gaze` (N, 2),
             `theta`, `head`, `omega`, `radius`, `id` (N,); `humans[3]` is one of them.
         goal, walls, objects: as in the scene.
         interactions: current ones between pedestrians and objects that are present.

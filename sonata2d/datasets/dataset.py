@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, SupportsIndex, get_args, overload
 from ..core.arguments import whole_number
 from ..core.drawable import Drawing, display
 from ..core.notebook import ProgressBar
+from ..core.optional import optional
 from ..core.snapshot import Status
 from ..core.wording import counted, shown
 from ..errors import RecordError
@@ -24,7 +24,7 @@ from .manifest import MANIFEST, files_in_manifest, files_of, read_stored_manifes
 from .split import FRACTIONS, split_dataset
 from .summaries import contact_summary
 
-_SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
+SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
 
 
 class Dataset(Sequence[EpisodeRecord]):
@@ -81,14 +81,13 @@ class Dataset(Sequence[EpisodeRecord]):
         if isinstance(index, slice):
             return self._part(self.files[index])
         if isinstance(index, str):
-            names = {file_stem(file): file for file in self.files}
             found = [file for file in self.files if index in (file_stem(file), file.name)]
             if len(found) > 1:
                 raise KeyError(f"{len(found)} episodes of {self.path} are named {index!r}; give a number")
-            file = found[0] if found else None
-            if file is None:
-                raise KeyError(f"{self.path} has no episode {index!r}{did_you_mean(index, names) or ''}")
-            return read_episode(file)
+            if not found:
+                hint = did_you_mean(index, map(file_stem, self.files))
+                raise KeyError(f"{self.path} has no episode {index!r}{hint}")
+            return read_episode(found[0])
         if not hasattr(index, "__index__"):
             raise TypeError(f"a data set is indexed by a number, the name of a file, or a slice, got {shown(index)}")
         try:
@@ -138,10 +137,12 @@ class Dataset(Sequence[EpisodeRecord]):
             name = sorted(map(str, unknown))[0]
             raise ValueError(f"no episode has the outcome {name!r}; outcomes are {', '.join(get_args(Status))}")
         files = list(self.files)
-        if wanted:
-            files = [file for file, row in self._rows(files) if all(row[key] in wanted[key] for key in wanted)]
-        if contact is not None:
-            files = [file for file, row in self._rows(files) if bool(row["contacts"]) == contact]
+        if wanted or contact is not None:
+            files = [
+                file
+                for file, row in self._rows(files)
+                if all(row[key] in wanted[key] for key in wanted) and contact in (None, bool(row["contacts"]))
+            ]
         if condition is not None:
             files = [file for file in files if condition(read_episode(file))]
         return self._part(files)
@@ -190,11 +191,11 @@ class Dataset(Sequence[EpisodeRecord]):
             RecordError: pandas is not installed, or a file cannot be read.
             ValueError: there is no such table.
         """
-        return _installed("pandas").DataFrame(self._columns(table))
+        return optional("pandas", RecordError).DataFrame(self._columns(table))
 
     def to_polars(self, table: str = "frames") -> Any:
         """A table of all episodes as a `polars.DataFrame`; see `to_pandas`."""
-        return _installed("polars").DataFrame(self._columns(table), strict=False)
+        return optional("polars", RecordError).DataFrame(self._columns(table), strict=False)
 
     def to_torch(self) -> Any:
         """A `torch.utils.data.Dataset` of dictionaries of tensors, for a `DataLoader`.
@@ -205,8 +206,8 @@ class Dataset(Sequence[EpisodeRecord]):
         Raises:
             RecordError: PyTorch is not installed.
         """
-        torch = _installed("torch")
-        _installed("torch.utils.data")
+        torch = optional("torch", RecordError)
+        optional("torch.utils.data", RecordError)
 
         class Episodes(torch.utils.data.Dataset):  # type: ignore[misc,name-defined]
             def __init__(self, dataset: Dataset) -> None:
@@ -226,7 +227,7 @@ class Dataset(Sequence[EpisodeRecord]):
         self,
         path: str | Path,
         *,
-        count: int = _SHOWN,
+        count: int = SHOWN,
         fps: float | None = None,
         speed: float | None = None,
         progress: bool | ProgressBar | None = None,
@@ -249,7 +250,7 @@ class Dataset(Sequence[EpisodeRecord]):
         """
         display().save_sheet(self._drawings(count), self._titles(count), path, fps=fps, speed=speed, progress=progress)
 
-    def show(self, *, count: int = _SHOWN) -> None:
+    def show(self, *, count: int = SHOWN) -> None:
         """Show the picture that `save` draws: below a cell of a notebook, else in a browser.
 
         Args:
@@ -260,7 +261,7 @@ class Dataset(Sequence[EpisodeRecord]):
         """
         display().show_sheet(self._drawings(count), self._titles(count))
 
-    def animate(self, *, count: int = _SHOWN) -> None:
+    def animate(self, *, count: int = SHOWN) -> None:
         """Show the page of `save`, which plays the episode that is chosen: below a cell of a notebook, or in a browser.
 
         Args:
@@ -280,8 +281,7 @@ class Dataset(Sequence[EpisodeRecord]):
         if self.manifest:
             rows = [row for _, row in self._rows(self.files)]
             facts["outcomes"] = _counts(row["outcome"] for row in rows)
-            contacts = contact_summary(rows)
-            facts["contacts"] = contacts.rows()[0][1]
+            facts["contacts"] = contact_summary(rows).rows()[0][1]
             facts["families"] = _counts(row["family"] for row in rows)
             facts["scenario"] = self.manifest["name"]
         text: str = display().card(type(self).__name__, facts, self._drawings(_PREVIEWED), self._titles(_PREVIEWED))
@@ -320,7 +320,7 @@ class Dataset(Sequence[EpisodeRecord]):
         return part
 
     def _rows(self, files: Sequence[Path]) -> Iterator[tuple[Path, Mapping[str, Any]]]:
-        """Outcome and family of each file, from the manifest if it lists the file."""
+        """Outcome, family and contacts of each file, from the manifest if it lists them."""
         rows = {row["name"]: row for row in (self.manifest or {}).get("files", ())}
         for file in files:
             row = rows.get(file.name)
@@ -354,16 +354,3 @@ class Dataset(Sequence[EpisodeRecord]):
 def _counts(values: Iterable[str]) -> str:
     """How often each value occurs, the most frequent first: `18 goal, 2 timeout`."""
     return ", ".join(f"{number} {value}" for value, number in Counter(values).most_common())
-
-
-def _installed(package: str) -> Any:
-    """A package that need not be installed.
-
-    Raises:
-        RecordError: it is not.
-    """
-    try:
-        return importlib.import_module(package)
-    except ModuleNotFoundError as error:
-        name = package.split(".")[0]
-        raise RecordError(f"this needs {name}, which is not installed; pip install {name}") from error

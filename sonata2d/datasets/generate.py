@@ -123,7 +123,7 @@ def generate_dataset(
         keep: outcomes to keep (`Status`); empty: all. Episodes 0, 1, 2, … are run until the requested number has one
             of these outcomes; the manifest counts the others by outcome.
         progress: whether to show a progress bar; None: in a notebook. Or a function of the number of episodes and the
-            word `episodes` that returns a context, whose value is called with the number of newly kept episodes.
+            word `episodes` that returns a context manager, which gives a callback as `advance`.
         advance: in place of `progress`: called with the number of newly kept episodes.
 
     Returns:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import html
-import importlib
 import os
 import shutil
 import tempfile
@@ -21,11 +20,12 @@ from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource
 from ..core.arguments import whole_number
 from ..core.notebook import ProgressBar, bar_of
+from ..core.optional import optional
 from ..core.wording import counted, shown
 from ..datasets.dataset import Dataset
 from ..datasets.executors import Workers, end_if_unguarded
 from ..datasets.generate import generate_dataset
-from ..datasets.manifest import MANIFEST, read_manifest, write_json
+from ..datasets.manifest import MANIFEST, write_json
 from ..datasets.start import unlisted_episodes
 from ..errors import ConfigError, MetricError, RecordError, RenderError, Sonata2dError
 from ..record.files import safe_texts
@@ -148,11 +148,11 @@ class Comparison(Sequence[Evaluation]):
         Raises:
             MetricError: pandas is not installed.
         """
-        return _frame_of("pandas")(self._columns())
+        return optional("pandas", MetricError).DataFrame(self._columns())
 
     def to_polars(self) -> Any:
         """The table of `to_pandas` as a `polars.DataFrame`; metrics that are not defined are null."""
-        return _frame_of("polars")(self._columns(), strict=False)
+        return optional("polars", MetricError).DataFrame(self._columns(), strict=False)
 
     def save(self, path: str | Path, *, progress: bool | ProgressBar | None = None) -> None:
         """Write the comparison into a file, whose suffix selects the format.
@@ -299,7 +299,7 @@ def evaluate(
         rerun: also run each seed without a robot, for the metrics of its effect on people.
         resamples: number of resamples of the bootstrap, 100 or more.
         progress: whether to show progress bars; None: in a notebook. Or a function of a number of items and their name
-            that returns a context, whose value is called with the number of newly finished items.
+            that returns a context manager, which gives a callback for the number of newly finished items.
 
     Returns:
         The evaluations, with tables, plots and pages.
@@ -419,8 +419,7 @@ def _require_episodes(label: str, dataset: Dataset) -> None:
     """Raise RecordError for a data set without episodes: there is nothing to evaluate."""
     if len(dataset):
         return
-    manifest = dataset.path / MANIFEST
-    reason = unlisted_episodes(dataset.path, read_manifest(dataset.path)) if manifest.exists() else ""
+    reason = unlisted_episodes(dataset.path, dataset.manifest) if dataset.manifest else ""
     raise RecordError(f"{label} lists no episodes{reason and f': {reason}'}")
 
 
@@ -495,11 +494,3 @@ def _combined(datasets: Sequence[Dataset]) -> Dataset:
 def _row(tag: str, cells: Sequence[str]) -> str:
     style = ' style="text-align: left; white-space: nowrap; padding: 1px 12px 1px 0"'
     return "<tr>" + "".join(f"<{tag}{style}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
-
-
-def _frame_of(package: str) -> Any:
-    """The class of tables of a package that need not be installed."""
-    try:
-        return importlib.import_module(package).DataFrame
-    except ModuleNotFoundError as error:
-        raise MetricError(f"this needs {package}, which is not installed; pip install {package}") from error

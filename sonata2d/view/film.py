@@ -112,7 +112,6 @@ def save_sheet_film(
         _pictures(_sampled(snapshots, speed / fps, interpolate=True), round(fps * _HOLD), make, None, None)
         for snapshots in episodes
     ]
-
     length = max(snapshots[-1].time - snapshots[0].time for snapshots in episodes)
 
     def together(advance: Advance) -> Iterator[pygame.Surface]:
@@ -122,9 +121,8 @@ def save_sheet_film(
             seconds = min(int(k * speed / fps), int(length))
             advance(seconds - drawn)
             drawn = seconds
-            pictures = [
-                new or old for new, old in zip_longest(newer, pictures)
-            ]  # an episode that has ended yields None
+            # an episode that has ended yields None
+            pictures = [new or old for new, old in zip_longest(newer, pictures)]
             yield arrange(pictures)
 
     with bar(int(length), "seconds of the longest episode") as advance:
