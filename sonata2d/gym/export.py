@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from pathlib import Path
 from typing import Any
@@ -81,7 +82,8 @@ def _save_module(path: Path, module: Any, env: Env, environment: dict[str, Any],
         raise ValueError(f"a PyTorch module is written as .npz, got {path}; for .onnx use torch.onnx.export")
     if not isinstance(space, gymnasium.spaces.Box):
         raise ValueError("a .npz file holds policies of observations in one array; wrap the environment in Flat")
-    policy = TorchPolicy(module, normalisation, is_discrete=is_discrete)
+    # a copy: the policy drives in evaluation mode, and the training of the module may go on
+    policy = TorchPolicy(copy.deepcopy(module), normalisation, is_discrete=is_discrete)
     if not all(parameter.isfinite().all() for parameter in module.parameters()):
         raise ValueError("a weight of the policy is not finite: the training has diverged")
     modules = _layers(module)

@@ -36,8 +36,8 @@ class PolicyController(LearnedController):
 
     Args:
         policy: a file of `save_policy` (.npz or .onnx), a file of Stable-Baselines3 (.zip), an object with a method
-            `predict` such as a model of Stable-Baselines3, a PyTorch module, or a function of an observation that
-            returns an action.
+            `predict` such as a model of Stable-Baselines3, a PyTorch module, which is put into
+            evaluation mode, or a function of an observation that returns an action.
         env: in which it was trained, with its wrappers; may be left out for a file of `save_policy`, which contains
             the description. If it has wrappers of observations or actions of other packages, it must not be stepped
             while this controller drives.

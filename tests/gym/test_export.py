@@ -199,6 +199,7 @@ def test_a_file_does_what_a_torch_module_does(kind: str, normalised: bool, tmp_p
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         s2g.save_policy(path, module, env, normalisation=normalisation, note="not trained")
+    assert module.training  # its training may go on
     live = s2g.PolicyController(module, env, normalisation=normalisation)._predict
     stored = s2g.PolicyController(path)._predict
     for observation in seen:
