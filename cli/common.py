@@ -82,9 +82,6 @@ def _keep_output_for_json(ctx: click.Context, _: click.Parameter, as_json: bool)
 json_option = click.option(
     "--json", "as_json", is_flag=True, callback=_keep_output_for_json, help="Print the result as JSON."
 )
-workers_option = click.option(
-    "--workers", type=click.IntRange(1, 256), default=min(2, os.cpu_count() or 1), help="Number of processes."
-)
 compress_option = click.option(
     "--compress", type=click.Choice(["none", "gz", "zst"]), default="none", help="Compression of the episode files."
 )

@@ -12,7 +12,8 @@ import click
 from sonata2d.core.wording import counted
 
 from .command import Command
-from .common import PATH, examples, json_option, note, progress, show_json, show_table, workers_option
+from .common import PATH, examples, json_option, note, progress, show_json, show_table
+from .workers import WorkerOptions, workers_options
 
 if TYPE_CHECKING:
     from sonata2d.datasets.check import Problem
@@ -26,9 +27,9 @@ DEFAULT_PARTS = "train=0.8,dev=0.1,test=0.1"
 @click.option("--replay", is_flag=True, help="Also run the recorded commands again and compare every byte.")
 @click.option("--rerun", is_flag=True, help="Also run the controller again and compare every byte.")
 @click.option("--controller", metavar="NAME", help="Controller for --rerun, if not built in or renamed.")
-@workers_option
+@workers_options
 @json_option
-def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers: int, as_json: bool) -> None:
+def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers: WorkerOptions, as_json: bool) -> None:
     """Verify a data set or an episode file.
 
     Checks the schema, hashes, finite numbers, ids and physical plausibility, and that scenario.json, data card and
@@ -39,9 +40,9 @@ def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers
     from sonata2d.datasets.verification import verify
 
     files = files_of(path)
-    with progress(len(files), "files") as advance:
+    with workers.started() as pool, progress(len(files), "files") as advance:
         problems = verify(
-            path, replay=replay, rerun=rerun or controller is not None, controller=controller, workers=workers,
+            path, replay=replay, rerun=rerun or controller is not None, controller=controller, workers=pool,
             advance=advance,
         )  # fmt: skip
     if as_json:

@@ -9,8 +9,9 @@ import click
 from click.core import ParameterSource
 
 from .command import Command, RenamedOption
-from .common import PATH, examples, json_option, note, progress, show_json, workers_option
+from .common import PATH, examples, json_option, note, progress, show_json
 from .controllers import CONTROLLER_NAMES
+from .workers import WorkerOptions, workers_options
 
 DEFAULT_SCENARIO = "sonata-2020"
 
@@ -42,7 +43,7 @@ DEFAULT_SCENARIO = "sonata-2020"
     "--episodes", type=click.IntRange(1), default=20, help="Number of episodes for each controller and scenario."
 )
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the scenes, the same for all.")
-@workers_option
+@workers_options
 @click.option(
     "out",
     "-o",
@@ -81,7 +82,7 @@ def command(
     scenarios: tuple[str, ...],
     episodes: int,
     seed: int,
-    workers: int,
+    workers: WorkerOptions,
     out: Path | None,
     names: tuple[str, ...],
     rerun: bool,
@@ -105,18 +106,19 @@ def command(
         from sonata2d.metrics.page import check_page_path  # loads pygame and jinja2
 
         check_page_path(page)
-    comparison = evaluate(
-        {str(path): path for path in paths} if paths else {name: name for name in controllers},
-        list(dict.fromkeys(scenarios or (DEFAULT_SCENARIO,))),
-        episodes=episodes,
-        seed=seed,
-        workers=workers,
-        out=out,
-        metrics=names,
-        rerun=rerun,
-        resamples=resamples,
-        progress=progress,
-    )
+    with workers.started() as pool:
+        comparison = evaluate(
+            {str(path): path for path in paths} if paths else {name: name for name in controllers},
+            list(dict.fromkeys(scenarios or (DEFAULT_SCENARIO,))),
+            episodes=episodes,
+            seed=seed,
+            workers=pool,
+            out=out,
+            metrics=names,
+            rerun=rerun,
+            resamples=resamples,
+            progress=progress,
+        )
     if paths:
         comparison.save_metrics()
     for path in (page, picture):

@@ -26,9 +26,9 @@ from .common import (
     progress,
     show_json,
     show_table,
-    workers_option,
 )
 from .controllers import CONTROLLER_NAMES
+from .workers import WorkerOptions, workers_options
 
 
 @click.command(
@@ -49,7 +49,7 @@ from .controllers import CONTROLLER_NAMES
 )
 @click.option("--episodes", type=click.IntRange(1), default=20, help="Number of episodes.")
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the data set.")
-@workers_option
+@workers_options
 @click.option(
     "--keep",
     multiple=True,
@@ -67,7 +67,7 @@ def command(
     controller: str,
     episodes: int,
     seed: int,
-    workers: int,
+    workers: WorkerOptions,
     keep: tuple[str, ...],
     resume: bool,
     overwrite: bool,
@@ -87,14 +87,14 @@ def command(
     if resume and overwrite:
         raise click.UsageError("--resume continues a data set and --overwrite replaces it; give one of them")
     config = load_scenario(scenario)
-    with progress(episodes, "episodes") as advance, _hint_at_resume(out, overwrite):
+    with workers.started() as pool, progress(episodes, "episodes") as advance, _hint_at_resume(out, overwrite):
         dataset = generate_dataset(
             out,
             config,
             controller,
             episodes=episodes,
             seed=seed,
-            workers=workers,
+            workers=pool,
             keep=keep,
             resume=resume,
             overwrite=overwrite,

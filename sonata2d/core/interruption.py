@@ -57,7 +57,8 @@ def reraise(error: BaseException) -> None:
     ...     reraise(error)
     """
     interruption = interruption_in(error)
-    if interruption is not None and (not _ignores_signals or _is_stop_requested()):
+    is_in_main = threading.current_thread() is threading.main_thread()  # other threads receive no signals
+    if interruption is not None and ((is_in_main and not _ignores_signals) or _is_stop_requested() or _received):
         raise interruption
 
 
@@ -65,6 +66,11 @@ def interruption_in(error: BaseException) -> KeyboardInterrupt | None:
     """The interruption that an error is or wraps: a signal during compiled code makes a SystemError of Python."""
     found = error.__cause__ if isinstance(error, SystemError) else error
     return found if isinstance(found, KeyboardInterrupt) else None
+
+
+def is_stop_requested() -> bool:
+    """Whether this process is a worker that is asked to stop, see `stop_when`."""
+    return _is_stop_requested()
 
 
 def check() -> None:

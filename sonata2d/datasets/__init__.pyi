@@ -8,6 +8,7 @@ from .check import (
     check_manifest as check_manifest,
     listed_files as listed_files,
 )
+from .dask_executor import DaskExecutor as DaskExecutor
 from .generate import generate_dataset as generate_dataset
 from .manifest import (
     CROISSANT as CROISSANT,

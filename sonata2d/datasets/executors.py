@@ -1,459 +1,401 @@
-"""Worker processes, which several calls can share: an ordered map, and one that can stop early."""
+"""Work in several processes or on several machines: an ordered map, and one that can stop early."""
 
 from __future__ import annotations
 
-import gc
 import logging
 import os
-import pickle
-import signal
-import threading
 import time
-import warnings
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
-from functools import cached_property, partial
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from functools import partial
 from itertools import islice
-from multiprocessing import current_process, parent_process
-from multiprocessing.context import SpawnContext, SpawnProcess
-from multiprocessing.synchronize import Event
-from multiprocessing.util import Finalize
-from typing import Any, Self, TypeVar
+from pathlib import Path
+from typing import Any, Protocol, Self, TypeVar
+from uuid import uuid4
 
 from ..core import interruption
-from ..errors import PluginWarning, WorkerError
-from ..registry import registered_objects, restore_registered
+from ..core.arguments import whole_number
+from ..core.whole_file import TEMPORARY_PREFIX
+from ..core.wording import described, shown
+from ..errors import WorkerError
+from .processes import ENDED, STOP_GRACE, Processes
+from .tasks import Answer, Call, applied, origin, run_task
 
 logger = logging.getLogger(__name__)
 
-_PACKAGE = "sonata2d"  # name of the logger of the whole package
-CHUNK_SIZE = 4  # items sent to a worker at a time
-_POLL = 0.5  # s, between two looks at the processes of a pool that is being stopped
-STOP_GRACE = 5.0  # s, that processes have to finish their items after Ctrl-C or SIGTERM
-_WORKER = "sonata2d-worker-"  # beginning of the names of worker processes
-_UNGUARDED = 78  # exit code of a worker process whose script lacks `if __name__ == "__main__":`
-_TERM_GRACE = 2.0  # s, between SIGTERM and the end of a worker process
+MARK = f"{TEMPORARY_PREFIX}run-"  # beginning of the name of the mark of a call, see `tasks.Call`
+_POLL = 0.5  # s, between two looks whether Ctrl-C was pressed
+_AHEAD = 4  # tasks for each worker that an ordered map may run ahead of the result that it waits for
+_GROWTH = 2  # a task has at most this many times the items of the one before
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 
-class _Context(SpawnContext):
-    """Starts processes in the same way on every system, and knows them."""
+class _Backend(Protocol):
+    """What runs tasks."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._processes: list[SpawnProcess] = []
+    task_seconds: float  # time that a task should take
 
-    def Process(self, *args: Any, **settings: Any) -> SpawnProcess:  # type: ignore[override]
-        """A process that is about to be started."""
-        process = SpawnProcess(*args, **settings)
-        process.name = f"{_WORKER}{len(self._processes) + 1}"
-        self._processes.append(process)
-        return process
+    @property
+    def count(self) -> int:
+        """Number of tasks that run at a time."""
 
-    def is_alive(self) -> bool:
-        """Whether a process is running."""
-        return any(process.is_alive() for process in self._processes)
+    def submitting(self, call: Call) -> AbstractContextManager[Callable[[Sequence[Any]], Any]]:
+        """Yields a function that submits a task and returns its future; at the end no task of the call is left."""
 
-    def lacks_guard(self) -> bool:
-        """Whether a process ended because the script that it imported called for processes again."""
-        started = [process for process in self._processes if process.pid is not None]
-        for process in started:
-            process.join(_POLL)
-        return any(process.exitcode == _UNGUARDED for process in started)
+    def finished(self, futures: set[Any], timeout: float) -> set[Any]:
+        """Those of the tasks that are finished, after waiting for one."""
 
-    def kill(self) -> None:
-        """End all processes at once."""
-        for process in self._processes:
-            if process.pid is not None:  # it was started
-                process.kill()
+    def answer(self, future: Any) -> Answer | None:
+        """The answer of a finished task; None if it was lost and must be submitted again."""
+
+    def close(self) -> None:
+        """Free what the backend has started."""
 
 
 class Workers:
-    """Worker processes that several calls share; they start when a call first needs them, and end with the context.
+    """What runs the work of one or several calls: processes of this machine, or any executor.
 
-    Starting a process takes as long as running dozens of episodes.
+    The bytes of data sets do not depend on it. A context manager: at its end the processes that it started end; an
+    executor that was given is left to the caller.
 
     Args:
-        count: number of processes; with 1 the calling process does the work.
+        executor: a number of processes, which start when they are first needed; with 1 the calling process does the
+            work. Or a `concurrent.futures.Executor`, or an object with its method `submit`, such as those of mpi4py and
+            submitit; `sonata2d.datasets.DaskExecutor` connects to a Dask cluster.
+        count: number of tasks that an executor runs at a time; None: as it says, or the number of processors.
+        task_size: number of episodes that are sent at a time; None: as many as take about 0.25 s in a process of this
+            machine, and 2 s in an executor, by the time that the last ones took.
+
+    Raises:
+        TypeError: the executor is something else.
+        ValueError: a number is not positive.
+
+    Example:
+        >>> from concurrent.futures import ThreadPoolExecutor
+        >>> import sonata2d as s2
+        >>> with ThreadPoolExecutor(2) as executor, s2.Workers(executor) as workers:
+        ...     comparison = s2.evaluate("straight-to-goal", "empty", episodes=4, workers=workers)
     """
 
-    def __init__(self, count: int) -> None:
-        self.count = count
-        self._open_calls = 0  # they share the stop request
+    def __init__(self, executor: int | Executor = 1, *, count: int | None = None, task_size: int | None = None) -> None:
+        self.task_size = task_size if task_size is None else whole_number("task_size", task_size, 1)
+        if count is not None:
+            whole_number("count", count, 1)
+        self._backend: _Backend
+        if callable(getattr(executor, "submit", None)):
+            self._backend = _Given(executor, count)
+        elif isinstance(executor, float) or not hasattr(executor, "__index__"):
+            raise TypeError(
+                f"workers are a number of processes, or a concurrent.futures.Executor, got {shown(executor)}"
+            )
+        elif count is not None:
+            raise ValueError("count is the number of tasks of an executor; a number of processes is given alone")
+        else:
+            self._backend = Processes(whole_number("workers", executor, 1))
+
+    @property
+    def count(self) -> int:
+        """Number of tasks that run at a time."""
+        return self._backend.count
+
+    @property
+    def is_local(self) -> bool:
+        """Whether the workers are processes of this machine that end with this program."""
+        return isinstance(self._backend, Processes)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        pool = vars(self).get("_pool")
-        if pool is not None:
-            with self._ended_by_interruption():
-                self._stop.set()  # each worker finishes its current item only
-                pool.shutdown()
+        self.close()
 
-    def ordered(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-        """See `parallel_map`."""
-        if self.count <= 1 or len(items) <= 1:
-            yield from _results(function, items)
-            return
-        chunks = [items[start : start + CHUNK_SIZE] for start in range(0, len(items), CHUNK_SIZE)]
-        with self._submitting() as submit:
-            run = partial(_map_chunk, _WithRegistered(function))
-            for future, chunk in zip(submit(run, chunks), chunks, strict=True):
-                while not wait([future], timeout=_POLL).done:  # without a time limit Windows does not see Ctrl-C
-                    interruption.check()
-                results = future.result()
-                if len(results) < len(chunk):
-                    raise WorkerError("the worker processes were ended before their work was done; begin again")
-                yield from results
+    def close(self) -> None:
+        """End the processes that were started."""
+        self._backend.close()
 
-    def unordered(
-        self, set_up: Callable[[], Callable[[T], R]], items: Iterator[T], is_last: Callable[[R], bool]
-    ) -> Generator[R, None, None]:
-        """See `unordered_map`."""
-        if self.count <= 1:
-            yield from _results(_apply(set_up), items)
+    def results(self, call: Call, items: Iterable[T], total: int | None, *, in_order: bool) -> Generator[Any]:
+        """Results for items, as they are finished or in order; see `parallel_map` and `unordered_map`."""
+        if (self.is_local and self.count == 1) or total == 1:
+            yield from _own_results(call, items)
             return
-        run = partial(_run_chunk, pickle.dumps((_WithRegistered(set_up), is_last)))
-        pending: set[Future[list[R]]] = set()
-        chunks = iter(lambda: tuple(islice(items, CHUNK_SIZE)), ())
-        with self._submitting() as submit:
+        sizes = _TaskSizes(self.task_size, self._backend.task_seconds, total)
+        rest, lost, running = iter(items), deque[_Task](), dict[Any, _Task]()
+        ready: dict[int, list[Any]] = {}  # results of an ordered map by number of their task
+        submitted = yielded = 0  # tasks
+        with self._backend.submitting(call) as submit:
             while True:
-                pending.update(submit(run, list(islice(chunks, 2 * self.count - len(pending)))))
-                if not pending:
+                count = max(self._backend.count, 1)
+                while len(running) < 2 * count and not (in_order and submitted - yielded >= _AHEAD * count):
+                    if lost:
+                        task = lost.popleft()
+                    elif chunk := tuple(islice(rest, sizes.following(count))):
+                        task = _Task(submitted, chunk)
+                        submitted += 1
+                    else:
+                        break
+                    running[submit(task.items)] = task
+                if not running:
                     return
-                finished, pending = wait(pending, timeout=_POLL, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    yield from future.result()
+                for future in self._backend.finished(set(running), _POLL):
+                    task = running.pop(future)
+                    answer = self._backend.answer(future)
+                    if answer is None:
+                        lost.append(task)
+                        continue
+                    found = _results_of(answer)
+                    sizes.learn(len(found), answer[2])
+                    if not in_order:
+                        yield from found
+                        continue
+                    ready[task.number] = found
+                    while yielded in ready:
+                        yield from ready.pop(yielded)
+                        yielded += 1
                 interruption.check()
 
-    @contextmanager
-    def _submitting(self) -> Iterator[Callable[[Callable[[Any], Any], list[Any]], list[Future[Any]]]]:
-        """Yields a function that lets the processes apply a function to arguments; at the end they are free again.
 
-        Raises:
-            WorkerError: a process cannot be started, or crashed.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    number: int
+    items: Sequence[Any]
+
+
+class _TaskSizes:
+    """Numbers of items such that each task takes about the same time, whatever an item takes.
+
+    Args:
+        fixed: number of items; None: by the time that items take.
+        seconds: that a task should take.
+        total: number of all items; None: unknown, or without end.
+    """
+
+    def __init__(self, fixed: int | None, seconds: float, total: int | None) -> None:
+        self._fixed, self._seconds, self._left = fixed, seconds, total
+        self._size = 1  # the first items of a process also compile the simulation
+
+    def following(self, count: int) -> int:
+        """Number of items of the next task.
+
+        Args:
+            count: number of workers, among which the last items are divided.
         """
-        with self._starting():
-            pool, stop = self._pool, self._stop
-        unfinished: set[Future[Any]] = set()
-        end = threading.Timer(STOP_GRACE, self._kill)  # a controller may never return
-        end.daemon = True
+        size = self._fixed or self._size
+        if self._left is not None:
+            if self._fixed is None:
+                size = max(1, min(size, self._left // (2 * count)))
+            self._left = max(0, self._left - size)
+        return size
 
-        def submit(function: Callable[[Any], Any], arguments: list[Any]) -> list[Future[Any]]:
-            with self._starting():
-                submitted = [pool.submit(function, argument) for argument in arguments]
-                unfinished.update(submitted)
-            for future in submitted:
-                future.add_done_callback(unfinished.discard)  # a finished future holds its results
-            return submitted
+    def learn(self, items: int, seconds: float) -> None:
+        """Note how long the items of a task took."""
+        if items:
+            wanted = int(self._seconds / max(seconds / items, 1e-6))
+            self._size = max(1, min(wanted, _GROWTH * max(items, self._size)))
 
-        if self._open_calls == 0:
-            stop.clear()
-        self._open_calls += 1
-        try:
-            with self._crashes_explained():
+
+class _Given:
+    """An executor that the caller gave."""
+
+    task_seconds = 2.0  # an executor may take milliseconds to send a task, and seconds to see that it is finished
+
+    def __init__(self, executor: Any, count: int | None) -> None:
+        self._executor, self._count = executor, count
+        self._remarks: set[str] = set()
+
+    @property
+    def count(self) -> int:
+        """As given, or what the executor says, which may change."""
+        if self._count is not None:
+            return self._count
+        for name in ("count", "num_workers", "_max_workers"):  # of DaskExecutor, mpi4py, and the standard library
+            found = getattr(self._executor, name, None)
+            if isinstance(found, int):
+                return found
+        return os.cpu_count() or 1
+
+    def close(self) -> None:
+        """The executor belongs to the caller."""
+
+    @contextmanager
+    def submitting(self, call: Call) -> Iterator[Callable[[Sequence[Any]], Any]]:
+        """Yields a function that submits a task; at the end the tasks that are not finished are cancelled."""
+        submitted: set[Any] = set()
+        with _marked(call.writes) as mark:
+            pickled = call.pickled(mark)
+
+            def submit(items: Sequence[Any]) -> Any:
+                try:
+                    future = self._executor.submit(run_task, origin(), pickled, items)
+                except Exception as error:  # whatever the executor does
+                    raise WorkerError(f"{self._name} takes no tasks: {described(error)}") from error
+                submitted.add(future)
+                return future
+
+            try:
                 yield submit
-        except (KeyboardInterrupt, GeneratorExit) as error:
-            # a generator is closed if the caller is interrupted, or needs no further results
-            if isinstance(error, KeyboardInterrupt) or isinstance(error.__context__, KeyboardInterrupt):
-                with self._ended_by_interruption():
-                    end.start()
-                    logger.warning("stopping: the worker processes have %.0f s to finish their episodes", STOP_GRACE)
-            raise
-        finally:
-            # Pending chunks end at once, because of the stop request, unless another call needs the processes. They
-            # are not cancelled: if a process has been killed meanwhile, the pool fails on cancelled futures (3.11).
-            with self._ended_by_interruption():
-                self._open_calls -= 1
-                if self._open_calls == 0 and vars(self).get("_stop") is stop:
-                    stop.set()
-                # A future that was submitted while the pool broke is never finished, but then no process is left.
-                while self._context.is_alive() and wait(list(unfinished), timeout=_POLL).not_done:
-                    pass
-            end.cancel()
+            finally:
+                for future in submitted:
+                    if not future.done():
+                        future.cancel()
+        deadline = time.monotonic() + STOP_GRACE  # tasks that are running stop when they miss the mark
+        while any(not future.done() for future in submitted) and time.monotonic() < deadline:
+            time.sleep(0.05)
 
-    @contextmanager
-    def _crashes_explained(self) -> Iterator[None]:
-        """End all processes after the crash of one, and say what to do.
+    def finished(self, futures: set[Any], timeout: float) -> set[Any]:
+        """Those of the tasks that are finished; futures that are not those of the standard library are polled."""
+        if all(isinstance(future, Future) for future in futures):
+            return wait(futures, timeout=timeout, return_when=FIRST_COMPLETED).done
+        deadline = time.monotonic() + timeout
+        while not (done := {future for future in futures if future.done()}) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return done
+
+    def answer(self, future: Any) -> Answer | None:
+        """The answer of a finished task; None if the executor has lost it and has recovered.
 
         Raises:
-            WorkerError: a worker process crashed.
+            WorkerError: the executor cannot run it.
         """
         try:
-            yield
-        except BrokenProcessPool as error:
-            lacks_guard = self._context.lacks_guard()
-            self._kill()  # the others would finish items of which the caller does not learn
-            if lacks_guard:
-                raise WorkerError(
-                    "each worker process imports the script, which then starts the work again; put the lines that "
-                    "start it below if __name__ == '__main__':"
-                ) from None
+            answer: Answer = future.result()
+        except BaseException as error:  # whatever the executor and its futures raise
+            interruption.reraise(error)
+            recover = getattr(self._executor, "recover", None)
+            if recover is not None and recover(future, error):
+                return None
             raise WorkerError(
-                "a worker process crashed or was killed; if memory was short, use fewer workers, and if a kernel of "
-                "your own is used, look for an index outside an array with NUMBA_BOUNDSCHECK=1 and one worker"
+                f"{self._name} cannot run a task: {described(error)}; all machines need the same version of sonata2d"
             ) from error
+        if answer[3] and answer[3] not in self._remarks:
+            self._remarks.add(answer[3])
+            logger.warning("%s; files differ from those of this machine in their software block", answer[3])
+        return answer
 
-    @contextmanager
-    def _ended_by_interruption(self) -> Iterator[None]:
-        """End the processes at once on Ctrl-C or SIGTERM while this block waits for them."""
-        try:
-            yield
-        except KeyboardInterrupt:
-            self._kill()
-            raise
-
-    def _kill(self) -> None:
-        """End the processes; their files are complete or not there, because files are written atomically.
-
-        The next call starts new ones, with a new request: a process that is killed may keep the lock of the old one.
-        """
-        self._context.kill()
-        for name in ("_pool", "_stop"):
-            vars(self).pop(name, None)
-
-    @contextmanager
-    def _starting(self) -> Iterator[None]:
-        """Start processes in this block: whole, or not at all.
-
-        Raises:
-            WorkerError: the system refuses a process.
-        """
-        try:
-            with _signals_deferred():
-                yield
-        except OSError as error:
-            self._kill()  # they would wait for work, and the program for them
-            raise WorkerError(
-                f"a worker process cannot be started: {error.strerror or error}; use fewer workers, or raise the limit "
-                "of open files (ulimit -n)"
-            ) from error
-
-    @cached_property
-    def _context(self) -> _Context:
-        return _Context()
-
-    @cached_property
-    def _pool(self) -> ProcessPoolExecutor:
-        arguments = self._stop, logging.getLogger(_PACKAGE).level, warnings.formatwarning
-        return ProcessPoolExecutor(self.count, mp_context=self._context, initializer=_start_worker, initargs=arguments)
-
-    @cached_property
-    def _stop(self) -> Event:
-        return self._context.Event()
+    @property
+    def _name(self) -> str:
+        return type(self._executor).__name__
 
 
-def parallel_map(function: Callable[[T], R], items: Sequence[T], *, workers: int | Workers) -> Iterator[R]:
+@contextmanager
+def _marked(folder: Path | None) -> Iterator[Path | None]:
+    """Make the mark of a call in a folder, and remove it at the end.
+
+    Raises:
+        WorkerError: the folder cannot be written.
+    """
+    if folder is None:
+        yield None
+        return
+    mark = folder / f"{MARK}{uuid4().hex}"
+    try:
+        mark.touch()
+    except OSError as error:
+        raise WorkerError(f"{folder} cannot be written: {error.strerror or error}") from error
+    try:
+        yield mark
+    finally:
+        with suppress(OSError):
+            mark.unlink()
+
+
+class _RaisedInWorker(Exception):
+    """The cause of an error that a worker raised: its traceback there."""
+
+
+def _results_of(answer: Answer) -> list[Any]:
+    """The results of a task.
+
+    Raises:
+        WorkerError: the worker is refused, or was ended.
+        Exception: the one that the worker's function raised.
+    """
+    kind, value = answer[:2]
+    if kind == "raised":
+        error, text = value
+        raise error from _RaisedInWorker(f"\n{text}")
+    if kind == "refused":
+        raise WorkerError(value)
+    if kind == "stopped":
+        raise WorkerError(ENDED)
+    results: list[Any] = value
+    return results
+
+
+def parallel_map(
+    function: Callable[[T], R],
+    items: Sequence[T],
+    *,
+    workers: int | Executor | Workers,
+    reads: Path | None = None,
+    writes: Path | None = None,
+) -> Iterator[R]:
     """Apply a function to each item and yield the results in the order of the items.
 
+    Only a few items for each worker are in work or waiting at a time.
+
     Args:
-        function: picklable if `workers` is above 1.
+        function: picklable if there are several workers.
         items: its arguments.
-        workers: processes, or their number; with 1, or a single item, the calling process does the work.
+        workers: see `Workers`; with 1, or a single item, the calling process does the work.
+        reads: a path that all workers must see, see `tasks.Call`.
+        writes: folder in which workers write.
     """
-    end_if_unguarded()
-    with _shared(workers) as pool:
-        yield from pool.ordered(function, items)
-
-
-def unordered_map(
-    set_up: Callable[[], Callable[[T], R]], items: Iterator[T], *, workers: int | Workers, is_last: Callable[[R], bool]
-) -> Generator[R, None, None]:
-    """Apply a function to items and yield the results as they are finished; closing the generator stops the workers.
-
-    `items` may be endless: only a few chunks per worker are requested in advance.
-
-    Args:
-        set_up: returns the function; called once in each worker process. Picklable if `workers` is above 1.
-        items: arguments of the function.
-        workers: processes, or their number; with 1 the calling process does the work.
-        is_last: whether a worker skips the rest of its chunk after this result. Picklable if `workers` is above 1.
-    """
-    with _shared(workers) as pool, closing(pool.unordered(set_up, items, is_last)) as results:
+    call = Call(partial(_itself, function), _never, reads, writes)
+    with shared_workers(workers) as pool, closing(pool.results(call, items, len(items), in_order=True)) as results:
         yield from results
 
 
-@contextmanager
-def _shared(workers: int | Workers) -> Iterator[Workers]:
-    """The given workers, or new ones for one call."""
-    if isinstance(workers, Workers):
-        yield workers
-        return
-    with Workers(workers) as own:
-        yield own
+def unordered_map(
+    set_up: Callable[[], Callable[[T], R]],
+    items: Iterator[T],
+    *,
+    workers: int | Executor | Workers,
+    is_last: Callable[[R], bool],
+    total: int | None = None,
+    writes: Path | None = None,
+) -> Generator[R, None, None]:
+    """Apply a function to items and yield the results as they are finished; closing the generator stops the workers.
 
-
-@contextmanager
-def _signals_deferred() -> Iterator[None]:
-    """Hold Ctrl-C and SIGTERM back until the block ends: in it processes may be started.
-
-    Half-started processes end with a traceback, so the handlers wait; and processes inherit that both are blocked.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    caught: list[int] = []
-    handlers = {
-        number: signal.signal(number, lambda number, _: caught.append(number)) or signal.SIG_DFL
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, handlers.keys()) if hasattr(signal, "pthread_sigmask") else None
-    try:
-        yield
-    finally:
-        if mask is not None:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-        if caught:
-            signal.raise_signal(caught[0])
-
-
-# Set in each worker process: the request to stop, and the functions of the present call, pickled and ready for use.
-_stop_request: Event
-_present_call: tuple[bytes, Any, Any] = b"", None, None
-
-
-def end_if_unguarded() -> None:
-    """End this process if it is a worker that is importing the script of its parent, which calls for work again.
-
-    The parent raises the error: the traceback of each worker would hide it.
-    """
-    process = current_process()
-    if process.name.startswith(_WORKER) and getattr(process, "_inheriting", False):
-        os._exit(_UNGUARDED)
-
-
-def end_if_forked(process: int) -> None:
-    """End this process if it is not the given one, but a copy that the code of others has forked from it.
-
-    A copy that returns from a controller would run the batch a second time.
+    `items` may be endless: only a few tasks per worker are requested in advance.
 
     Args:
-        process: id of the process that began the work.
+        set_up: returns the function; called once in each worker. Picklable if there are several workers.
+        items: arguments of the function.
+        workers: see `Workers`; with 1 the calling process does the work.
+        is_last: whether a worker skips the rest of its task after this result. Picklable if there are several workers.
+        total: number of items; None: unknown.
+        writes: folder in which workers write.
     """
-    if os.getpid() != process:
-        logger.warning(
-            "process %d was forked from process %d by the controller, and is ended because it went on with the batch;"
-            " end such a process with os._exit",
-            os.getpid(),
-            process,
-        )
-        os._exit(1)
+    call = Call(set_up, is_last, None, writes)
+    with shared_workers(workers) as pool, closing(pool.results(call, items, total, in_order=False)) as results:
+        yield from results
 
 
-def _start_worker(stop: Event, level: int, format_warning: Callable[..., str]) -> None:
-    """Prepare a worker process: it ignores Ctrl-C, exits with its parent or after its work, and logs like it.
+def _itself(function: Callable[[T], R]) -> Callable[[T], R]:
+    return function
 
-    Args:
-        stop: request to stop.
-        level: of the parent's logger.
-        format_warning: the parent's `warnings.formatwarning`.
+
+def _never(result: object) -> bool:
+    return False
+
+
+def shared_workers(workers: int | Executor | Workers) -> AbstractContextManager[Workers]:
+    """The given workers, which stay as they are; or new ones for one call.
+
+    Raises:
+        TypeError, ValueError: as of `Workers`.
     """
-    global _stop_request
-    warnings.formatwarning = format_warning
-    warnings.simplefilter("ignore", PluginWarning)  # the parent has loaded the same plug-ins
-    if level != logging.NOTSET:
-        logging.getLogger(_PACKAGE).setLevel(level)
-        logging.basicConfig()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    assert parent is not None
-
-    def exit_with_parent() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=exit_with_parent, daemon=True).start()
-    if hasattr(signal, "sigwait"):
-        threading.Thread(target=_exit_after_sigterm, daemon=True).start()
-    Finalize(None, _exit_soon, exitpriority=0)  # runs after the last item; otherwise the exit waits for all threads
-    _stop_request = stop
-    interruption.stop_when(stop.is_set)
+    return nullcontext(workers) if isinstance(workers, Workers) else Workers(workers)
 
 
-def _apply(function: Callable[..., R], *arguments: Any) -> R:
-    """The result of a function, which may run the code of others."""
-    with interruption.surroundings_kept():
-        return function(*arguments)
-
-
-def _results(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+def _own_results(call: Call, items: Iterable[Any]) -> Iterator[Any]:
     """Results of the calling process, item by item."""
+    function: Callable[[Any], Any] = applied(call.set_up)
     for item in items:
         interruption.check()
-        yield _apply(function, item)
-
-
-class _WithRegistered:
-    """A function for another process, in which the objects that are registered in this one are known as well."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._function, self._registered = function, registered_objects()
-
-    def __call__(self, *arguments: Any) -> Any:
-        restore_registered(self._registered)
-        return self._function(*arguments)
-
-
-def _map_chunk(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
-    """Results for the items of a chunk, up to a stop request."""
-    results: list[R] = []
-    for item in items:
-        if _stop_request.is_set():
-            break
-        results.append(_apply(function, item))
-    return results
-
-
-def _exit_after_sigterm() -> None:
-    """End this worker process some time after SIGTERM.
-
-    Clusters send SIGTERM to all processes of a batch. A worker that ended at once would break the pool while the parent
-    still starts processes, and the pool of Python 3.11 can then wait for ever. So the parent, which gets the signal
-    too, has the time to end the batch. The pool ends its processes by SIGTERM as well, after a crash of one of them.
-    """
-    signal.sigwait({signal.SIGTERM})
-    time.sleep(_TERM_GRACE)
-    os._exit(128 + signal.SIGTERM)
-
-
-def _exit_soon() -> None:
-    """End a worker process that is done, even if a controller has left threads running."""
-
-    def exit_process() -> None:
-        time.sleep(interruption.THREAD_GRACE)
-        os._exit(0)
-
-    threading.Thread(target=exit_process, daemon=True).start()
-
-
-def _run_chunk(pickled_call: bytes, items: Sequence[Any]) -> list[Any]:
-    """Results for the items of a chunk, up to a stop request or a last result.
-
-    Args:
-        pickled_call: `set_up` and `is_last` of `unordered_map`.
-        items: arguments of the function.
-    """
-    global _present_call
-    if _present_call[0] != pickled_call:
-        set_up, is_last = pickle.loads(pickled_call)
-        _present_call = pickled_call, _apply(set_up), is_last
-        gc.freeze()  # the imported modules stay: searching them for garbage takes 45 ms each time
-    _, function, is_last = _present_call
-    results: list[Any] = []
-    for item in items:
-        if _stop_request.is_set():
-            break
-        try:
-            results.append(_apply(function, item))
-        except KeyboardInterrupt:  # of `interruption`: the item's compilation was given up
-            break
-        if is_last(results[-1]):
-            break
-    return results
+        yield applied(function, item)

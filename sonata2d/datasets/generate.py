@@ -11,6 +11,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -36,7 +37,7 @@ from ..scenegen.scenario.load import scenario_of
 from ..sim.episode import Episode, controller_info_of, renderer_for
 from .card import write_manifest_and_card
 from .dataset import Dataset
-from .executors import Workers, end_if_forked, end_if_unguarded, unordered_map
+from .executors import Workers, shared_workers, unordered_map
 from .manifest import (
     FAILED,
     MANIFEST,
@@ -51,6 +52,7 @@ from .manifest import (
     store_episode,
     write_json,
 )
+from .processes import end_if_forked, end_if_unguarded
 from .progress import (
     EpisodeResult,
     ExcludedEpisode,
@@ -96,7 +98,7 @@ def generate_dataset(
     *,
     episodes: int = 20,
     seed: int = 0,
-    workers: int | Workers = 1,
+    workers: int | Executor | Workers = 1,
     resume: bool = False,
     overwrite: bool = False,
     suffix: str = ".json",
@@ -115,8 +117,8 @@ def generate_dataset(
             its own; or an object, of which each worker gets a copy. Classes of a notebook are sent with their code.
         episodes: number of episodes; with `keep`, number of kept episodes.
         seed: seed of the data set; the bytes of episode k depend on no other argument but scenario and controller.
-        workers: number of processes, or processes that several calls share. With more than one, a script must guard
-            its entry point by `if __name__ == "__main__":`.
+        workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`. With
+            several processes, a script must guard its entry point by `if __name__ == "__main__":`.
         resume: continue an interrupted data set with the same settings, controller and code of the controller.
         overwrite: replace the data set in the folder; only its own files are removed, and no edited card.
         suffix: `.json`, `.json.gz` or `.json.zst`.
@@ -133,7 +135,7 @@ def generate_dataset(
         RecordError: the folder cannot be used or written, it holds a data set with other settings, a file of it was
             removed meanwhile, or fewer than 1 in 50 episodes is kept.
         ControllerError: the controller cannot be created, or an error ended an episode; finished episodes stay.
-        WorkerError: a worker process crashed, or was killed; finished episodes stay.
+        WorkerError: a worker crashed, was killed, or has other software; finished episodes stay.
         SceneError: a scene cannot be generated; finished episodes stay.
         ValueError: `keep` names an outcome that cannot be kept, both `resume` and `overwrite` are set, or the suffix or
             a number is not valid.
@@ -150,8 +152,7 @@ def generate_dataset(
         raise ValueError("resume continues a data set and overwrite replaces it; set one of them")
     config = scenario_of(scenario)
     episodes, seed = whole_number("episodes", episodes, 1), whole_number("seed", seed)
-    if not isinstance(workers, Workers):
-        whole_number("workers", workers, 1)
+    pool = shared_workers(workers)
     if suffix not in SUFFIXES:
         raise ValueError(f"suffix must be one of {', '.join(SUFFIXES)}, got {shown(suffix)}")
     out = Path(out)
@@ -167,14 +168,14 @@ def generate_dataset(
     spec = DatasetSpec(config.name, config.settings(), seed, episodes, info, suffix, kept_outcomes, hashes)
     spec = _without_unknown_code(spec, out, stored)
     bar = bar_of(progress)(episodes, "episodes") if advance is None else nullcontext(advance)
-    with sole_writer(out), bar as step:
+    with pool as own_workers, sole_writer(out), bar as step:
         listed = start_dataset(out, spec, resume=resume, overwrite=overwrite)
         results = Progress(spec, _known_results(out, spec, listed) if resume else ())
         step(len(results.kept))
         missing = episodes - min(len(results.stored), episodes)
-        with _logged(out, missing, workers), _finished_listed(out, spec, results):
+        with _logged(out, missing, own_workers), _finished_listed(out, spec, results):
             try:
-                _run_episodes(Job(out.absolute(), config, spec, source), results, workers if missing > 1 else 1, step)
+                _run_episodes(Job(out.absolute(), config, spec, source), results, own_workers, step)
                 if (failure := results.failure) is not None:
                     raise failure.error(_failure_message(failure, out, spec)) from _RaisedInWorker(failure.traceback)
             except (WorkerError, *_FAILURES) as error:
@@ -265,19 +266,24 @@ def _known_results(out: Path, spec: DatasetSpec, listed: Mapping[str, str]) -> l
     return [*(read_excluded(out) if spec.keep else ()), *entries.values()]
 
 
-def _run_episodes(job: Job, progress: Progress, workers: int | Workers, advance: Advance) -> None:
+def _run_episodes(job: Job, progress: Progress, workers: Workers, advance: Advance) -> None:
     """Run pending episodes until the progress is finished."""
-    with closing(
-        unordered_map(partial(_episode_runner, job), progress.pending(), workers=workers, is_last=_is_failure)
-    ) as results:
+    missing = job.spec.episodes - len(progress.kept)
+    results = unordered_map(
+        partial(_episode_runner, job),
+        progress.pending(),
+        workers=workers,
+        is_last=_is_failure,
+        total=None if job.spec.keep and missing > 1 else missing,
+        writes=job.out,
+    )
+    with closing(results):
         for result in results:
             if isinstance(result, ExcludedEpisode):
                 log_excluded(job.out, result)
             advance(progress.add(result))
             if progress.is_finished:
                 return
-    if not progress.is_finished:  # a worker gave up its episodes without a request
-        raise WorkerError("the worker processes ended before all episodes were generated")
 
 
 def _episode_runner(job: Job) -> Callable[[int], EpisodeResult]:
@@ -408,7 +414,7 @@ def _finished_listed(out: Path, spec: DatasetSpec, progress: Progress) -> Iterat
 
 
 @contextmanager
-def _logged(out: Path, missing: int, workers: int | Workers) -> Iterator[None]:
+def _logged(out: Path, missing: int, workers: Workers) -> Iterator[None]:
     """Append a line about this run to the run log when it ends."""
     start, begun = time.perf_counter(), time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     outcome = "interrupted"
@@ -426,7 +432,7 @@ def _logged(out: Path, missing: int, workers: int | Workers) -> Iterator[None]:
                 begun=begun,
                 seconds=round(time.perf_counter() - start, 1),
                 host=platform.node(),
-                workers=workers.count if isinstance(workers, Workers) else workers,
+                workers=workers.count,
                 asked=missing,
                 command=sys.argv,
                 outcome=outcome,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import warnings
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -16,8 +17,9 @@ from ..core.wording import described
 from ..errors import ControllerError, ControllerWarning
 from ..record.layout import JsonDict
 from .check import ListedFile, Problem, check_manifest, check_record, listed_files, open_to_check
-from .executors import parallel_map
+from .executors import Workers, parallel_map, shared_workers
 from .manifest import MANIFEST, files_of, read_manifest
+from .processes import end_if_unguarded
 from .replay import check_replay, check_rerun
 
 logger = logging.getLogger(__name__)
@@ -29,7 +31,7 @@ def verify(
     replay: bool = False,
     rerun: bool = False,
     controller: str | None = None,
-    workers: int = 1,
+    workers: int | Executor | Workers = 1,
     advance: Advance = lambda step: None,
 ) -> list[Problem]:
     """Problems of an episode file or a data set; an empty list if there are none.
@@ -39,7 +41,7 @@ def verify(
         replay: also run the recorded commands again and compare every byte.
         rerun: also run the controller again and compare every byte.
         controller: name of the controller, if the name in the files no longer finds it.
-        workers: number of processes.
+        workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`.
         advance: progress callback; its argument is the number of files checked.
 
     Raises:
@@ -48,14 +50,18 @@ def verify(
     Warns:
         ControllerWarning: `rerun` gives the same frames, although the controller's code has changed.
     """
+    end_if_unguarded()
+    shared = shared_workers(workers)
     path = Path(path)
     has_manifest = (path / MANIFEST).exists()
-    files: list[Path | ListedFile] = [*(listed_files(path) if has_manifest else files_of(path))]
     problems = check_manifest(path) if has_manifest else []
     verify_file = partial(_verify_file, replay=replay, rerun=rerun, controller=controller)
-    for found in parallel_map(verify_file, files, workers=workers):
-        problems += found
-        advance(1)
+    with shared as pool:
+        place = path if pool.is_local else path.absolute()
+        files: list[Path | ListedFile] = [*(listed_files(place) if has_manifest else files_of(place))]
+        for found in parallel_map(verify_file, files, workers=pool, reads=place):
+            problems += found
+            advance(1)
     if rerun and has_manifest:
         problems += _changed_code(read_manifest(path), controller, any(one.place == "rerun" for one in problems))
     return problems

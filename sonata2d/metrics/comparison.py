@@ -10,7 +10,7 @@ import tempfile
 import weakref
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
+from concurrent.futures import Executor
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
@@ -23,9 +23,10 @@ from ..core.notebook import ProgressBar, bar_of
 from ..core.optional import optional
 from ..core.wording import counted, shown
 from ..datasets.dataset import Dataset
-from ..datasets.executors import Workers, end_if_unguarded
+from ..datasets.executors import Workers, shared_workers
 from ..datasets.generate import generate_dataset
 from ..datasets.manifest import MANIFEST, write_json
+from ..datasets.processes import end_if_unguarded
 from ..datasets.start import unlisted_episodes
 from ..errors import ConfigError, MetricError, RecordError, RenderError, Sonata2dError
 from ..record.files import safe_texts
@@ -273,7 +274,7 @@ def evaluate(
     *,
     episodes: int = 20,
     seed: int = 0,
-    workers: int | Workers = 1,
+    workers: int | Executor | Workers = 1,
     out: str | Path | None = None,
     metrics: str | Sequence[str] = (),
     rerun: bool = True,
@@ -290,8 +291,8 @@ def evaluate(
             file; or several.
         episodes: number of episodes for each controller and scenario.
         seed: seed of the scenes, the same for all controllers.
-        workers: number of processes, or processes that several calls share. With more than one, a script must guard
-            its entry point by `if __name__ == "__main__":`.
+        workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`. With
+            several processes, a script must guard its entry point by `if __name__ == "__main__":`.
         out: folder for the episodes of the controllers, a data set for each controller and scenario; the same call
             continues them. None: a temporary folder, which is deleted with the result and its data sets.
         metrics: one or several names of metrics to show, or `all`, or a program whose variants are shown, `socnavgym`;
@@ -310,7 +311,7 @@ def evaluate(
         MetricError: there is no such metric, or one fails.
         RecordError: there are no episodes to evaluate, a file cannot be read, or `out` cannot be used.
         SceneError: a scene cannot be generated.
-        WorkerError: a worker process crashed, or was killed.
+        WorkerError: a worker crashed, was killed, or has other software.
         TypeError: a subject, a label or a number is something else.
         ValueError: there is no subject or no scenario, two subjects have the same label, or a number is out of range.
 
@@ -332,15 +333,14 @@ def evaluate(
         raise ConfigError(f"two scenarios have the name {twice[0]!r}; give them different names")
     episodes, seed = whole_number("episodes", episodes, 1), whole_number("seed", seed)
     resamples = whole_number("resamples", resamples, 100)
-    if not isinstance(workers, Workers):
-        workers = whole_number("workers", workers, 1)
+    shared = shared_workers(workers)
     has_controllers = any(not isinstance(subject, Dataset) for subject in given.values())
     if out is not None and not has_controllers:
         raise ValueError(f"out={str(out)!r} is for the episodes of controllers, and only recorded episodes are given")
     bar = bar_of(progress)
     folder = _TemporaryFolder() if out is None and has_controllers else None
     root = folder.path if folder is not None else Path(out or ".")
-    with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as pool:
+    with shared as pool:
         sources = _sources(given, configs, root, episodes, seed, pool, bar, folder)
         evaluations = _measured(sources, pool, bar, rerun=rerun, resamples=resamples)
     comparison = Comparison(sources, evaluations, selected, is_selected=bool(metrics))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -15,8 +16,9 @@ import orjson
 from ..core import interruption
 from ..core.notebook import Advance
 from ..core.wording import counted, described, one_line
-from ..datasets.executors import Workers, end_if_unguarded, parallel_map
+from ..datasets.executors import Workers, parallel_map, shared_workers
 from ..datasets.manifest import METRICS as METRICS_FILE, files_of as episode_files, write_json
+from ..datasets.processes import end_if_unguarded
 from ..errors import MetricError, Sonata2dError
 from ..record.files import sha256_of
 from ..record.layout import scene_to_json, software_versions
@@ -179,7 +181,11 @@ def measure(
 
 
 def measure_files(
-    paths: Sequence[Path], *, rerun: bool = True, workers: int | Workers = 1, advance: Advance = lambda step: None
+    paths: Sequence[Path],
+    *,
+    rerun: bool = True,
+    workers: int | Executor | Workers = 1,
+    advance: Advance = lambda step: None,
 ) -> list[Measured]:
     """Compute all metrics of episode files.
 
@@ -189,8 +195,8 @@ def measure_files(
     Args:
         paths: episode files.
         rerun: as for `measure`.
-        workers: number of processes, or processes that several calls share. With more than one, a script needs
-            `if __name__ == "__main__":` around its start.
+        workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`. With
+            several processes, a script needs `if __name__ == "__main__":` around its start.
         advance: called after each group of such files, with their number.
 
     Returns:
@@ -203,12 +209,15 @@ def measure_files(
     groups: dict[tuple[str, str], list[int]] = {}
     for index, path in enumerate(paths):
         groups.setdefault((path.parent.name, path.name), []).append(index)
-    tasks = [[paths[index] for index in group] for group in groups.values()]
     measured: dict[int, Measured] = {}
-    results = parallel_map(partial(_measure_group, rerun=rerun), tasks, workers=workers)
-    for group, result in zip(groups.values(), results, strict=True):
-        measured |= zip(group, result, strict=True)
-        advance(len(group))
+    with shared_workers(workers) as pool:
+        sent = [path if pool.is_local else path.absolute() for path in paths]
+        tasks = [[sent[index] for index in group] for group in groups.values()]
+        reads = sent[0] if sent else None
+        results = parallel_map(partial(_measure_group, rerun=rerun), tasks, workers=pool, reads=reads)
+        for group, result in zip(groups.values(), results, strict=True):
+            measured |= zip(group, result, strict=True)
+            advance(len(group))
     return [measured[index] for index in range(len(paths))]
 
 

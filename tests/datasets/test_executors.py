@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.datasets.executors import CHUNK_SIZE, Workers, parallel_map, unordered_map
+from sonata2d.datasets.executors import Workers, parallel_map, unordered_map
 from sonata2d.errors import WorkerError
 
 
@@ -52,17 +52,17 @@ def test_calls_share_processes_and_each_call_has_its_own_function() -> None:
 
 
 def test_a_call_that_is_closed_early_leaves_the_processes_to_the_next_one() -> None:
-    with Workers(2) as workers:
+    with Workers(2, task_size=4) as workers:
         endless = unordered_map(partial(multiplier, 1), count(), workers=workers, is_last=never)
         with closing(endless) as results:
-            assert next(results)[1] < 2 * CHUNK_SIZE * 2
+            assert next(results)[1] < 2 * 2 * 4  # two tasks for each process
         found = list(unordered_map(partial(multiplier, 2), iter(range(9)), workers=workers, is_last=never))
     assert sorted(value for _, value in found) == [2 * item for item in range(9)]
 
 
 def test_a_worker_skips_the_rest_of_its_chunk_after_a_last_result() -> None:
-    with Workers(2) as workers:
-        found = list(unordered_map(partial(multiplier, 20), iter(range(CHUNK_SIZE)), workers=workers, is_last=is_large))
+    with Workers(2, task_size=4) as workers:
+        found = list(unordered_map(partial(multiplier, 20), iter(range(4)), workers=workers, is_last=is_large))
     assert [value for _, value in found] == [0, 20]
 
 
@@ -71,7 +71,7 @@ def test_no_process_is_started_for_one_worker_or_without_a_call() -> None:
         assert list(parallel_map(partial(tagged, 2), range(2), workers=workers)) == [(os.getpid(), 0), (os.getpid(), 2)]
     with Workers(4) as workers:
         pass
-    assert "_pool" not in vars(workers)
+    assert "_pool" not in vars(workers._backend)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit of file handles")
@@ -100,7 +100,7 @@ def test_a_call_that_ends_does_not_stop_another_one() -> None:
 
 def test_a_call_whose_processes_are_ended_says_that_results_are_missing() -> None:
     with Workers(2) as workers:
-        results = workers.ordered(partial(tagged, 1), range(400))
+        results = parallel_map(partial(tagged, 1), range(400), workers=workers)
         next(results)
     with pytest.raises(WorkerError, match="were ended before their work was done"):
         list(results)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import importlib
 import importlib.util
@@ -9,9 +10,12 @@ import inspect
 import json
 import os
 import pickle
+import shutil
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -122,6 +126,7 @@ class ControllerSource:
             )
         self._given: Any = given
         self._pickled = b""
+        self._files: dict[str, bytes] = {}
         if isinstance(given, str):
             self.name = given
         else:
@@ -139,14 +144,25 @@ class ControllerSource:
             except Exception as error:  # whatever the classes of the object do
                 raise ControllerError(f"{self.name} is unknown in another process: {described(error)}") from error
         if isinstance(self._given, str):
+            self._given = self._with_copies(self._given)
             return load_controller(self._given)
         if isinstance(self._given, type):
             return _created(self._given, self.name)
         controller: Controller = self._given
         return controller
 
+    def _with_copies(self, name: str) -> str:
+        """The name, in which files that this machine does not have are replaced by copies of those that were sent."""
+        for place, content in self._files.items():
+            if not os.path.isfile(place):
+                copy = _copies() / place.lstrip("./\\").replace(":", "_")
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                copy.write_bytes(content)
+                name = name.replace(place, str(copy))
+        return name
+
     def __getstate__(self) -> dict[str, Any]:
-        """What other processes get; classes of a notebook or script are sent with their code."""
+        """What other processes get; classes of a notebook or script, and files, are sent with their content."""
         if not self._pickled:
             try:
                 self._pickled = cloudpickle.dumps(self._given)
@@ -154,7 +170,20 @@ class ControllerSource:
                 raise ControllerError(
                     f"{self.name} cannot be sent to other processes: {described(error)}; use one worker"
                 ) from error
-        return {"name": self.name, "_pickled": self._pickled, "_given": None}
+        files = {}
+        for part in _split_pair(self.name) if isinstance(self._given, str) else ():
+            place = next((one for one in (part, part.rpartition(":")[0]) if one and os.path.isfile(one)), None)
+            if place is not None:
+                files[place] = Path(place).read_bytes()
+        return {"name": self.name, "_pickled": self._pickled, "_given": None, "_files": files or self._files}
+
+
+@cache
+def _copies() -> Path:
+    """A folder for copies of files of another machine; it is removed when this process ends."""
+    folder = tempfile.mkdtemp(prefix="sonata2d-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def is_installed(name: str, settings: Mapping[str, Any]) -> bool:
