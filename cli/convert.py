@@ -12,6 +12,7 @@ from sonata2d.registry import FORMATS
 
 from .command import Command
 from .common import PATH, examples, json_option, note, progress, registry_option, show_json
+from .workers import WorkerOptions, workers_options
 
 if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult
@@ -35,6 +36,7 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
         "export demo --to csv -o tracks",
         "export demo/000000.json --to socnav3 -o one.json",
         "export demo --to sonata --quirks original -o old",
+        "export big --to parquet --shard-size 1000 --workers 8 -o tables",
     ),
 )
 @click.argument("source", type=PATH, metavar="DIR|FILE")
@@ -50,6 +52,13 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
     callback=_types,
     help="Format socnav3: write objects of a type, or of all types that it does not list, as another; may be repeated.",
 )
+@click.option(
+    "--shard-size",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Format parquet: N episodes in each file, for large data sets.",
+)
+@workers_options
 @json_option
 def export_command(
     source: Path,
@@ -58,6 +67,8 @@ def export_command(
     quirks: str | None,
     context: str | None,
     types: dict[str, str],
+    shard_size: int | None,
+    workers: WorkerOptions,
     as_json: bool,
 ) -> None:
     """Export episodes to a format of another program.
@@ -68,10 +79,10 @@ def export_command(
     from sonata2d.formats.api import episodes_in, export_to
     from sonata2d.formats.base import Options
 
-    with progress(len(episodes_in(source)), "episodes") as advance:
+    with workers.started() as pool, progress(len(episodes_in(source)), "episodes") as advance:
         options = Options(original=quirks == "original", context=context, types=types)
         _require_supported(format, options)
-        result = export_to(source, format, output, options, advance=advance)
+        result = export_to(source, format, output, options, shard_size=shard_size, workers=pool, advance=advance)
     _show_result(result, format, f"{output}: {counted(len(result.files), f'{format} file')}", as_json=as_json)
 
 

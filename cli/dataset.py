@@ -92,8 +92,9 @@ def _grouped(problems: Iterable[Problem]) -> list[str]:
     default="stay",
     help="Keep labels unchanged, or mirror labels that are twists, [vx, vy, omega].",
 )
+@workers_options
 @json_option
-def mirror(path: Path, output: Path, labels: str, as_json: bool) -> None:
+def mirror(path: Path, output: Path, labels: str, workers: WorkerOptions, as_json: bool) -> None:
     """Mirror a data set or an episode file left to right.
 
     Positions, headings and commands are mirrored exactly: mirroring twice with the same --labels gives the same bytes.
@@ -103,9 +104,10 @@ def mirror(path: Path, output: Path, labels: str, as_json: bool) -> None:
 
     label = twist_image if labels == "twist" else None
     if path.is_dir():
-        with progress(len(read_manifest(path)["files"]), "episodes") as advance:
-            files = mirror_dataset(path, output, label=label, advance=advance)["files"]
-        episodes, frames = len(files), sum(file["ticks"] for file in files)
+        with workers.started() as pool, progress(len(read_manifest(path)["files"]), "episodes") as advance:
+            manifest = mirror_dataset(path, output, label=label, workers=pool, advance=advance)
+        episodes = len(manifest["files"])
+        frames = sum(row["ticks"] for row in manifest.get("shards") or manifest["files"])
     elif output.exists():
         raise click.UsageError(f"{output} already exists; give a new file name")
     else:

@@ -15,6 +15,7 @@ from .common import PATH, examples, json_option, show_json, show_table
 if TYPE_CHECKING:
     from sonata2d.collect.agreement import Agreement, RaterConsistency
     from sonata2d.core.scene import Scene, Unmeasured
+    from sonata2d.datasets.summaries import ExcessiveCommands
 
 Rows = list[tuple[str, object]]
 
@@ -29,8 +30,10 @@ def command(path: Path, as_json: bool) -> None:
 
     Shows the scenario, controller, people, outcome and columns; for rated data sets also how well the raters agree.
     """
+    from sonata2d.record.shard_file import is_shard
+
     ratings: list[Agreement] = []
-    if path.is_dir():
+    if path.is_dir() or is_shard(path):
         from sonata2d.collect.agreement import agreements
         from sonata2d.collect.rating import ratings_of
 
@@ -50,12 +53,13 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
     """What the manifest of a data set contains."""
     from sonata2d.datasets.manifest import MANIFEST, read_manifest
     from sonata2d.datasets.start import unlisted_episodes
-    from sonata2d.datasets.summaries import contact_summary
+    from sonata2d.datasets.summaries import totals_of
 
     if is_rated and not (folder / MANIFEST).exists():  # single files can be rated without a manifest
         return [("folder", str(folder))]
     manifest = read_manifest(folder)
     files, counts = manifest["files"], manifest["counts"]
+    totals = totals_of(files)
     origin: Rows = [
         ("scenario", manifest["name"]),
         ("controller", manifest["controller"] and manifest["controller"]["path"]),
@@ -68,11 +72,12 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
         *((name, value) for name, value in origin if value is not None),
         ("episodes", f"{len(files)} of {manifest['episodes']}{'' if manifest['complete'] else ', interrupted'}"),
         *([("interrupted", unlisted)] if unlisted else []),
-        ("frames", sum(file["ticks"] for file in files)),
-        ("bytes", sum(file["bytes"] for file in files)),
+        *([("shards", f"{len(manifest['shards'])} of {manifest['shard_size']} each")] if "shards" in manifest else []),
+        ("frames", totals.frames),
+        ("bytes", totals.bytes),
         ("outcomes", counts["outcome"]),
-        ("contacts", contact_summary(files)),
-        *_limit_rows(files),
+        ("contacts", totals.contacts),
+        *_limit_rows(totals.excess),
         ("families", counts["family"]),
         ("physics version", manifest["physics"]),
         ("sonata2d", manifest["software"]["sonata2d"]),
@@ -88,12 +93,9 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
     return rows + (_answer_rows(folder, files) if manifest["collected"] else [])
 
 
-def _limit_rows(rows: list[dict[str, Any]]) -> Rows:
-    """Commands beyond the limits of the robot's drive in the files of a manifest; nothing if there are none."""
-    from sonata2d.datasets.summaries import excessive_commands
-
-    found = excessive_commands(rows)
-    return [("commands beyond limits", found)] if found else []
+def _limit_rows(excess: list[ExcessiveCommands]) -> Rows:
+    """Commands beyond the limits of the robot's drive; nothing if there are none."""
+    return [("commands beyond limits", excess)] if excess else []
 
 
 def _source_text(source: dict[str, Any]) -> str:
@@ -130,12 +132,12 @@ def _landmarks(scene: Scene) -> list[tuple[str, tuple[object, ...]]]:
 
 def _episode_rows(path: Path) -> Rows:
     """What an episode file contains."""
-    from sonata2d.datasets.summaries import contact_summary
+    from sonata2d.datasets.summaries import totals_of
     from sonata2d.record.reader import read_episode
 
     record = read_episode(path)
     scene, document = record.scene(), record.document
-    counts = {"ticks": len(record), **record.counts()}
+    totals = totals_of([{"ticks": len(record), **record.counts()}])
     walking = sum(human.walks_at_start and human.enters == 0 for human in scene.humans)
     recorded = sum(human.behaviour == "recorded" for human in scene.humans)
     sometimes_absent = int((~record.states.present).any(axis=0).sum())
@@ -163,8 +165,8 @@ def _episode_rows(path: Path) -> Rows:
         ),
         ("frames", f"{len(record)}, one each {scene.rules.dt} s"),
         ("outcome", f"{record.outcome.status}: {record.outcome.reason}"),
-        ("contacts", contact_summary([counts])),
-        *_limit_rows([counts]),
+        ("contacts", totals.contacts),
+        *_limit_rows(totals.excess),
         ("labels", document["labels"] or "the command itself"),
         ("not placed", list(scene.dropped)),
     ]

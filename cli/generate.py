@@ -56,6 +56,12 @@ from .workers import WorkerOptions, workers_options
     type=click.Choice(["goal", "timeout", "contact", "stopped", "regenerate"]),
     help="Keep only episodes with this outcome, and generate until --episodes are kept; may be repeated.",
 )
+@click.option(
+    "--shard-size",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Write shards of N episodes, tar files in the layout of WebDataset.  [default: a file for each episode]",
+)
 @click.option("--resume", is_flag=True, help="Continue an interrupted data set.")
 @click.option("--overwrite", is_flag=True, help="Replace the data set in OUT; other files stay.")
 @compress_option
@@ -69,6 +75,7 @@ def command(
     seed: int,
     workers: WorkerOptions,
     keep: tuple[str, ...],
+    shard_size: int | None,
     resume: bool,
     overwrite: bool,
     compress: str,
@@ -82,6 +89,7 @@ def command(
     """
     from sonata2d.datasets.generate import generate_dataset
     from sonata2d.datasets.manifest import PREVIEW
+    from sonata2d.datasets.shards import stored_form
     from sonata2d.scenegen.scenario.load import load_scenario
 
     if resume and overwrite:
@@ -96,6 +104,7 @@ def command(
             seed=seed,
             workers=pool,
             keep=keep,
+            shard_size=shard_size,
             resume=resume,
             overwrite=overwrite,
             suffix=episode_suffix(compress),
@@ -107,7 +116,7 @@ def command(
     if picture:
         _draw(first, out / PREVIEW)
     if as_json:
-        show_json(manifest)
+        show_json(stored_form(manifest))
     else:
         _show_summary(out, first, manifest, picture)
 
@@ -119,9 +128,9 @@ def _hint_at_resume(out: Path, overwrite: bool) -> Iterator[None]:
         yield
     except KeyboardInterrupt as error:
         from sonata2d.datasets.generate import how_to_continue
-        from sonata2d.datasets.start import episode_files
+        from sonata2d.datasets.start import has_episodes
 
-        if not episode_files(out):
+        if not has_episodes(out):
             exit_interrupted(error, "; no episode is complete, run the same command again")
         exit_interrupted(error, f"; complete episodes are in {out}, {how_to_continue(overwrite=overwrite)}")
 
@@ -137,14 +146,15 @@ def _draw(episode: Path, picture: Path) -> None:
 def _show_summary(out: Path, first: Path, manifest: dict[str, Any], picture: bool) -> None:
     """Print what was generated, and a command to run next."""
     from sonata2d.datasets.manifest import PREVIEW
-    from sonata2d.datasets.summaries import contact_summary
+    from sonata2d.datasets.summaries import totals_of
 
-    files = manifest["files"]
+    totals = totals_of(manifest["files"])
     outcomes = ", ".join(f"{count} {name}" for name, count in manifest["counts"]["outcome"].items())
-    size = sum(file["bytes"] for file in files) / 1e6
-    frames = sum(file["ticks"] for file in files)
-    note(f"{out}: {counted(len(files), 'episode')} of {manifest['name']}, {counted(frames, 'frame')}, {size:.1f} MB")
-    rows: list[tuple[str, object]] = [("outcomes", outcomes), *contact_summary(files).rows()]
+    amount = f"{counted(totals.episodes, 'episode')} of {manifest['name']}, {counted(totals.frames, 'frame')}"
+    note(f"{out}: {amount}, {totals.bytes / 1e6:.1f} MB")
+    rows: list[tuple[str, object]] = [("outcomes", outcomes), *totals.contacts.rows()]
+    if "shards" in manifest:
+        rows.append(("shards", f"{len(manifest['shards'])} of {manifest['shard_size']} episodes each"))
     if "left_out" in manifest:
         rows.append(("left out", ", ".join(f"{n} {name}" for name, n in manifest["left_out"].items()) or "none"))
     rows += [("manifest", out / "manifest.json"), ("data card", out / "README.md")]

@@ -65,6 +65,13 @@ frames.
 A data set is a folder of episode files named `{{episode:06d}}.json`, with a `manifest.json` (see
 [Manifest](#manifest); [JSON Schema](schema/manifest-v1.schema.json)), `scenario.json` with its settings, a data card
 `README.md`, and the run log `run.jsonl`.
+
+With `generate --shard-size N` the episodes are in shards, tar files `shard-000000.tar` of N episodes in the layout of
+WebDataset. The manifest of the data set lists the shards ([ShardedManifest](#shardedmanifest);
+[JSON Schema](schema/manifest-v2.schema.json)), and `shard-000000.manifest.json` beside each shard is the manifest of
+its episodes: the same as of a folder of files, with the offset of each file in the tar file and the hash of the whole.
+A path such as `demo/shard-000000.tar/000007.json` names an episode for every command and for `read_episode`; a shard
+with its manifest is a data set of its own.
 """
 
 
@@ -75,7 +82,10 @@ def schema_of(model: type[models.Part], name: str) -> dict[str, Any]:
 
 def format_page() -> str:
     """docs/format.md."""
-    parts = [models.Episode, *_parts(models.Episode), manifest_models.Manifest, *_parts(manifest_models.Manifest)]
+    manifests = (manifest_models.Manifest, manifest_models.ShardedManifest)
+    parts = [models.Episode, *_parts(models.Episode)]
+    for manifest in manifests:
+        parts += [manifest, *_parts(manifest)]
     unique = dict.fromkeys(parts)
     return "\n".join([INTRO, *(_section(part) for part in unique)])
 
@@ -166,7 +176,11 @@ def _settings(model: type[Settings]) -> str:
 
 def pages() -> dict[Path, str]:
     """The text of every generated file."""
-    schemas = {"episode-v1": models.Episode, "manifest-v1": manifest_models.Manifest}
+    schemas = {
+        "episode-v1": models.Episode,
+        "manifest-v1": manifest_models.Manifest,
+        "manifest-v2": manifest_models.ShardedManifest,
+    }
     texts = {
         DOCS / "schema" / f"{name}.schema.json": json.dumps(schema_of(model, name), indent=2, ensure_ascii=False) + "\n"
         for name, model in schemas.items()

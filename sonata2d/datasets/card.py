@@ -16,6 +16,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import orjson
+
 from ..core.notebook import Advance
 from ..errors import DatasetWarning, RecordError
 from ..record.counts import ANY_KIND
@@ -24,6 +26,7 @@ from ..record.layout import JsonDict
 from ..record.models import Settings
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
+from ..record.shard_file import shard_manifest_path
 from .card_figure import EpisodeStatistics, collect_statistics, draw_statistics, require_matplotlib
 from .croissant import Publication, croissant_metadata, licence_lines, stored_publication
 from .manifest import (
@@ -38,7 +41,8 @@ from .manifest import (
     write_json,
 )
 from .markdown import cell, code, code_block, inline
-from .summaries import ContactSummary, contact_summary, excessive_commands
+from .shards import shard_card_path
+from .summaries import ContactSummary, ExcessiveCommands, totals_of
 
 _SEAL = re.compile(r"<!-- written by sonata2d, SHA-256 of the text above: ([0-9a-f]{64}) -->\n")
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
@@ -173,6 +177,16 @@ def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | 
     if is_edited:
         message = f"{folder / CARD} was edited, so it stays as it is; write it again with `sonata2d card`"
         warnings.warn(message, DatasetWarning, stacklevel=2)
+
+
+def write_shard_manifest(shard: Path, manifest: JsonDict) -> None:
+    """Write the manifest of a shard beside it, and its card.
+
+    Raises:
+        RecordError: a file cannot be written.
+    """
+    write_atomically(shard_card_path(shard), card_text(manifest).encode())
+    write_atomically(shard_manifest_path(shard), orjson.dumps(manifest, option=orjson.OPT_APPEND_NEWLINE))
 
 
 def write_card(
@@ -345,7 +359,8 @@ def count_differences(folder: Path, manifest: JsonDict) -> list[str]:
         stated = {name: int(count) for name, count in re.findall(r"^\| (.+?) \| (\d+) \|$", table[1], re.MULTILINE)}
         if stated != manifest["counts"]["outcome"]:
             differences.append(f"states the outcomes {stated}, the manifest {manifest['counts']['outcome']}")
-    total = sum(file["ticks"] for file in manifest["files"])
+    # the rows of shards have the sums of their episodes
+    total = sum(file["ticks"] for file in manifest.get("shards") or manifest["files"])
     if frames and int(frames[1]) != total:
         differences.append(f"states {frames[1]} frames, the manifest {total}")
     return differences
@@ -380,6 +395,7 @@ def card_text(manifest: JsonDict, licence: str | None = None, figures: str = "")
         figures: section about the figures, or an empty string.
     """
     counts, files, title = manifest["counts"], manifest["files"], title_of(manifest)
+    totals = totals_of(files)
     sources = manifest.get("sources") or []
     template = _MERGED if sources else _COLLECTED if manifest.get("collected") else _GENERATED
     driver_count = len(counts.get("contributor") or ())
@@ -411,9 +427,9 @@ def card_text(manifest: JsonDict, licence: str | None = None, figures: str = "")
         recorded=_recorded_section(manifest) if has_recorded else "",
         kept="".join(_kept_section(source) for source in originals),
         outcomes=_count_rows(counts["outcome"]),
-        contacts=_contact_section(contact_summary(files)) + _excess_sentence(files),
+        contacts=_contact_section(totals.contacts) + _excess_sentence(totals.excess),
         families=_count_rows(counts["family"]),
-        frames=sum(file["ticks"] for file in files),
+        frames=totals.frames,
         precision=manifest["precision"],
         figures=figures,
         simulated="Pedestrians without recorded tracks are" if has_recorded else "Pedestrians are",
@@ -507,9 +523,9 @@ def _count_rows(counts: dict[str, int]) -> str:
     return "\n".join(f"| {inline(key)} | {count} |" for key, count in counts.items())
 
 
-def _excess_sentence(files: list[JsonDict]) -> str:
+def _excess_sentence(excess: list[ExcessiveCommands]) -> str:
     """The commands beyond the limits of the robot's drive; empty if there are none."""
-    found = "; ".join(map(str, excessive_commands(files)))
+    found = "; ".join(map(str, excess))
     return f"\n\nCommands exceed the limits of the robot's drive, which executes less: {found}." if found else ""
 
 

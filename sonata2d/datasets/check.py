@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, SupportsIndex, overload
 
 import orjson
 
 from ..errors import InvalidFileError, RecordError
-from ..record.files import file_stem, read_bytes, sha256_of
+from ..record.files import file_exists, file_stem, read_bytes, sha256_of
 from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
+from ..record.shard_file import SHARD_SUFFIX, is_shard, members_of, shard_manifest_path
 from .card import count_differences
 from .croissant import croissant_findings
 from .manifest import (
@@ -28,13 +30,16 @@ from .manifest import (
     manifest_entry,
     read_manifest,
 )
-from .manifest_models import Manifest, ManifestFile, Source, is_episode_name
+from .manifest_models import Manifest, ManifestFile, Shard, ShardedManifest, Source, is_episode_name
 from .plausibility import Finding, implausible_values
+from .shards import ShardRows, stored_form
 from .start import unlisted_episodes
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+# keys that the manifest of a shard repeats
+_SHARED_BY_SHARDS = ("name", "settings", "seed", "keep", "controller", "precision", "physics", "mirrored", "collected")
 _MAXIMUM_FINDINGS = 20  # of the reader, reported per file
 
 
@@ -88,7 +93,57 @@ def check_dataset(folder: str | Path) -> list[Problem]:
     problems = check_manifest(folder)
     if any(problem.place == "file" for problem in problems):
         return problems
+    problems = [problem for shard in listed_shards(folder) for problem in check_shard(shard)] + problems
     return [problem for file in listed_files(folder) for problem in check_listed(file)] + problems
+
+
+def listed_shards(folder: Path) -> list[ListedFile]:
+    """The shards that a manifest lists; none of a data set without shards.
+
+    Raises:
+        RecordError: the folder has no valid manifest.
+    """
+    manifest = read_manifest(folder)
+    shared = {key: manifest[key] for key in _SHARED_BY_SHARDS if key in manifest}
+    shared = {} if manifest.get("sources") else shared
+    return [ListedFile(folder / shard["name"], shard, shared) for shard in manifest.get("shards", ())]
+
+
+def check_shard(shard: ListedFile) -> list[Problem]:
+    """Problems of a shard as a file, and of the manifest beside it; not those of its episodes."""
+    path, row = shard.path, shard.entry
+    beside = shard_manifest_path(path).name
+    if not path.is_file():
+        return [Problem(MANIFEST, "shards", f"{path.name} is listed but not in the folder")]
+    try:
+        manifest = read_manifest(path)
+    except RecordError as error:
+        return [Problem(beside, "file", str(error))]
+    content = manifest.get("shard") or {}
+    found = {
+        "sha256": sha256_of(path),
+        "bytes": path.stat().st_size,
+        "episodes": len(manifest["files"]),
+        "ticks": sum(file["ticks"] for file in manifest["files"]),
+    }
+    problems = [
+        Problem(path.name, key, f"is {value}, {MANIFEST} says {row[key]}")
+        for key, value in found.items()
+        if row[key] != value
+    ]
+    problems += [
+        Problem(beside, f"shard.{key}", f"is {content.get(key)}, but that of {path.name} is {found[key]}")
+        for key in ("sha256", "bytes")
+        if content.get(key) != found[key]
+    ]
+    problems += [
+        Problem(beside, key, f"differs from {MANIFEST}")
+        for key, value in shard.shared.items()
+        if manifest.get(key) != value
+    ]
+    problems += [*_repetitions(shard_manifest_path(path))]
+    problems += [Problem(beside, *finding) for finding in _manifest_findings(path, manifest)]
+    return problems + [Problem(beside, *finding, is_warning=True) for finding in _unknown_keys(manifest)]
 
 
 def check_manifest(folder: Path) -> list[Problem]:
@@ -97,9 +152,14 @@ def check_manifest(folder: Path) -> list[Problem]:
         manifest = read_manifest(folder)
     except RecordError as error:
         return [Problem(MANIFEST, "file", str(error))]
+    if is_shard(folder):
+        row = {"name": folder.name, "episodes": len(manifest["files"]), **(manifest.get("shard") or {})}
+        row["ticks"] = sum(file["ticks"] for file in manifest["files"])
+        return check_shard(ListedFile(folder, row, {}))
+    findings = _shard_findings if "shards" in manifest else _manifest_findings
     return [
         *_repetitions(folder / MANIFEST),
-        *(Problem(MANIFEST, *finding) for finding in _manifest_findings(folder, manifest)),
+        *(Problem(MANIFEST, *finding) for finding in findings(folder, manifest)),
         *(Problem(MANIFEST, *finding, is_warning=True) for finding in _unknown_keys(manifest)),
         *_scenario_problems(folder, manifest),
         *_card_problems(folder, manifest),
@@ -107,26 +167,63 @@ def check_manifest(folder: Path) -> list[Problem]:
     ]
 
 
-def listed_files(folder: Path) -> list[ListedFile]:
-    """The files that a manifest lists.
+def listed_files(folder: Path) -> Sequence[ListedFile]:
+    """The files that a manifest lists; those in shards are read from the manifests of the shards when they are needed.
 
     Raises:
         RecordError: the folder has no valid manifest.
     """
-    manifest = read_manifest(folder)
-    versions = {key: manifest[key] for key in ("physics", "precision")}
-    shared = {
-        name: _shared_values(source, versions) | _expected_id(source, name, is_merged=bool(manifest.get("sources")))
-        for source in _sources(manifest)
-        for name in source["files"]
-    }
-    return [ListedFile(folder / entry["name"], entry, shared.get(entry["name"], {})) for entry in manifest["files"]]
+    return _ListedFiles(folder, read_manifest(folder))
+
+
+class _ListedFiles(Sequence[ListedFile]):
+    """The files that a manifest lists, each made when it is needed."""
+
+    def __init__(self, folder: Path, manifest: JsonDict) -> None:
+        self._folder, self._rows = folder, manifest["files"]
+        versions = {key: manifest[key] for key in ("precision", "physics")}
+        self._is_merged = bool(manifest.get("sources"))
+        sources = [(source, _shared_values(source, versions)) for source in _sources(manifest)]
+        self._only = None if self._is_merged else sources[0]
+        # of a merged data set, by the file, or by the shard
+        self._by_name = {
+            name: pair for pair in sources if self._is_merged for name in pair[0].get("shards") or pair[0]["files"]
+        }
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> ListedFile: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[ListedFile]: ...
+
+    def __getitem__(self, index: SupportsIndex | slice) -> ListedFile | list[ListedFile]:
+        if isinstance(index, slice):
+            return [self._listed(row) for row in self._rows[index]]
+        return self._listed(self._rows[index])
+
+    def __iter__(self) -> Iterator[ListedFile]:
+        if not isinstance(self._rows, ShardRows):
+            yield from map(self._listed, self._rows)
+            return
+        for shard in self._rows.shards:
+            with suppress(RecordError):  # of its manifest, which is checked as well
+                yield from map(self._listed, self._rows.of_shard(shard))
+
+    def _listed(self, row: JsonDict) -> ListedFile:
+        name = row["name"]
+        found = self._only or self._by_name.get(name) or self._by_name.get(name.partition("/")[0])
+        if found is None:
+            return ListedFile(self._folder / name, row, {})
+        source, shared = found
+        return ListedFile(self._folder / name, row, shared | _expected_id(source, name, is_merged=self._is_merged))
 
 
 def _sources(manifest: JsonDict) -> list[JsonDict]:
     """The merged data sets, or the data set itself as its only source."""
-    files = [entry["name"] for entry in manifest["files"]]
-    return manifest.get("sources") or [manifest | {"scenario": manifest["name"], "files": files}]
+    return manifest.get("sources") or [manifest | {"scenario": manifest["name"]}]
 
 
 def _shared_values(source: JsonDict, versions: JsonDict) -> JsonDict:
@@ -140,8 +237,8 @@ def _expected_id(source: JsonDict, name: str, *, is_merged: bool) -> JsonDict:
     """The id of a generated episode, which is the name of its file; collected runs have ids of their own."""
     if source["scenario"] is None:
         return {}
-    stem = file_stem(Path(name))
-    return {"id": stem.removeprefix(f"{source['name']}__") if is_merged else stem}
+    stem = file_stem(Path(name))  # of a file in a shard, without that of the shard
+    return {"id": stem.rpartition("__")[2] if is_merged else stem}
 
 
 def check_listed(file: ListedFile) -> list[Problem]:
@@ -153,7 +250,7 @@ def check_listed(file: ListedFile) -> list[Problem]:
 def open_to_check(file: Path | ListedFile) -> tuple[EpisodeRecord | None, list[Problem]]:
     """The content of a file; or None, and why it cannot be checked."""
     path = file.path if isinstance(file, ListedFile) else file
-    if isinstance(file, ListedFile) and not path.is_file():
+    if isinstance(file, ListedFile) and not file_exists(path):
         return None, [Problem(MANIFEST, "files", f"{file.entry['name']} is listed but not in the folder")]
     try:
         return read_episode(path), []
@@ -195,8 +292,8 @@ def check_record(record: EpisodeRecord, file: ListedFile | None = None) -> list[
 
 def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
     """Differences between a file and what the manifest states about it."""
-    name, entry = record.path.name, file.entry
-    actual = manifest_entry(record).row()
+    name, entry = file.entry["name"], file.entry
+    actual = manifest_entry(record).row() | {"name": name}  # that of its shard included
     problems = [
         Problem(name, key, f"is {actual[key]}, the manifest says {entry[key]}")
         for key in actual
@@ -216,7 +313,9 @@ def _manifest_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
     """Contradictions within a manifest, and between the manifest and the files of its folder."""
     files = manifest["files"]
     names, episodes = [file["name"] for file in files], [file["episode"] for file in files]
-    if not manifest["complete"]:
+    if shard := manifest.get("shard"):
+        yield from _range_findings(manifest, shard, episodes)
+    elif not manifest["complete"]:
         yield "complete", f"{len(files)} of {manifest['episodes']} episodes exist; generate the others with --resume"
     elif manifest.get("keep"):
         yield from _selection_findings(manifest, episodes)
@@ -234,13 +333,78 @@ def _manifest_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
         yield "split", f"{name} is in two parts, or is not a listed file"
     if manifest["split"] is not None and (omitted := sorted(set(names) - set(parts))):
         yield "split", f"{omitted[0]} is in no part ({len(omitted)} files in all); split the data set again"
+    if shard is not None:
+        for name in sorted(set(members_of(folder)) - set(names)):
+            yield "files", f"{name} is in the shard but not listed"
+        return
+    yield from _unknown_files(folder, manifest, {*names})
+
+
+def _unknown_files(folder: Path, manifest: JsonDict, names: set[str]) -> Iterator[Finding]:
+    """Files of a folder that look like episodes, or remained of a run.
+
+    Args:
+        folder: of the data set.
+        manifest: of the data set.
+        names: of the files that it lists.
+    """
     known = {*names, MANIFEST, SCENARIO, CARD, LOG, METRICS, CROISSANT}
     unknown = {path.name for path in folder.iterdir() if path.is_file()} - known
     if unlisted := unlisted_episodes(folder, manifest):
         yield "files", unlisted
         unknown = {name for name in unknown if not is_episode_name(name)}
-    for name in sorted(name for name in unknown if ".json" in name or name.endswith(".tmp")):
+    for name in sorted(name for name in unknown if ".json" in name or name.endswith((".tmp", SHARD_SUFFIX))):
         yield "files", f"{name} is in the folder but not listed"
+
+
+def _range_findings(manifest: JsonDict, shard: JsonDict, episodes: list[int]) -> Iterator[Finding]:
+    """Contradictions between the episodes of a shard and the numbers that it covers."""
+    left_out = [number for number, _ in shard.get("left_out") or ()]
+    is_generated = not (manifest["collected"] or manifest.get("sources"))
+    if is_generated and sorted([*episodes, *left_out]) != list(range(shard["first"], shard["stop"])):
+        yield "files", f"must list the episodes {shard['first']} to {shard['stop'] - 1} that are kept"
+    if len(episodes) != manifest["episodes"]:
+        yield "episodes", f"is {manifest['episodes']}, but {len(episodes)} are listed"
+
+
+def _shard_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
+    """Contradictions within the manifest of a data set in shards, and between it and those of the shards."""
+    shards, counts = manifest["shards"], {key: Counter[str]() for key in manifest["counts"]}
+    parts, left_out, following = Counter[str](), Counter[str](), 0
+    is_generated = not (manifest["collected"] or manifest.get("sources"))
+    for name in _repeated(shard["name"] for shard in shards):
+        yield "shards", f"lists {name} more than once"
+    for shard in shards:
+        try:
+            own = manifest["files"].manifest_of(shard)
+        except RecordError as error:
+            yield "shards", str(error)
+            continue
+        for key, counter in counts.items():
+            counter.update(own["counts"].get(key) or {})
+        left_out.update(own.get("left_out") or {})
+        parts.update({part: len(names) for part, names in (own["split"] or {}).items()})
+        content = own.get("shard") or {}
+        if is_generated and content.get("first") != following:
+            yield "shards", f"{shard['name']} begins with episode {content.get('first')}, and not {following}"
+        following = content.get("stop", -1)
+    count = len(manifest["files"])
+    if not manifest["complete"]:
+        yield "complete", f"{count} of {manifest['episodes']} episodes exist; generate the others with --resume"
+    elif count != manifest["episodes"]:
+        yield "shards", f"have {count} episodes, and not {manifest['episodes']}"
+    for key, stated in manifest["counts"].items():
+        if stated != dict(counts[key]):
+            yield f"counts.{key}", f"is {stated}, but the shards give {dict(counts[key])}"
+    if manifest.get("keep") and (manifest.get("left_out") or {}) != dict(left_out):
+        yield "left_out", f"is {manifest.get('left_out')}, but the shards give {dict(left_out)}"
+    if manifest["split"] is not None:
+        stated = {part: len(names) for part, names in manifest["split"].items()}
+        if stated != {part: parts[part] for part in stated} or sum(parts.values()) != count:
+            yield "split", f"is {stated}, but the shards give {dict(parts)}; split the data set again"
+    names = [shard["name"] for shard in shards]
+    beside = {shard_manifest_path(folder / name).name for name in names}
+    yield from _unknown_files(folder, manifest | {"complete": True}, {*names, *beside})
 
 
 def _counts_to(count: int, numbers: list[int]) -> bool:
@@ -251,8 +415,9 @@ def _counts_to(count: int, numbers: list[int]) -> bool:
 def _unknown_keys(manifest: JsonDict) -> Iterator[Finding]:
     """Keys of a manifest that this version does not know: of a newer version, or misspelt."""
     rows: tuple[tuple[str, type[BaseModel], list[JsonDict]], ...] = (
-        ("", Manifest, [manifest]),
-        ("files", ManifestFile, manifest["files"]),
+        ("", ShardedManifest if "shards" in manifest else Manifest, [stored_form(manifest)]),
+        ("shards", Shard, manifest.get("shards") or []),
+        ("files", ManifestFile, [] if "shards" in manifest else manifest["files"]),
         ("sources", Source, manifest.get("sources") or []),
     )
     for place, model, documents in rows:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -20,7 +21,8 @@ from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.tables import TABLES, tables_of
 from ..registry import did_you_mean
-from .manifest import MANIFEST, files_in_manifest, files_of, read_stored_manifest
+from .manifest import ListedPaths, files_in_manifest, files_of, has_manifest, read_stored_manifest
+from .shards import Selection, ShardRows
 from .split import FRACTIONS, split_dataset
 from .summaries import contact_summary
 
@@ -33,11 +35,12 @@ class Dataset(Sequence[EpisodeRecord]):
     `dataset[3]` is a record, `dataset["000003"]` that of a file, `dataset[:10]` a data set again.
 
     Args:
-        path: folder of a data set, or of any episode files, compressed or not; or one file.
+        path: folder of a data set, or of any episode files, compressed or not; a shard; or one file.
 
     Attributes:
         path: as given.
-        files: of the episodes, in the order of the manifest, or of their names.
+        files: of the episodes, in the order of the manifest, or of their names. Those in shards are paths such as
+            `demo/shard-000000.tar/000007.json`, which `read_episode` reads.
         manifest: as stored in the folder; None: it has none.
 
     Raises:
@@ -55,10 +58,10 @@ class Dataset(Sequence[EpisodeRecord]):
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        is_listed = (self.path / MANIFEST).exists()
-        self.manifest: JsonDict | None = read_stored_manifest(self.path) if is_listed else None
+        self.manifest: JsonDict | None = read_stored_manifest(self.path) if has_manifest(self.path) else None
         files = files_of(self.path) if self.manifest is None else files_in_manifest(self.path, self.manifest)
-        self.files: tuple[Path, ...] = tuple(files)
+        self.files: Sequence[Path] = tuple(files) if isinstance(files, list) else files
+        self._entries: Sequence[JsonDict] | None = None if self.manifest is None else self.manifest["files"]
         self._owner: object = None
 
     def __len__(self) -> int:
@@ -79,9 +82,11 @@ class Dataset(Sequence[EpisodeRecord]):
             RecordError: the file cannot be read.
         """
         if isinstance(index, slice):
-            return self._part(self.files[index])
+            return self._selected(range(len(self))[index])
         if isinstance(index, str):
-            found = [file for file in self.files if index in (file_stem(file), file.name)]
+            found = [
+                file for file in self.files if index in (file_stem(file), file.name, f"{file.parent.name}/{file.name}")
+            ]
             if len(found) > 1:
                 raise KeyError(f"{len(found)} episodes of {self.path} are named {index!r}; give a number")
             if not found:
@@ -91,7 +96,7 @@ class Dataset(Sequence[EpisodeRecord]):
         if not hasattr(index, "__index__"):
             raise TypeError(f"a data set is indexed by a number, the name of a file, or a slice, got {shown(index)}")
         try:
-            file = self.files[index]
+            file = self.files[index.__index__()]
         except IndexError:
             numbers = f"the numbers are 0 to {len(self) - 1}" if self.files else "it is empty"
             raise IndexError(f"episode {index!r} of {self!r}: {numbers}") from None
@@ -136,16 +141,16 @@ class Dataset(Sequence[EpisodeRecord]):
         if unknown:
             name = sorted(map(str, unknown))[0]
             raise ValueError(f"no episode has the outcome {name!r}; outcomes are {', '.join(get_args(Status))}")
-        files = list(self.files)
+        found: Iterable[int] = range(len(self))
         if wanted or contact is not None:
-            files = [
-                file
-                for file, row in self._rows(files)
+            found = (
+                number
+                for number, row in enumerate(self._rows())
                 if all(row[key] in wanted[key] for key in wanted) and contact in (None, bool(row["contacts"]))
-            ]
+            )
         if condition is not None:
-            files = [file for file in files if condition(read_episode(file))]
-        return self._part(files)
+            found = (number for number in found if condition(read_episode(self.files[number])))
+        return self._selected(found)
 
     def split(
         self, fractions: Mapping[str, float] = FRACTIONS, *, seed: int = 0, whole_families: bool = False
@@ -176,10 +181,18 @@ class Dataset(Sequence[EpisodeRecord]):
             RecordError: the data set is not split.
         """
         split = (self.manifest or {}).get("split")
-        if not split:
+        if not split or self._entries is None:
             raise RecordError(f"{self.path} is not split; call split()")
-        parts = {part: set(names) for part, names in split.items()}
-        return {part: self._part(file for file in self.files if file.name in names) for part, names in parts.items()}
+        rows = self.manifest["files"] if self.manifest is not None else ()
+        whole = {} if isinstance(rows, ShardRows) else {part: frozenset(names) for part, names in split.items()}
+        numbers: dict[str, list[int]] = {part: [] for part in split}
+        for number, row in enumerate(self._entries):
+            name = row["name"]
+            parts = rows.parts_of(name.partition("/")[0]) if isinstance(rows, ShardRows) else whole
+            for part, names in parts.items():
+                if name in names:
+                    numbers[part].append(number)
+        return {part: self._selected(own) for part, own in numbers.items()}
 
     def to_pandas(self, table: str = "frames") -> Any:
         """A table of all episodes as a `pandas.DataFrame`.
@@ -279,7 +292,7 @@ class Dataset(Sequence[EpisodeRecord]):
         """A table and pictures of the first episodes, which notebooks show."""
         facts: dict[str, object] = {"folder": self.path, "episodes": len(self)}
         if self.manifest:
-            rows = [row for _, row in self._rows(self.files)]
+            rows = list(self._rows())
             facts["outcomes"] = _counts(row["outcome"] for row in rows)
             facts["contacts"] = contact_summary(rows).rows()[0][1]
             facts["families"] = _counts(row["family"] for row in rows)
@@ -290,7 +303,9 @@ class Dataset(Sequence[EpisodeRecord]):
     @classmethod
     def of_manifest(cls, path: Path, manifest: JsonDict) -> Dataset:
         """The data set of a manifest that has just been written, which is not read again."""
-        return cls._of(path, (path / row["name"] for row in manifest["files"]), manifest)
+        rows = manifest["files"]
+        files = ListedPaths(path, rows) if isinstance(rows, ShardRows) else tuple(path / row["name"] for row in rows)
+        return cls._of(path, files, manifest, rows)
 
     @classmethod
     def of_files(cls, path: str | Path, files: Iterable[Path]) -> Dataset:
@@ -300,42 +315,49 @@ class Dataset(Sequence[EpisodeRecord]):
             path: a folder that stands for all of them, which is printed.
             files: of the episodes.
         """
-        return cls._of(Path(path), files, None)
+        return cls._of(Path(path), tuple(files), None, None)
 
     def keeps(self, owner: object) -> None:
         """Refer to an object as long as this data set, or a part of it, exists: the owner of a temporary folder."""
         self._owner = owner
 
     @classmethod
-    def _of(cls, path: Path, files: Iterable[Path], manifest: JsonDict | None) -> Dataset:
+    def _of(
+        cls, path: Path, files: Sequence[Path], manifest: JsonDict | None, entries: Sequence[JsonDict] | None
+    ) -> Dataset:
         dataset = object.__new__(cls)
-        dataset.path, dataset.files, dataset.manifest = path, tuple(files), manifest
-        dataset._owner = None
+        dataset.path, dataset.files, dataset.manifest = path, files, manifest
+        dataset._entries, dataset._owner = entries, None
         return dataset
 
-    def _part(self, files: Iterable[Path]) -> Dataset:
-        """A data set of some of the files."""
-        part = self._of(self.path, files, self.manifest)
+    def _selected(self, numbers: Iterable[int]) -> Dataset:
+        """A data set of some of the episodes."""
+        numbers = array("q", numbers)
+        is_sharded = not isinstance(self.files, tuple)  # then the paths are made when they are needed
+        files = Selection(self.files, numbers) if is_sharded else tuple(self.files[number] for number in numbers)
+        entries = None if self._entries is None else Selection(self._entries, numbers)
+        part = self._of(self.path, files, self.manifest, entries)
         part.keeps(self._owner)
         return part
 
-    def _rows(self, files: Sequence[Path]) -> Iterator[tuple[Path, Mapping[str, Any]]]:
-        """Outcome, family and contacts of each file, from the manifest if it lists them."""
-        rows = {row["name"]: row for row in (self.manifest or {}).get("files", ())}
-        for file in files:
-            row = rows.get(file.name)
+    def _rows(self) -> Iterator[Mapping[str, Any]]:
+        """Outcome, family and contacts of each episode, from the manifest if it lists them."""
+        for number, file in enumerate(self.files):
+            row: Mapping[str, Any] | None = None if self._entries is None else self._entries[number]
             if row is None or "contacts" not in row:
                 record = read_episode(file)
                 row = {"outcome": record.outcome.status, "family": record.family, **record.counts()}
                 row.setdefault("contacts", {})  # of an imported episode, which does not record them
-            yield file, row
+            yield row
 
     def _columns(self, table: str) -> dict[str, list[Any]]:
         """The columns of a table over all episodes."""
         if table not in TABLES:
             raise ValueError(f"there is no table {shown(table)}; the tables are {', '.join(TABLES)}")
         columns: dict[str, list[Any]] = {}
-        folders = len({file.parent for file in self.files})  # file names of several folders are the same
+        # file names of several folders, and of merged shards, are the same
+        is_generated = self.manifest is not None and not self.manifest.get("sources")
+        folders = 1 if is_generated else len({file.parent for file in self.files})
         for record in self:
             stem = file_stem(record.path)
             key = stem if folders == 1 else f"{record.path.parent.name}/{stem}"

@@ -328,9 +328,10 @@ def _results_of(answer: Answer) -> list[Any]:
 
 def parallel_map(
     function: Callable[[T], R],
-    items: Sequence[T],
+    items: Iterable[T],
     *,
     workers: int | Executor | Workers,
+    total: int | None = None,
     reads: Path | None = None,
     writes: Path | None = None,
 ) -> Iterator[R]:
@@ -342,11 +343,13 @@ def parallel_map(
         function: picklable if there are several workers.
         items: its arguments.
         workers: see `Workers`; with 1, or a single item, the calling process does the work.
+        total: number of items, if they are no sequence.
         reads: a path that all workers must see, see `tasks.Call`.
         writes: folder in which workers write.
     """
     call = Call(partial(_itself, function), _never, reads, writes)
-    with shared_workers(workers) as pool, closing(pool.results(call, items, len(items), in_order=True)) as results:
+    total = len(items) if isinstance(items, Sequence) else total
+    with shared_workers(workers) as pool, closing(pool.results(call, items, total, in_order=True)) as results:
         yield from results
 
 

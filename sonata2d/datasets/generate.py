@@ -6,9 +6,7 @@ import logging
 import os
 import platform
 import sys
-import sysconfig
 import time
-import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
@@ -20,23 +18,20 @@ from typing import get_args
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource, is_built_in, source_hashes
-from ..core import interruption
 from ..core.arguments import whole_number
 from ..core.notebook import Advance, ProgressBar, bar_of
-from ..core.scene import Scene
-from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
-from ..core.wording import described, one_line, shown, text_of
-from ..errors import ControllerError, ControllerWarning, RecordError, SceneError, Sonata2dError, WorkerError
+from ..core.snapshot import Status
+from ..core.wording import shown
+from ..errors import ControllerWarning, RecordError, Sonata2dError, WorkerError
 from ..record.files import SUFFIXES
 from ..record.layout import JsonDict
-from ..record.recorder import EpisodeRecorder
 from ..registry import registered_hashes
-from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
-from ..sim.episode import Episode, controller_info_of, renderer_for
+from ..sim.episode import controller_info_of
 from .card import write_manifest_and_card
 from .dataset import Dataset
+from .episode_runs import FAILURES, Job, episode_runner, is_failure
 from .executors import Workers, shared_workers, unordered_map
 from .manifest import (
     FAILED,
@@ -49,12 +44,11 @@ from .manifest import (
     manifest_of,
     read_manifest,
     remove_partial_files,
-    store_episode,
+    sharded_manifest_of,
     write_json,
 )
 from .processes import end_if_forked, end_if_unguarded
 from .progress import (
-    EpisodeResult,
     ExcludedEpisode,
     FailedEpisode,
     Progress,
@@ -62,33 +56,14 @@ from .progress import (
     log_excluded,
     read_excluded,
 )
-from .start import remove_failed_episodes, sole_writer, start_dataset
+from .shard_runs import ShardProgress, cut_shard, existing_shards, shard_count, shard_runner
+from .shards import remove_shards
+from .start import has_episodes, remove_failed_episodes, sole_writer, start_dataset
 from .summaries import commands_warning
 
 logger = logging.getLogger(__name__)
 
-_FAILURES = SceneError, RecordError, ControllerError  # of an episode
-_PACKAGE_FOLDER = Path(__file__).resolve().parents[1]
 KEEPABLE: tuple[Status, ...] = tuple(status for status in get_args(Status) if status != "error")  # an error aborts
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """Everything that a worker needs to generate any episode of a data set.
-
-    Attributes:
-        out: folder of the data set; absolute, because a controller may change the working folder.
-        scenario: settings of the scenes.
-        spec: specification of the data set.
-        source: of the controller.
-        process: id of the process that runs the episodes; set there.
-    """
-
-    out: Path
-    scenario: ScenarioConfig
-    spec: DatasetSpec
-    source: ControllerSource
-    process: int = 0
 
 
 def generate_dataset(
@@ -103,6 +78,7 @@ def generate_dataset(
     overwrite: bool = False,
     suffix: str = ".json",
     keep: str | Sequence[str] = (),
+    shard_size: int | None = None,
     progress: bool | ProgressBar | None = None,
     advance: Advance | None = None,
 ) -> Dataset:
@@ -124,6 +100,8 @@ def generate_dataset(
         suffix: `.json`, `.json.gz` or `.json.zst`.
         keep: outcomes to keep (`Status`); empty: all. Episodes 0, 1, 2, … are run until the requested number has one
             of these outcomes; the manifest counts the others by outcome.
+        shard_size: number of episodes in each shard, a tar file that also WebDataset reads; for data sets of more than
+            about 100 000 episodes. None: a file for each episode.
         progress: whether to show a progress bar; None: in a notebook. Or a function of the number of episodes and the
             word `episodes` that returns a context manager, which gives a callback as `advance`.
         advance: in place of `progress`: called with the number of newly kept episodes.
@@ -155,6 +133,8 @@ def generate_dataset(
     pool = shared_workers(workers)
     if suffix not in SUFFIXES:
         raise ValueError(f"suffix must be one of {', '.join(SUFFIXES)}, got {shown(suffix)}")
+    if shard_size is not None:
+        whole_number("shard_size", shard_size, 1)
     out = Path(out)
     kept_outcomes = _in_fixed_order(keep)
     process = os.getpid()
@@ -165,28 +145,13 @@ def generate_dataset(
     split = None if stored is None else stored["split"]
     info = controller_info_of(loaded, name)
     hashes = source_hashes(name, loaded) | registered_hashes(config.settings())
-    spec = DatasetSpec(config.name, config.settings(), seed, episodes, info, suffix, kept_outcomes, hashes)
+    spec = DatasetSpec(config.name, config.settings(), seed, episodes, info, suffix, kept_outcomes, hashes, shard_size)
     spec = _without_unknown_code(spec, out, stored)
     bar = bar_of(progress)(episodes, "episodes") if advance is None else nullcontext(advance)
     with pool as own_workers, sole_writer(out), bar as step:
         listed = start_dataset(out, spec, resume=resume, overwrite=overwrite)
-        results = Progress(spec, _known_results(out, spec, listed) if resume else ())
-        step(len(results.kept))
-        missing = episodes - min(len(results.stored), episodes)
-        with _logged(out, missing, own_workers), _finished_listed(out, spec, results):
-            try:
-                _run_episodes(Job(out.absolute(), config, spec, source), results, own_workers, step)
-                if (failure := results.failure) is not None:
-                    raise failure.error(_failure_message(failure, out, spec)) from _RaisedInWorker(failure.traceback)
-            except (WorkerError, *_FAILURES) as error:
-                error.add_note(_how_to_go_on(out, spec, results, overwrite))
-                raise
-            _restore_removed(out, spec, results, overwrite)
-        remove_partial_files(out)  # again: the workers of a killed run may have lived on for a moment
-        remove_failed_episodes(out)  # they have been generated by now
-        if split is not None and missing:
-            logger.warning("%s has new episodes, so its split was removed; split it again", out)
-        manifest = finish_dataset(out, spec, results.kept, left_out=results.left_out, split=None if missing else split)
+        run = _Run(out, Job(out.absolute(), config, spec, source), own_workers, step, resume, overwrite)
+        manifest = run.files(listed, split) if shard_size is None else run.shards(split)
     warning = None if is_built_in(loaded) else commands_warning(manifest["files"], name)
     if warning is not None:
         warnings.warn(warning, ControllerWarning, stacklevel=2)
@@ -197,6 +162,112 @@ def _without_unknown_code(spec: DatasetSpec, out: Path, stored: JsonDict | None)
     """The specification; without hashes if it continues episodes whose code is unknown, as those of version 0.1."""
     is_unknown = stored is not None and "controller_sha256" not in stored and episode_numbers(out, spec)
     return replace(spec, controller_sha256={}) if is_unknown else spec
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """A run that generates what a data set lacks.
+
+    Attributes:
+        out: folder of the data set, as given.
+        job: what is generated.
+        workers: which do it.
+        advance: progress callback.
+        resume, overwrite: as of `generate_dataset`.
+    """
+
+    out: Path
+    job: Job
+    workers: Workers
+    advance: Advance
+    resume: bool
+    overwrite: bool
+
+    def files(self, listed: Mapping[str, str], split: Mapping[str, list[str]] | None) -> JsonDict:
+        """Generate a data set of files, and return its manifest.
+
+        Args:
+            listed: SHA-256 by file name, from `start_dataset`.
+            split: of the data set that is continued, if it has one.
+        """
+        out, spec = self.out, self.job.spec
+        results = Progress(spec, _known_results(out, spec, listed) if self.resume else ())
+        self.advance(len(results.kept))
+        missing = spec.episodes - min(len(results.stored), spec.episodes)
+        with _logged(out, missing, self.workers), _finished_listed(out, spec, results):
+            with self._failures_explained(lambda: len(results.kept)):
+                _run_episodes(self.job, results, self.workers, self.advance)
+                self._raise(results.failure)
+            self._restore_removed([(out / entry.name).is_file() for entry in results.kept], "episodes")
+        self._clean_up(split is not None and missing > 0)
+        return finish_dataset(out, spec, results.kept, left_out=results.left_out, split=None if missing else split)
+
+    def shards(self, split: Mapping[str, Sequence[str]] | None) -> JsonDict:
+        """Generate a data set in shards, and return its manifest.
+
+        Args:
+            split: of the data set that is continued, if it has one.
+        """
+        out, spec = self.out, self.job.spec
+        results = ShardProgress(spec, existing_shards(out, spec) if self.resume else ())
+        self.advance(min(results.kept, spec.episodes))
+        missing = spec.episodes - min(results.stored, spec.episodes)
+        with _logged(out, missing, self.workers), _shards_listed(out, spec, results):
+            with self._failures_explained(lambda: results.kept):
+                _run_shards(self.job, results, self.workers, self.advance)
+                self._raise(results.failure)
+            shards = results.shards
+            if spec.keep:
+                rest = spec.episodes - sum(shard.episodes for shard in shards[:-1])
+                shards[-1] = cut_shard(out, spec, shards[-1], rest)
+            self._restore_removed([(out / shard.row["name"]).is_file() for shard in shards], "shards")
+        remove_shards(out, len(shards))
+        self._clean_up(split is not None and missing > 0)
+        parts = None if split is None or missing else {part: len(names) for part, names in split.items()}
+        manifest = sharded_manifest_of(out, spec, [shard.row for shard in shards], complete=True, split=parts)
+        write_manifest_and_card(out, manifest)
+        return manifest
+
+    @contextmanager
+    def _failures_explained(self, kept: Callable[[], int]) -> Iterator[None]:
+        """Add to errors what to do."""
+        try:
+            yield
+        except (WorkerError, *FAILURES) as error:
+            error.add_note(_how_to_go_on(self.out, self.job.spec, kept(), self.overwrite))
+            raise
+
+    def _raise(self, failure: FailedEpisode | None) -> None:
+        """Raise the error that ended an episode, if one did."""
+        if failure is not None:
+            message = _failure_message(failure, self.out, self.job.spec)
+            raise failure.error(message) from _RaisedInWorker(failure.traceback)
+
+    def _restore_removed(self, exists: Sequence[bool], what: str) -> None:
+        """Write the scenario file again if it was removed during the run, as by a controller.
+
+        Args:
+            exists: whether each file of the run is still there.
+            what: the files hold.
+
+        Raises:
+            RecordError: files were removed.
+        """
+        out, spec = self.out, self.job.spec
+        if spec.settings is not None and not (out / SCENARIO).is_file():
+            write_json(out / SCENARIO, spec.settings)
+        if not all(exists):
+            raise RecordError(
+                f"{exists.count(False)} of {len(exists)} {what} in {out} were removed while it was generated; "
+                f"{how_to_continue(overwrite=self.overwrite)}"
+            )
+
+    def _clean_up(self, is_split_removed: bool) -> None:
+        """Remove what is left of earlier runs."""
+        remove_partial_files(self.out)  # again: the workers of a killed run may have lived on for a moment
+        remove_failed_episodes(self.out)  # they have been generated by now
+        if is_split_removed:
+            logger.warning("%s has new episodes, so its split was removed; split it again", self.out)
 
 
 class _RaisedInWorker(Exception):
@@ -233,22 +304,6 @@ def finish_dataset(
     return manifest
 
 
-def _restore_removed(out: Path, spec: DatasetSpec, progress: Progress, overwrite: bool) -> None:
-    """Write the scenario file again if it was removed during the run, as by a controller.
-
-    Raises:
-        RecordError: an episode was removed.
-    """
-    if spec.settings is not None and not (out / SCENARIO).is_file():
-        write_json(out / SCENARIO, spec.settings)
-    removed = sum(not (out / entry.name).is_file() for entry in progress.kept)
-    if removed:
-        raise RecordError(
-            f"{removed} of {spec.episodes} episodes in {out} were removed while it was generated; "
-            f"{how_to_continue(overwrite=overwrite)}"
-        )
-
-
 def _in_fixed_order(keep: str | Sequence[str]) -> tuple[Status, ...]:
     """The outcomes to keep, without repetitions and in the order of `Status`."""
     keep = (keep,) if isinstance(keep, str) else keep
@@ -270,10 +325,10 @@ def _run_episodes(job: Job, progress: Progress, workers: Workers, advance: Advan
     """Run pending episodes until the progress is finished."""
     missing = job.spec.episodes - len(progress.kept)
     results = unordered_map(
-        partial(_episode_runner, job),
+        partial(episode_runner, job),
         progress.pending(),
         workers=workers,
-        is_last=_is_failure,
+        is_last=is_failure,
         total=None if job.spec.keep and missing > 1 else missing,
         writes=job.out,
     )
@@ -286,86 +341,22 @@ def _run_episodes(job: Job, progress: Progress, workers: Workers, advance: Advan
                 return
 
 
-def _episode_runner(job: Job) -> Callable[[int], EpisodeResult]:
-    """A function that runs an episode by number; all its episodes share one controller."""
-    process = os.getpid()
-    controller = job.source.create()
-    end_if_forked(process)
-    return partial(_run_episode, replace(job, process=process), controller)
-
-
-class _ForkGuard:
-    """An observer that ends copies of the process which the controller has forked, in the tick in which it did.
-
-    Args:
-        process: id of the process that runs the batch.
-    """
-
-    def __init__(self, process: int) -> None:
-        self._process = process
-
-    def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
-        end_if_forked(self._process)
-
-    def note(self, frame: Frame) -> None:
-        end_if_forked(self._process)
-
-    def close(self, last: Snapshot, outcome: Outcome) -> None:
-        end_if_forked(self._process)
-
-
-def _is_failure(result: EpisodeResult) -> bool:
-    return isinstance(result, FailedEpisode)
-
-
-def _run_episode(job: Job, controller: Controller, episode: int) -> EpisodeResult:
-    """Run one episode and write its file if its outcome is kept."""
-    spec = job.spec
-    recorder = EpisodeRecorder(id=f"{episode:06d}", context=job.scenario.context)
-    try:
-        scene = generate(job.scenario, spec.seed, episode)
-        run = Episode(
-            scene,
-            controller,
-            observers=[_ForkGuard(job.process), recorder],
-            controller_info=spec.controller_info,
-            renderer=renderer_for(controller),
-        )
-        status = run.run().status
-        logger.info("episode %d: %s after %d frames", episode, status, len(run.past))
-        if spec.keep and status not in spec.keep:
-            return ExcludedEpisode(episode, status)
-        return store_episode(job.out, spec, episode, recorder)
-    except BaseException as error:
-        interruption.reraise(error)
-        # not the class itself, which a controller may have defined where pickle cannot find it
-        kind = next((one for one in _FAILURES if isinstance(error, one)), ControllerError)
-        partial_file = _store_partial(job, recorder, episode)
-        return FailedEpisode(episode, kind, _message(error), partial_file, "".join(traceback.format_exception(error)))
-
-
-def _store_partial(job: Job, recorder: EpisodeRecorder, episode: int) -> str | None:
-    """Write the frames of a failed episode for debugging, and return the file's name; None if there are none."""
-    try:
-        return store_episode(job.out / FAILED, job.spec, episode, recorder).name
-    except RecordError:
-        return None
-
-
-def _message(error: BaseException) -> str:
-    """The error on one line; for an error of the code of others also its class and its innermost place there."""
-    notes = getattr(error, "__notes__", [])
-    if isinstance(error, Sonata2dError):
-        return "; ".join([one_line(text_of(error) or type(error).__name__, 1000), *notes])
-    text = "; ".join([described(error), *notes])
-    places = traceback.extract_tb(error.__traceback__)
-    libraries = {_PACKAGE_FOLDER, *(Path(path) for path in sysconfig.get_paths().values())}
-    foreign = [
-        place
-        for place in places
-        if place.filename != "<string>" and libraries.isdisjoint(Path(place.filename).resolve().parents)
-    ]
-    return f"{text} ({Path(foreign[-1].filename).name}, line {foreign[-1].lineno})" if foreign else text
+def _run_shards(job: Job, progress: ShardProgress, workers: Workers, advance: Advance) -> None:
+    """Generate pending shards until the progress is finished."""
+    missing = None if job.spec.keep else shard_count(job.spec) - len(progress.shards)
+    results = unordered_map(
+        partial(shard_runner, job),
+        progress.pending(),
+        workers=workers,
+        is_last=is_failure,
+        total=missing,
+        writes=job.out,
+    )
+    with closing(results):
+        for result in results:
+            advance(progress.add(result))
+            if progress.is_finished:
+                return
 
 
 def _failure_message(failure: FailedEpisode, out: Path, spec: DatasetSpec) -> str:
@@ -380,11 +371,11 @@ def how_to_continue(*, overwrite: bool) -> str:
     return "continue with the same command and --resume" + (" in place of --overwrite" if overwrite else "")
 
 
-def _how_to_go_on(out: Path, spec: DatasetSpec, progress: Progress, overwrite: bool) -> str:
+def _how_to_go_on(out: Path, spec: DatasetSpec, kept: int, overwrite: bool) -> str:
     """What to do after a failure."""
     # with `keep`, kept episodes after the failed one do not count yet
-    stored = len(progress.kept) if spec.keep else len(episode_numbers(out, spec))
-    if not episode_numbers(out, spec):
+    stored = kept if spec.keep or spec.shard_size else len(episode_numbers(out, spec))
+    if not stored and not has_episodes(out):
         return f"no episode is complete in {out}, correct the cause and run the same command again"
     text = f"{stored} of {spec.episodes} episodes are complete in {out}, {how_to_continue(overwrite=overwrite)}"
     return f"{text}, or with --overwrite if you change the controller's code" if spec.controller_sha256 else text
@@ -410,6 +401,22 @@ def _finished_listed(out: Path, spec: DatasetSpec, progress: Progress) -> Iterat
             if entries:
                 manifest = manifest_of(spec, entries, complete=False, left_out=progress.left_out)
                 write_manifest_and_card(out, manifest)
+        raise
+
+
+@contextmanager
+def _shards_listed(out: Path, spec: DatasetSpec, progress: ShardProgress) -> Iterator[None]:
+    """If the run is interrupted, list the finished shards in the manifest, so that other commands see them."""
+    process = os.getpid()
+    try:
+        yield
+    except BaseException:
+        if os.getpid() == process:  # and not in a copy of the process, forked by the controller
+            with suppress(OSError, Sonata2dError):  # the reason of the interruption is more important
+                remove_partial_files(out)
+                rows = [shard.row for shard in progress.shards if (out / shard.row["name"]).is_file()]
+                if rows:
+                    write_manifest_and_card(out, sharded_manifest_of(out, spec, rows, complete=False))
         raise
 
 

@@ -7,11 +7,11 @@ import os
 import shutil
 import warnings
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex, overload
 from uuid import uuid4
 
 import orjson
@@ -22,15 +22,17 @@ from ..core.whole_file import TEMPORARY_PREFIX
 from ..core.wording import shown
 from ..errors import DatasetWarning, NewerFormatError, RecordError
 from ..record.canonical import parse_header, to_json_value
-from ..record.files import SUFFIXES, compress, file_stem, read_bytes, read_stored, write_atomically
+from ..record.files import SUFFIXES, compress, file_exists, file_stem, read_bytes, read_stored, write_atomically
 from ..record.layout import JsonDict, software_versions
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.recorder import EpisodeRecorder
+from ..record.shard_file import is_member, is_shard, members_of, shard_manifest_path
 from ..version import PHYSICS_VERSION
-from .manifest_models import Manifest, ManifestFile
+from .manifest_models import Manifest, ManifestFile, Shard, ShardedManifest
+from .shards import ShardRows, stored_form, with_rows
 
-DATASET_FORMAT, DATASET_VERSION = "sonata2d-dataset", 1
+DATASET_FORMAT, DATASET_VERSION, SHARDED_VERSION = "sonata2d-dataset", 1, 2
 MANIFEST, SCENARIO, CARD = "manifest.json", "scenario.json", "README.md"
 LOCK = f"{TEMPORARY_PREFIX}lock"  # held while a data set is generated
 CROISSANT, FIGURES = "croissant.json", "card.png"  # written by `sonata2d card`
@@ -58,6 +60,7 @@ class DatasetSpec:
         suffix: file suffix: `.json`, `.json.gz` or `.json.zst`.
         keep: outcomes that are kept; empty: all.
         controller_sha256: hashes of the controller's source, see `agents.controllers.loading.source_hashes`.
+        shard_size: number of episode numbers that each shard covers; None: the data set is a folder of files.
     """
 
     name: str
@@ -68,6 +71,7 @@ class DatasetSpec:
     suffix: str = ".json"
     keep: tuple[Status, ...] = ()
     controller_sha256: Mapping[str, str] = field(default_factory=dict)
+    shard_size: int | None = None
 
     def file_name(self, episode: int) -> str:
         """`{episode:06d}` and the suffix."""
@@ -87,14 +91,17 @@ class ManifestEntry:
     ticks: int
     contacts: dict[str, dict[str, int]] | None = None
     commands_beyond_limits: dict[str, dict[str, float]] | None = None
+    offset: int | None = None
 
     def row(self) -> JsonDict:
         """The row as JSON, without the keys whose values are unknown."""
         return {key: value for key, value in asdict(self).items() if value is not None}
 
 
-def files_of(path: Path) -> list[Path]:
+def files_of(path: Path) -> Sequence[Path]:
     """Episode files at a path: the file itself, the files listed in its manifest, or else the JSON files of the folder.
+
+    Files in shards are paths such as `demo/shard-000000.tar/000007.json`.
 
     Raises:
         RecordError: the path does not exist or holds no episode, or its manifest is damaged.
@@ -102,10 +109,12 @@ def files_of(path: Path) -> list[Path]:
     Warns:
         DatasetWarning: the data set is interrupted.
     """
-    if path.is_file():
-        return [path]
-    if (path / MANIFEST).exists():
+    if has_manifest(path):
         return files_in_manifest(path, read_manifest(path))
+    if is_shard(path):
+        return [path / name for name in members_of(path) if name.endswith(SUFFIXES)]
+    if path.is_file() or is_member(path):
+        return [path]
     files = sorted(
         file
         for file in path.glob("*.json*")
@@ -118,7 +127,7 @@ def files_of(path: Path) -> list[Path]:
     return files
 
 
-def files_in_manifest(folder: Path, manifest: JsonDict) -> list[Path]:
+def files_in_manifest(folder: Path, manifest: JsonDict) -> Sequence[Path]:
     """The episode files that a manifest lists.
 
     Raises:
@@ -127,13 +136,25 @@ def files_in_manifest(folder: Path, manifest: JsonDict) -> list[Path]:
     Warns:
         DatasetWarning: the data set is interrupted.
     """
-    names = [entry["name"] for entry in manifest["files"]]
-    first = names[:_FIRST]
-    if len(names) > _FIRST and not any((folder / name).exists() for name in first):
-        raise RecordError(f"{folder}: {MANIFEST} lists {len(names)} files, but {first[0]} to {first[-1]} are missing")
-    if names:  # without any, the caller says more
+    rows = manifest["files"]
+    if rows:  # without any, the caller says more
         warn_if_incomplete(folder, manifest)
-    return [folder / name for name in names]
+    if isinstance(rows, ShardRows):
+        return ListedPaths(folder, rows)
+    first = [row["name"] for row in rows[:_FIRST]]
+    if len(rows) > _FIRST and not any(file_exists(folder / name) for name in first):
+        raise RecordError(f"{folder}: {MANIFEST} lists {len(rows)} files, but {first[0]} to {first[-1]} are missing")
+    return [folder / row["name"] for row in rows]
+
+
+def manifest_path(folder: Path) -> Path:
+    """Where the manifest of a data set, or of a shard, is stored."""
+    return shard_manifest_path(folder) if is_shard(folder) else folder / MANIFEST
+
+
+def has_manifest(folder: Path) -> bool:
+    """Whether a path is that of a data set, or of a shard with its manifest."""
+    return manifest_path(folder).exists()
 
 
 def read_manifest(folder: Path) -> JsonDict:
@@ -151,9 +172,9 @@ def read_stored_manifest(folder: Path) -> JsonDict:
     Raises:
         RecordError: as `read_manifest`.
     """
-    path = folder / MANIFEST
+    path = manifest_path(folder)
     if not path.exists():
-        raise RecordError(f"{folder} is not a data set: it has no {MANIFEST}; name one of its episode files")
+        raise RecordError(f"{folder} is not a data set: it has no {path.name}; name one of its episode files")
     try:
         manifest = orjson.loads(read_bytes(path))
     except orjson.JSONDecodeError as error:
@@ -161,15 +182,15 @@ def read_stored_manifest(folder: Path) -> JsonDict:
     if not isinstance(manifest, dict) or manifest.get("format") != DATASET_FORMAT:
         raise RecordError(f"{path} is not a {DATASET_FORMAT} manifest")
     version = manifest.get("version")
-    if not isinstance(version, int) or not 1 <= version <= DATASET_VERSION:
+    if not isinstance(version, int) or not 1 <= version <= SHARDED_VERSION:
         raise RecordError(
-            f"{path} was written by version {shown(version)}, this sonata2d reads up to {DATASET_VERSION};"
+            f"{path} was written by version {shown(version)}, this sonata2d reads up to {SHARDED_VERSION};"
             " upgrade sonata2d"
         )
     fault = _first_fault(manifest)
     if fault is not None:
         raise RecordError(f"{path} is not a valid manifest: {fault}")
-    return manifest
+    return with_rows(manifest, folder, read_stored_manifest) if version == SHARDED_VERSION else manifest
 
 
 def _first_fault(manifest: JsonDict) -> str | None:
@@ -183,7 +204,8 @@ def _first_fault(manifest: JsonDict) -> str | None:
     start = 0
     is_long = isinstance(rows, list) and len(rows) > _BLOCK
     try:
-        Manifest.model_validate_json(orjson.dumps(manifest | {"files": []} if is_long else manifest))
+        model = ShardedManifest if manifest["version"] == SHARDED_VERSION else Manifest
+        model.model_validate_json(orjson.dumps(manifest | {"files": []} if is_long else manifest))
         adapter = TypeAdapter(list[ManifestFile])
         for start in range(0, len(rows), _BLOCK) if is_long else ():
             adapter.validate_json(orjson.dumps(rows[start : start + _BLOCK]))
@@ -230,7 +252,40 @@ def write_json(path: Path, document: JsonDict) -> None:
 
 def json_bytes(document: JsonDict) -> bytes:
     """A document as `write_json` writes it."""
-    return orjson.dumps(document, option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)
+    return orjson.dumps(stored_form(document), option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)
+
+
+class ListedPaths(Sequence[Path]):
+    """The paths of files that a manifest lists, made when they are needed.
+
+    Args:
+        folder: of the data set.
+        rows: of the files.
+    """
+
+    def __init__(self, folder: Path, rows: Sequence[JsonDict]) -> None:
+        self._folder, self._rows = folder, rows
+
+    def __len__(self) -> int:
+        """Number of files."""
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> Path: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Path]: ...
+
+    def __getitem__(self, index: SupportsIndex | slice) -> Path | list[Path]:
+        """The path of a file, or of several."""
+        if isinstance(index, slice):
+            return [self._folder / row["name"] for row in self._rows[index]]
+        path: Path = self._folder / self._rows[index.__index__()]["name"]
+        return path
+
+    def __iter__(self) -> Iterator[Path]:
+        """The paths in the order of the manifest."""
+        return (self._folder / row["name"] for row in self._rows)
 
 
 def manifest_entry(record: EpisodeRecord) -> ManifestEntry:
@@ -255,8 +310,9 @@ def manifest_of(
     complete: bool,
     left_out: Mapping[str, int] | None = None,
     split: Mapping[str, list[str]] | None = None,
+    shard: JsonDict | None = None,
 ) -> JsonDict:
-    """The manifest of a generated data set.
+    """The manifest of a generated data set, or of a shard of one.
 
     Args:
         spec: specification of the data set.
@@ -264,6 +320,7 @@ def manifest_of(
         complete: whether all requested episodes are present.
         left_out: number of episodes not kept before the last listed one, by outcome; only with `keep`.
         split: file names by part.
+        shard: of a shard, see `ShardContent`.
     """
     rows = [entry.row() for entry in entries]
     exclusions = {"left_out": dict(sorted((left_out or {}).items()))} if spec.keep else {}
@@ -277,10 +334,43 @@ def manifest_of(
         "complete": complete,
         "counts": {key: dict(sorted(Counter(row[key] for row in rows).items())) for key in ("outcome", "family")},
         **exclusions,
+        **({} if shard is None else {"shard": shard}),
         "split": None if split is None else dict(split),
         "files": rows,
         "software": software_versions(),
     }
+
+
+def sharded_manifest_of(
+    folder: Path, spec: DatasetSpec, shards: Sequence[JsonDict], *, complete: bool, split: JsonDict | None = None
+) -> JsonDict:
+    """The manifest of a generated data set in shards.
+
+    Args:
+        folder: of the data set.
+        spec: specification of the data set.
+        shards: results by shard, with the keys of its row, `counts`, and with `keep` also `left_out`.
+        complete: whether all requested episodes are present.
+        split: number of episodes by part.
+    """
+    counts = {key: Counter[str]() for key in ("outcome", "family")}
+    left_out = Counter[str]()
+    for shard in shards:
+        for key, counter in counts.items():
+            counter.update(shard["counts"][key])
+        left_out.update(shard.get("left_out", {}))
+    manifest = manifest_of(spec, (), complete=complete, left_out=left_out)
+    software = manifest.pop("software")
+    del manifest["files"]
+    manifest |= {
+        "version": SHARDED_VERSION,
+        "counts": {key: dict(sorted(counter.items())) for key, counter in counts.items()},
+        "shard_size": spec.shard_size,
+        "split": split,
+        "shards": [{key: shard[key] for key in Shard.model_fields} for shard in shards],
+        "software": software,
+    }
+    return with_rows(manifest, folder, read_stored_manifest)
 
 
 @contextmanager
@@ -328,12 +418,18 @@ def warn_if_incomplete(folder: Path, manifest: JsonDict) -> None:
 
 def store_episode(folder: Path, spec: DatasetSpec, episode: int, recorder: EpisodeRecorder) -> ManifestEntry:
     """Write a recorded episode to its file and return the manifest row."""
+    entry, data = packed_episode(spec, episode, recorder)
+    write_atomically(folder / entry.name, data)
+    return entry
+
+
+def packed_episode(spec: DatasetSpec, episode: int, recorder: EpisodeRecorder) -> tuple[ManifestEntry, bytes]:
+    """The manifest row and the stored bytes of a recorded episode."""
     document = recorder.document()
-    path, header = folder / spec.file_name(episode), parse_header(document)
-    data, outcome = compress(document, path), header["outcome"]
-    write_atomically(path, data)
-    return ManifestEntry(
-        path.name,
+    name, header = spec.file_name(episode), parse_header(document)
+    data, outcome = compress(document, Path(name)), header["outcome"]
+    entry = ManifestEntry(
+        name,
         _sha256(data),
         len(data),
         header["episode"],
@@ -342,6 +438,7 @@ def store_episode(folder: Path, spec: DatasetSpec, episode: int, recorder: Episo
         outcome["tick"],
         **recorder.counts(),
     )
+    return entry, data
 
 
 def existing_episodes(
@@ -368,7 +465,7 @@ def existing_episodes(
         path = folder / spec.file_name(episode)
         try:
             record = read_episode(path)
-            _require_episode_of(record, spec, episode)
+            require_episode_of(record, spec, episode)
             entry = manifest_entry(record)
             if listed.get(path.name, entry.sha256) != entry.sha256:
                 raise RecordError(f"{path} was changed since it was generated")
@@ -405,7 +502,7 @@ def identity_of(spec: DatasetSpec) -> JsonDict:
     return {key: to_json_value(value, f"{key} of the data set", exact=True) for key, value in identity.items()}
 
 
-def _require_episode_of(record: EpisodeRecord, spec: DatasetSpec, episode: int) -> None:
+def require_episode_of(record: EpisodeRecord, spec: DatasetSpec, episode: int) -> None:
     """Raise RecordError unless the specification produces this episode and it ran to its end."""
     expected = {**identity_of(spec), "episode": episode, "physics": PHYSICS_VERSION, "id": file_stem(record.path)}
     for key, value in expected.items():

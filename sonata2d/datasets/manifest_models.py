@@ -78,6 +78,7 @@ class ManifestFile(Part):
     )
     contributor: str | None = Field(default=None, description="name of the driver; collected runs only")
     seed: int | None = Field(default=None, description="seed of the scene; collected runs only")
+    offset: Count | None = Field(default=None, description="where the file begins in its shard, bytes; shards only")
 
 
 class Source(Part):
@@ -93,7 +94,8 @@ class Source(Part):
     left_out: dict[str, Count] | None = Field(default=None, description="as in a manifest")
     controller: Controller | None
     controller_sha256: dict[str, str] | None = Field(default=None, description="as in a manifest")
-    files: ListOf[FileName]
+    files: ListOf[FileName] = Field(default_factory=list, description="absent if there are `shards`")
+    shards: ListOf[FileName] | None = Field(default=None, description="names of the shards with its episodes")
 
 
 class Counts(Part):
@@ -104,11 +106,32 @@ class Counts(Part):
     contributor: dict[str, Count] | None = Field(default=None, description="collected runs only")
 
 
-class Manifest(Part):
-    """Contents of a data set: `manifest.json`."""
+class ShardContent(Part):
+    """The shard that a manifest describes, a tar file."""
+
+    first: Count = Field(description="number of the first episode that can be in the shard")
+    stop: Count = Field(description="number after that of the last episode that can be in the shard")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the tar file")
+    bytes: Count = Field(description="size of the tar file")
+    left_out: ListOf[tuple[Count, str]] | None = Field(
+        default=None, description="number and outcome of each episode that is not kept; only with `keep`"
+    )
+
+
+class Shard(Part):
+    """A shard of a data set."""
+
+    name: FileName = Field(description="name of the tar file; the manifest beside it ends in `.manifest.json`")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the tar file")
+    bytes: Count = Field(description="size of the tar file")
+    episodes: Count = Field(description="number of episodes in it")
+    ticks: Count = Field(description="number of their frames")
+
+
+class DataSet(Part):
+    """What both kinds of manifests say of a data set."""
 
     format: Literal["sonata2d-dataset"]
-    version: Literal[1]
     mirrored: bool = Field(
         default=False, description="whether the episodes are mirror images of those that settings and seed produce"
     )
@@ -131,9 +154,27 @@ class Manifest(Part):
     left_out: dict[str, Count] | None = Field(
         default=None, description="number of episodes not kept before the last listed one, by outcome; only with `keep`"
     )
+    sources: ListOf[Source] | None = Field(default=None, description="the data sets that were merged")
+    software: Software
+
+
+class Manifest(DataSet):
+    """Contents of a data set, `manifest.json`; or of a shard, in the file beside it."""
+
+    version: Literal[1]
+    shard: ShardContent | None = Field(default=None, description="only beside a shard, whose episodes are listed")
     split: dict[str, ListOf[FileName]] | None = Field(
         description="file names by part: train, dev, test; null: the data set is not split"
     )
-    sources: ListOf[Source] | None = Field(default=None, description="the data sets that were merged")
     files: ListOf[ManifestFile]
-    software: Software
+
+
+class ShardedManifest(DataSet):
+    """Contents of a data set in shards, `manifest.json`: tar files, beside each of which lies its own manifest."""
+
+    version: Literal[2]
+    shard_size: int = Field(gt=0, description="number of episode numbers that a shard covers")
+    split: dict[str, Count] | None = Field(
+        description="number of episodes by part; the manifests of the shards list them. null: the data set is not split"
+    )
+    shards: ListOf[Shard]

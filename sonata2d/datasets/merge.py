@@ -4,16 +4,28 @@ from __future__ import annotations
 
 import hashlib
 import os
+from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from ..core.notebook import Advance
 from ..errors import RecordError
 from ..record.files import read_bytes, safe_text, write_atomically
 from ..record.layout import JsonDict, software_versions
-from .card import licence_of, write_manifest_and_card
-from .manifest import DATASET_FORMAT, DATASET_VERSION, new_folder, read_listed_file, read_stored_manifest
+from ..record.shard_file import ShardWriter
+from .card import licence_of, write_manifest_and_card, write_shard_manifest
+from .manifest import (
+    DATASET_FORMAT,
+    DATASET_VERSION,
+    SHARDED_VERSION,
+    new_folder,
+    read_listed_file,
+    read_stored_manifest,
+)
+from .shards import ShardRows, part_path, shard_name, with_rows
 
 _EQUAL_KEYS = ("physics", "precision")  # manifest keys that must be equal in all sources
 _SOURCE_KEYS = (
@@ -30,9 +42,10 @@ _SOURCE_KEYS = (
 def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: Advance = lambda step: None) -> JsonDict:
     """Copy the episodes of several data sets into a new one, byte for byte.
 
-    File names get the name of their source folder as a prefix. The manifest's `sources` hold the origin of each data
-    set. Splits are not copied, because a scene may be in several sources; split the merged data set again. The licence
-    is that of the data sets, or `other` where they differ.
+    Names of files, or of shards, get the name of their source folder as a prefix. If one of the data sets is in shards,
+    the new one is, too: shards are copied, and files are put into new ones. The manifest's `sources` hold the origin of
+    each data set. Splits are not copied, because a scene may be in several sources; split the merged data set again.
+    The licence is that of the data sets, or `other` where they differ.
 
     Args:
         folders: complete data sets.
@@ -50,29 +63,115 @@ def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: A
     manifests = [read_stored_manifest(path) for path in paths]
     _require_mergeable(paths, manifests)
     prefixes = _prefixes(paths)
-    rows: list[JsonDict] = []
+    sizes = [manifest["shard_size"] for manifest in manifests if "shards" in manifest]
     with new_folder(Path(out)) as work:
-        for path, prefix, manifest in zip(paths, prefixes, manifests, strict=True):
-            for row in manifest["files"]:
-                name = f"{prefix}__{row['name']}"
-                write_atomically(work / name, read_listed_file(path, row))
-                rows.append(row | {"name": name})
-                advance(1)
+        if sizes:
+            copies = [
+                _copied_shards(path, prefix, manifest, work, max(sizes), advance)
+                for path, prefix, manifest in zip(paths, prefixes, manifests, strict=True)
+            ]
+        else:
+            copies = [
+                _copied_files(path, prefix, manifest, work, advance)
+                for path, prefix, manifest in zip(paths, prefixes, manifests, strict=True)
+            ]
         sources = [
             source
-            for prefix, manifest in zip(prefixes, manifests, strict=True)
-            for source in _sources(prefix, manifest)
+            for prefix, manifest, rows in zip(prefixes, manifests, copies, strict=True)
+            for source in _sources(prefix, manifest, rows if sizes else None)
         ]
-        merged = _merged_manifest(manifests[0], rows, sources)
+        rows = [row for own in copies for row in own]
+        merged = _merged_manifest(manifests[0], ShardRows(work, rows, read_stored_manifest) if sizes else rows, sources)
+        if sizes:
+            merged |= {"version": SHARDED_VERSION, "shard_size": max(sizes), "shards": rows}
+            merged = with_rows(merged, work, read_stored_manifest)
         licences = {licence_of(path) for path in paths}
         write_manifest_and_card(work, merged, licence=licences.pop() if len(licences) == 1 else "other")
-    return merged
+    return read_stored_manifest(Path(out))
+
+
+def _copied_files(path: Path, prefix: str, manifest: JsonDict, work: Path, advance: Advance) -> list[JsonDict]:
+    """Copy the files of a data set into a folder, and return their rows."""
+    rows = []
+    for row in manifest["files"]:
+        name = f"{prefix}__{row['name']}"
+        write_atomically(work / name, read_listed_file(path, row))
+        rows.append(row | {"name": name})
+        advance(1)
+    return rows
+
+
+def _copied_shards(
+    path: Path, prefix: str, manifest: JsonDict, work: Path, size: int, advance: Advance
+) -> list[JsonDict]:
+    """Copy the shards of a data set into a folder, or its files into new shards, and return the rows of the shards.
+
+    Args:
+        path: of the data set.
+        prefix: of the names of the shards.
+        manifest: of the data set.
+        work: the folder.
+        size: number of files in a new shard.
+        advance: progress callback.
+    """
+    if "shards" in manifest:
+        contents = [(shard["name"], manifest["files"].manifest_of(shard)) for shard in manifest["shards"]]
+        parents = [path / name for name, _ in contents]
+    else:
+        contents = [*_blocks(manifest, size)]
+        parents = [path] * len(contents)
+    shards = []
+    for (name, own), parent in zip(contents, parents, strict=True):
+        shard, rows = work / f"{prefix}__{name}", []
+        with ShardWriter(shard, part_path(shard)) as writer:
+            for row in own["files"]:
+                offset = writer.add(row["name"], read_listed_file(parent, row))
+                rows.append(row | {"offset": offset})
+                advance(1)
+            file = {"sha256": writer.finish(), "bytes": writer.size}
+        write_shard_manifest(shard, own | {"shard": own["shard"] | file, "files": rows, "split": None})
+        ticks = sum(row["ticks"] for row in rows)
+        shards.append({"name": shard.name, **file, "episodes": len(rows), "ticks": ticks})
+    return shards
+
+
+def _blocks(manifest: JsonDict, size: int) -> Iterator[tuple[str, JsonDict]]:
+    """Names and manifests of the shards into which the files of a data set are put, those of each source apart."""
+    rows = {row["name"]: row for row in manifest["files"]}
+    for source in manifest.get("sources") or [{"files": list(rows)}]:
+        names = source["files"]
+        for first in range(0, len(names), size):
+            own = [rows[name] for name in names[first : first + size]]
+            part = {key: value for key, value in manifest.items() if key not in ("left_out", "sources", "mirrored")}
+            if manifest.get("sources"):
+                part |= {key: source[key] for key in _SOURCE_KEYS if key in source} | {"name": source["scenario"]}
+                part.pop("left_out", None)
+            if source.get("mirrored", manifest.get("mirrored")):
+                part["mirrored"] = True
+            if part.get("keep"):
+                part["left_out"] = {}
+            part["counts"] = {
+                key: dict(sorted(Counter(row[key] for row in own).items())) for key in ("outcome", "family")
+            }
+            name = shard_name(first // size)
+            if "name" in source:
+                name = f"{source['name']}__{name}"
+            yield (
+                name,
+                part
+                | {
+                    "episodes": len(own),
+                    "collected": bool(manifest.get("collected")),
+                    "files": own,
+                    "shard": {"first": first, "stop": first + len(own)},
+                },
+            )
 
 
 def _require_mergeable(paths: Sequence[Path], manifests: Sequence[JsonDict]) -> None:
     if len(paths) < 2:
         raise RecordError(f"merging needs two or more data sets, got {len(paths)}")
-    path_of_hash: dict[str, Path] = {}
+    digests = array("Q")  # of the episodes: the first eight bytes of each
     for path, manifest in zip(paths, manifests, strict=True):
         if not manifest["complete"]:
             raise RecordError(f"{path} is not complete; resume its generation with --resume first")
@@ -81,13 +180,23 @@ def _require_mergeable(paths: Sequence[Path], manifests: Sequence[JsonDict]) -> 
                 raise RecordError(
                     f"{path} has {key} {manifest[key]} but {paths[0]} has {manifests[0][key]}; they cannot be merged"
                 )
+        digests.extend(int.from_bytes(_digest(path / row["name"])[:8]) for row in manifest["files"])
+    numbers, counts = np.unique(np.frombuffer(digests, dtype=np.uint64), return_counts=True)
+    repeated = set(numbers[counts > 1].tolist())
+    path_of: dict[bytes, Path] = {}
+    for path, manifest in zip(paths, manifests, strict=True) if repeated else ():
         for row in manifest["files"]:
             file = path / row["name"]
-            # The unpacked document without its software block identifies an episode under any compression.
-            digest = hashlib.sha256(read_bytes(file).rpartition(b'"software"')[0]).hexdigest()
-            if digest in path_of_hash:
-                raise RecordError(f"{file} is the same episode as {path_of_hash[digest]}; omit one of the data sets")
-            path_of_hash[digest] = file
+            digest = _digest(file)
+            if int.from_bytes(digest[:8]) in repeated:
+                if digest in path_of:
+                    raise RecordError(f"{file} is the same episode as {path_of[digest]}; omit one of the data sets")
+                path_of[digest] = file
+
+
+def _digest(file: Path) -> bytes:
+    """SHA-256 of an episode under any compression: of its unpacked document without the software block."""
+    return hashlib.sha256(read_bytes(file).rpartition(b'"software"')[0]).digest()
 
 
 def _prefixes(paths: Sequence[Path]) -> list[str]:
@@ -101,21 +210,45 @@ def _prefixes(paths: Sequence[Path]) -> list[str]:
     return prefixes
 
 
-def _sources(prefix: str, manifest: JsonDict) -> list[JsonDict]:
-    """The entries in `sources` for a data set; a merged data set passes on its own sources."""
+def _sources(prefix: str, manifest: JsonDict, shards: Sequence[JsonDict] | None) -> list[JsonDict]:
+    """The entries in `sources` for a data set; a merged data set passes on its own sources.
+
+    Args:
+        prefix: of the names of its files or shards.
+        manifest: of the data set.
+        shards: rows of its shards in the merged data set; None: it has files.
+    """
     if manifest.get("sources"):
         return [
-            source | {"name": f"{prefix}__{source['name']}", "files": [f"{prefix}__{file}" for file in source["files"]]}
+            source
+            | {"name": f"{prefix}__{source['name']}"}
+            | (
+                {"files": [f"{prefix}__{file}" for file in source["files"]]}
+                if shards is None
+                else {"shards": [shard["name"] for shard in shards if _is_of(shard["name"], prefix, source)]}
+            )
             for source in manifest["sources"]
         ]
     source: JsonDict = {"name": prefix} | ({"mirrored": True} if manifest.get("mirrored") else {})
     source |= {"scenario": manifest["name"], **{key: manifest[key] for key in _SOURCE_KEYS if key in manifest}}
+    if shards is not None:
+        return [source | {"shards": [shard["name"] for shard in shards]}]
     return [source | {"files": [f"{prefix}__{row['name']}" for row in manifest["files"]]}]
 
 
-def _merged_manifest(first: JsonDict, rows: list[JsonDict], sources: list[JsonDict]) -> JsonDict:
-    counted = ["outcome", "family"] + ["contributor"] * any(row.get("contributor") is not None for row in rows)
-    counts = {key: Counter(row[key] for row in rows if row.get(key) is not None) for key in counted}
+def _is_of(shard: str, prefix: str, source: JsonDict) -> bool:
+    """Whether a copied shard holds episodes of a source of the data set that it is copied from."""
+    name = shard.removeprefix(f"{prefix}__")
+    return name in source["shards"] if source.get("shards") else name.startswith(f"{source['name']}__")
+
+
+def _merged_manifest(first: JsonDict, rows: Sequence[JsonDict], sources: list[JsonDict]) -> JsonDict:
+    counted = {"outcome": Counter[str](), "family": Counter[str](), "contributor": Counter[str]()}
+    for row in rows:
+        for key, counter in counted.items():
+            if row.get(key) is not None:
+                counter[row[key]] += 1
+    counts = {key: dict(sorted(counter.items())) for key, counter in counted.items() if counter or key != "contributor"}
     return {
         "format": DATASET_FORMAT,
         "version": DATASET_VERSION,
@@ -126,7 +259,7 @@ def _merged_manifest(first: JsonDict, rows: list[JsonDict], sources: list[JsonDi
         "controller": None,
         **{key: first[key] for key in _EQUAL_KEYS},
         "complete": True,
-        "counts": {key: dict(sorted(count.items())) for key, count in counts.items()},
+        "counts": counts,
         "split": None,
         "sources": sources,
         "files": rows,

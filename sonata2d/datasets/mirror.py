@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +25,14 @@ from ..record.files import compress, file_stem, file_suffix, read_stored, write_
 from ..record.layout import JsonDict
 from ..record.reader import read_episode, record_from_document
 from ..record.record import EpisodeRecord, wrap_read_errors
-from .card import licence_of, write_manifest_and_card
+from ..record.shard_file import ShardWriter
+from .card import licence_of, write_manifest_and_card, write_shard_manifest
+from .executors import Workers, parallel_map, shared_workers
 from .manifest import SCENARIO, new_folder, read_listed_file, read_stored_manifest, warn_if_incomplete
 from .motion import HEAD, OMEGA, THETA, VY, Y
+from .processes import end_if_unguarded
+from .shards import ShardRows, part_path
+from .tasks import stop_if_over
 
 MARK = "-mirror"  # suffix of the id and the file name of a mirrored episode
 LabelImage = Callable[[Any], Any]
@@ -79,14 +86,22 @@ def mirror_file(path: str | Path, out: str | Path, *, label: LabelImage | None =
 
 
 def mirror_dataset(
-    folder: str | Path, out: str | Path, *, label: LabelImage | None = None, advance: Advance = lambda step: None
+    folder: str | Path,
+    out: str | Path,
+    *,
+    label: LabelImage | None = None,
+    workers: int | Executor | Workers = 1,
+    advance: Advance = lambda step: None,
 ) -> JsonDict:
     """Mirror every episode of a data set into a new one; ratings are not copied, because they refer to the originals.
+
+    A data set in shards is mirrored shard by shard.
 
     Args:
         folder: folder of the data set.
         out: a new folder; it appears only when it is complete.
         label: as in `mirror_file`.
+        workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`.
         advance: progress callback; its argument is the number of episodes mirrored.
 
     Returns:
@@ -94,24 +109,33 @@ def mirror_dataset(
 
     Raises:
         RecordError: the data set is damaged, the folder cannot be written, or as `mirror_file`.
+        WorkerError: a worker crashed, was killed, or has other software.
     """
+    end_if_unguarded()
     folder, out = Path(folder), Path(out)
     manifest = read_stored_manifest(folder)
     warn_if_incomplete(folder, manifest)
-    names = {row["name"]: mirror_name(row["name"]) for row in manifest["files"]}
-    if len(set(names.values())) < len(names):
-        raise RecordError(f"{folder}: mirrored files would share a name; rename the files ending in {MARK}")
-    with new_folder(out) as work:
-        rows = []
-        for row in manifest["files"]:
-            read_listed_file(folder, row)
-            rows.append(row | _store_image(folder / row["name"], work, label))
-            advance(1)
+    with shared_workers(workers) as pool, new_folder(out) as work:
+        if not pool.is_local:
+            folder, work = folder.absolute(), work.absolute()
+        if "shards" in manifest:
+            mirror_one = partial(_mirrored_shard, folder, work, label)
+            rows = []
+            for row in parallel_map(mirror_one, manifest["shards"], workers=pool, reads=folder, writes=work):
+                rows.append(row)
+                advance(row["episodes"])
+            image = _sharded_image(manifest, rows, work)
+        else:
+            names = _image_names(folder, manifest)
+            rows, store = [], partial(_listed_image, folder, work, label)
+            for row in parallel_map(store, manifest["files"], workers=pool, reads=folder, writes=work):
+                rows.append(row)
+                advance(1)
+            image = _manifest_image(manifest, rows, names)
         if (folder / SCENARIO).is_file():
             write_atomically(work / SCENARIO, read_stored(folder / SCENARIO))
-        image = _manifest_image(manifest, rows, names)
         write_manifest_and_card(work, image, licence=licence_of(folder))
-    return image
+    return image if "shards" not in image else read_stored_manifest(out)
 
 
 def mirror_name(name: str) -> str:
@@ -167,13 +191,57 @@ def _read_image(path: Path, label: LabelImage | None) -> EpisodeRecord:
     return mirrored(record, label=label)
 
 
-def _store_image(path: Path, work: Path, label: LabelImage | None) -> JsonDict:
-    """Mirror one file into a folder and return the manifest keys that change."""
-    image = _read_image(path, label)
-    out = work / image.path.name
-    data = compress(serialise(image.document), out)
-    write_atomically(out, data)
-    return {"name": out.name, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
+def _image_names(folder: Path, manifest: JsonDict) -> dict[str, str]:
+    """The names of the mirrored files by those of the originals."""
+    names = {row["name"]: mirror_name(row["name"]) for row in manifest["files"]}
+    if len(set(names.values())) < len(names):
+        raise RecordError(f"{folder}: mirrored files would share a name; rename the files ending in {MARK}")
+    return names
+
+
+def _listed_image(folder: Path, work: Path, label: LabelImage | None, row: JsonDict) -> JsonDict:
+    """Mirror a listed file into a folder, and return its row."""
+    name, data = _packed_image(folder, label, row)
+    write_atomically(work / name, data)
+    return row | {"name": name, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
+
+
+def _packed_image(folder: Path, label: LabelImage | None, row: JsonDict) -> tuple[str, bytes]:
+    """The name and the stored bytes of the image of a listed file."""
+    read_listed_file(folder, row)
+    image = _read_image(folder / row["name"], label)
+    return image.path.name, compress(serialise(image.document), image.path)
+
+
+def _mirrored_shard(folder: Path, work: Path, label: LabelImage | None, shard: JsonDict) -> JsonDict:
+    """Mirror a shard into a folder, and return its row in the manifest of the data set."""
+    path = work / shard["name"]
+    manifest = read_stored_manifest(folder / shard["name"])
+    names, rows = _image_names(folder / shard["name"], manifest), []
+    with ShardWriter(path, part_path(path)) as writer:
+        for row in manifest["files"]:
+            stop_if_over()
+            name, data = _packed_image(folder / shard["name"], label, row)
+            sha256 = hashlib.sha256(data).hexdigest()
+            rows.append(row | {"name": name, "sha256": sha256, "bytes": len(data), "offset": writer.add(name, data)})
+        file = {"sha256": writer.finish(), "bytes": writer.size}
+    image = _manifest_image(manifest, rows, names)
+    write_shard_manifest(path, image | {"shard": manifest["shard"] | file})
+    return shard | file
+
+
+def _sharded_image(manifest: JsonDict, shards: list[JsonDict], folder: Path) -> JsonDict:
+    """The image of the manifest of a data set in shards."""
+    image = _with_mark_toggled(manifest, after="version")
+    image["controller"] = _controller_image(manifest["controller"])
+    image["shards"] = shards
+    image["files"] = ShardRows(folder, shards, read_stored_manifest)
+    if manifest.get("sources"):
+        image["sources"] = [
+            _with_mark_toggled(source, after="name") | {"controller": _controller_image(source["controller"])}
+            for source in manifest["sources"]
+        ]
+    return image
 
 
 def _manifest_image(manifest: JsonDict, rows: list[JsonDict], names: dict[str, str]) -> JsonDict:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -117,15 +117,27 @@ class Progress:
                 self.kept.append(result)
             else:
                 self.left_out[result.outcome] += 1
-                self._abort_if_rare()
+                too_few_kept(self._spec, len(self.kept), self._next, self.left_out)
 
-    def _abort_if_rare(self) -> None:
-        if self._next >= ABORT_AFTER and len(self.kept) * MAXIMUM_EPISODES_PER_KEPT < self._next:
-            others = ", ".join(f"{number} {outcome}" for outcome, number in sorted(self.left_out.items()))
-            raise RecordError(
-                f"only {len(self.kept)} of the first {self._next} episodes ended in {' or '.join(self._spec.keep)}"
-                f" ({others}); keep other outcomes, or change the controller or the scenario"
-            )
+
+def too_few_kept(spec: DatasetSpec, kept: int, run: int, left_out: Mapping[str, int]) -> None:
+    """End a run that would hardly come to its end.
+
+    Args:
+        spec: specification of the data set.
+        kept: number of episodes that are kept.
+        run: number of all episodes that were run.
+        left_out: number of the others by outcome.
+
+    Raises:
+        RecordError: fewer than 1 in 50 episodes is kept after 200 episodes.
+    """
+    if run >= ABORT_AFTER and kept * MAXIMUM_EPISODES_PER_KEPT < run:
+        others = ", ".join(f"{number} {outcome}" for outcome, number in sorted(left_out.items()))
+        raise RecordError(
+            f"only {kept} of the first {run} episodes ended in {' or '.join(spec.keep)}"
+            f" ({others}); keep other outcomes, or change the controller or the scenario"
+        )
 
 
 def append_to_log(folder: Path, **facts: Any) -> None:

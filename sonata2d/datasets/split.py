@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import hashlib
+from collections import deque
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 
 import orjson
 
 from ..core.notebook import Advance
 from ..errors import RecordError
-from ..record.layout import scene_to_json
+from ..record.layout import JsonDict, scene_to_json
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
-from .card import write_manifest_and_card
+from .card import write_manifest_and_card, write_shard_manifest
+from .executors import Workers, parallel_map, shared_workers
 from .manifest import read_listed_file, read_stored_manifest, warn_if_incomplete
 from .mirror import mirrored
+from .shards import ShardRows
 
 FRACTIONS = {"train": 0.8, "dev": 0.1, "test": 0.1}
 Split = dict[str, list[str]]  # file names by part
-Unit = tuple[str, ...]  # names of files that stay together
+Unit = tuple[int, ...]  # numbers of episodes, in the manifest, that stay together
 
 
 def split_dataset(
@@ -28,6 +33,7 @@ def split_dataset(
     *,
     seed: int = 0,
     whole_families: bool = False,
+    workers: int | Executor | Workers = 1,
     advance: Advance = lambda step: None,
 ) -> Split:
     """Split a data set by scene and scene family, and write the parts into its manifest; the metadata follow.
@@ -41,6 +47,7 @@ def split_dataset(
         fractions: relative size of each part, by name; they need not sum to 1.
         seed: seed of the assignment.
         whole_families: keep each family in one part.
+        workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`.
         advance: progress callback; its argument is the number of files read.
 
     Returns:
@@ -55,24 +62,46 @@ def split_dataset(
         raise ValueError(f"fractions must be positive, got {dict(fractions)}")
     manifest = read_stored_manifest(folder)
     warn_if_incomplete(folder, manifest)
-    families: dict[str, dict[str, list[str]]] = {}  # file names by family and scene
-    family_of_scene: dict[str, str] = {}  # a scene of several families counts for the first one
-    for row in manifest["files"]:
-        read_listed_file(folder, row)
-        scene = scene_key(read_episode(folder / row["name"]))
-        family = family_of_scene.setdefault(scene, row["family"])
-        families.setdefault(family, {}).setdefault(scene, []).append(row["name"])
-        advance(1)
+    families: dict[str, dict[bytes, list[int]]] = {}  # episodes by family and scene
+    family_of_scene: dict[bytes, str] = {}  # a scene of several families counts for the first one
+    rows = manifest["files"]
+    with shared_workers(workers) as pool:
+        place = folder if pool.is_local else folder.absolute()
+        scenes = parallel_map(partial(_listed_scene, place), rows, workers=pool, reads=place)
+        for number, (scene, row) in enumerate(zip(scenes, rows, strict=True)):
+            family = family_of_scene.setdefault(scene, row["family"])
+            families.setdefault(family, {}).setdefault(scene, []).append(number)
+            advance(1)
     units = _units(families, seed, whole_families)
     if len(units) < len(fractions):
         what = "families" if whole_families else "scenes"
         raise RecordError(f"{folder} has {len(units)} {what}, too few for {len(fractions)} parts; use fewer parts")
     part_of = assign_parts(units, fractions)
-    split: Split = {
-        part: [row["name"] for row in manifest["files"] if part_of[row["name"]] == part] for part in fractions
-    }
+    split: Split = {part: [] for part in fractions}
+    for number, row in enumerate(rows):
+        split[part_of[number]].append(row["name"])
+    if isinstance(rows, ShardRows):
+        _write_to_shards(folder, rows, split)
     write_manifest_and_card(folder, manifest | {"split": split})
     return split
+
+
+def _listed_scene(folder: Path, row: JsonDict) -> bytes:
+    """The scene of a listed file."""
+    read_listed_file(folder, row)
+    return bytes.fromhex(scene_key(read_episode(folder / row["name"])))
+
+
+def _write_to_shards(folder: Path, rows: ShardRows, split: Split) -> None:
+    """Write the names of the parts into the manifests of the shards, each those of its own episodes."""
+    waiting = {part: deque(names) for part, names in split.items()}  # in the order of the shards
+    for shard in rows.shards:
+        prefix = f"{shard['name']}/"
+        own: Split = {part: [] for part in split}
+        for part, names in waiting.items():
+            while names and names[0].startswith(prefix):
+                own[part].append(names.popleft().removeprefix(prefix))
+        write_shard_manifest(folder / shard["name"], rows.manifest_of(shard) | {"split": own})
 
 
 def scene_key(record: EpisodeRecord) -> str:
@@ -84,19 +113,19 @@ def scene_key(record: EpisodeRecord) -> str:
     return hashlib.sha256(orjson.dumps([layout["room"], layout["walls"], layout["objects"], poses, goal])).hexdigest()
 
 
-def assign_parts(units: Sequence[Unit], fractions: Mapping[str, float]) -> dict[str, str]:
+def assign_parts(units: Sequence[Unit], fractions: Mapping[str, float]) -> dict[int, str]:
     """Assign units one by one to the part that lacks the most files so far; each part gets at least one unit.
 
     Args:
-        units: names of files that stay together; at least as many units as parts.
+        units: numbers of episodes that stay together; at least as many units as parts.
         fractions: relative size of each part, by name.
 
     Returns:
-        The part of each file name.
+        The part of each episode.
     """
     total = sum(fractions.values())
     assigned, seen = dict.fromkeys(fractions, 0), 0  # number of files per part, and in total
-    part_of: dict[str, str] = {}
+    part_of: dict[int, str] = {}
     for k, unit in enumerate(units):
         seen += len(unit)
         empty = [part for part in fractions if assigned[part] == 0]
@@ -108,11 +137,12 @@ def assign_parts(units: Sequence[Unit], fractions: Mapping[str, float]) -> dict[
     return part_of
 
 
-def _units(families: dict[str, dict[str, list[str]]], seed: int, whole_families: bool) -> list[Unit]:
+def _units(families: dict[str, dict[bytes, list[int]]], seed: int, whole_families: bool) -> list[Unit]:
     """The units to assign, in an order that depends on the seed, the scenes and the families only."""
     if whole_families:
         files = {
-            family: tuple(name for names in scenes.values() for name in names) for family, scenes in families.items()
+            family: tuple(number for numbers in scenes.values() for number in numbers)
+            for family, scenes in families.items()
         }
         # Large families first, so that small ones can even out the sizes of the parts.
         return [
@@ -121,7 +151,7 @@ def _units(families: dict[str, dict[str, list[str]]], seed: int, whole_families:
     return [
         tuple(families[family][scene])
         for family in sorted(families)
-        for scene in sorted(families[family], key=lambda scene: _rank(seed, scene))
+        for scene in sorted(families[family], key=lambda scene: _rank(seed, scene.hex()))
     ]
 
 

@@ -31,9 +31,11 @@ from .manifest import (
     manifest_of,
     read_manifest,
     remove_partial_files,
+    sharded_manifest_of,
     write_json,
 )
 from .manifest_models import is_episode_name
+from .shards import PART, remove_shards, shard_number
 
 _MAXIMUM_DIFFERENCES = 5  # named in a message
 
@@ -62,9 +64,9 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
         stored = read_manifest(folder)
         _require_replaceable(folder, stored)
         if resume and not (differences := _differences(stored, spec)):
-            _require_same_suffix(folder, spec)
-            listed = {entry["name"]: entry["sha256"] for entry in stored["files"]}
-        elif overwrite or not (stored["files"] or episode_files(folder)):
+            _require_same_suffix(folder, spec, stored)
+            listed = {} if spec.shard_size else {entry["name"]: entry["sha256"] for entry in stored["files"]}
+        elif overwrite or not (stored["files"] or has_episodes(folder)):
             _remove_dataset(folder)
         elif resume:
             remedy = "repeat the options with which it was begun, choose another folder, or replace it with --overwrite"
@@ -78,7 +80,8 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
         raise RecordError(f"{folder} is not empty and has no {MANIFEST}; choose another folder")
     remove_partial_files(folder)
     # The manifest is written first, because a later resumption recognises the data set by it.
-    write_json(folder / MANIFEST, manifest_of(spec, (), complete=False))
+    begun = manifest_of(spec, (), complete=False)
+    write_json(folder / MANIFEST, sharded_manifest_of(folder, spec, (), complete=False) if spec.shard_size else begun)
     if spec.settings is not None:
         write_json(folder / SCENARIO, spec.settings)
     return listed
@@ -126,12 +129,18 @@ def episode_files(folder: Path) -> list[Path]:
     ]
 
 
+def has_episodes(folder: Path) -> bool:
+    """Whether a folder holds generated episodes, in files or in shards, which may be unfinished."""
+    names = (path.name for path in (folder.iterdir() if folder.is_dir() else ()))
+    return any(is_episode_name(name) or name.startswith(PART) or shard_number(name) is not None for name in names)
+
+
 def unlisted_episodes(folder: Path, manifest: JsonDict) -> str:
     """That the manifest of an interrupted run does not list all episode files of its folder yet; empty if it does.
 
     A run that was killed leaves such a manifest.
     """
-    listed = {row["name"] for row in manifest["files"]}
+    listed = set() if manifest["complete"] else {row["name"] for row in manifest["files"]}
     count = 0 if manifest["complete"] else sum(path.name not in listed for path in episode_files(folder))
     if not count:
         return ""
@@ -149,6 +158,7 @@ def _remove_dataset(folder: Path) -> None:
         for path in (*(folder / name for name in own), *episode_files(folder)):
             path.unlink(missing_ok=True)
         remove_failed_episodes(folder)
+        remove_shards(folder)
         (folder / MANIFEST).unlink()
     except OSError as error:
         raise RecordError(f"{folder} cannot be overwritten: {error.strerror or error}") from error
@@ -166,7 +176,7 @@ def _require_replaceable(folder: Path, stored: JsonDict) -> None:
 
 def _differences(stored: JsonDict, spec: DatasetSpec) -> str:
     """In which keys a data set differs from a specification, which may have more episodes; empty if in none."""
-    requested = {"keep": None, **identity_of(spec), "physics": PHYSICS_VERSION}
+    requested = {"keep": None, "shard_size": spec.shard_size, **identity_of(spec), "physics": PHYSICS_VERSION}
     if stored["episodes"] < spec.episodes:
         del requested["episodes"]
     if (stored["controller"] or {}).get("path") != spec.controller_info.path:  # its settings are then others as well
@@ -193,8 +203,10 @@ def _changes(stored: Any, requested: Any, place: str = "") -> Iterator[tuple[str
         yield place, stored, requested
 
 
-def _require_same_suffix(folder: Path, spec: DatasetSpec) -> None:
-    """Raise RecordError if the folder holds episode files with another suffix."""
+def _require_same_suffix(folder: Path, spec: DatasetSpec, stored: JsonDict) -> None:
+    """Raise RecordError if the data set holds episode files with another suffix."""
+    if spec.shard_size and stored["files"] and file_suffix(folder / stored["files"][0]["name"]) != spec.suffix:
+        raise RecordError(f"{folder} holds files like {stored['files'][0]['name']}; resume with the same --compress")
     for path in folder.iterdir():
         is_episode = path.name.split(".")[0].isdigit() and path.name.endswith(SUFFIXES)
         if is_episode and file_suffix(path) != spec.suffix:

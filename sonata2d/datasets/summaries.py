@@ -121,38 +121,66 @@ def commands_warning(rows: Iterable[Mapping[str, Any]], name: str) -> str | None
     return f"{name}: commands exceed the limits of the drive, which executes less: {which}"
 
 
-def contact_summary(rows: Iterable[Mapping[str, Any]]) -> ContactSummary:
-    """Contacts in several episodes.
+@dataclass(frozen=True, slots=True)
+class Totals:
+    """Sums over the rows of a manifest, which are read once.
+
+    Attributes:
+        episodes, frames, bytes: number of rows, and sums over them.
+        contacts: of the robot.
+        excess: commands beyond the limits of the robot's drive, by component; empty if there are none.
+    """
+
+    episodes: int
+    frames: int
+    bytes: int
+    contacts: ContactSummary
+    excess: list[ExcessiveCommands]
+
+
+def totals_of(rows: Iterable[Mapping[str, Any]]) -> Totals:
+    """Sums over the files in a manifest.
 
     Args:
-        rows: of the files in a manifest, with the keys `ticks` and `contacts`; without the latter a row is not counted.
+        rows: of the files, with the key `ticks`. Without `contacts` or `commands_beyond_limits` an episode does not
+            count there; without `bytes` its size is 0.
     """
-    rows = list(rows)
-    counted = [row for row in rows if row.get("contacts") is not None]
-    contacts: dict[str, Contacts] = {}
-    for kind in (ANY_KIND, *CONTACT_KINDS):
-        of_kind = [row["contacts"][kind] for row in counted if kind in row["contacts"]]
-        if of_kind:
-            sums = {key: sum(one[key] for one in of_kind) for key in ("frames", "robot_at_fault", "other_at_fault")}
-            contacts[kind] = Contacts(len(of_kind), **sums)
-    return ContactSummary(len(counted), sum(row["ticks"] for row in counted), len(rows) - len(counted), contacts)
+    episodes = frames = size = 0
+    counted = {"contacts": [0, 0], "commands_beyond_limits": [0, 0]}  # episodes, frames
+    contacts: dict[str, list[int]] = {}
+    commands: dict[str, tuple[int, float, float]] = {}  # frames, command and limit
+    for row in rows:
+        episodes, frames, size = episodes + 1, frames + row["ticks"], size + row.get("bytes", 0)
+        for key, sums in counted.items():
+            if row.get(key) is not None:
+                sums[0], sums[1] = sums[0] + 1, sums[1] + row["ticks"]
+        for kind, own in (row.get("contacts") or {}).items():
+            known = contacts.setdefault(kind, [0, 0, 0, 0])
+            for k, number in enumerate((1, own["frames"], own["robot_at_fault"], own["other_at_fault"])):
+                known[k] += number
+        for component, own in (row.get("commands_beyond_limits") or {}).items():
+            number, command, limit = commands.get(component, (0, own["command"], own["limit"]))
+            if abs(own["command"] - own["limit"]) > abs(command - limit):
+                command, limit = own["command"], own["limit"]
+            commands[component] = number + own["frames"], command, limit
+    with_contacts, contact_frames = counted["contacts"]
+    by_kind = {kind: Contacts(*contacts[kind]) for kind in (ANY_KIND, *CONTACT_KINDS) if kind in contacts}
+    summary = ContactSummary(with_contacts, contact_frames, episodes - with_contacts, by_kind)
+    excess = []
+    for component in _UNITS:
+        if component in commands:
+            number, command, limit = commands[component]
+            share = number / max(counted["commands_beyond_limits"][1], 1)
+            share = max(round(share, 4), 0.0001)  # as precise as it is shown; what exists is never 0
+            excess.append(ExcessiveCommands(component, number, share, command, limit))
+    return Totals(episodes, frames, size, summary, excess)
+
+
+def contact_summary(rows: Iterable[Mapping[str, Any]]) -> ContactSummary:
+    """Contacts in several episodes; see `totals_of`."""
+    return totals_of(rows).contacts
 
 
 def excessive_commands(rows: Iterable[Mapping[str, Any]]) -> list[ExcessiveCommands]:
-    """Commands beyond the limits of the robot's drive in several episodes, by component; empty if there are none.
-
-    Args:
-        rows: of the files in a manifest, with the keys `ticks` and `commands_beyond_limits`; without the latter a row
-            is not counted.
-    """
-    counted = [row for row in rows if row.get("commands_beyond_limits") is not None]
-    frames = max(sum(row["ticks"] for row in counted), 1)
-    found = []
-    for component in _UNITS:
-        of_component = [own for row in counted if (own := row["commands_beyond_limits"].get(component))]
-        if of_component:
-            count = sum(own["frames"] for own in of_component)
-            worst = max(of_component, key=lambda own: abs(own["command"] - own["limit"]))
-            share = max(round(count / frames, 4), 0.0001)  # as precise as it is shown; what exists is never 0
-            found.append(ExcessiveCommands(component, count, share, worst["command"], worst["limit"]))
-    return found
+    """Commands beyond the limits of the robot's drive in several episodes; see `totals_of`."""
+    return totals_of(rows).excess

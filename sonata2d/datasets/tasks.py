@@ -107,6 +107,18 @@ def applied(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
 
 
+def stop_if_over() -> None:
+    """Stop here, within an item, if the program has ended its call.
+
+    Raises:
+        KeyboardInterrupt: it has.
+    """
+    interruption.check()
+    present: _Present | None = getattr(_thread, "present", None)
+    if present is not None and present.is_over():
+        raise KeyboardInterrupt
+
+
 class _Refused(Exception):
     """Why a worker cannot work on a call."""
 

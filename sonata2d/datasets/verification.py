@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from functools import partial
@@ -16,9 +16,18 @@ from ..core.notebook import Advance
 from ..core.wording import described
 from ..errors import ControllerError, ControllerWarning
 from ..record.layout import JsonDict
-from .check import ListedFile, Problem, check_manifest, check_record, listed_files, open_to_check
+from .check import (
+    ListedFile,
+    Problem,
+    check_manifest,
+    check_record,
+    check_shard,
+    listed_files,
+    listed_shards,
+    open_to_check,
+)
 from .executors import Workers, parallel_map, shared_workers
-from .manifest import MANIFEST, files_of, read_manifest
+from .manifest import MANIFEST, files_of, has_manifest, read_manifest
 from .processes import end_if_unguarded
 from .replay import check_replay, check_rerun
 
@@ -53,16 +62,18 @@ def verify(
     end_if_unguarded()
     shared = shared_workers(workers)
     path = Path(path)
-    has_manifest = (path / MANIFEST).exists()
-    problems = check_manifest(path) if has_manifest else []
+    is_listed = has_manifest(path)
+    problems = check_manifest(path) if is_listed else []
     verify_file = partial(_verify_file, replay=replay, rerun=rerun, controller=controller)
     with shared as pool:
         place = path if pool.is_local else path.absolute()
-        files: list[Path | ListedFile] = [*(listed_files(place) if has_manifest else files_of(place))]
+        for found in parallel_map(check_shard, listed_shards(place) if is_listed else [], workers=pool, reads=place):
+            problems += found
+        files: Sequence[Path | ListedFile] = listed_files(place) if is_listed else files_of(place)
         for found in parallel_map(verify_file, files, workers=pool, reads=place):
             problems += found
             advance(1)
-    if rerun and has_manifest:
+    if rerun and is_listed:
         problems += _changed_code(read_manifest(path), controller, any(one.place == "rerun" for one in problems))
     return problems
 

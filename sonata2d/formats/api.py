@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 from ..datasets.dataset import Dataset
+from ..datasets.executors import Workers, parallel_map, shared_workers
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
+from ..datasets.processes import end_if_unguarded
+from ..datasets.tasks import stop_if_over
 from ..errors import RecordError, UnsuitableEpisode
-from ..record.files import SUFFIXES, compress, file_stem, safe_text, write_atomically
+from ..record.files import SUFFIXES, compress, file_exists, file_stem, safe_text, write_atomically
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
+from ..record.shard_file import is_member, is_shard
 from ..registry import FORMATS
 from . import sonata
 from .base import Format, Import, Options
 from .parse import encode_episode
 
 Advance = Callable[[int], None]
+T = TypeVar("T")
 _DEFAULT_OPTIONS = Options()
 
 
@@ -106,16 +114,18 @@ def _require_supported(format: str, options: Options) -> None:
         raise RecordError(f"the format {format} does not use the option {names[0]}; leave it out")
 
 
-def episodes_in(source: Path) -> list[Path]:
+def episodes_in(source: Path) -> Sequence[Path]:
     """List the episode files of a source.
 
     Args:
-        source: an episode file, or a folder of them.
+        source: an episode file, a shard, or a folder.
 
     Raises:
         RecordError: the source does not exist or holds no episodes.
     """
-    files = [file for file in files_of(source) if file.name not in (MANIFEST, SCENARIO, METRICS)]
+    files = files_of(source)
+    if isinstance(files, list):  # of a folder that may have no manifest
+        files = [file for file in files if file.name not in (MANIFEST, SCENARIO, METRICS)]
     if not files:
         raise RecordError(f"{source} holds no episodes")
     return files
@@ -127,6 +137,8 @@ def export_to(
     out: str | Path,
     options: Options = _DEFAULT_OPTIONS,
     *,
+    shard_size: int | None = None,
+    workers: int | Executor | Workers = 1,
     advance: Advance = lambda step: None,
 ) -> TransferResult:
     """Write episodes in another format.
@@ -140,7 +152,9 @@ def export_to(
         out: a folder; for a single episode file that becomes a single file, a path that ends with the suffix of the
             format is the name of the file.
         options: see `Options`.
-        advance: called with 1 after each episode.
+        shard_size: of a format of tables, number of episodes in each file; None: one file for each table.
+        workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`.
+        advance: called with the number of finished episodes.
 
     Returns:
         The files that were written, and why others were not.
@@ -148,37 +162,170 @@ def export_to(
     Raises:
         RecordError: no format has this name, it does not export or use a given option, the source holds no episodes,
             or tables would be written into the folder of a data set.
+        WorkerError: a worker crashed, was killed, or has other software.
     """
+    end_if_unguarded()
     out = Path(out)
     if isinstance(source, Dataset):
-        files, is_single = list(source.files), False
+        files, is_single = source.files, False
         if not files:
             raise RecordError(f"{source!r} holds no episodes")
     else:
-        files, is_single = episodes_in(Path(source)), Path(source).is_file()
+        files, is_single = episodes_in(Path(source)), file_exists(Path(source)) and not is_shard(Path(source))
     chosen = format_named(format)
     _require_supported(format, options)
-    result, notes = TransferResult([]), Counter[str]()
-    if chosen.export_all is not None:
-        if (out / MANIFEST).exists():  # the tables come with a README.md, which would replace the data card
-            raise RecordError(f"{out} holds a data set; choose another folder")
-        result.files.extend(chosen.export_all(_read(files, result, advance), out))
-        return result
-    if chosen.export is None:
+    if shard_size is not None and chosen.export_part is None:
+        raise RecordError(f"the format {format} has no shards; leave out the size of shards")
+    if chosen.export_all is None and chosen.export is None:
         raise RecordError(f"{format} files can only be imported")
-    for record in _read(files, result, advance):
-        try:
-            path = _output_path(record, chosen, out, options, is_single=is_single)
-            _write(path, chosen.export(record, options), record.path, result)
-            if chosen.note is not None and (note := chosen.note(record, options)):
-                notes[note] += 1
-        except RecordError as error:
-            result.add_omission(record.path, error)
-    result.notes.extend(f"{note} ({count} of {len(files)} episodes)" for note, count in notes.items())
-    return result
+    if chosen.export_all is not None and (out / MANIFEST).exists():
+        # the tables come with a README.md, which would replace the data card
+        raise RecordError(f"{out} holds a data set; choose another folder")
+    with shared_workers(workers) as pool:
+        transfer = _Transfer(format, chosen, files, out, options, pool, advance)
+        if shard_size is not None:
+            return transfer.parts(shard_size)
+        return transfer.tables() if chosen.export_all is not None else transfer.files_of_each(is_single)
 
 
-def _read(files: list[Path], result: TransferResult, advance: Advance) -> Iterator[EpisodeRecord]:
+@dataclass(frozen=True, slots=True)
+class _Transfer:
+    """An export.
+
+    Attributes:
+        name, format: of the files.
+        files: the episodes.
+        out: the folder, or the file.
+        options: of the format.
+        workers: which read and convert the episodes.
+        advance: progress callback.
+    """
+
+    name: str
+    format: Format
+    files: Sequence[Path]
+    out: Path
+    options: Options
+    workers: Workers
+    advance: Advance
+
+    def files_of_each(self, is_single: bool) -> TransferResult:
+        """Write a file for each episode."""
+        result, notes, written = TransferResult([]), Counter[str](), set[Path]()
+        convert = partial(_converted, self.name, self.options)
+        for source, (name, data, note, omission) in zip(self.files, self._mapped(convert), strict=True):
+            try:
+                if omission is not None:
+                    raise omission
+                is_file = is_single and self.out.name.endswith(self.format.suffix) and not self.out.is_dir()
+                path = self.out if is_file else self.out / name
+                _write(path, data, source, written)
+                result.files.append(path)
+                if note:
+                    notes[note] += 1
+            except RecordError as error:
+                result.add_omission(source, error)
+            self.advance(1)
+        result.notes.extend(f"{note} ({count} of {len(self.files)} episodes)" for note, count in notes.items())
+        return result
+
+    def tables(self) -> TransferResult:
+        """Write tables of all episodes."""
+        result = TransferResult([])
+        assert self.format.export_all is not None
+        if self.format.pack is None:
+            result.files.extend(self.format.export_all(_read(self.files, result, self.advance), self.out))
+            return result
+
+        def packed() -> Iterator[Any]:
+            for source, (item, omission) in zip(self.files, self._mapped(partial(_packed, self.name)), strict=True):
+                if omission is None:
+                    yield item
+                else:
+                    result.add_omission(source, omission)
+                self.advance(1)
+
+        result.files.extend(self.format.export_all(packed(), self.out))
+        return result
+
+    def parts(self, size: int) -> TransferResult:
+        """Write tables of some episodes each: every part by one worker."""
+        result, numbers = TransferResult([]), range(-(-len(self.files) // size))
+        self.out.mkdir(parents=True, exist_ok=True)
+        place = self.out if self.workers.is_local else self.out.absolute()
+        parts = (
+            (number, [self._place(file) for file in self.files[number * size : (number + 1) * size]])
+            for number in numbers
+        )
+        write = partial(_part, self.name, place)
+        done = parallel_map(write, parts, total=len(numbers), workers=self.workers, reads=self._reads, writes=place)
+        for files, omissions, count in done:
+            result.files.extend(files)
+            for source, error in omissions:
+                result.add_omission(source, error)
+            self.advance(count)
+        if self.format.finish_parts is not None:
+            result.files.extend(self.format.finish_parts(self.out, len(numbers)))
+        return result
+
+    def _mapped(self, function: Callable[[Path], T]) -> Iterator[T]:
+        """Apply a function to all files in the workers."""
+        files = self.files if self.workers.is_local else map(self._place, self.files)
+        return parallel_map(function, files, total=len(self.files), workers=self.workers, reads=self._reads)
+
+    def _place(self, file: Path) -> Path:
+        return file if self.workers.is_local else file.absolute()
+
+    @property
+    def _reads(self) -> Path:
+        return self._place(self.files[0]).parent
+
+
+def _converted(name: str, options: Options, file: Path) -> tuple[str, bytes, str | None, RecordError | None]:
+    """The name and the content of the exported file of an episode, what to know about it, or why there is none."""
+    chosen = format_named(name)
+    assert chosen.export is not None
+    try:
+        record = read_episode(file)
+        data = chosen.export(record, options)
+        note = chosen.note(record, options) if chosen.note is not None else None
+    except RecordError as error:
+        return "", b"", None, error
+    exported = sonata.original_name(record) if options.original else f"{file_stem(file)}{chosen.suffix}"
+    return exported, data, note, None
+
+
+def _packed(name: str, file: Path) -> tuple[Any, RecordError | None]:
+    """What a format makes of an episode for its tables, or why it cannot be read."""
+    pack = format_named(name).pack
+    assert pack is not None
+    try:
+        return pack(read_episode(file)), None
+    except RecordError as error:
+        return None, error
+
+
+def _part(
+    name: str, out: Path, part: tuple[int, Sequence[Path]]
+) -> tuple[list[Path], list[tuple[Path, RecordError]], int]:
+    """Write a part of the tables; returns its files, the episodes that cannot be read, and the number of all."""
+    chosen, (number, files) = format_named(name), part
+    assert chosen.export_part is not None
+    omissions: list[tuple[Path, RecordError]] = []
+
+    def packed() -> Iterator[Any]:
+        for file in files:
+            stop_if_over()
+            item, omission = _packed(name, file)
+            if omission is None:
+                yield item
+            else:
+                omissions.append((file, omission))
+
+    return chosen.export_part(packed(), out, number), omissions, len(files)
+
+
+def _read(files: Sequence[Path], result: TransferResult, advance: Advance) -> Iterator[EpisodeRecord]:
     """Yield episodes one by one, as a data set may not fit into memory; damaged files are refused."""
     for file in files:
         try:
@@ -188,22 +335,16 @@ def _read(files: list[Path], result: TransferResult, advance: Advance) -> Iterat
         advance(1)
 
 
-def _output_path(record: EpisodeRecord, chosen: Format, out: Path, options: Options, *, is_single: bool) -> Path:
-    if is_single and out.name.endswith(chosen.suffix) and not out.is_dir():
-        return out
-    return out / (sonata.original_name(record) if options.original else f"{file_stem(record.path)}{chosen.suffix}")
-
-
-def _write(path: Path, data: bytes, source: Path, result: TransferResult) -> None:
+def _write(path: Path, data: bytes, source: Path, written: set[Path]) -> None:
     """Write a file, unless it would overwrite its own source, a file of a data set or another one of the transfer."""
-    if path in result.files:
+    if path in written:
         raise RecordError(f"{source}: {path} already holds another episode; transfer them one by one")
-    if path.exists() and path.samefile(source):
+    if path.exists() and not is_member(source) and path.samefile(source):
         raise RecordError(f"{path} is the source; choose another output")
     if path.exists() and (path.parent / MANIFEST).exists():
         raise RecordError(f"{path} belongs to the data set {path.parent}; choose another output")
     write_atomically(path, data)
-    result.files.append(path)
+    written.add(path)
 
 
 def import_from(
@@ -232,7 +373,7 @@ def import_from(
         RecordError: no format has this name, it does not import or use a given option, the source holds no files of
             it, or the output is in the folder of a data set.
     """
-    chosen, result = format_named(format), TransferResult([])
+    chosen, result, written = format_named(format), TransferResult([]), set[Path]()
     read = _import_function(chosen, format)
     _require_supported(format, options)
     source, out = Path(source), Path(out)
@@ -252,7 +393,8 @@ def import_from(
                 # A folder of tables holds many episodes: each is named by its id. Else the file gives the name.
                 name = document["id"] if chosen.export_all is not None else file.name.split(".")[0]
                 path = out if is_single else out / f"{safe_text(name)}.json"
-                _write(path, compress(data, path), file, result)
+                _write(path, compress(data, path), file, written)
+                result.files.append(path)
         except RecordError as error:
             result.add_omission(file, error)
         advance(1)

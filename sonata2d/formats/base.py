@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +42,7 @@ class Options:
 
 Export = Callable[[EpisodeRecord, Options], bytes]
 Import = Callable[[Path, Options], Iterator[JsonDict]]  # yields episode documents, as `record.read_episode` reads them
-ExportAll = Callable[[Iterator[EpisodeRecord], Path], list[Path]]
+ExportAll = Callable[[Iterator[Any], Path], list[Path]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,11 @@ class Format:
         export: returns the bytes of the file of one episode; raises `UnsuitableEpisode` for an episode that the format
             cannot hold.
         export_all: writes all episodes into a folder and returns the files that it wrote.
+        pack: converts an episode, in the worker that has read it, to what `export_all` gets in its place; None: it gets
+            the record, and one process reads all files.
+        export_part: writes some episodes into files of their own, and returns these; for large data sets. Its arguments
+            are the packed episodes, the folder and the number of the part.
+        finish_parts: called after all parts with the folder and their number; returns the other files of the folder.
         note: what the caller must know about the exported file of an episode; None if nothing.
         options: names of the fields of `Options` that the format uses; others are refused.
 
@@ -71,6 +77,9 @@ class Format:
     import_: Import | None = None
     export: Export | None = None
     export_all: ExportAll | None = None
+    pack: Callable[[EpisodeRecord], Any] | None = None
+    export_part: Callable[[Iterator[Any], Path, int], list[Path]] | None = None
+    finish_parts: Callable[[Path, int], list[Path]] | None = None
     note: Callable[[EpisodeRecord, Options], str | None] | None = None
     options: frozenset[str] = frozenset()
 

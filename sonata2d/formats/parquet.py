@@ -8,16 +8,20 @@
 | `interactions` | interaction in a frame | src, relation, dst |
 
 A README.md with a `configs` header is written beside the tables: `datasets.load_dataset(folder, "agents")` uses it to
-find a table. pyarrow is imported only when it is needed.
+find a table. With a size of shards each table is in several files, `agents-00000.parquet` and so on, each with the rows
+of that many episodes. pyarrow is imported only when it is needed.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import orjson
 
@@ -33,14 +37,44 @@ from .base import Format, Options
 from .parse import parsing
 
 NAME = "parquet"
-_ROW_GROUP = 100_000  # rows
+_ROW_GROUP, _GROUP_BYTES = 100_000, 1 << 24  # rows and bytes of a row group
+_JOINED = 64  # tables of episodes that are joined at a time
 
 
-def export_all(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
+@dataclass(frozen=True, slots=True)
+class PackedEpisode:
+    """The rows of one episode.
+
+    Attributes:
+        path: of its file, for messages.
+        tables: by name, as Arrow writes them.
+    """
+
+    path: Path
+    tables: dict[str, bytes]
+
+
+def pack(record: EpisodeRecord) -> PackedEpisode:
+    """The rows of an episode.
+
+    Raises:
+        RecordError: pyarrow is not installed.
+    """
+    pa, _ = _pyarrow()
+    schemas, tables = _schemas(pa), {}
+    for name, columns in tables_of(record, file_stem(record.path)).items():
+        sink = pa.BufferOutputStream()
+        with pa.ipc.new_stream(sink, schemas[name]) as writer:
+            writer.write_table(pa.table(columns, schema=schemas[name]))
+        tables[name] = sink.getvalue().to_pybytes()
+    return PackedEpisode(record.path, tables)
+
+
+def export_all(episodes: Iterator[PackedEpisode], out: Path) -> list[Path]:
     """Write the tables of all episodes into a folder; only a few episodes are held in memory.
 
     Args:
-        records: the episodes.
+        episodes: see `pack`.
         out: the folder; created if needed.
 
     Returns:
@@ -51,9 +85,52 @@ def export_all(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
     """
     if out.exists() and not out.is_dir():
         raise RecordError(f"{out} is a file; the tables need a folder, choose another name")
+    files = _write_tables(episodes, out, {name: out / f"{name}.parquet" for name in TABLES})
+    return [*files, _write_readme(out, is_in_parts=False)]
+
+
+def export_part(episodes: Iterator[PackedEpisode], out: Path, number: int) -> list[Path]:
+    """Write the tables of some episodes into files of their own, such as `agents-00007.parquet`.
+
+    Args:
+        episodes: see `pack`.
+        out: the folder.
+        number: of the part.
+
+    Returns:
+        The tables.
+
+    Raises:
+        RecordError: as of `export_all`.
+    """
+    return _write_tables(episodes, out, {name: out / f"{name}-{number:05d}.parquet" for name in TABLES})
+
+
+def finish_parts(out: Path, count: int) -> list[Path]:
+    """Write the README.md of a folder of parts, and remove the parts of a former export.
+
+    Args:
+        out: the folder.
+        count: number of parts.
+
+    Returns:
+        The file.
+
+    Raises:
+        RecordError: it cannot be written.
+    """
+    for path in out.glob("*-*.parquet"):
+        name, _, number = path.name.removesuffix(".parquet").rpartition("-")
+        if name in TABLES and number.isdecimal() and int(number) >= count:
+            path.unlink(missing_ok=True)
+    return [_write_readme(out, is_in_parts=True)]
+
+
+def _write_tables(episodes: Iterator[PackedEpisode], out: Path, files: dict[str, Path]) -> list[Path]:
+    """Write the tables of episodes into the given files, by name; all of them, or none."""
     pa, pq = _pyarrow()
-    schemas, files = _schemas(pa), {name: out / f"{name}.parquet" for name in TABLES}
-    parts = {name: out / f"{TEMPORARY_PREFIX}{name}.tmp" for name in TABLES}
+    schemas = _schemas(pa)
+    parts = {name: out / f"{TEMPORARY_PREFIX}{uuid4().hex}.tmp" for name in TABLES}
     options = {"write_page_checksum": True, "compression": "zstd"}
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -62,7 +139,7 @@ def export_all(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
                 name: stack.enter_context(_closing(pq.ParquetWriter(parts[name], schemas[name], **options)))
                 for name in TABLES
             }
-            _write_all(pa, records, writers, schemas)
+            _write_all(pa, episodes, writers)
         for name in TABLES:  # only complete tables get their final names
             os.replace(parts[name], files[name])
     except OSError as error:
@@ -70,8 +147,13 @@ def export_all(records: Iterator[EpisodeRecord], out: Path) -> list[Path]:
     finally:
         for part in parts.values():
             part.unlink(missing_ok=True)
-    write_atomically(out / "README.md", _readme().encode())
-    return [*files.values(), out / "README.md"]
+    return [*files.values()]
+
+
+def _write_readme(out: Path, *, is_in_parts: bool) -> Path:
+    path = out / "README.md"
+    write_atomically(path, _readme(is_in_parts).encode())
+    return path
 
 
 @contextmanager
@@ -84,24 +166,30 @@ def _closing(writer: Any) -> Iterator[Any]:
         writer.is_open = False
 
 
-def _write_all(pa: Any, records: Iterator[EpisodeRecord], writers: dict[str, Any], schemas: dict[str, Any]) -> None:
-    """Write the rows of each episode, in row groups of about 100 000 rows."""
+def _write_all(pa: Any, episodes: Iterator[PackedEpisode], writers: dict[str, Any]) -> None:
+    """Write the rows of each episode, in row groups of about 100 000 rows or 16 MB."""
     waiting: dict[str, list[Any]] = {name: [] for name in TABLES}
-    names: set[str] = set()
-    for record in records:
-        if (name := file_stem(record.path)) in names:
+    names: set[bytes] = set()  # 8 bytes of each, as there may be millions
+    for episode in episodes:
+        name = file_stem(episode.path)
+        digest = hashlib.blake2b(name.encode(), digest_size=8).digest()
+        if digest in names:
             raise RecordError(
-                f"{record.path}: another episode is also named {name}, but names join the tables; rename one file"
+                f"{episode.path}: another episode is also named {name}, but names join the tables; rename one file"
             )
-        names.add(name)
-        for table, columns in tables_of(record, name).items():
-            waiting[table].append(pa.table(columns, schema=schemas[table]))
-            if sum(len(part) for part in waiting[table]) > _ROW_GROUP:
-                writers[table].write_table(pa.concat_tables(waiting[table]))
-                waiting[table] = []
+        names.add(digest)
+        for table, data in episode.tables.items():
+            parts = waiting[table]
+            parts.append(pa.ipc.open_stream(data).read_all())
+            if len(parts) >= _JOINED:  # many small tables take far more memory than a large one
+                whole = pa.concat_tables(parts).combine_chunks()
+                parts[:] = [whole]
+                if len(whole) > _ROW_GROUP or whole.nbytes > _GROUP_BYTES:
+                    writers[table].write_table(whole)
+                    parts.clear()
     for table, rest in waiting.items():
         if rest:
-            writers[table].write_table(pa.concat_tables(rest))
+            writers[table].write_table(pa.concat_tables(rest).combine_chunks())
 
 
 def _pyarrow() -> tuple[Any, Any]:
@@ -143,9 +231,10 @@ def _schemas(pa: Any) -> dict[str, Any]:
     return {name: pa.schema(list(columns.items())) for name, columns in tables.items()}
 
 
-def _readme() -> str:
+def _readme(is_in_parts: bool) -> str:
     """README.md of the folder; the description of the tables is that of this module."""
-    configs = "".join(f"- config_name: {name}\n  data_files: {name}.parquet\n" for name in TABLES)
+    ending = "-*.parquet" if is_in_parts else ".parquet"
+    configs = "".join(f'- config_name: {name}\n  data_files: "{name}{ending}"\n' for name in TABLES)
     description = [line for line in (__doc__ or "").splitlines() if line.startswith("|")]
     return "\n".join([f"---\nconfigs:\n{configs}---", "# Episodes of sonata2d as tables", "", *description, ""])
 
@@ -165,11 +254,19 @@ def import_(path: Path, options: Options) -> Iterator[JsonDict]:
         raise RecordError(f"{path} is not a folder; {NAME} data are a folder with the tables {', '.join(TABLES)}")
     try:
         with parsing(path, NAME):
-            tables = {name: _sorted_table(pa, pq, path / f"{name}.parquet", name) for name in TABLES}
-            for episode in tables["episodes"].to_pylist():
-                yield _document(episode, *(_rows_of(tables[name], episode["episode_id"]) for name in TABLES[1:]))
+            for part in _parts(path):
+                tables = {name: _sorted_table(pa, pq, file, name) for name, file in part.items()}
+                for episode in tables["episodes"].to_pylist():
+                    yield _document(episode, *(_rows_of(tables[name], episode["episode_id"]) for name in TABLES[1:]))
     except (OSError, pa.ArrowException) as error:
         raise RecordError(f"{path} does not hold complete tables: {one_line(error, 200)}") from error
+
+
+def _parts(folder: Path) -> Iterator[dict[str, Path]]:
+    """The files of each part of the tables by name; of tables that are not divided, one part."""
+    endings = sorted(path.name.removeprefix("episodes") for path in folder.glob("episodes-*.parquet"))
+    for ending in endings or [".parquet"]:
+        yield {name: folder / f"{name}{ending}" for name in TABLES}
 
 
 def _sorted_table(pa: Any, pq: Any, path: Path, name: str) -> Any:
@@ -235,5 +332,11 @@ def _frame(row: JsonDict, humans: list[Any], activity: list[int], interactions: 
 
 
 FORMAT = Format(
-    "four tables that join: episodes, frames, agents, interactions", ".parquet", import_, export_all=export_all
+    "four tables that join: episodes, frames, agents, interactions",
+    ".parquet",
+    import_,
+    export_all=export_all,
+    pack=pack,
+    export_part=export_part,
+    finish_parts=finish_parts,
 )

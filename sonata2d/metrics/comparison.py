@@ -249,7 +249,7 @@ class Comparison(Sequence[Evaluation]):
         )
         chart(path, self.evaluations, self.metrics, title=title)
 
-    def _files(self) -> list[tuple[Path, ...]]:
+    def _files(self) -> list[Sequence[Path]]:
         return [dataset.files for dataset in self.datasets.values()]
 
     def _page_metrics(self) -> tuple[Metric, ...] | None:

@@ -213,7 +213,7 @@ def measure_files(
     with shared_workers(workers) as pool:
         sent = [path if pool.is_local else path.absolute() for path in paths]
         tasks = [[sent[index] for index in group] for group in groups.values()]
-        reads = sent[0] if sent else None
+        reads = sent[0].parent if sent else None
         results = parallel_map(partial(_measure_group, rerun=rerun), tasks, workers=pool, reads=reads)
         for group, result in zip(groups.values(), results, strict=True):
             measured |= zip(group, result, strict=True)

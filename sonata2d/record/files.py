@@ -18,6 +18,7 @@ from ..core.limits import MAX_FILE_BYTES, MAX_UNPACKED_RATIO, MAX_UNPACKED_WITHO
 from ..core.reading import read_at_most, require_readable
 from ..core.whole_file import whole_file
 from ..errors import RecordError
+from .shard_file import is_member, member_exists, read_member
 
 SUFFIXES = (".json", ".json.gz", ".json.zst")
 _RESERVED_NAME = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)  # device names on Windows
@@ -148,9 +149,17 @@ def read_stored(path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
         RecordError: the file cannot be read, is larger than `max_bytes`, or is none, see `core.reading.read_at_most`.
     """
     try:
-        return read_at_most(path, max_bytes)
+        return read_member(path, max_bytes) if is_member(path) else read_at_most(path, max_bytes)
     except (OSError, ValueError) as error:  # ValueError: NUL in the path
         raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
+
+
+def file_exists(path: Path) -> bool:
+    """Whether there is such a file, or such a member of a tar file."""
+    try:
+        return member_exists(path) if is_member(path) else path.is_file()
+    except OSError:
+        return False
 
 
 def read_text(path: Path) -> str:
@@ -170,6 +179,8 @@ def sha256_of(path: Path) -> str:
         RecordError: the file cannot be read, or is none, see `core.reading.require_readable`.
     """
     try:
+        if is_member(path):
+            return hashlib.sha256(read_member(path, MAX_FILE_BYTES)).hexdigest()
         require_readable(path)
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -155,7 +155,7 @@ def test_the_log_grows_and_is_not_part_of_the_manifest(tmp_path: Path) -> None:
     [
         (b"{", "not valid JSON"),
         (b"[]", "not a sonata2d-dataset manifest"),
-        (b'{"format": "sonata2d-dataset", "version": 2}', "version 2, this sonata2d reads up to 1; upgrade"),
+        (b'{"format": "sonata2d-dataset", "version": 3}', "version 3, this sonata2d reads up to 2; upgrade"),
         (None, "has no manifest.json"),
     ],
 )

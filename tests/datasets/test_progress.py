@@ -136,16 +136,16 @@ def test_interrupting_and_resuming_gives_the_same_bytes(reference: Path, tmp_pat
 
 
 def test_excluded_episodes_are_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sonata2d.datasets import generate as module
+    from sonata2d.datasets.episode_runs import EpisodeRuns
 
     episodes_run: list[int] = []
-    run = module._run_episode
+    run = EpisodeRuns.run
 
-    def counted(job: Any, controller: s2.Controller, episode: int) -> EpisodeResult:
+    def counted(runs: EpisodeRuns, episode: int, store: Any) -> EpisodeResult:
         episodes_run.append(episode)
-        return run(job, controller, episode)
+        return run(runs, episode, store)
 
-    monkeypatch.setattr(module, "_run_episode", counted)
+    monkeypatch.setattr(EpisodeRuns, "run", counted)
     generate(tmp_path / "out", episodes=5)
     generate(tmp_path / "out", episodes=8, resume=True)
     assert episodes_run == list(range(len(episodes_run)))

@@ -1,0 +1,284 @@
+"""The contents of a data set in shards, read from the manifests of the shards when they are needed."""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import accumulate
+from pathlib import Path
+from typing import SupportsIndex, TypeVar, overload
+from uuid import uuid4
+
+from ..errors import RecordError
+from ..record.layout import JsonDict
+from ..record.shard_file import SHARD_SUFFIX, shard_manifest_path
+
+PART = ".part-"  # beginning of the names of unfinished shards
+_KEPT = 8  # shards whose rows are kept
+
+T = TypeVar("T")
+ReadManifest = Callable[[Path], JsonDict]
+
+
+def shard_name(number: int) -> str:
+    """The name of a shard.
+
+    >>> shard_name(7)
+    'shard-000007.tar'
+    """
+    return f"shard-{number:06d}.tar"
+
+
+def shard_card_path(shard: Path) -> Path:
+    """Path of the card beside a shard."""
+    return shard.with_name(f"{shard.name.removesuffix(SHARD_SUFFIX)}.README.md")
+
+
+def remove_shards(folder: Path, numbers_from: int = 0) -> None:
+    """Remove the shards of a folder from a number on, with their manifests and cards, and all unfinished ones."""
+    for path in folder.glob("shard-*"):
+        number = shard_number(path.name.split(".")[0] + SHARD_SUFFIX)
+        if number is not None and number >= numbers_from:
+            shard = folder / shard_name(number)
+            if path in (shard, shard_manifest_path(shard), shard_card_path(shard)):
+                path.unlink(missing_ok=True)
+    remove_parts(folder)
+
+
+def remove_parts(folder: Path, number: int | None = None) -> None:
+    """Remove unfinished shards: those of one number, or all."""
+    name = "*" if number is None else shard_name(number)
+    for path in folder.glob(f"{PART}*-{name}"):
+        path.unlink(missing_ok=True)
+
+
+def part_path(shard: Path) -> Path:
+    """A new path for a shard that is being written: several programs may try to write one shard."""
+    return shard.with_name(f"{PART}{uuid4().hex[:8]}-{shard.name}")
+
+
+def shard_number(name: str) -> int | None:
+    """The number in the name of a shard; None: it is not named as generated shards are."""
+    digits = name.removeprefix("shard-").removesuffix(SHARD_SUFFIX)
+    return int(digits) if digits.isdecimal() and digits.isascii() and name == shard_name(int(digits)) else None
+
+
+class ShardRows(Sequence[JsonDict]):
+    """The rows of all shards of a data set, as the manifest of one without shards lists them.
+
+    The name of a row is the path of its member, such as `shard-000000.tar/000007.json`. Only the rows of a few shards
+    are in memory at a time.
+
+    Args:
+        folder: of the data set.
+        shards: rows of the shards in its manifest.
+        read: reads the manifest of a shard.
+    """
+
+    def __init__(self, folder: Path, shards: Sequence[JsonDict], read: ReadManifest) -> None:
+        self.folder = folder
+        self.shards = shards
+        self._read = read
+        self._starts: list[int] = [0, *accumulate(shard["episodes"] for shard in shards)]
+        self._parts: tuple[str, dict[str, frozenset[str]]] = "", {}  # of one shard
+        self._kept: dict[str, list[JsonDict]] = {}  # by name of the shard
+
+    def __len__(self) -> int:
+        """Number of episodes."""
+        return self._starts[-1]
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> JsonDict: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[JsonDict]: ...
+
+    def __getitem__(self, index: SupportsIndex | slice) -> JsonDict | list[JsonDict]:
+        """The row of an episode, or of several.
+
+        Raises:
+            IndexError: there is no such episode.
+            RecordError: the manifest of a shard cannot be read.
+        """
+        if isinstance(index, slice):
+            return [self[k] for k in range(*index.indices(len(self)))]
+        number = range(len(self))[index]
+        k = bisect_right(self._starts, number) - 1
+        row: JsonDict = self.of_shard(self.shards[k])[number - self._starts[k]]
+        return row
+
+    def __iter__(self) -> Iterator[JsonDict]:
+        """The rows, shard by shard."""
+        for shard in self.shards:
+            yield from self.of_shard(shard)
+
+    def manifest_of(self, shard: JsonDict) -> JsonDict:
+        """The manifest beside a shard.
+
+        Raises:
+            RecordError: it cannot be read, or lists another number of episodes.
+        """
+        name = shard["name"]
+        manifest = self._read(self.folder / name)
+        if len(manifest["files"]) != shard["episodes"]:
+            raise RecordError(
+                f"{self.folder / name}: its manifest lists {len(manifest['files'])} episodes, that of the data set "
+                f"{shard['episodes']}; run `sonata2d check`"
+            )
+        return manifest
+
+    def of_shard(self, shard: JsonDict) -> list[JsonDict]:
+        """The rows of a shard.
+
+        Raises:
+            RecordError: as of `manifest_of`.
+        """
+        name = shard["name"]
+        if name not in self._kept:
+            while len(self._kept) >= _KEPT:
+                del self._kept[next(iter(self._kept))]
+            rows = self.manifest_of(shard)["files"]
+            self._kept[name] = [row | {"name": f"{name}/{row['name']}"} for row in rows]
+        return self._kept[name]
+
+    def parts_of(self, name: str) -> dict[str, frozenset[str]]:
+        """The names of the episodes of a shard by part of the data set; empty if it is not split.
+
+        Args:
+            name: of the shard.
+
+        Raises:
+            RecordError: as of `manifest_of`.
+        """
+        if self._parts[0] != name:
+            shard = next(shard for shard in self.shards if shard["name"] == name)
+            split = self.manifest_of(shard)["split"] or {}
+            self._parts = name, {part: frozenset(f"{name}/{own}" for own in names) for part, names in split.items()}
+        return self._parts[1]
+
+
+class Selection(Sequence[T]):
+    """Some items of a sequence, in a given order.
+
+    Args:
+        items: of which they are selected.
+        indices: of the selected items.
+    """
+
+    def __init__(self, items: Sequence[T], indices: Iterable[int]) -> None:
+        self._items, self._indices = items, array("q", indices)
+
+    def __len__(self) -> int:
+        """Number of selected items."""
+        return len(self._indices)
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> T: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Selection[T]: ...
+
+    def __getitem__(self, index: SupportsIndex | slice) -> T | Selection[T]:
+        """A selected item, or several."""
+        if isinstance(index, slice):
+            return Selection(self._items, self._indices[index])
+        return self._items[self._indices[index]]
+
+
+class PartNames(Sequence[str]):
+    """The names of the episodes in a part of a split data set, which the manifests of its shards list.
+
+    Args:
+        rows: of the data set.
+        part: name of the part.
+        count: number of its episodes.
+    """
+
+    def __init__(self, rows: ShardRows, part: str, count: int) -> None:
+        self._rows, self._part, self._count = rows, part, count
+
+    def __len__(self) -> int:
+        """Number of episodes."""
+        return self._count
+
+    def __iter__(self) -> Iterator[str]:
+        """The names, shard by shard."""
+        for shard in self._rows.shards:
+            for name in (self._rows.manifest_of(shard)["split"] or {}).get(self._part, ()):
+                yield f"{shard['name']}/{name}"
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> str: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[str]: ...
+
+    def __getitem__(self, index: SupportsIndex | slice) -> str | list[str]:
+        """The name of an episode, or of several; reads all manifests."""
+        return list(self)[index]
+
+
+class SourceNames(Sequence[str]):
+    """The names of the episodes of a data set that was merged: those of its shards.
+
+    Args:
+        rows: of the merged data set.
+        shards: names of the shards.
+    """
+
+    def __init__(self, rows: ShardRows, shards: Sequence[str]) -> None:
+        names = set(shards)
+        self._rows, self._shards = rows, [shard for shard in rows.shards if shard["name"] in names]
+
+    def __len__(self) -> int:
+        """Number of episodes."""
+        return sum(shard["episodes"] for shard in self._shards)
+
+    def __iter__(self) -> Iterator[str]:
+        """The names, shard by shard."""
+        for shard in self._shards:
+            yield from (row["name"] for row in self._rows.of_shard(shard))
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> str: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[str]: ...
+
+    def __getitem__(self, index: SupportsIndex | slice) -> str | list[str]:
+        """The name of an episode, or of several; reads all manifests."""
+        return list(self)[index]
+
+
+def with_rows(manifest: JsonDict, folder: Path, read: ReadManifest) -> JsonDict:
+    """A manifest of shards with the keys of one without: `files`, and names in `split` and `sources`.
+
+    Args:
+        manifest: as stored.
+        folder: of the data set.
+        read: reads the manifest of a shard.
+    """
+    rows = ShardRows(folder, manifest["shards"], read)
+    split: Mapping[str, int] | None = manifest["split"]
+    whole = manifest | {
+        "files": rows,
+        "split": None if split is None else {part: PartNames(rows, part, count) for part, count in split.items()},
+    }
+    if manifest.get("sources"):
+        whole["sources"] = [source | {"files": SourceNames(rows, source["shards"])} for source in manifest["sources"]]
+    return whole
+
+
+def stored_form(manifest: JsonDict) -> JsonDict:
+    """A manifest as it is stored: of shards, without what the manifests of the shards list."""
+    if "shards" not in manifest:
+        return manifest
+    split = manifest["split"]
+    stored = {key: value for key, value in manifest.items() if key != "files"}
+    stored["split"] = None if split is None else {part: len(names) for part, names in split.items()}
+    if manifest.get("sources"):
+        stored["sources"] = [
+            {key: value for key, value in source.items() if key != "files"} for source in manifest["sources"]
+        ]
+    return stored

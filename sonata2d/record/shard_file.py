@@ -1,0 +1,217 @@
+"""Episodes in tar files, the shards of large data sets: the layout of WebDataset, with access to any member.
+
+A path inside a tar file names a member: `demo/shard-000000.tar/000007.json`. Beside each shard lies its manifest, whose
+rows say where in the file each member begins; a tar file without a manifest is searched for its members.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tarfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import IO, NamedTuple, Self
+
+import orjson
+
+from ..core.whole_file import sync_folder
+from ..errors import RecordError
+
+SHARD_SUFFIX = ".tar"
+_MANIFEST_SUFFIX = ".manifest.json"
+_BLOCK = tarfile.BLOCKSIZE
+_INDEXES = 64  # shards whose index is kept: 10 MB for shards of 1000 episodes
+
+
+class Extent(NamedTuple):
+    """Where the content of a member lies in its tar file, bytes."""
+
+    offset: int
+    size: int
+
+
+def is_shard(path: Path) -> bool:
+    """Whether a path is that of a tar file."""
+    return path.name.endswith(SHARD_SUFFIX) and path.is_file()
+
+
+def is_member(path: Path) -> bool:
+    """Whether a path names a member of a tar file, which need not exist."""
+    return path.parent.name.endswith(SHARD_SUFFIX) and path.parent.is_file()
+
+
+def shard_manifest_path(shard: Path) -> Path:
+    """Path of the manifest beside a shard."""
+    return shard.with_name(shard.name.removesuffix(SHARD_SUFFIX) + _MANIFEST_SUFFIX)
+
+
+def member_exists(path: Path) -> bool:
+    """Whether the tar file of a path has such a member.
+
+    Raises:
+        OSError: the tar file cannot be read.
+    """
+    return path.name in extents(path.parent)
+
+
+def read_member(path: Path, max_bytes: int) -> bytes:
+    """The content of a member.
+
+    Args:
+        path: of the member.
+        max_bytes: maximum size.
+
+    Raises:
+        OSError: there is no such member, it is larger, or the tar file cannot be read or is shorter than it should be.
+    """
+    extent = extents(path.parent).get(path.name)
+    if extent is None:
+        raise FileNotFoundError(2, f"{path.parent.name} has no member {path.name}")
+    if extent.size > max_bytes:
+        raise OSError(27, f"it has more than {max_bytes} bytes, the limit for such files")
+    with path.parent.open("rb") as file:
+        return read_extent(file, extent)
+
+
+def read_extent(file: IO[bytes], extent: Extent) -> bytes:
+    """The bytes of an open tar file that belong to a member.
+
+    Raises:
+        OSError: the file ends before them.
+    """
+    file.seek(extent.offset)
+    data = file.read(extent.size)
+    if len(data) < extent.size:
+        raise OSError(5, "the tar file ends within it")
+    return data
+
+
+def members_of(shard: Path) -> list[str]:
+    """The names of the members that a tar file holds, in their order, whatever its manifest says.
+
+    Raises:
+        RecordError: the file cannot be read.
+    """
+    try:
+        return [name for name, _ in _searched(shard)]
+    except OSError as error:
+        raise RecordError(f"{shard} cannot be read: {error.strerror or error}") from error
+
+
+def extents(shard: Path) -> Mapping[str, Extent]:
+    """Where each member lies in a tar file, by name, in their order.
+
+    Raises:
+        OSError: the tar file, or the manifest beside it, cannot be read.
+    """
+    found = shard.stat()
+    return _extents(shard, found.st_size, getattr(found, "st_mtime_ns", 0))
+
+
+@lru_cache(maxsize=_INDEXES)
+def _extents(shard: Path, size: int, changed: int) -> Mapping[str, Extent]:
+    index = shard_manifest_path(shard)
+    found: dict[str, Extent] = {}
+    if index.is_file():
+        try:
+            for row in orjson.loads(index.read_bytes())["files"]:
+                found[row["name"]] = Extent(int(row["offset"]), int(row["bytes"]))
+            if all(extent.offset >= 0 and extent.size >= 0 for extent in found.values()):
+                return MappingProxyType(found)
+        except (KeyError, TypeError, ValueError):  # damaged, as `check` says; the members are still there
+            pass
+    return MappingProxyType(dict(_searched(shard)))
+
+
+def _searched(shard: Path) -> Iterator[tuple[str, Extent]]:
+    """The whole members of a tar file, which may end abruptly."""
+    with shard.open("rb") as file:
+        end = file.seek(0, os.SEEK_END)
+        position = 0
+        while position + _BLOCK <= end:
+            file.seek(position)
+            try:
+                info = tarfile.TarInfo.frombuf(file.read(_BLOCK), "utf-8", "strict")
+            except (tarfile.HeaderError, ValueError):  # the end of the archive, or of what was written
+                return
+            position += _BLOCK
+            if position + info.size > end:
+                return
+            if info.isreg():
+                yield info.name, Extent(position, info.size)
+            position += -(-info.size // _BLOCK) * _BLOCK
+
+
+class ShardWriter:
+    """Writes a tar file, which gets its name when it is complete; the same members in order give the same bytes.
+
+    A context manager. If it ends before `finish`, what was written stays in the unfinished file, unless that is empty.
+
+    Args:
+        path: of the tar file.
+        part: of the unfinished file, in the same folder.
+
+    Attributes:
+        size: bytes written so far.
+
+    Raises:
+        RecordError: a file cannot be written; likewise of the methods.
+    """
+
+    def __init__(self, path: Path, part: Path) -> None:
+        self._path, self._part = path, part
+        self._hash = hashlib.sha256()
+        self.size = 0
+        with _explained(path):
+            self._file = part.open("wb")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(OSError):
+            self._file.close()
+        if not self.size:
+            self._part.unlink(missing_ok=True)
+
+    def add(self, name: str, data: bytes) -> int:
+        """Append a member, and return the offset of its content in the file, bytes."""
+        info = tarfile.TarInfo(name)
+        info.size = len(data)  # the other fields have fixed values: mode 644, no owner, time 0
+        with _explained(self._path):
+            self._write(info.tobuf(tarfile.USTAR_FORMAT))
+            offset = self.size
+            self._write(data)
+            self._write(bytes(-len(data) % _BLOCK))
+            self._file.flush()  # what is written stays if this process is killed
+        return offset
+
+    def finish(self) -> str:
+        """Write the end of the archive, give the file its name, and return its SHA-256, hexadecimal digits."""
+        end = self.size + 2 * _BLOCK
+        with _explained(self._path):
+            self._write(bytes(2 * _BLOCK + -end % tarfile.RECORDSIZE))
+            self._file.flush()
+            os.fsync(self._file.fileno())
+            self._file.close()
+            os.replace(self._part, self._path)
+            sync_folder(self._path.parent)
+        return self._hash.hexdigest()
+
+    def _write(self, data: bytes) -> None:
+        self._file.write(data)
+        self._hash.update(data)
+        self.size += len(data)
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Turn errors of writing into RecordError."""
+    try:
+        yield
+    except OSError as error:
+        raise RecordError(f"{path} cannot be written: {error.strerror or error}") from error

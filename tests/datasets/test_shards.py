@@ -1,0 +1,384 @@
+"""Data sets in shards have the same episodes as those in files, and every command reads them."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import tarfile
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import orjson
+import pytest
+from click.testing import CliRunner
+from sonata2d_cli import main
+
+import sonata2d as s2
+from sonata2d.datasets import merge_datasets, mirror_dataset, read_manifest, split_dataset
+from sonata2d.datasets.check import check_dataset
+from sonata2d.datasets.verification import verify
+from sonata2d.errors import RecordError
+from sonata2d.record.files import read_bytes, read_stored
+from sonata2d.record.shard_file import ShardWriter
+
+from .test_generate import QUICK, contents
+
+SETTINGS: dict[str, Any] = {"episodes": 25, "seed": 5}
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The data set as files."""
+    out = tmp_path_factory.mktemp("sets") / "plain"
+    s2.generate_dataset(out, QUICK, "straight-to-goal", **SETTINGS)
+    return out
+
+
+@pytest.fixture(scope="module")
+def sharded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same data set in shards of ten episodes."""
+    out = tmp_path_factory.mktemp("sets") / "sharded"
+    s2.generate_dataset(out, QUICK, "straight-to-goal", shard_size=10, **SETTINGS)
+    return out
+
+
+def members(folder: Path) -> dict[str, bytes]:
+    """The episodes in the shards of a folder by name, as any program reads them."""
+    found = {}
+    for path in sorted(folder.glob("*.tar")):
+        with tarfile.open(path) as archive:
+            for member in archive:
+                file = archive.extractfile(member)
+                assert file is not None
+                found[member.name] = file.read()
+    return found
+
+
+def test_shards_hold_the_same_bytes_as_files(plain: Path, sharded: Path) -> None:
+    expected = {name: data for name, data in contents(plain).items() if name.startswith("0")}
+    assert members(sharded) == expected
+    names = [path.name for path in sorted(sharded.glob("shard-*"))]
+    assert names[:3] == ["shard-000000.README.md", "shard-000000.manifest.json", "shard-000000.tar"]
+    assert len(names) == 9
+    manifest = json.loads((sharded / "manifest.json").read_text())
+    assert [shard["episodes"] for shard in manifest["shards"]] == [10, 10, 5]
+    assert manifest["counts"] == read_manifest(plain)["counts"]
+    assert "files" not in manifest
+    rows = [{key: row[key] for key in row if key != "offset"} for row in read_manifest(sharded)["files"]]
+    for row in rows:
+        row["name"] = row["name"].partition("/")[2]
+    assert rows == read_manifest(plain)["files"]
+
+
+def test_the_number_of_workers_changes_no_byte_of_shards(sharded: Path, tmp_path: Path) -> None:
+    s2.generate_dataset(tmp_path / "two", QUICK, "straight-to-goal", shard_size=10, workers=2, **SETTINGS)
+    assert contents(tmp_path / "two") == contents(sharded)
+
+
+def test_webdataset_reads_the_shards(sharded: Path) -> None:
+    """Each sample is a key with the files of that name, which the format calls extensions."""
+    with tarfile.open(sharded / "shard-000001.tar") as archive:
+        samples = [name.partition(".") for name in archive.getnames()]
+    assert [(key, extension) for key, _, extension in samples] == [(f"{k:06d}", "json") for k in range(10, 20)]
+
+
+@pytest.mark.parametrize("options", [{}, {"suffix": ".json.zst"}, {"keep": ["goal"]}])
+def test_killing_and_resuming_gives_the_same_shards(tmp_path: Path, options: dict[str, Any]) -> None:
+    settings = {"episodes": 60, "seed": 5, "shard_size": 25, **options}
+    s2.generate_dataset(tmp_path / "whole", QUICK, "straight-to-goal", **settings)
+    code = (
+        "import sonata2d as s2\n"
+        "q = s2.ScenarioConfig(name='quick', standing=2, wandering=3, tables=1, rules={'time_limit': 3.0})\n"
+        f"s2.generate_dataset({str(tmp_path / 'out')!r}, q, 'straight-to-goal', **{settings!r}, resume=True)"
+    )
+    taken_over = 0
+    for _ in range(4):
+        process = subprocess.Popen([sys.executable, "-c", code])
+        parts: list[int] = []
+        for _ in range(2000):
+            with suppress(FileNotFoundError):  # it got its name meanwhile
+                parts = [path.stat().st_size for path in (tmp_path / "out").glob(".part-*")]
+            if process.poll() is not None or any(size > 200_000 * (taken_over % 3 + 1) for size in parts):
+                break
+            try:
+                process.wait(timeout=0.01)
+            except subprocess.TimeoutExpired:
+                continue
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        taken_over += 1
+    s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", resume=True, **settings)
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+
+
+def test_finished_episodes_of_an_unfinished_shard_are_not_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sonata2d.datasets.episode_runs import EpisodeRuns
+
+    run_episodes: list[int] = []
+    run = EpisodeRuns.run
+
+    def interrupted(runs: EpisodeRuns, episode: int, store: Any) -> Any:
+        if len(run_episodes) == 7:
+            run_episodes.append(-1)
+            raise KeyboardInterrupt
+        run_episodes.append(episode)
+        return run(runs, episode, store)
+
+    monkeypatch.setattr(EpisodeRuns, "run", interrupted)
+    settings: dict[str, Any] = {"episodes": 12, "shard_size": 5}
+    with pytest.raises(KeyboardInterrupt):
+        s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", **settings)
+    with pytest.warns(s2.errors.DatasetWarning, match="is interrupted: it has 5 of 12 episodes"):
+        assert len(s2.Dataset(tmp_path / "out")) == 5
+    s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", resume=True, **settings)
+    assert run_episodes == [*range(7), -1, *range(7, 12)]
+    assert not list((tmp_path / "out").glob(".part-*"))
+    assert verify(tmp_path / "out", replay=True) == []
+
+
+def test_resumption_can_add_episodes_to_the_last_shard(sharded: Path, tmp_path: Path) -> None:
+    settings: dict[str, Any] = {"seed": 5, "shard_size": 10}
+    s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", episodes=13, **settings)
+    s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", episodes=25, resume=True, **settings)
+    assert contents(tmp_path / "out") == contents(sharded)
+    with pytest.raises(RecordError, match="shard_size 10 stored, 5 requested"):
+        s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", episodes=25, seed=5, shard_size=5, resume=True)
+    with pytest.raises(RecordError, match="shard_size 10 stored, None requested"):
+        s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", episodes=25, seed=5, resume=True)
+    s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", episodes=3, seed=5, overwrite=True)
+    assert not list((tmp_path / "out").glob("shard-*"))
+
+
+def test_kept_episodes_of_shards_are_those_of_files(tmp_path: Path) -> None:
+    settings: dict[str, Any] = {"episodes": 12, "seed": 3, "keep": ["goal"]}
+    files = s2.generate_dataset(tmp_path / "files", QUICK, "straight-to-goal", **settings)
+    shards = s2.generate_dataset(tmp_path / "shards", QUICK, "straight-to-goal", shard_size=9, **settings)
+    assert [record.episode for record in shards] == [record.episode for record in files]
+    assert files.manifest is not None
+    assert shards.manifest is not None
+    assert shards.manifest["left_out"] == files.manifest["left_out"]
+    assert verify(tmp_path / "shards") == []
+    more = {**settings, "episodes": 20}
+    s2.generate_dataset(tmp_path / "shards", QUICK, "straight-to-goal", shard_size=9, resume=True, **more)
+    s2.generate_dataset(tmp_path / "again", QUICK, "straight-to-goal", shard_size=9, **more)
+    assert contents(tmp_path / "shards") == contents(tmp_path / "again")
+
+
+def test_a_data_set_in_shards_is_read_as_one_of_files(plain: Path, sharded: Path) -> None:
+    files, shards = s2.Dataset(plain), s2.Dataset(sharded)
+    assert len(shards) == 25
+    assert [record.episode for record in shards] == list(range(25))
+    assert shards[17].document == files[17].document
+    assert shards["000017"].document == files[17].document
+    assert shards["shard-000001.tar/000017.json"].document == files[17].document
+    assert shards[-1].episode == 24
+    assert [record.episode for record in shards[8:12]] == [8, 9, 10, 11]
+    assert str(shards.files[12]) == f"{sharded}/shard-000001.tar/000012.json"
+    for options in ({"outcome": "goal"}, {"contact": True}, {"family": "quick/square"}, {"condition": is_even}):
+        expected = [record.episode for record in files.filter(**options)]  # type: ignore[arg-type]
+        assert [record.episode for record in shards.filter(**options)] == expected  # type: ignore[arg-type]
+    assert shards.to_pandas().equals(files.to_pandas())
+    assert "25" in shards._repr_html_()
+    with pytest.raises(IndexError, match="the numbers are 0 to 24"):
+        shards[25]
+    with pytest.raises(KeyError, match="has no episode 'x'"):
+        shards["x"]
+
+
+def is_even(record: s2.EpisodeRecord) -> bool:
+    return record.episode % 2 == 0
+
+
+def test_one_shard_is_a_data_set(sharded: Path) -> None:
+    shard = s2.Dataset(sharded / "shard-000001.tar")
+    assert [record.episode for record in shard] == list(range(10, 20))
+    assert shard.manifest is not None
+    assert shard.manifest["seed"] == 5
+    assert check_dataset(sharded / "shard-000001.tar") == []
+    assert "10 episodes" in (sharded / "shard-000001.README.md").read_text()
+
+
+def test_a_tar_file_without_manifest_is_searched(sharded: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "other.tar"
+    copy.write_bytes((sharded / "shard-000001.tar").read_bytes())
+    assert [record.episode for record in s2.Dataset(copy)] == list(range(10, 20))
+    copy.write_bytes(copy.read_bytes()[:30_000])  # as a copy that was interrupted
+    assert 1 <= len(s2.Dataset(copy)) < 10
+
+
+def test_check_finds_nothing_in_whole_shards(sharded: Path) -> None:
+    assert verify(sharded, replay=True, rerun=True, workers=2) == []
+    assert check_dataset(sharded) == []
+
+
+def damaged(path: Path, at: int) -> None:
+    data = bytearray(path.read_bytes())
+    data[at] = data[at] ^ 1
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("damage", "expected"),
+    [
+        (lambda out: damaged(out / "shard-000001.tar", 3000), "shard-000001.tar: sha256: is "),
+        (lambda out: (out / "shard-000001.tar").unlink(), "shard-000001.tar is listed but not in the folder"),
+        (lambda out: (out / "shard-000002.manifest.json").unlink(), "it has no shard-000002.manifest"),
+        (lambda out: (out / "shard-000007.tar").write_bytes(b""), "shard-000007.tar is in the folder but not listed"),
+        (lambda out: edit(out / "manifest.json", episodes=26), "shards: have 25 episodes, and not 26"),
+        (lambda out: edit(out / "shard-000001.manifest.json", seed=6), "shard-000001.manifest.json: seed: differs"),
+        (lambda out: edit(out / "manifest.json", split={"train": 25}), "split: is {'train': 25}, but the"),
+        (lambda out: shortened(out / "shard-000001.manifest.json"), "its manifest lists 9 episodes, that"),
+        (lambda out: append(out / "shard-000001.tar"), "more.json is in the shard but not listed"),
+    ],
+)  # fmt: skip
+def test_check_finds_damage_of_shards(sharded: Path, tmp_path: Path, damage: Any, expected: str) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    for path in sharded.iterdir():
+        (out / path.name).write_bytes(path.read_bytes())
+    damage(out)
+    found = [str(problem) for problem in check_dataset(out)]
+    assert any(expected in problem for problem in found), found
+
+
+def edit(path: Path, **values: Any) -> None:
+    path.write_bytes(orjson.dumps(orjson.loads(path.read_bytes()) | values))
+
+
+def shortened(path: Path) -> None:
+    edit(path, files=orjson.loads(path.read_bytes())["files"][:-1])
+
+
+def append(path: Path) -> None:
+    with tarfile.open(path, "a") as archive:
+        archive.addfile(tarfile.TarInfo("more.json"), io.BytesIO())
+
+
+def test_a_split_of_shards_is_that_of_files(plain: Path, sharded: Path, tmp_path: Path) -> None:
+    out = copied(sharded, tmp_path / "out")
+    files = copied(plain, tmp_path / "files")
+    names = split_dataset(out, seed=3, workers=2)
+    expected = split_dataset(files, seed=3)
+    assert {part: [name.partition("/")[2] for name in own] for part, own in names.items()} == expected
+    parts = s2.Dataset(out).parts
+    assert {part: [record.episode for record in own] for part, own in parts.items()} == {
+        part: [record.episode for record in own] for part, own in s2.Dataset(files).parts.items()
+    }
+    assert json.loads((out / "manifest.json").read_text())["split"] == {part: len(own) for part, own in names.items()}
+    assert check_dataset(out) == []
+    assert s2.Dataset(out).filter(outcome="goal").parts.keys() == parts.keys()
+    s2.generate_dataset(out, QUICK, "straight-to-goal", shard_size=10, resume=True, **SETTINGS)
+    assert s2.Dataset(out).parts.keys() == parts.keys()  # a resumption without new episodes keeps it
+
+
+def copied(folder: Path, out: Path) -> Path:
+    out.mkdir()
+    for path in folder.iterdir():
+        (out / path.name).write_bytes(path.read_bytes())
+    return out
+
+
+def test_shards_are_mirrored_and_back(plain: Path, sharded: Path, tmp_path: Path) -> None:
+    split_dataset(copied(sharded, tmp_path / "split"))
+    for workers in (1, 2):
+        mirror_dataset(tmp_path / "split", tmp_path / f"image{workers}", workers=workers)
+    assert contents(tmp_path / "image1") == contents(tmp_path / "image2")
+    assert check_dataset(tmp_path / "image1") == []
+    mirror_dataset(plain, tmp_path / "plain")
+    expected = {name: data for name, data in contents(tmp_path / "plain").items() if name.startswith("0")}
+    assert members(tmp_path / "image1") == expected
+    mirror_dataset(tmp_path / "image1", tmp_path / "back")
+    assert contents(tmp_path / "back") == contents(tmp_path / "split")
+
+
+def test_shards_and_files_are_merged(plain: Path, sharded: Path, tmp_path: Path) -> None:
+    mirror_dataset(plain, tmp_path / "mirrored")
+    merge_datasets([sharded, tmp_path / "mirrored"], tmp_path / "both")
+    assert verify(tmp_path / "both", replay=True) == []
+    both = s2.Dataset(tmp_path / "both")
+    assert len(both) == 50
+    assert {path.name for path in (tmp_path / "both").glob("*.tar")} == {
+        *(f"sharded__shard-00000{number}.tar" for number in range(3)),
+        *(f"mirrored__shard-00000{number}.tar" for number in range(3)),
+    }
+    split_dataset(tmp_path / "both")  # episodes and their images stay together
+    parts = {part: {record.episode for record in own} for part, own in s2.Dataset(tmp_path / "both").parts.items()}
+    assert sum(map(len, parts.values())) == 25
+    s2.generate_dataset(tmp_path / "more", QUICK, "straight-to-goal", episodes=4, seed=6)
+    s2.generate_dataset(tmp_path / "others", QUICK, "straight-to-goal", episodes=4, seed=7)
+    merge_datasets([tmp_path / "more", tmp_path / "others"], tmp_path / "files")
+    merge_datasets([tmp_path / "both", tmp_path / "files"], tmp_path / "all")
+    assert check_dataset(tmp_path / "all") == []
+    manifest = read_manifest(tmp_path / "all")
+    assert [source["name"] for source in manifest["sources"]] == [
+        "both__sharded", "both__mirrored", "files__more", "files__others"
+    ]  # fmt: skip
+    assert [len(source["files"]) for source in manifest["sources"]] == [25, 25, 4, 4]
+    with pytest.raises(RecordError, match="is the same episode as"):
+        merge_datasets([plain, sharded], tmp_path / "twice")
+
+
+def test_shards_are_evaluated_as_files(plain: Path, sharded: Path) -> None:
+    values = [
+        [episode.values for episode in s2.evaluate(s2.Dataset(folder), resamples=100, rerun=False)[0].episodes]
+        for folder in (plain, sharded)
+    ]
+    assert values[0] == values[1]
+
+
+COMMANDS = """
+check {sharded} --replay
+describe {sharded}
+describe {sharded}/shard-000001.tar
+describe {sharded}/shard-000001.tar/000012.json
+render {sharded} -o sheet.png
+render {sharded}/shard-000001.tar/000012.json -o one.svg
+export {sharded} --to npz -o arrays
+export {sharded} --to parquet -o tables
+evaluate {sharded} --no-rerun --resamples 100
+mirror {sharded} -o mirrored --workers 2
+check mirrored
+merge {sharded} mirrored -o both
+split both
+card both --figures
+check both
+generate out --scenario empty --episodes 5 --shard-size 2 --compress zst --json
+check out --engine dask --workers 1 --replay
+"""
+
+
+def test_commands_read_shards(sharded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    copied(sharded, tmp_path / "set")
+    monkeypatch.chdir(tmp_path)
+    for line in COMMANDS.strip().splitlines():
+        result = CliRunner().invoke(main, line.format(sharded="set").split(), prog_name="sonata2d")
+        assert result.exit_code == 0, f"{line}: {result.output}"
+    assert len(list(Path("arrays").glob("*.npz"))) == 25
+    assert sum(path.stat().st_size for path in Path("tables").glob("*.parquet")) > 10_000
+
+
+def test_an_interrupted_writer_leaves_what_is_whole(tmp_path: Path) -> None:
+    path, part = tmp_path / "a.tar", tmp_path / ".part-a.tar"
+    with ShardWriter(path, part) as writer:
+        writer.add("000000.json", b"{}")
+    assert not path.exists()
+    assert read_bytes(part / "000000.json") == b"{}"
+    with pytest.raises(RecordError, match=r"cannot be read: \.part-a\.tar has no member 000001\.json"):
+        read_stored(part / "000001.json")
+    with ShardWriter(path, tmp_path / ".part-b.tar"):
+        pass
+    assert not (tmp_path / ".part-b.tar").exists()
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written_is_one_error(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(RecordError, match="cannot be written"):
+        ShardWriter(tmp_path / "a.tar", tmp_path / ".part-a.tar")
