@@ -18,16 +18,26 @@ from typing import Any, NoReturn
 import click
 
 from sonata2d.core.interruption import THREAD_GRACE, forget, interrupt
-from sonata2d.core.wording import shown
+from sonata2d.core.wording import one_line, shown
 from sonata2d.registry import Registry
 
 from .command import has_flag
 
 
 class _PathType(click.Path):
-    """A path that the system can open: without NUL, and not too long. Whether it exists is for commands to say."""
+    """A path that the system can open: without NUL, and not too long; or the URL of a store.
+
+    Whether it exists is for commands to say.
+    """
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, str) and "://" in value:
+            from sonata2d.core.locations import location
+
+            try:
+                return location(value)
+            except ValueError as error:
+                self.fail(one_line(error, 300), param, ctx)
         try:
             os.lstat(value)
         except (FileNotFoundError, NotADirectoryError):

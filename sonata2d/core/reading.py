@@ -5,6 +5,8 @@ from __future__ import annotations
 import errno
 from pathlib import Path
 
+from .locations import content_of, is_remote
+
 
 def read_at_most(path: Path, max_bytes: int, *, remedy: str = "divide it") -> bytes:
     """Read a file, or what a shell passes in place of one, as in `<(command)`.
@@ -20,9 +22,12 @@ def read_at_most(path: Path, max_bytes: int, *, remedy: str = "divide it") -> by
         OSError: the file cannot be read, is larger, or is none, see `require_readable`; `strerror` says which.
         ValueError: the path contains NUL.
     """
-    require_readable(path)
-    with path.open("rb") as file:
-        data = file.read(max_bytes + 1)
+    if is_remote(path):
+        data = content_of(path)
+    else:
+        require_readable(path)
+        with path.open("rb") as file:
+            data = file.read(max_bytes + 1)
     if len(data) > max_bytes:
         raise OSError(errno.EFBIG, f"it has more than {max_bytes} bytes, the limit for such files; {remedy}")
     return data
@@ -36,6 +41,8 @@ def require_readable(path: Path) -> None:
             folder is a lack of permission.
         ValueError: the path contains NUL.
     """
+    if is_remote(path):
+        return
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, "it is a folder; name a file in it")
     if path.is_char_device() or path.is_block_device():

@@ -6,7 +6,10 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from uuid import uuid4
+
+from .locations import is_remote, location, put_file
 
 TEMPORARY_PREFIX = ".sonata2d-"  # of the names of incomplete files
 
@@ -14,6 +17,8 @@ TEMPORARY_PREFIX = ".sonata2d-"  # of the names of incomplete files
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
     """A path to write to instead of `path`, in the same folder and with the same suffix.
+
+    If `path` is in a store, it is a path of this machine, and the file is copied to the store.
 
     If the block ends without an exception, what was written becomes the file: at any moment either the old or the new
     content exists, even after a power failure. After an exception the file is as before.
@@ -28,7 +33,13 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     >>> path.read_text()
     'all of it'
     """
-    path = Path(path)
+    path = location(path)
+    if is_remote(path):
+        with TemporaryDirectory(prefix="sonata2d-") as folder:
+            copy = Path(folder) / f"new{path.suffix}"
+            yield copy
+            put_file(path, copy)
+        return
     temporary = path.parent / f"{TEMPORARY_PREFIX}{uuid4().hex}{path.suffix}"
     try:
         yield temporary

@@ -18,6 +18,7 @@ from typing import Any
 
 import orjson
 
+from ..core.locations import location
 from ..core.notebook import Advance
 from ..errors import DatasetWarning, RecordError
 from ..record.counts import ANY_KIND
@@ -227,7 +228,7 @@ def write_card(
         RecordError: the folder is not a data set, or an episode cannot be read.
         RenderError: `figures` is set and matplotlib is not installed.
     """
-    folder = Path(folder)
+    folder = location(folder)
     manifest = _with_settings(folder, read_manifest(folder))
     warn_if_incomplete(folder, manifest)
     if creator is not None:

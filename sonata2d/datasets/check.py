@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, SupportsIndex, overload
 
 import orjson
 
+from ..core.locations import file_names, location
 from ..errors import InvalidFileError, RecordError
 from ..record.files import file_exists, file_stem, read_bytes, sha256_of
 from ..record.layout import JsonDict
@@ -83,13 +84,13 @@ def check_episode(path: str | Path) -> list[Problem]:
 
     Checks the schema, then the plausibility of the numbers (`plausibility.implausible_values`).
     """
-    record, problems = open_to_check(Path(path))
+    record, problems = open_to_check(location(path))
     return problems if record is None else check_record(record)
 
 
 def check_dataset(folder: str | Path) -> list[Problem]:
     """Problems of a data set: each listed episode, then the manifest."""
-    folder = Path(folder)
+    folder = location(folder)
     problems = check_manifest(folder)
     if any(problem.place == "file" for problem in problems):
         return problems
@@ -349,7 +350,7 @@ def _unknown_files(folder: Path, manifest: JsonDict, names: set[str]) -> Iterato
         names: of the files that it lists.
     """
     known = {*names, MANIFEST, SCENARIO, CARD, LOG, METRICS, CROISSANT}
-    unknown = {path.name for path in folder.iterdir() if path.is_file()} - known
+    unknown = set(file_names(folder)) - known
     if unlisted := unlisted_episodes(folder, manifest):
         yield "files", unlisted
         unknown = {name for name in unknown if not is_episode_name(name)}

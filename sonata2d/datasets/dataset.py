@@ -10,6 +10,7 @@ from typing import Any, SupportsIndex, get_args, overload
 
 from ..core.arguments import whole_number
 from ..core.drawable import Drawing, display
+from ..core.locations import location
 from ..core.notebook import ProgressBar
 from ..core.optional import optional
 from ..core.snapshot import Status
@@ -57,7 +58,7 @@ class Dataset(Sequence[EpisodeRecord]):
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+        self.path = location(path)
         self.manifest: JsonDict | None = read_stored_manifest(self.path) if has_manifest(self.path) else None
         files = files_of(self.path) if self.manifest is None else files_in_manifest(self.path, self.manifest)
         self.files: Sequence[Path] = tuple(files) if isinstance(files, list) else files
@@ -315,7 +316,7 @@ class Dataset(Sequence[EpisodeRecord]):
             path: a folder that stands for all of them, which is printed.
             files: of the episodes.
         """
-        return cls._of(Path(path), tuple(files), None, None)
+        return cls._of(location(path), tuple(files), None, None)
 
     def keeps(self, owner: object) -> None:
         """Refer to an object as long as this data set, or a part of it, exists: the owner of a temporary folder."""

@@ -8,25 +8,22 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol, Self, TypeVar
-from uuid import uuid4
 
 from ..core import interruption
 from ..core.arguments import whole_number
-from ..core.whole_file import TEMPORARY_PREFIX
 from ..core.wording import described, shown
 from ..errors import WorkerError
 from .processes import ENDED, STOP_GRACE, Processes
-from .tasks import Answer, Call, applied, origin, run_task
+from .tasks import Answer, Call, applied, marked, origin, run_task
 
 logger = logging.getLogger(__name__)
 
-MARK = f"{TEMPORARY_PREFIX}run-"  # beginning of the name of the mark of a call, see `tasks.Call`
 _POLL = 0.5  # s, between two looks whether Ctrl-C was pressed
 _AHEAD = 4  # tasks for each worker that an ordered map may run ahead of the result that it waits for
 _GROWTH = 2  # a task has at most this many times the items of the one before
@@ -225,7 +222,7 @@ class _Given:
     def submitting(self, call: Call) -> Iterator[Callable[[Sequence[Any]], Any]]:
         """Yields a function that submits a task; at the end the tasks that are not finished are cancelled."""
         submitted: set[Any] = set()
-        with _marked(call.writes) as mark:
+        with marked(call.writes) as mark:
             pickled = call.pickled(mark)
 
             def submit(items: Sequence[Any]) -> Any:
@@ -279,28 +276,6 @@ class _Given:
     @property
     def _name(self) -> str:
         return type(self._executor).__name__
-
-
-@contextmanager
-def _marked(folder: Path | None) -> Iterator[Path | None]:
-    """Make the mark of a call in a folder, and remove it at the end.
-
-    Raises:
-        WorkerError: the folder cannot be written.
-    """
-    if folder is None:
-        yield None
-        return
-    mark = folder / f"{MARK}{uuid4().hex}"
-    try:
-        mark.touch()
-    except OSError as error:
-        raise WorkerError(f"{folder} cannot be written: {error.strerror or error}") from error
-    try:
-        yield mark
-    finally:
-        with suppress(OSError):
-            mark.unlink()
 
 
 class _RaisedInWorker(Exception):

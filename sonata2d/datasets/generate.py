@@ -19,6 +19,7 @@ from typing import get_args
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource, is_built_in, source_hashes
 from ..core.arguments import whole_number
+from ..core.locations import location
 from ..core.notebook import Advance, ProgressBar, bar_of
 from ..core.snapshot import Status
 from ..core.wording import shown
@@ -135,7 +136,7 @@ def generate_dataset(
         raise ValueError(f"suffix must be one of {', '.join(SUFFIXES)}, got {shown(suffix)}")
     if shard_size is not None:
         whole_number("shard_size", shard_size, 1)
-    out = Path(out)
+    out = location(out)
     kept_outcomes = _in_fixed_order(keep)
     process = os.getpid()
     source = ControllerSource(controller)

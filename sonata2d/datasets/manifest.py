@@ -8,7 +8,7 @@ import shutil
 import warnings
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, SupportsIndex, overload
@@ -17,6 +17,7 @@ from uuid import uuid4
 import orjson
 
 from ..core.geometry import PRECISION
+from ..core.locations import file_names, is_remote
 from ..core.snapshot import ControllerInfo, Status
 from ..core.whole_file import TEMPORARY_PREFIX
 from ..core.wording import shown
@@ -115,11 +116,7 @@ def files_of(path: Path) -> Sequence[Path]:
         return [path / name for name in members_of(path) if name.endswith(SUFFIXES)]
     if path.is_file() or is_member(path):
         return [path]
-    files = sorted(
-        file
-        for file in path.glob("*.json*")
-        if file.is_file() and file.name.endswith(SUFFIXES) and file.name not in _NOT_EPISODES
-    )
+    files = [path / name for name in sorted(file_names(path)) if name.endswith(SUFFIXES) and name not in _NOT_EPISODES]
     if not files:
         if path.is_dir():
             raise RecordError(f"{path} holds no episode files")
@@ -382,6 +379,15 @@ def new_folder(out: Path) -> Iterator[Path]:
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise RecordError(f"{out} already exists and is not empty; choose another name")
+    if is_remote(out):  # objects cannot be renamed together: the manifest, which is written last, makes the data set
+        try:
+            yield out
+        except BaseException:
+            with suppress(OSError):
+                for name in file_names(out):
+                    (out / name).unlink(missing_ok=True)
+            raise
+        return
     work = out.parent / f"{TEMPORARY_PREFIX}{uuid4().hex}"
     try:
         work.mkdir(parents=True)
@@ -397,9 +403,9 @@ def new_folder(out: Path) -> Iterator[Path]:
 
 def remove_partial_files(folder: Path) -> None:
     """Remove what a killed run left of files that it was writing."""
-    for partial_file in folder.glob(f"{TEMPORARY_PREFIX}*"):
-        if partial_file.name != LOCK:
-            partial_file.unlink(missing_ok=True)
+    for name in file_names(folder):
+        if name.startswith(TEMPORARY_PREFIX) and name != LOCK:
+            (folder / name).unlink(missing_ok=True)
 
 
 def warn_if_incomplete(folder: Path, manifest: JsonDict) -> None:
@@ -479,9 +485,11 @@ def existing_episodes(
 
 def episode_numbers(folder: Path, spec: DatasetSpec) -> list[int]:
     """Episode numbers in the file names of a folder; without `keep` only those that the specification requests."""
-    stems = (path.name.removesuffix(spec.suffix) for path in folder.iterdir() if path.name.endswith(spec.suffix))
+    names = file_names(folder)
+    stems = (name.removesuffix(spec.suffix) for name in names if name.endswith(spec.suffix))
     numbers = sorted(int(stem) for stem in stems if stem.isdecimal() and stem.isascii())
-    return [k for k in numbers if (spec.keep or k < spec.episodes) and (folder / spec.file_name(k)).is_file()]
+    known = set(names)
+    return [k for k in numbers if (spec.keep or k < spec.episodes) and spec.file_name(k) in known]
 
 
 def _sha256(data: bytes) -> str:

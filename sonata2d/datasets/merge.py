@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.locations import is_remote, location
 from ..core.notebook import Advance
 from ..errors import RecordError
 from ..record.files import read_bytes, safe_text, write_atomically
@@ -59,12 +60,12 @@ def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: A
         RecordError: fewer than two folders are given, a data set is damaged or incomplete, two data sets differ in
             physics version or precision or contain the same episode, or the folder cannot be written.
     """
-    paths = [Path(folder) for folder in folders]
+    paths = [location(folder) for folder in folders]
     manifests = [read_stored_manifest(path) for path in paths]
     _require_mergeable(paths, manifests)
     prefixes = _prefixes(paths)
     sizes = [manifest["shard_size"] for manifest in manifests if "shards" in manifest]
-    with new_folder(Path(out)) as work:
+    with new_folder(location(out)) as work:
         if sizes:
             copies = [
                 _copied_shards(path, prefix, manifest, work, max(sizes), advance)
@@ -87,7 +88,7 @@ def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: A
             merged = with_rows(merged, work, read_stored_manifest)
         licences = {licence_of(path) for path in paths}
         write_manifest_and_card(work, merged, licence=licences.pop() if len(licences) == 1 else "other")
-    return read_stored_manifest(Path(out))
+    return read_stored_manifest(location(out))
 
 
 def _copied_files(path: Path, prefix: str, manifest: JsonDict, work: Path, advance: Advance) -> list[JsonDict]:
@@ -203,7 +204,10 @@ def _prefixes(paths: Sequence[Path]) -> list[str]:
     """A distinct file-name prefix for each source folder."""
     prefixes: list[str] = []
     for path in paths:
-        stem, number = safe_text(Path(os.path.abspath(path)).name), 1  # `..` gets the name of its folder
+        stem, number = (
+            safe_text((path if is_remote(path) else Path(os.path.abspath(path))).name),
+            1,
+        )  # `..` gets the name of its folder
         while (prefix := f"{stem}-{number}" if number > 1 else stem) in prefixes:
             number += 1
         prefixes.append(prefix)

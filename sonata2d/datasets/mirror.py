@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.geometry import quantised
+from ..core.locations import location
 from ..core.notebook import Advance
 from ..core.portable_math import PI
 from ..core.vectors import wrap_angle
@@ -80,7 +81,7 @@ def mirror_file(path: str | Path, out: str | Path, *, label: LabelImage | None =
         RecordError: the input cannot be read or the output cannot be written, or the input is an image whose labels
             were mirrored and `label` is missing, or the reverse.
     """
-    out, image = Path(out), _read_image(Path(path), label)
+    out, image = location(out), _read_image(location(path), label)
     write_atomically(out, compress(serialise(image.document), out))
     return image
 
@@ -112,7 +113,7 @@ def mirror_dataset(
         WorkerError: a worker crashed, was killed, or has other software.
     """
     end_if_unguarded()
-    folder, out = Path(folder), Path(out)
+    folder, out = location(folder), location(out)
     manifest = read_stored_manifest(folder)
     warn_if_incomplete(folder, manifest)
     with shared_workers(workers) as pool, new_folder(out) as work:

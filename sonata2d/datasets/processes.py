@@ -21,9 +21,10 @@ from multiprocessing.util import Finalize
 from typing import Any
 
 from ..core import interruption
+from ..core.locations import is_remote
 from ..errors import PluginWarning, WorkerError
 from . import tasks
-from .tasks import Answer, Call, origin, run_task
+from .tasks import Answer, Call, marked, origin, run_task
 
 logger = logging.getLogger(__name__)
 
@@ -111,7 +112,12 @@ class Processes:
         Raises:
             WorkerError: a process cannot be started, or crashed.
         """
-        pickled = call.pickled()
+        written_store = call.writes if is_remote(call.writes) else None  # which may belong to one process
+        with marked(written_store) as mark, self._submitting(call.pickled(mark)) as submit:
+            yield submit
+
+    @contextmanager
+    def _submitting(self, pickled: bytes) -> Iterator[Callable[[Sequence[Any]], Future[Answer]]]:
         with self._starting():
             pool, stop = self._pool, self._stop
         unfinished: set[Future[Answer]] = set()

@@ -11,9 +11,10 @@ from typing import Any
 
 import orjson
 
+from ..core.locations import is_remote
 from ..errors import RecordError, Sonata2dError
 from ..record.canonical import to_json_value
-from ..record.files import read_stored
+from ..record.files import read_stored, write_atomically
 from .manifest import LOG, DatasetSpec, ManifestEntry
 
 ABORT_AFTER = 200  # episodes before a run may be aborted because too few of them are kept
@@ -146,20 +147,26 @@ def append_to_log(folder: Path, **facts: Any) -> None:
     Raises:
         RecordError: the log cannot be written.
     """
+    line = orjson.dumps(to_json_value(facts, LOG, exact=True), option=orjson.OPT_APPEND_NEWLINE)
+    if is_remote(folder):  # objects of a store are written whole
+        stored = read_stored(folder / LOG) if (folder / LOG).exists() else b""
+        write_atomically(folder / LOG, stored + line)
+        return
     try:
         with (folder / LOG).open("ab") as file:
-            file.write(orjson.dumps(to_json_value(facts, LOG, exact=True), option=orjson.OPT_APPEND_NEWLINE))
+            file.write(line)
     except OSError as error:
         raise RecordError(f"{folder / LOG} cannot be written: {error.strerror or error}") from error
 
 
 def log_excluded(folder: Path, excluded: ExcludedEpisode) -> None:
-    """Log an excluded episode, so that a resumed run does not run it again.
+    """Log an excluded episode, so that a resumed run does not run it again; in a store it does.
 
     Raises:
         RecordError: the log cannot be written.
     """
-    append_to_log(folder, left_out=excluded.episode, outcome=excluded.outcome)
+    if not is_remote(folder):  # which would have to write the whole log again each time
+        append_to_log(folder, left_out=excluded.episode, outcome=excluded.outcome)
 
 
 def read_excluded(folder: Path) -> list[ExcludedEpisode]:

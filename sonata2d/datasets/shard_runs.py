@@ -12,6 +12,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Self
 
+from ..core.locations import file_names
 from ..errors import NewerFormatError, RecordError
 from ..record.files import read_stored
 from ..record.layout import JsonDict
@@ -277,8 +278,8 @@ def existing_shards(folder: Path, spec: DatasetSpec) -> Iterator[ShardResult]:
     """The complete shards of a specification that a folder already holds; others are logged."""
     identity = identity_of(spec)
     del identity["episodes"]
-    for path in sorted(folder.glob("shard-*.tar")):
-        number = shard_number(path.name)
+    for name in sorted(file_names(folder)):
+        number, path = shard_number(name), folder / name
         if number is None:
             continue
         try:
@@ -326,7 +327,8 @@ def cut_shard(folder: Path, spec: DatasetSpec, result: ShardResult, episodes: in
 def _earlier_members(folder: Path, shard: Path) -> dict[str, Path]:
     """Members of earlier attempts at a shard by name, also of one that is complete but covered fewer episodes."""
     found: dict[str, Path] = {}
-    for path in (shard, *folder.glob(f"{PART}*-{shard.name}")):
+    parts = [name for name in file_names(folder) if name.startswith(PART) and name.endswith(f"-{shard.name}")]
+    for name in (shard.name, *parts):
         with suppress(OSError):
-            found |= {name: path / name for name in extents(path)}
+            found |= {member: folder / name / member for member in extents(folder / name)}
     return found

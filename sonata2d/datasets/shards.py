@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import SupportsIndex, TypeVar, overload
 from uuid import uuid4
 
+from ..core.locations import file_names
 from ..errors import RecordError
 from ..record.layout import JsonDict
 from ..record.shard_file import SHARD_SUFFIX, shard_manifest_path
@@ -37,20 +38,21 @@ def shard_card_path(shard: Path) -> Path:
 
 def remove_shards(folder: Path, numbers_from: int = 0) -> None:
     """Remove the shards of a folder from a number on, with their manifests and cards, and all unfinished ones."""
-    for path in folder.glob("shard-*"):
-        number = shard_number(path.name.split(".")[0] + SHARD_SUFFIX)
+    for name in file_names(folder):
+        number = shard_number(name.split(".")[0] + SHARD_SUFFIX)
         if number is not None and number >= numbers_from:
             shard = folder / shard_name(number)
-            if path in (shard, shard_manifest_path(shard), shard_card_path(shard)):
-                path.unlink(missing_ok=True)
+            if name in (shard.name, shard_manifest_path(shard).name, shard_card_path(shard).name):
+                (folder / name).unlink(missing_ok=True)
     remove_parts(folder)
 
 
 def remove_parts(folder: Path, number: int | None = None) -> None:
     """Remove unfinished shards: those of one number, or all."""
-    name = "*" if number is None else shard_name(number)
-    for path in folder.glob(f"{PART}*-{name}"):
-        path.unlink(missing_ok=True)
+    ending = "" if number is None else f"-{shard_name(number)}"
+    for name in file_names(folder):
+        if name.startswith(PART) and name.endswith(ending):
+            (folder / name).unlink(missing_ok=True)
 
 
 def part_path(shard: Path) -> Path:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import orjson
 
+from ..core.locations import location
 from ..core.notebook import Advance
 from ..errors import RecordError
 from ..record.layout import JsonDict, scene_to_json
@@ -57,7 +58,7 @@ def split_dataset(
         RecordError: the data set is damaged, or it has fewer scenes (or families) than parts.
         ValueError: a fraction is not positive and finite.
     """
-    folder = Path(folder)
+    folder = location(folder)
     if not fractions or any(not 0.0 < fraction < float("inf") for fraction in fractions.values()):
         raise ValueError(f"fractions must be positive, got {dict(fractions)}")
     manifest = read_stored_manifest(folder)

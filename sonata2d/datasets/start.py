@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from ..core.locations import file_names, is_remote
 from ..core.locking import acquired_lock
 from ..core.whole_file import TEMPORARY_PREFIX
 from ..core.wording import shown
@@ -91,10 +92,15 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
 def sole_writer(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder, which is created: two programs that generate one data set would lose episodes.
 
+    A folder in a store has no lock.
+
     Raises:
         RecordError: another program holds the lock, or the folder cannot be written.
     """
     _require_no_file(folder)
+    if is_remote(folder):  # a store has no locks
+        yield
+        return
     lock = acquired_lock(
         folder / LOCK, f"another program is generating {folder}; wait for it, or choose another folder"
     )
@@ -124,14 +130,12 @@ def remove_failed_episodes(folder: Path) -> None:
 
 def episode_files(folder: Path) -> list[Path]:
     """The files of a folder, if it exists, that are named as generated episodes are."""
-    return [
-        path for path in (folder.iterdir() if folder.is_dir() else ()) if is_episode_name(path.name) and path.is_file()
-    ]
+    return [folder / name for name in file_names(folder) if is_episode_name(name)]
 
 
 def has_episodes(folder: Path) -> bool:
     """Whether a folder holds generated episodes, in files or in shards, which may be unfinished."""
-    names = (path.name for path in (folder.iterdir() if folder.is_dir() else ()))
+    names = file_names(folder)
     return any(is_episode_name(name) or name.startswith(PART) or shard_number(name) is not None for name in names)
 
 
@@ -207,7 +211,7 @@ def _require_same_suffix(folder: Path, spec: DatasetSpec, stored: JsonDict) -> N
     """Raise RecordError if the data set holds episode files with another suffix."""
     if spec.shard_size and stored["files"] and file_suffix(folder / stored["files"][0]["name"]) != spec.suffix:
         raise RecordError(f"{folder} holds files like {stored['files'][0]['name']}; resume with the same --compress")
-    for path in folder.iterdir():
-        is_episode = path.name.split(".")[0].isdigit() and path.name.endswith(SUFFIXES)
-        if is_episode and file_suffix(path) != spec.suffix:
-            raise RecordError(f"{folder} holds files like {path.name}; resume with the same --compress")
+    for name in file_names(folder):
+        is_episode = name.split(".")[0].isdigit() and name.endswith(SUFFIXES)
+        if is_episode and file_suffix(folder / name) != spec.suffix:
+            raise RecordError(f"{folder} holds files like {name}; resume with the same --compress")

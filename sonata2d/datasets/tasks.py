@@ -8,14 +8,16 @@ import platform
 import threading
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 from uuid import uuid4
 
 from ..core import interruption
+from ..core.locations import is_remote, put_content
+from ..core.whole_file import TEMPORARY_PREFIX
 from ..core.wording import described
 from ..errors import WorkerError
 from ..record.layout import software_versions
@@ -23,6 +25,7 @@ from ..registry import registered_objects, restore_registered
 from ..version import PHYSICS_VERSION
 
 _VISIBLE_WITHIN = 10.0  # s, until a new file on a file server is seen by all machines
+MARK = f"{TEMPORARY_PREFIX}run-"  # beginning of the name of the mark of a call
 _LOOK_INTERVAL = 1.0  # s, between two looks at the mark of a call
 _THIS_PROCESS = uuid4().hex
 
@@ -59,6 +62,31 @@ class Call:
             Sonata2dError: a registered object or a controller cannot be sent.
         """
         return pickle.dumps((_THIS_PROCESS, registered_objects(), self, mark))
+
+
+@contextmanager
+def marked(folder: Path | None) -> Iterator[Path | None]:
+    """Make the mark of a call in a folder, see `Call.pickled`, and remove it at the end.
+
+    Raises:
+        WorkerError: the folder cannot be written.
+    """
+    if folder is None:
+        yield None
+        return
+    mark = folder / f"{MARK}{uuid4().hex}"
+    try:
+        if is_remote(mark):
+            put_content(mark, b"")
+        else:
+            mark.touch()
+    except OSError as error:
+        raise WorkerError(f"{folder} cannot be written: {error.strerror or error}") from error
+    try:
+        yield mark
+    finally:
+        with suppress(OSError):
+            mark.unlink()
 
 
 def origin() -> dict[str, str]:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..agents.controllers.loading import is_installed, load_controller, source_hashes
 from ..core import interruption
+from ..core.locations import location
 from ..core.notebook import Advance
 from ..core.wording import described
 from ..errors import ControllerError, ControllerWarning
@@ -61,7 +62,7 @@ def verify(
     """
     end_if_unguarded()
     shared = shared_workers(workers)
-    path = Path(path)
+    path = location(path)
     is_listed = has_manifest(path)
     problems = check_manifest(path) if is_listed else []
     verify_file = partial(_verify_file, replay=replay, rerun=rerun, controller=controller)

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from ..core.locations import is_remote, location
 from ..datasets.dataset import Dataset
 from ..datasets.executors import Workers, parallel_map, shared_workers
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
@@ -165,13 +166,16 @@ def export_to(
         WorkerError: a worker crashed, was killed, or has other software.
     """
     end_if_unguarded()
-    out = Path(out)
+    out = location(out)
     if isinstance(source, Dataset):
         files, is_single = source.files, False
         if not files:
             raise RecordError(f"{source!r} holds no episodes")
     else:
-        files, is_single = episodes_in(Path(source)), file_exists(Path(source)) and not is_shard(Path(source))
+        files, is_single = (
+            episodes_in(location(source)),
+            file_exists(location(source)) and not is_shard(location(source)),
+        )
     chosen = format_named(format)
     _require_supported(format, options)
     if shard_size is not None and chosen.export_part is None:
@@ -251,7 +255,8 @@ class _Transfer:
     def parts(self, size: int) -> TransferResult:
         """Write tables of some episodes each: every part by one worker."""
         result, numbers = TransferResult([]), range(-(-len(self.files) // size))
-        self.out.mkdir(parents=True, exist_ok=True)
+        if not is_remote(self.out):
+            self.out.mkdir(parents=True, exist_ok=True)
         place = self.out if self.workers.is_local else self.out.absolute()
         parts = (
             (number, [self._place(file) for file in self.files[number * size : (number + 1) * size]])
@@ -376,7 +381,7 @@ def import_from(
     chosen, result, written = format_named(format), TransferResult([]), set[Path]()
     read = _import_function(chosen, format)
     _require_supported(format, options)
-    source, out = Path(source), Path(out)
+    source, out = location(source), location(out)
     is_single = source.is_file() and out.name.endswith(SUFFIXES) and not out.is_dir()
     folder = out.parent if is_single else out
     if (folder / MANIFEST).exists():  # its manifest would not list the episodes

@@ -15,18 +15,17 @@ of that many episodes. pyarrow is imported only when it is needed.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import orjson
 
 from ..core.humans import ACTIVITIES
-from ..core.whole_file import TEMPORARY_PREFIX
+from ..core.locations import file_names, is_remote
+from ..core.whole_file import whole_file
 from ..core.wording import one_line
 from ..errors import RecordError
 from ..record.files import file_stem, write_atomically
@@ -119,10 +118,10 @@ def finish_parts(out: Path, count: int) -> list[Path]:
     Raises:
         RecordError: it cannot be written.
     """
-    for path in out.glob("*-*.parquet"):
-        name, _, number = path.name.removesuffix(".parquet").rpartition("-")
+    for file in file_names(out):
+        name, _, number = file.removesuffix(".parquet").rpartition("-")
         if name in TABLES and number.isdecimal() and int(number) >= count:
-            path.unlink(missing_ok=True)
+            (out / file).unlink(missing_ok=True)
     return [_write_readme(out, is_in_parts=True)]
 
 
@@ -130,23 +129,20 @@ def _write_tables(episodes: Iterator[PackedEpisode], out: Path, files: dict[str,
     """Write the tables of episodes into the given files, by name; all of them, or none."""
     pa, pq = _pyarrow()
     schemas = _schemas(pa)
-    parts = {name: out / f"{TEMPORARY_PREFIX}{uuid4().hex}.tmp" for name in TABLES}
     options = {"write_page_checksum": True, "compression": "zstd"}
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as stack:
-            writers = {
-                name: stack.enter_context(_closing(pq.ParquetWriter(parts[name], schemas[name], **options)))
-                for name in TABLES
-            }
-            _write_all(pa, episodes, writers)
-        for name in TABLES:  # only complete tables get their final names
-            os.replace(parts[name], files[name])
+        if not is_remote(out):
+            out.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as whole:  # only complete tables get their final names
+            places = {name: whole.enter_context(whole_file(files[name])) for name in TABLES}
+            with ExitStack() as stack:
+                writers = {
+                    name: stack.enter_context(_closing(pq.ParquetWriter(places[name], schemas[name], **options)))
+                    for name in TABLES
+                }
+                _write_all(pa, episodes, writers)
     except OSError as error:
         raise RecordError(f"{out} cannot be written: {error.strerror or error}") from error
-    finally:
-        for part in parts.values():
-            part.unlink(missing_ok=True)
     return [*files.values()]
 
 
@@ -264,7 +260,10 @@ def import_(path: Path, options: Options) -> Iterator[JsonDict]:
 
 def _parts(folder: Path) -> Iterator[dict[str, Path]]:
     """The files of each part of the tables by name; of tables that are not divided, one part."""
-    endings = sorted(path.name.removeprefix("episodes") for path in folder.glob("episodes-*.parquet"))
+    names = file_names(folder)
+    endings = sorted(
+        name.removeprefix("episodes") for name in names if name.startswith("episodes-") and name.endswith(".parquet")
+    )
     for ending in endings or [".parquet"]:
         yield {name: folder / f"{name}{ending}" for name in TABLES}
 
@@ -276,7 +275,8 @@ def _sorted_table(pa: Any, pq: Any, path: Path, name: str) -> Any:
         KeyError: a column is missing.
         pyarrow.ArrowException: a column has another type, or the file is damaged.
     """
-    table, schema = pq.read_table(path, page_checksum_verification=True, partitioning=None), _schemas(pa)[name]
+    with path.open("rb") as file:
+        table, schema = pq.read_table(file, page_checksum_verification=True), _schemas(pa)[name]
     for column in schema:
         if column.name not in table.column_names:
             raise KeyError(f"column {column.name} of {path.name}")

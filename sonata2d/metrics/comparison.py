@@ -14,11 +14,12 @@ from concurrent.futures import Executor
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, cast, overload
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource
 from ..core.arguments import whole_number
+from ..core.locations import is_location, is_remote, location
 from ..core.notebook import ProgressBar, bar_of
 from ..core.optional import optional
 from ..core.wording import counted, shown
@@ -172,8 +173,9 @@ class Comparison(Sequence[Evaluation]):
         from .page import save_page
         from .plots import SUFFIXES
 
-        path, suffix = Path(path), Path(path).suffix.lower()
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path, suffix = location(path), location(path).suffix.lower()
+        if not is_remote(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
         if suffix in (".html", ".htm"):
             with bar_of(progress)(len(self), "film strips") as advance:
                 save_page(path, self.evaluations, self._files(), self._page_metrics(), advance)
@@ -339,7 +341,7 @@ def evaluate(
         raise ValueError(f"out={str(out)!r} is for the episodes of controllers, and only recorded episodes are given")
     bar = bar_of(progress)
     folder = _TemporaryFolder() if out is None and has_controllers else None
-    root = folder.path if folder is not None else Path(out or ".")
+    root = folder.path if folder is not None else location(out or ".")
     with shared as pool:
         sources = _sources(given, configs, root, episodes, seed, pool, bar, folder)
         evaluations = _measured(sources, pool, bar, rerun=rerun, resamples=resamples)
@@ -384,7 +386,7 @@ def _labelled(subjects: Subject | Sequence[Subject] | Mapping[str, Subject]) -> 
     twice = next((label for label in labels if labels.count(label) > 1), None)
     if twice is not None:
         raise ValueError(f"two subjects have the label {twice!r}; name them: evaluate({{'slow': …, 'fast': …}})")
-    found = {label: Dataset(subject) if isinstance(subject, Path) else subject for label, subject in pairs}
+    found = {label: Dataset(cast(Path, subject)) if is_location(subject) else subject for label, subject in pairs}
     for label, dataset in found.items():
         if isinstance(dataset, Dataset):
             _require_episodes(label, dataset)
@@ -398,7 +400,7 @@ def _label_of(subject: Subject) -> str:
         return subject
     if isinstance(subject, Dataset):
         return str(subject.path)
-    if isinstance(subject, Path):
+    if is_location(subject):
         return str(subject)
     return subject.__name__ if isinstance(subject, type) else type(subject).__name__
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from jinja2 import Environment, PackageLoader
 
+from ..core.locations import location
 from ..core.notebook import Advance
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ..errors import RenderError
@@ -73,7 +74,7 @@ def save_page(
         RenderError: the path does not end in .html or .htm.
         RecordError: an episode file cannot be read, or the page cannot be written.
     """
-    path = Path(path)
+    path = location(path)
     check_page_path(path)
     write_atomically(path, page_of(evaluations, files, metrics, advance).encode())
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.locations import location
 from ..core.portable_math import Array
 from ..core.whole_file import whole_file
 from ..errors import RenderError
@@ -109,7 +110,7 @@ def chart(path: str | Path, evaluations: Sequence[Evaluation], metrics: Sequence
     Raises:
         RenderError: the picture cannot be drawn or written, or no metric is defined in any episode.
     """
-    path = Path(path)
+    path = location(path)
     check_picture_path(path)
     shown = [metric for metric in metrics if any(one.summary(metric.name).n for one in evaluations)]
     if not shown:

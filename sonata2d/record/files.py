@@ -15,6 +15,7 @@ from pathlib import Path
 import zstandard
 
 from ..core.limits import MAX_FILE_BYTES, MAX_UNPACKED_RATIO, MAX_UNPACKED_WITHOUT_RATIO
+from ..core.locations import is_remote, put_content
 from ..core.reading import read_at_most, require_readable
 from ..core.whole_file import whole_file
 from ..errors import RecordError
@@ -103,6 +104,9 @@ def write_atomically(path: Path, data: bytes) -> None:
         RecordError: the file cannot be written; no partial file remains.
     """
     try:
+        if is_remote(path):
+            put_content(path, data)
+            return
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as temporary:
             temporary.write_bytes(data)

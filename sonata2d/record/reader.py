@@ -12,6 +12,7 @@ import numpy as np
 import orjson
 
 from ..core.humans import frozen
+from ..core.locations import location
 from ..core.portable_math import Array, BoolArray
 from ..core.snapshot import Outcome
 from ..core.wording import shown
@@ -39,7 +40,7 @@ def read_episode(path: str | Path) -> EpisodeRecord:
         InvalidFileError: the content is not that of an episode; `findings` lists what is wrong.
         RecordError: the file cannot be read, or is not a complete episode.
     """
-    path = Path(path)
+    path = location(path)
     with _without_garbage_collection():
         document = _read_document(path)
         require_valid(document, path)

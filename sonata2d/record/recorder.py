@@ -13,6 +13,7 @@ import orjson
 from ..core.geometry import PRECISION, quantised
 from ..core.humans import ACTIVITIES
 from ..core.labels import LabelSpec
+from ..core.locations import location
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
 from ..core.wording import counted
@@ -226,7 +227,7 @@ class JsonRecorder(EpisodeRecorder):
         context: str | None = None,
         branched_from: tuple[str, int] | None = None,
     ) -> None:
-        self.path = Path(path)
+        self.path = location(path)
         name = id or file_stem(self.path)
         super().__init__(id=name, contributor=contributor, context=context, branched_from=branched_from)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tarfile
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -18,6 +19,7 @@ from typing import IO, NamedTuple, Self
 
 import orjson
 
+from ..core.locations import content_of, is_remote, put_file
 from ..core.whole_file import sync_folder
 from ..errors import RecordError
 
@@ -73,6 +75,9 @@ def read_member(path: Path, max_bytes: int) -> bytes:
         raise FileNotFoundError(2, f"{path.parent.name} has no member {path.name}")
     if extent.size > max_bytes:
         raise OSError(27, f"it has more than {max_bytes} bytes, the limit for such files")
+    if is_remote(path):
+        data = content_of(path.parent, extent.offset, extent.offset + extent.size) if extent.size else b""
+        return _whole(data, extent)
     with path.parent.open("rb") as file:
         return read_extent(file, extent)
 
@@ -84,7 +89,10 @@ def read_extent(file: IO[bytes], extent: Extent) -> bytes:
         OSError: the file ends before them.
     """
     file.seek(extent.offset)
-    data = file.read(extent.size)
+    return _whole(file.read(extent.size), extent)
+
+
+def _whole(data: bytes, extent: Extent) -> bytes:
     if len(data) < extent.size:
         raise OSError(5, "the tar file ends within it")
     return data
@@ -109,7 +117,7 @@ def extents(shard: Path) -> Mapping[str, Extent]:
         OSError: the tar file, or the manifest beside it, cannot be read.
     """
     found = shard.stat()
-    return _extents(shard, found.st_size, getattr(found, "st_mtime_ns", 0))
+    return _extents(shard, found.st_size, 0 if is_remote(shard) else found.st_mtime_ns)
 
 
 @lru_cache(maxsize=_INDEXES)
@@ -118,7 +126,8 @@ def _extents(shard: Path, size: int, changed: int) -> Mapping[str, Extent]:
     found: dict[str, Extent] = {}
     if index.is_file():
         try:
-            for row in orjson.loads(index.read_bytes())["files"]:
+            content = content_of(index) if is_remote(index) else index.read_bytes()
+            for row in orjson.loads(content)["files"]:
                 found[row["name"]] = Extent(int(row["offset"]), int(row["bytes"]))
             if all(extent.offset >= 0 and extent.size >= 0 for extent in found.values()):
                 return MappingProxyType(found)
@@ -153,7 +162,8 @@ class ShardWriter:
 
     Args:
         path: of the tar file.
-        part: of the unfinished file, in the same folder.
+        part: of the unfinished file, in the same folder. If that is in a store, the unfinished file is on this machine
+            until it is complete, and does not stay.
 
     Attributes:
         size: bytes written so far.
@@ -166,8 +176,11 @@ class ShardWriter:
         self._path, self._part = path, part
         self._hash = hashlib.sha256()
         self.size = 0
+        self._is_remote = is_remote(path)
         with _explained(path):
-            self._file = part.open("wb")
+            if self._is_remote:
+                self._part = Path(tempfile.mkdtemp(prefix="sonata2d-")) / path.name
+            self._file = self._part.open("wb")
 
     def __enter__(self) -> Self:
         return self
@@ -175,8 +188,11 @@ class ShardWriter:
     def __exit__(self, *_: object) -> None:
         with suppress(OSError):
             self._file.close()
-        if not self.size:
+        if not self.size or self._is_remote:
             self._part.unlink(missing_ok=True)
+        if self._is_remote:
+            with suppress(OSError):
+                self._part.parent.rmdir()
 
     def add(self, name: str, data: bytes) -> int:
         """Append a member, and return the offset of its content in the file, bytes."""
@@ -198,8 +214,11 @@ class ShardWriter:
             self._file.flush()
             os.fsync(self._file.fileno())
             self._file.close()
-            os.replace(self._part, self._path)
-            sync_folder(self._path.parent)
+            if self._is_remote:
+                put_file(self._path, self._part)
+            else:
+                os.replace(self._part, self._path)
+                sync_folder(self._path.parent)
         return self._hash.hexdigest()
 
     def _write(self, data: bytes) -> None:

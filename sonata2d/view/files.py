@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..core.locations import location
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
 from .draw import Layers
@@ -67,7 +68,7 @@ def render(
     Example:
         render(list(record.snapshots()), "episode.png", size=(800, 600))
     """
-    suffix = Path(path).suffix.lower()
+    suffix = location(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise RenderError(
             f"cannot render {str(path)!r}: its suffix selects the format; end the name in one of {', '.join(SUFFIXES)}"

@@ -13,6 +13,7 @@ from typing import Any
 
 import pygame
 
+from ..core.locations import location
 from ..core.notebook import Advance, ProgressBar
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
@@ -63,7 +64,7 @@ def save_film(
         RenderError: fps or speed is out of range, `snapshots` is empty, a package is missing, or the file cannot be
             written.
     """
-    path = Path(path)
+    path = location(path)
     fps = _pace_of(path, fps, speed)
     if layers is not None and layers.legend:
         snapshots = [*snapshots]
@@ -106,7 +107,7 @@ def save_sheet_film(
     Raises:
         RenderError: as for `save_film`.
     """
-    path = Path(path)
+    path = location(path)
     fps = _pace_of(path, fps, speed)
     films = [
         _pictures(_sampled(snapshots, speed / fps, interpolate=True), round(fps * _HOLD), make, None, None)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.drawable import Drawing
+from ..core.locations import location
 from ..core.notebook import notebook_shell
 from ..errors import RenderError
 from .draw import Layers, picture
@@ -27,7 +28,7 @@ _PAGE_HEIGHT = 640  # px, of a page below a cell
 def save(drawing: Drawing, path: str | Path, **options: Any) -> None:
     """See `Drawable.save`."""
     is_still = len(drawing.snapshots) == 1
-    if is_still and Path(path).suffix.lower() in FILM_SUFFIXES:
+    if is_still and location(path).suffix.lower() in FILM_SUFFIXES:
         raise RenderError(f"{path}: a single state makes no film; end the name in .png, .svg or .html")
     render(
         drawing.snapshots, path, outcome=drawing.outcome, commands=drawing.commands, labels=drawing.labels, **options

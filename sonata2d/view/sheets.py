@@ -12,6 +12,7 @@ import pygame
 from jinja2 import Environment, PackageLoader
 
 from ..core.drawable import Drawing
+from ..core.locations import location
 from ..core.notebook import ProgressBar, bar_of
 from ..errors import RenderError
 from .annotations import TEXT
@@ -67,7 +68,7 @@ class Sheet:
         Raises:
             RenderError: the suffix is unknown, fps or speed has no effect on it, or the file cannot be written.
         """
-        suffix = Path(path).suffix.lower()
+        suffix = location(path).suffix.lower()
         if suffix not in SUFFIXES:
             raise RenderError(f"{path}: the suffix selects the format; end the name in one of {', '.join(SUFFIXES)}")
         if suffix not in (".gif", ".mp4") and (fps, speed) != (None, None):

@@ -14,6 +14,7 @@ import numpy as np
 import pygame
 
 from ..core.devices import View
+from ..core.locations import location
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot, snapshot_of as snapshot_of
 from ..core.whole_file import whole_file
@@ -47,7 +48,7 @@ def save_surface(surface: pygame.Surface, path: str | Path) -> None:
     Raises:
         RenderError: the name does not end in .png, or the file cannot be written.
     """
-    if Path(path).suffix.lower() != ".png":
+    if location(path).suffix.lower() != ".png":
         raise RenderError(f"{path}: a picture is written as PNG; end the name in .png")
     write_file(path, png_of(surface))
 
@@ -136,7 +137,7 @@ def save_moment(
     Raises:
         RenderError: the suffix is another one, the size is out of range, or the file cannot be written.
     """
-    suffix, layers = Path(path).suffix.lower(), layers or Layers()
+    suffix, layers = location(path).suffix.lower(), layers or Layers()
     if suffix not in (".png", ".svg"):
         raise RenderError(f"{path}: a snapshot is written as PNG or SVG; end the name in .png or .svg")
     marks = trails is not None and trails.has_marks

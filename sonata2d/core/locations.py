@@ -1,0 +1,151 @@
+"""Files and folders on this machine, and in stores that fsspec knows, such as S3 and Google Cloud Storage.
+
+Paths of stores are those of universal-pathlib, which have the methods of `pathlib.Path`. Objects of a store appear
+whole or not at all; a file on this machine, or on a file server, is written under another name and then renamed.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import Any, cast
+
+_URL = re.compile(r"(?P<protocol>[A-Za-z][A-Za-z0-9+.-]+)://")
+_OBJECT_STORES = {"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "adl", "oci", "memory", "hf"}
+_PACKAGES = {
+    "s3": "s3fs", "s3a": "s3fs", "gs": "gcsfs", "gcs": "gcsfs", "az": "adlfs", "abfs": "adlfs", "abfss": "adlfs"
+}  # fmt: skip
+
+
+def location(path: str | os.PathLike[str]) -> Path:
+    """The path of a file or folder.
+
+    Args:
+        path: on this machine; or a URL such as `s3://bucket/folder`, as text or as a path of universal-pathlib.
+
+    Returns:
+        A `pathlib.Path`, or a path of universal-pathlib, which has the same methods.
+
+    Raises:
+        ValueError: fsspec does not know the protocol of the URL, or a package that it needs is not installed.
+
+    >>> location("demo")
+    PosixPath('demo')
+    >>> location("memory://demo/000000.json").name
+    '000000.json'
+    """
+    if isinstance(path, str) and (url := _URL.match(path)):
+        return _in_store(path, url["protocol"].lower())
+    return Path(path) if isinstance(path, str) else cast(Path, path)
+
+
+def _in_store(url: str, protocol: str) -> Path:
+    if protocol in ("file", "local"):
+        return Path(url.partition("://")[2])
+    try:
+        from upath import UPath
+    except ImportError as error:
+        raise ValueError(
+            f"{url} is in a store, which needs universal-pathlib: pip install 'sonata2d[stores]'"
+        ) from error
+    # other workers write to object stores as well, so that a listing is soon out of date
+    options: dict[str, Any] = {"use_listings_cache": False} if protocol in _OBJECT_STORES - {"memory"} else {}
+    try:
+        found = UPath(url, **options)
+        _ = found.fs
+    except ImportError as error:
+        package = _PACKAGES.get(protocol)
+        remedy = f": pip install {package}" if package else f" ({error})"
+        raise ValueError(f"{url} needs a package that is not installed{remedy}") from error
+    except ValueError as error:
+        raise ValueError(
+            f"{url}: fsspec knows no protocol {protocol!r}; use a path, or s3://, gs:// or another"
+        ) from error
+    return cast(Path, found)
+
+
+def is_location(value: object) -> bool:
+    """Whether a value is a path, on this machine or in a store."""
+    return isinstance(value, Path) or is_remote(value)
+
+
+def is_remote(path: object) -> bool:
+    """Whether a path is in a store, and not in the file system of this machine."""
+    return not isinstance(path, Path) and hasattr(path, "protocol") and hasattr(path, "storage_options")
+
+
+def is_object_store(path: Path) -> bool:
+    """Whether a path is in a store whose objects appear whole or not at all."""
+    return is_remote(path) and cast(Any, path).protocol in _OBJECT_STORES
+
+
+def file_names(folder: Path) -> list[str]:
+    """The names of the files in a folder, in no particular order; none if there is no such folder."""
+    if is_remote(folder):
+        found: Any = folder
+        try:
+            entries = found.fs.ls(found.path, detail=True)
+        except FileNotFoundError:
+            return []
+        names = (entry["name"].rstrip("/").rpartition("/")[2] for entry in entries if entry["type"] == "file")
+        return [name for name in names if name and name != folder.name]
+    try:
+        with os.scandir(folder) as entries:
+            return [entry.name for entry in entries if entry.is_file()]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
+def content_of(path: Path, start: int | None = None, end: int | None = None) -> bytes:
+    """The content of an object in a store, or a part of it.
+
+    Args:
+        path: of the object.
+        start, end: first byte, and the one after the last; None: all.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    found: Any = path
+    try:
+        data: bytes = found.fs.cat_file(found.path, start=start, end=end)
+    except OSError:
+        raise
+    except Exception as error:  # each store has errors of its own
+        raise OSError(5, f"{type(error).__name__}: {error}") from error
+    return data
+
+
+def put_content(path: Path, data: bytes) -> None:
+    """Write an object of a store, or a file of a server, whole or not at all.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    _put(path, lambda fs, name: fs.pipe_file(name, data))
+
+
+def put_file(path: Path, source: Path) -> None:
+    """Copy a file of this machine into a store, whole or not at all.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    _put(path, lambda fs, name: fs.put_file(str(source), name))
+
+
+def _put(path: Path, write: Any) -> None:
+    found: Any = path
+    try:
+        if is_object_store(path):
+            write(found.fs, found.path)
+            return
+        temporary = path.with_name(f".sonata2d-{os.urandom(16).hex()}")
+        found.fs.makedirs(found.parent.path, exist_ok=True)
+        write(found.fs, cast(Any, temporary).path)
+        found.fs.mv(cast(Any, temporary).path, found.path)
+    except OSError:
+        raise
+    except Exception as error:  # each store has errors of its own
+        raise OSError(5, f"{type(error).__name__}: {error}") from error

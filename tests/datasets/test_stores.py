@@ -1,0 +1,210 @@
+"""Data sets at URLs: in memory, and in a server that speaks the protocol of S3."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from sonata2d_cli import main
+
+import sonata2d as s2
+from sonata2d.core.locations import file_names, location
+from sonata2d.datasets import merge_datasets, mirror_dataset, split_dataset
+from sonata2d.datasets.verification import verify
+from sonata2d.errors import RecordError, WorkerError
+from sonata2d.formats.api import export_to, import_from
+from sonata2d.record.files import read_stored, write_atomically
+
+from .test_generate import QUICK
+
+pytest.importorskip("upath")
+SETTINGS: dict[str, Any] = {"episodes": 12, "seed": 5}
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[str]:
+    """The address of a server with a bucket `sets`; processes that are started meanwhile use it."""
+    server_module = pytest.importorskip("moto.server")
+    boto3 = pytest.importorskip("boto3")
+    pytest.importorskip("s3fs")
+    server = server_module.ThreadedMotoServer(port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    address = f"http://{host}:{port}"
+    own = {
+        "AWS_ACCESS_KEY_ID": "testing",
+        "AWS_SECRET_ACCESS_KEY": "testing",
+        "AWS_DEFAULT_REGION": "us-east-1",
+        "AWS_ENDPOINT_URL": address,
+    }
+    before = {name: os.environ.get(name) for name in own}
+    os.environ.update(own)
+    boto3.client("s3", endpoint_url=address).create_bucket(Bucket="sets")
+    yield address
+    for name, value in before.items():
+        if value is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = value
+    server.stop()
+
+
+@pytest.fixture(params=["memory", "s3"])
+def store(request: pytest.FixtureRequest) -> str:
+    """The URL of an empty folder."""
+    if request.param == "s3":
+        request.getfixturevalue("endpoint")
+        return f"s3://sets/{uuid.uuid4().hex}"
+    return f"memory://{uuid.uuid4().hex}"
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory) -> dict[int | None, Path]:
+    """The data set on this machine, as files and in shards, by size of the shards."""
+    folders: dict[int | None, Path] = {}
+    for size in (None, 5):
+        folders[size] = tmp_path_factory.mktemp("local") / "set"
+        s2.generate_dataset(folders[size], QUICK, "straight-to-goal", shard_size=size, **SETTINGS)
+    return folders
+
+
+def contents(folder: str | Path) -> dict[str, bytes]:
+    """All files but the run log."""
+    place = location(folder)
+    return {name: read_stored(place / name) for name in sorted(file_names(place)) if name != "run.jsonl"}
+
+
+@pytest.mark.parametrize("size", [None, 5])
+def test_a_data_set_in_a_store_has_the_same_bytes(store: str, local: dict[int | None, Path], size: int | None) -> None:
+    dataset = s2.generate_dataset(f"{store}/set", QUICK, "straight-to-goal", shard_size=size, **SETTINGS)
+    assert contents(f"{store}/set") == contents(local[size])
+    assert [record.episode for record in dataset] == list(range(12))
+    again = s2.Dataset(f"{store}/set")
+    assert again[7].document == s2.Dataset(local[size])[7].document
+    assert [one.episode for one in again.filter(outcome="goal")] == [
+        one.episode for one in s2.Dataset(local[size]).filter(outcome="goal")
+    ]
+    assert verify(f"{store}/set", replay=True) == []
+    with pytest.raises(RecordError, match="already holds a data set"):
+        s2.generate_dataset(f"{store}/set", QUICK, "straight-to-goal", shard_size=size, **SETTINGS)
+    s2.generate_dataset(f"{store}/set", QUICK, "straight-to-goal", shard_size=size, overwrite=True, **SETTINGS)
+    assert contents(f"{store}/set") == contents(local[size])
+
+
+@pytest.mark.parametrize("size", [None, 5])
+def test_processes_write_to_a_store(endpoint: str, local: dict[int | None, Path], size: int | None) -> None:
+    url = f"s3://sets/{uuid.uuid4().hex}"
+    s2.generate_dataset(url, QUICK, "straight-to-goal", shard_size=size, workers=2, **SETTINGS)
+    assert contents(url) == contents(local[size])
+    assert verify(url, workers=2) == []
+    assert not [name for name in file_names(location(url)) if name.startswith(".")]
+
+
+def test_an_interrupted_run_in_a_store_is_continued(
+    store: str, local: dict[int | None, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sonata2d.datasets.episode_runs import EpisodeRuns
+
+    run, count = EpisodeRuns.run, 0
+
+    def interrupted(runs: EpisodeRuns, episode: int, store: Any) -> Any:
+        nonlocal count
+        count += 1
+        if count == 8:
+            raise KeyboardInterrupt
+        return run(runs, episode, store)
+
+    monkeypatch.setattr(EpisodeRuns, "run", interrupted)
+    for size in (None, 5):
+        count = 0
+        with pytest.raises(KeyboardInterrupt):
+            s2.generate_dataset(f"{store}/{size}", QUICK, "straight-to-goal", shard_size=size, **SETTINGS)
+        s2.generate_dataset(f"{store}/{size}", QUICK, "straight-to-goal", shard_size=size, resume=True, **SETTINGS)
+        assert contents(f"{store}/{size}") == contents(local[size])
+
+
+def test_data_sets_are_transformed_into_a_store(store: str, local: dict[int | None, Path], tmp_path: Path) -> None:
+    for size, folder in local.items():
+        mirror_dataset(folder, f"{store}/mirrored{size}")
+        mirror_dataset(folder, tmp_path / f"mirrored{size}")
+        assert contents(f"{store}/mirrored{size}") == contents(tmp_path / f"mirrored{size}")
+        assert {*split_dataset(f"{store}/mirrored{size}")} == {"train", "dev", "test"}
+        assert sum(map(len, s2.Dataset(f"{store}/mirrored{size}").parts.values())) == 12
+        merge_datasets([folder, f"{store}/mirrored{size}"], f"{store}/both{size}")
+        assert verify(f"{store}/both{size}") == []
+        result = export_to(f"{store}/both{size}", "npz", f"{store}/arrays{size}")
+        assert len(result.files) == len(file_names(location(f"{store}/arrays{size}"))) >= 12
+    result = export_to(local[5], "parquet", f"{store}/tables", shard_size=5)
+    assert len(result.files) == 3 * 4 + 1
+    assert len(import_from(f"{store}/tables", "parquet", f"{store}/back").files) == 12
+    with pytest.raises(RecordError, match="already exists and is not empty"):
+        mirror_dataset(local[None], f"{store}/mirroredNone")
+
+
+def test_a_failed_transformation_leaves_nothing_in_a_store(
+    store: str, local: dict[int | None, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def odd(folder: Path, work: Path, *rest: Any) -> Any:
+        write_atomically(work / "000000-mirror.json", b"{}")
+        raise RecordError("no image")
+
+    monkeypatch.setattr("sonata2d.datasets.mirror._listed_image", odd)
+    with pytest.raises(RecordError, match="no image"):
+        mirror_dataset(local[None], f"{store}/mirrored")
+    assert file_names(location(f"{store}/mirrored")) == []
+
+
+def test_commands_take_urls(store: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "quick.json").write_text(QUICK.model_dump_json())
+    lines = f"""
+    generate {store}/set --scenario quick.json --episodes 5 --shard-size 2 --workers 1
+    check {store}/set --replay --workers 1
+    describe {store}/set
+    describe {store}/set/shard-000001.tar
+    describe {store}/set/shard-000001.tar/000003.json
+    render {store}/set -o sheet.png
+    evaluate {store}/set --no-rerun --resamples 100 --workers 1 --page {store}/page.html
+    evaluate --controller orca --scenario quick.json --episodes 2 --resamples 100 --workers 1 -o {store}/runs
+    export {store}/set --to csv -o {store}/tracks --workers 1
+    mirror {store}/set -o {store}/mirrored --workers 1
+    split {store}/mirrored
+    card {store}/mirrored --figures
+    merge {store}/set {store}/mirrored -o both
+    check both
+    """
+    for line in lines.strip().splitlines():
+        result = CliRunner().invoke(main, line.split(), prog_name="sonata2d")
+        assert result.exit_code == 0, f"{line}: {result.output}"
+
+
+def test_memory_belongs_to_one_process() -> None:
+    with pytest.raises(WorkerError, match=r"does not see memory://.*; give a folder that all machines share"):
+        s2.generate_dataset(f"memory://{uuid.uuid4().hex}/set", QUICK, "straight-to-goal", workers=2, **SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("url", "message"),
+    [
+        ("nonsense://bucket/set", "fsspec knows no protocol 'nonsense'"),
+        ("s3://bucket-that-does-not-exist-anywhere/set", "cannot be read|cannot be written|does not exist"),
+    ],
+)
+def test_a_wrong_url_is_one_error(endpoint: str, url: str, message: str) -> None:
+    with pytest.raises((RecordError, ValueError, WorkerError), match=message):
+        s2.generate_dataset(url, QUICK, "straight-to-goal", **SETTINGS)
+    result = CliRunner().invoke(main, ["check", url], prog_name="sonata2d")
+    assert result.exit_code in (1, 2)
+    assert "Traceback" not in result.output
+
+
+def test_a_url_of_this_machine_is_a_path(tmp_path: Path) -> None:
+    path = location(f"file://{tmp_path}/a.json")
+    write_atomically(path, b"{}")
+    assert read_stored(path) == b"{}"
+    assert isinstance(path, Path)
