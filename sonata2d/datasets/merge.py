@@ -204,10 +204,8 @@ def _prefixes(paths: Sequence[Path]) -> list[str]:
     """A distinct file-name prefix for each source folder."""
     prefixes: list[str] = []
     for path in paths:
-        stem, number = (
-            safe_text((path if is_remote(path) else Path(os.path.abspath(path))).name),
-            1,
-        )  # `..` gets the name of its folder
+        name = path.name if is_remote(path) else os.path.basename(os.path.abspath(path))  # `..` gets that of its folder
+        stem, number = safe_text(name), 1
         while (prefix := f"{stem}-{number}" if number > 1 else stem) in prefixes:
             number += 1
         prefixes.append(prefix)

@@ -15,11 +15,13 @@ from sonata2d_cli import main
 import sonata2d as s2
 from sonata2d.core.locations import file_names, location
 from sonata2d.datasets import merge_datasets, mirror_dataset, split_dataset
+from sonata2d.datasets.dask_executor import DaskExecutor
 from sonata2d.datasets.verification import verify
 from sonata2d.errors import RecordError, WorkerError
 from sonata2d.formats.api import export_to, import_from
 from sonata2d.record.files import read_stored, write_atomically
 
+from .cluster import Cluster
 from .test_generate import QUICK
 
 pytest.importorskip("upath")
@@ -201,6 +203,24 @@ def test_a_wrong_url_is_one_error(endpoint: str, url: str, message: str) -> None
     result = CliRunner().invoke(main, ["check", url], prog_name="sonata2d")
     assert result.exit_code in (1, 2)
     assert "Traceback" not in result.output
+
+
+def test_files_of_a_server_are_renamed_into_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sonata2d.core.locations._OBJECT_STORES", set())  # memory stands for a file server
+    path = location(f"memory://{uuid.uuid4().hex}/folder/a.json")
+    write_atomically(path, b"{}")
+    assert read_stored(path) == b"{}"
+    write_atomically(path, b"[]")
+    assert read_stored(path) == b"[]"
+    assert file_names(path.parent) == ["a.json"]
+
+
+def test_a_cluster_writes_to_a_store(endpoint: str, local: dict[int | None, Path], tmp_path: Path) -> None:
+    url = f"s3://sets/{uuid.uuid4().hex}"
+    with Cluster(tmp_path, workers=2) as cluster, DaskExecutor(cluster.address, patience=60.0) as executor:
+        s2.generate_dataset(url, QUICK, "straight-to-goal", shard_size=5, workers=executor, **SETTINGS)
+        assert verify(url, workers=executor) == []
+    assert contents(url) == contents(local[5])
 
 
 def test_a_url_of_this_machine_is_a_path(tmp_path: Path) -> None:
