@@ -16,11 +16,11 @@ from .portable_math import Array, exp_of
 
 T = TypeVar("T")
 StreamName = Literal[
-    "scene", "people", "noise", "controller", "company", "glances", "manners", "journeys", "deviations"
+    "scene", "people", "noise", "controller", "company", "glances", "manners", "journeys", "deviations", "order"
 ]  # fmt: skip
 # Append only: a stream is seeded by the index of its name, so a new order would change every recorded episode.
 _STREAM_NAMES: tuple[StreamName, ...] = (
-    "scene", "people", "noise", "controller", "company", "glances", "manners", "journeys", "deviations"
+    "scene", "people", "noise", "controller", "company", "glances", "manners", "journeys", "deviations", "order"
 )  # fmt: skip
 _ULP = 1.0 / 9007199254740992.0  # 2 ** -53, the spacing of 53-bit fractions
 _MAX_DRAWS = 10_000

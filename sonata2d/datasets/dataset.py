@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, SupportsIndex, get_args, overload
 
@@ -18,13 +19,15 @@ from ..core.wording import counted, shown
 from ..errors import RecordError
 from ..record.files import file_stem
 from ..record.layout import JsonDict
-from ..record.reader import read_episode
+from ..record.reader import read_episode, read_episodes
 from ..record.record import EpisodeRecord
 from ..record.tables import TABLES, tables_of
 from ..registry import did_you_mean
+from .executors import Workers
 from .manifest import ListedPaths, files_in_manifest, files_of, has_manifest, read_stored_manifest
 from .shards import Selection, ShardRows
 from .split import FRACTIONS, split_dataset
+from .stream import BLOCK, Stream, Transform, tensors
 from .summaries import contact_summary
 
 SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
@@ -105,8 +108,8 @@ class Dataset(Sequence[EpisodeRecord]):
 
     def __iter__(self) -> Iterator[EpisodeRecord]:
         """The records, each read when its turn comes."""
-        for file in self.files:  # a generator, which refers to this data set: its folder may be a temporary one
-            yield read_episode(file)
+        for start in range(0, len(self), BLOCK):  # a generator, which refers to this data set
+            yield from read_episodes(self.files[start : start + BLOCK])
 
     def filter(
         self,
@@ -231,11 +234,37 @@ class Dataset(Sequence[EpisodeRecord]):
                 return len(self.dataset)
 
             def __getitem__(self, index: int) -> dict[str, Any]:
-                record = self.dataset[index]
-                names = ("time", "robot", "humans", "present", "activity", "command")
-                return {name: torch.tensor(getattr(record, name)) for name in names} | {"index": index}
+                return tensors(self.dataset[index]) | {"index": index}
 
         return Episodes(self)
+
+    def stream(
+        self,
+        transform: Transform | None = None,
+        *,
+        shuffle: int = 0,
+        seed: int = 0,
+        epoch: int = 0,
+        workers: int | Executor | Workers = 1,
+        part: tuple[int, int] = (0, 1),
+    ) -> Stream:
+        """The episodes, or what a function makes of them, read while they are iterated over; for large data sets.
+
+        Args:
+            transform: returns or yields any number of samples of an episode; None: the records themselves.
+            shuffle: number of items in the buffer from which the next one is drawn; 0: the order of the data set.
+            seed: of the shuffled order.
+            epoch: number of the iteration: another one gives another order.
+            workers: number of processes that read and transform; see `sonata2d.Workers`.
+            part: (k, n), to read the k-th of n parts only.
+
+        Returns:
+            The stream; its method `to_torch` makes it a data set of PyTorch.
+
+        Raises:
+            TypeError, ValueError: an argument is not valid.
+        """
+        return Stream(self, transform, shuffle=shuffle, seed=seed, epoch=epoch, workers=workers, part=part)
 
     def save(
         self,

@@ -1,5 +1,6 @@
 from .demonstrations import Demonstration as Demonstration, demonstrate as demonstrate, save_minari as save_minari
 from .env import SocialNavEnv as SocialNavEnv
+from .env_samples import EnvSamples as EnvSamples
 from .export import save_policy as save_policy
 from .pipeline import restore as restore
 from .policy import PolicyController as PolicyController

@@ -83,7 +83,7 @@ def demonstrate(
             answer = controller.act(pipeline.base.snapshot)
             if isinstance(answer, (Stop, Regenerate)):
                 break
-            action = _action(env, pipeline, answer)
+            action = nearest_action(env, pipeline, answer)
             executed_action = action
             if noise:
                 if len(actions) % interval == 0:
@@ -102,7 +102,7 @@ def demonstrate(
     return found
 
 
-def _action(env: Env, pipeline: Pipeline, twist: Twist) -> Any:
+def nearest_action(env: Env, pipeline: Pipeline, twist: Twist) -> Any:
     """The action of an environment that is nearest to a command."""
     action = pipeline.base.action_of(twist)
     for wrapper in wrappers_of(env):

@@ -125,7 +125,20 @@ def read_bytes(path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
         RecordError: the file cannot be read or decompressed, is larger than `max_bytes`, or unpacks to more than
             `limits.MAX_UNPACKED_RATIO` times its size.
     """
-    data = read_stored(path, max_bytes=max_bytes)
+    return unpacked(read_stored(path, max_bytes=max_bytes), path, max_bytes=max_bytes)
+
+
+def unpacked(data: bytes, path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
+    """The decompressed content of a file, see `read_bytes`.
+
+    Args:
+        data: as it is stored.
+        path: of the file, for messages.
+        max_bytes: maximum size of the content.
+
+    Raises:
+        RecordError: it cannot be decompressed, or is too large.
+    """
     unpack = next((unpack for magic, unpack in _UNPACK.items() if data.startswith(magic)), None)
     if unpack is None:
         return data

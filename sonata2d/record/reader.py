@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +13,16 @@ import numpy as np
 import orjson
 
 from ..core.humans import frozen
-from ..core.locations import location
+from ..core.locations import is_remote, location
 from ..core.portable_math import Array, BoolArray
 from ..core.snapshot import Outcome
 from ..core.wording import shown
 from ..errors import NewerFormatError, RecordError
 from ..version import FORMAT, FORMAT_VERSION
-from .files import read_bytes
+from .files import read_bytes, unpacked
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from .record import EpisodeRecord, States, wrap_read_errors
+from .shard_file import is_member, read_members
 from .validate import require_valid
 
 MIGRATIONS: dict[int, Callable[[JsonDict], JsonDict]] = {}  # from a version: converts a document to the next version
@@ -45,6 +47,36 @@ def read_episode(path: str | Path) -> EpisodeRecord:
         document = _read_document(path)
         require_valid(document, path)
         return record_from_document(document, path)
+
+
+def read_episodes(files: Sequence[Path]) -> Iterator[EpisodeRecord]:
+    """Read episode files one after another; members of one shard that follow each other are read at once from a store.
+
+    Args:
+        files: of the episodes.
+
+    Raises:
+        RecordError: as of `read_episode`.
+    """
+    for start, contents in _contents(files):
+        for path, data in zip(files[start : start + len(contents)], contents, strict=True):
+            if data is None:
+                yield read_episode(path)
+            else:
+                with _without_garbage_collection():
+                    document = _document_of(unpacked(data, path), path)
+                    require_valid(document, path)
+                    record = record_from_document(document, path)
+                yield record
+
+
+def _contents(files: Sequence[Path]) -> Iterator[tuple[int, list[bytes | None]]]:
+    """Numbers of files with the stored bytes of those from there on; None: they are read when their turn comes."""
+    for shard, group in groupby(range(len(files)), key=lambda number: files[number].parent):
+        numbers = list(group)
+        names = [files[number].name for number in numbers]
+        is_together = is_remote(shard) and is_member(files[numbers[0]])
+        yield numbers[0], [*read_members(shard, names)] if is_together else [None] * len(numbers)
 
 
 @contextmanager
@@ -80,8 +112,13 @@ def record_from_document(document: JsonDict, path: Path) -> EpisodeRecord:
 
 def _read_document(path: Path) -> JsonDict:
     """Parse a file, and convert its document to this format version."""
+    return _document_of(read_bytes(path), path)
+
+
+def _document_of(content: bytes, path: Path) -> JsonDict:
+    """Parse the content of a file, and convert its document to this format version."""
     try:
-        document: JsonDict = orjson.loads(read_bytes(path))
+        document: JsonDict = orjson.loads(content)
     except orjson.JSONDecodeError as error:
         raise RecordError(f"{path} is not valid JSON, it is truncated or damaged: {error}") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:

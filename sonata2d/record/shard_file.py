@@ -10,7 +10,7 @@ import hashlib
 import os
 import tarfile
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -26,6 +26,7 @@ from ..errors import RecordError
 SHARD_SUFFIX = ".tar"
 _MANIFEST_SUFFIX = ".manifest.json"
 _BLOCK = tarfile.BLOCKSIZE
+_APART = 4  # members that lie in more than so many times their size are read one by one
 _INDEXES = 64  # shards whose index is kept: 10 MB for shards of 1000 episodes
 
 
@@ -80,6 +81,31 @@ def read_member(path: Path, max_bytes: int) -> bytes:
         return _whole(data, extent)
     with path.parent.open("rb") as file:
         return read_extent(file, extent)
+
+
+def read_members(shard: Path, names: Sequence[str]) -> list[bytes]:
+    """The contents of members of a tar file in a store, which are read at once if they lie together.
+
+    Args:
+        shard: the tar file.
+        names: of the members.
+
+    Raises:
+        RecordError: it cannot be read.
+    """
+    try:
+        known = extents(shard)
+        own = [known[name] for name in names]
+        first = min(extent.offset for extent in own)
+        last = max(extent.offset + extent.size for extent in own)
+        if last - first > _APART * sum(extent.size + _BLOCK for extent in own):
+            return [content_of(shard, extent.offset, extent.offset + extent.size) for extent in own]
+        data = content_of(shard, first, last)
+        return [_whole(data[extent.offset - first : extent.offset - first + extent.size], extent) for extent in own]
+    except KeyError as error:
+        raise RecordError(f"{shard} cannot be read: it has no member {error}") from error
+    except OSError as error:
+        raise RecordError(f"{shard} cannot be read: {error.strerror or error}") from error
 
 
 def read_extent(file: IO[bytes], extent: Extent) -> bytes:
