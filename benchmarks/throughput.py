@@ -24,41 +24,11 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from pymunk._chipmunk_cffi import lib
-
 import sonata2d as s2
 from sonata2d.core.compiled import BACKEND
-from sonata2d.sim import world
-from sonata2d.sim.kernel import chipmunk, step
+from sonata2d.testing.benchmark import FRAMES, crowded_room, engine_steps, run_episode, shortest
 
-FRAMES = 200
-KERNELS = ("advance", "read_state")
 PEOPLE = (5, 10, 20, 50, 100, 200, 500, 1000)
-
-
-def scenario(people: int, model: str) -> s2.ScenarioConfig:
-    """An L-shaped room with two inner walls that grows with the number of people."""
-    a = math.sqrt(max(4.0 * people, 60.0) / 3.0)
-    polygon = [[-a, -a], [a, -a], [a, 0], [0, 0], [0, a], [-a, a]]
-    return s2.ScenarioConfig(
-        name="throughput",
-        room={"polygon": polygon, "walls": [[-a, 0, -a + 1, 0], [0, -a, 0, -a + 1]]},
-        standing=0, wandering=people, tables=4, plants=4, relations=0, laptops_on_tables=False,
-        person={"model": model},
-        rules={"time_limit": FRAMES / 10, "ends_on": ["time"]},
-    )  # fmt: skip
-
-
-def run(config: s2.ScenarioConfig, controller: s2.Controller, path: Path) -> tuple[float, float]:
-    """CPU seconds of one episode, from its settings to its file, and from its first tick to its file."""
-    start = time.process_time()
-    scene = s2.generate(config, seed=1)
-    with s2.JsonRecorder(path) as recorder:
-        episode = s2.Episode(scene, controller, observers=[recorder])
-        first_tick = time.process_time()
-        episode.run()
-    end = time.process_time()
-    return end - start, end - first_tick
 
 
 def timed(function: Callable[..., Any], into: list[float]) -> Callable[..., Any]:
@@ -73,49 +43,6 @@ def timed(function: Callable[..., Any], into: list[float]) -> Callable[..., Any]
     return wrapper
 
 
-def engine_steps(work: Callable[[], Any], *, through_pymunk: bool) -> list[float]:
-    """Duration of each physics step during `work`, s.
-
-    The interpreter runs the loop over the substeps, which gives the same bits and can be timed step by step.
-    """
-    seconds: list[float] = []
-    spaces: list[Any] = []
-
-    class Memory(chipmunk.EngineMemory):
-        def __init__(self, space: Any, *arguments: Any) -> None:
-            super().__init__(space, *arguments)
-            spaces.append((space, space._space))
-
-    class Unpacked:
-        def __init__(self, value: Any) -> None:
-            self.value = self.argument = value
-
-    def step_space(function: int, address: int, h: float) -> None:
-        space, c_space = spaces[-1]
-        h, step_once = float(h), space.step if through_pymunk else lib.cpSpaceStep
-        arguments = (h,) if through_pymunk else (c_space, h)
-        start = time.perf_counter()
-        step_once(*arguments)
-        seconds.append(time.perf_counter() - start)
-
-    interpreted = {name: getattr(getattr(step, name), "py_func", getattr(step, name)) for name in KERNELS}
-    calls = ("each_body", "visit", "set_ends")
-    with (
-        patch.object(world, "EngineMemory", Memory),
-        patch.multiple(world, Packed=Unpacked, **interpreted),
-        patch.multiple(step, unpack=lambda value, kind: value),
-        patch.multiple(chipmunk, **{f"_call_{name}": getattr(chipmunk, f"_interpreted_{name}") for name in calls}),
-        patch.object(chipmunk, "_call_step", step_space),
-    ):
-        work()
-    return seconds
-
-
-def shortest(runs: list[list[float]]) -> float:
-    """The sum over the steps of the shortest duration in any run, s."""
-    return sum(min(each) for each in zip(*runs, strict=True))
-
-
 def planner_seconds(config: s2.ScenarioConfig, path: Path) -> float:
     """CPU-bound seconds that `social-planner` takes in an episode."""
     seconds: list[float] = []
@@ -123,19 +50,19 @@ def planner_seconds(config: s2.ScenarioConfig, path: Path) -> float:
         patch.object(s2.SocialPlanner, "act", timed(s2.SocialPlanner.act, seconds)),
         patch.object(s2.SocialPlanner, "reset", timed(s2.SocialPlanner.reset, seconds)),
     ):
-        run(config, s2.SocialPlanner(), path)
+        run_episode(config, s2.SocialPlanner(), path)
     return sum(seconds)
 
 
 def measure(people: int, model: str, repeats: int, folder: Path) -> dict[str, float | str]:
     """One row of the table."""
-    config, path = scenario(people, model), folder / "episode.json"
-    run(config, s2.StraightToGoal(), path)
-    run(config, s2.SocialPlanner(), path)
+    config, path = crowded_room(people, model), folder / "episode.json"
+    run_episode(config, s2.StraightToGoal(), path)
+    run_episode(config, s2.SocialPlanner(), path)
     total, planner, c_steps, python_steps = [], [], [], []
 
     def straight() -> tuple[float, float]:
-        return run(config, s2.StraightToGoal(), path)
+        return run_episode(config, s2.StraightToGoal(), path)
 
     for _ in range(repeats):  # interleaved, so that a busy machine slows all of them
         total.append(straight())

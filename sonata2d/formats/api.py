@@ -172,10 +172,8 @@ def export_to(
         if not files:
             raise RecordError(f"{source!r} holds no episodes")
     else:
-        files, is_single = (
-            episodes_in(location(source)),
-            file_exists(location(source)) and not is_shard(location(source)),
-        )
+        place = location(source)
+        files, is_single = episodes_in(place), file_exists(place) and not is_shard(place)
     chosen = format_named(format)
     _require_supported(format, options)
     if shard_size is not None and chosen.export_part is None:

@@ -1,0 +1,386 @@
+"""A short benchmark of this machine: frames beside the bare physics engine, start-up, memory, scaling and reading."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from pymunk._chipmunk_cffi import lib
+
+from ..agents.controllers.base import Controller
+from ..agents.controllers.reactive import StraightToGoal
+from ..core.compiled import BACKEND
+from ..core.notebook import Advance
+from ..core.optional import optional
+from ..core.whole_file import whole_file
+from ..datasets.dataset import Dataset
+from ..datasets.executors import Workers
+from ..datasets.generate import generate_dataset
+from ..errors import RenderError
+from ..learning import GraphSamples
+from ..record.layout import software_versions
+from ..record.recorder import JsonRecorder
+from ..scenegen.generator import generate
+from ..scenegen.scenario.config import ScenarioConfig
+from ..sim import world
+from ..sim.episode import Episode
+from ..sim.kernel import chipmunk, step
+from ..version import PHYSICS_VERSION
+
+FRAMES = 200  # of an episode of the throughput
+PEOPLE = (10, 20, 50)
+SCENARIO = "sonata-2020"  # of the other measurements
+STEPS = 5  # parts of the benchmark
+_REPEATS = 3
+_PROBE = 40  # episodes, from whose time the number of episodes is chosen
+_LEAST_SECONDS = 4.0  # of a generation with one process
+_MOST_EPISODES = 4000
+_KERNELS = ("advance", "read_state")
+_IMPORT = "import sonata2d"
+_FIRST_FRAME = (
+    "import sonata2d as s2; s2.Episode(s2.generate(s2.load_scenario('sonata-2020'), 1), s2.StraightToGoal()).step()"
+)
+_GENERATION = (
+    "import resource, sys, tempfile; import sonata2d as s2; folder = tempfile.TemporaryDirectory();"
+    "s2.generate_dataset(folder.name + '/set', episodes=int(sys.argv[1]));"
+    "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Throughput:
+    """Cost of a frame: scene, snapshot, controller, crowd, physics, recording and the file on disk.
+
+    Attributes:
+        people: number of pedestrians, beside 8 walls and 8 pieces of furniture.
+        frame, engine: time of a frame, and of the physics engine's own step of the same world, us of one processor.
+        ratio: of the two.
+    """
+
+    people: int
+    frame: float
+    engine: float
+    ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scaling:
+    """Speed of a generation.
+
+    Attributes:
+        workers: number of processes.
+        episodes_per_second: of the whole call, in which the processes start.
+        speedup: against one process.
+    """
+
+    workers: int
+    episodes_per_second: float
+    speedup: float
+
+
+@dataclass(frozen=True, slots=True)
+class Benchmark:
+    """What the benchmark found.
+
+    Attributes:
+        machine: processor, number of processors, and versions.
+        startup: `import` and `first_frame`, seconds of a process from its start.
+        throughput: by number of pedestrians.
+        memory: largest resident set of a process, MB, by the number of episodes that it generates.
+        scaling: by number of processes.
+        reading: records, graphs and files (with `json.load`) per second, and `random_access`, ms for one episode.
+    """
+
+    machine: dict[str, str]
+    startup: dict[str, float]
+    throughput: list[Throughput]
+    memory: dict[int, int]
+    scaling: list[Scaling]
+    reading: dict[str, float]
+
+    def to_json(self) -> dict[str, Any]:
+        """All figures as a JSON object."""
+        return {**asdict(self), "memory": {str(episodes): size for episodes, size in self.memory.items()}}
+
+    def rows(self) -> list[tuple[str, str]]:
+        """All figures as names and texts."""
+        startup, reading = self.startup, self.reading
+        megabytes = ", ".join(f"{size} MB for {count} episodes" for count, size in self.memory.items())
+        return [
+            ("machine", f"{self.machine['processor']}, {self.machine['processors']} processors; {BACKEND}"),
+            ("start-up", f"import {startup['import']:.2f} s, first frame after {startup['first_frame']:.2f} s"),
+            *(
+                (
+                    f"{one.people} people",
+                    f"{one.frame:.0f} us a frame, {one.ratio:.1f} times the bare engine ({one.engine:.0f} us)",
+                )
+                for one in self.throughput
+            ),
+            ("memory", megabytes),
+            *(
+                (
+                    f"{one.workers} process{'es' * (one.workers != 1)}",
+                    f"{one.episodes_per_second:.0f} episodes/s, {one.speedup:.2f} times as fast as one",
+                )
+                for one in self.scaling
+            ),
+            ("reading", f"{reading['records']:.0f} episodes/s, {reading['json']:.0f} with json.load alone"),
+            ("graphs", f"{reading['graphs']:.0f} a second, made of the files"),
+            ("random access", f"{reading['random_access']:.1f} ms an episode"),
+        ]
+
+    def save(self, path: str | Path) -> None:
+        """Draw the figures, or write them as JSON, by the suffix of the file: `.json`, or `.png`, `.pdf` and `.svg`.
+
+        Raises:
+            RenderError: matplotlib is not installed, or it cannot write the file.
+        """
+        with whole_file(path) as temporary:
+            if temporary.suffix == ".json":
+                temporary.write_text(json.dumps(self.to_json(), indent=2) + "\n")
+            else:
+                _draw(self, temporary)
+
+
+def benchmark(*, workers: int | None = None, advance: Advance = lambda step: None) -> Benchmark:
+    """Measure this machine; takes about a minute.
+
+    Args:
+        workers: largest number of processes; None: the number of processors.
+        advance: called after each of the five parts.
+
+    Returns:
+        The figures; those of one run compare, those of different runs only on a machine that does nothing else.
+    """
+    most = workers or os.cpu_count() or 1
+    with tempfile.TemporaryDirectory(prefix="sonata2d-") as place:
+        folder = Path(place)
+        startup = {"import": _seconds_of(_IMPORT), "first_frame": _seconds_of(_FIRST_FRAME)}
+        advance(1)
+        throughput = [_throughput(people, folder / "episode.json") for people in PEOPLE]
+        advance(1)
+        memory = {count: _megabytes(count) for count in (20, 200)}
+        advance(1)
+        scaling = _scaling(folder, most)
+        advance(1)
+        reading = _reading(Dataset(folder / "1"))
+        advance(1)
+    machine = {"processor": _processor(), "processors": str(os.cpu_count()), "physics": str(PHYSICS_VERSION)}
+    return Benchmark(machine | software_versions(), startup, throughput, memory, scaling, reading)
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.machine())
+
+
+def _seconds_of(code: str) -> float:
+    """Seconds of a process that runs some code: the median of a few."""
+
+    def once() -> float:
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-c", code], check=True)
+        return time.perf_counter() - start
+
+    once()  # files are in memory then, and the simulation is compiled
+    return round(statistics.median(once() for _ in range(_REPEATS)), 3)
+
+
+def _megabytes(episodes: int) -> int:
+    done = subprocess.run(
+        [sys.executable, "-c", _GENERATION, str(episodes)], check=True, capture_output=True, text=True
+    )
+    kilobytes = int(done.stdout.split()[-1]) / (1024 if sys.platform == "darwin" else 1)  # bytes on macOS
+    return round(kilobytes / 1000)
+
+
+# Throughput
+
+
+def crowded_room(people: int, model: str = "sonata2026") -> ScenarioConfig:
+    """An L-shaped room with two inner walls that grows with the number of people: 4 m2 or more for each."""
+    a = math.sqrt(max(4.0 * people, 60.0) / 3.0)
+    polygon = [[-a, -a], [a, -a], [a, 0], [0, 0], [0, a], [-a, a]]
+    return ScenarioConfig(
+        name="throughput",
+        room={"polygon": polygon, "walls": [[-a, 0, -a + 1, 0], [0, -a, 0, -a + 1]]},
+        standing=0, wandering=people, tables=4, plants=4, relations=0, laptops_on_tables=False,
+        person={"model": model},
+        rules={"time_limit": FRAMES / 10, "ends_on": ["time"]},
+    )  # fmt: skip
+
+
+def run_episode(config: ScenarioConfig, controller: Controller, path: Path) -> tuple[float, float]:
+    """CPU seconds of one episode, from its settings to its file, and from its first tick to its file."""
+    start = time.process_time()
+    scene = generate(config, seed=1)
+    with JsonRecorder(path) as recorder:
+        episode = Episode(scene, controller, observers=[recorder])
+        first_tick = time.process_time()
+        episode.run()
+    end = time.process_time()
+    return end - start, end - first_tick
+
+
+def engine_steps(work: Callable[[], Any], *, through_pymunk: bool = False) -> list[float]:
+    """Duration of each physics step during `work`, s.
+
+    The interpreter runs the loop over the substeps, which gives the same bits and can be timed step by step.
+
+    Args:
+        work: runs episodes.
+        through_pymunk: time pymunk's method `Space.step` in place of the engine's C function, which it calls.
+    """
+    seconds: list[float] = []
+    spaces: list[Any] = []
+
+    class Memory(chipmunk.EngineMemory):
+        def __init__(self, space: Any, *arguments: Any) -> None:
+            super().__init__(space, *arguments)
+            spaces.append((space, space._space))
+
+    class Unpacked:
+        def __init__(self, value: Any) -> None:
+            self.value = self.argument = value
+
+    def step_space(function: int, address: int, h: float) -> None:
+        space, c_space = spaces[-1]
+        h, step_once = float(h), space.step if through_pymunk else lib.cpSpaceStep
+        arguments = (h,) if through_pymunk else (c_space, h)
+        start = time.perf_counter()
+        step_once(*arguments)
+        seconds.append(time.perf_counter() - start)
+
+    interpreted = {name: getattr(getattr(step, name), "py_func", getattr(step, name)) for name in _KERNELS}
+    calls = ("each_body", "visit", "set_ends")
+    with (
+        patch.object(world, "EngineMemory", Memory),
+        patch.multiple(world, Packed=Unpacked, **interpreted),
+        patch.multiple(step, unpack=lambda value, kind: value),
+        patch.multiple(chipmunk, **{f"_call_{name}": getattr(chipmunk, f"_interpreted_{name}") for name in calls}),
+        patch.object(chipmunk, "_call_step", step_space),
+    ):
+        work()
+    return seconds
+
+
+def shortest(runs: Sequence[Sequence[float]]) -> float:
+    """The sum over the steps of the shortest duration in any run, s."""
+    return float(sum(min(each) for each in zip(*runs, strict=True)))
+
+
+def _throughput(people: int, path: Path) -> Throughput:
+    config = crowded_room(people)
+
+    def run() -> float:
+        return run_episode(config, StraightToGoal(), path)[0]
+
+    run()  # compiles
+    frames, engine = [], []
+    for _ in range(_REPEATS):  # interleaved, so that a busy machine slows both
+        frames.append(run())
+        engine.append(engine_steps(run))
+    frame, bare = (seconds / FRAMES * 1e6 for seconds in (statistics.median(frames), shortest(engine)))
+    return Throughput(people, round(frame, 1), round(bare, 1), round(frame / bare, 2))
+
+
+# Scaling and reading
+
+
+def _scaling(folder: Path, most: int) -> list[Scaling]:
+    """Generate the same data set with one process, two, four and so on, into folders of these names."""
+    start = time.perf_counter()
+    generate_dataset(folder / "probe", SCENARIO, episodes=_PROBE)
+    seconds = (time.perf_counter() - start) / _PROBE
+    episodes = min(max(round(_LEAST_SECONDS / seconds), _PROBE), _MOST_EPISODES)
+    counts = sorted({2**k for k in range(most.bit_length()) if 2**k <= most} | {most})
+    rates: dict[int, float] = {}
+    for count in counts:
+        with Workers(count) as pool:
+            start = time.perf_counter()
+            generate_dataset(folder / str(count), SCENARIO, episodes=episodes, workers=pool)
+            rates[count] = episodes / (time.perf_counter() - start)
+    return [Scaling(count, round(rate, 1), round(rate / rates[1], 2)) for count, rate in rates.items()]
+
+
+def _reading(dataset: Dataset) -> dict[str, float]:
+    """Rates of reading a data set of files."""
+    files = [dataset.path / path.name for path in dataset.files]
+
+    def parsed() -> Iterable[Any]:
+        for path in files:
+            with path.open(encoding="utf-8") as file:
+                yield json.load(file)
+
+    def rate(items: Iterable[Any]) -> float:
+        start = time.perf_counter()
+        count = sum(1 for _ in items)
+        return round(count / (time.perf_counter() - start), 1)
+
+    rate(parsed())  # files are in memory then
+
+    start = time.perf_counter()
+    for k in range(100):
+        dataset[k * 7919 % len(dataset)]
+    access = (time.perf_counter() - start) * 10.0
+    return {
+        "records": rate(dataset),
+        "json": rate(parsed()),
+        "graphs": rate(dataset.stream(GraphSamples())),
+        "random_access": round(access, 2),
+    }
+
+
+def _draw(found: Benchmark, path: Path) -> None:
+    """Draw the figures."""
+    optional("matplotlib", RenderError)
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 6.4), layout="constrained")
+    axes = figure.subplots(2, 2)
+    people = [str(one.people) for one in found.throughput]
+    bars = {"frame": [one.frame for one in found.throughput], "bare engine": [one.engine for one in found.throughput]}
+    for k, (name, values) in enumerate(bars.items()):
+        drawn = axes[0, 0].bar([number + 0.4 * k - 0.2 for number in range(len(people))], values, 0.4, label=name)
+        axes[0, 0].bar_label(drawn, fmt="%.0f")
+    axes[0, 0].set_xticks(range(len(people)), people)
+    axes[0, 0].set(title="One frame, with recording", xlabel="people", ylabel="us")
+    axes[0, 0].legend()
+    workers = [one.workers for one in found.scaling]
+    axes[0, 1].plot(workers, [one.speedup for one in found.scaling], "o-", label="measured")
+    axes[0, 1].plot(workers, workers, ":", label="ideal")
+    axes[0, 1].set(title="generate", xlabel="processes", ylabel="times as fast as one", xticks=workers)
+    axes[0, 1].legend()
+    names = {"records": "Dataset", "json": "json.load", "graphs": "graphs"}
+    drawn = axes[1, 0].barh(list(names.values()), [found.reading[name] for name in names])
+    axes[1, 0].bar_label(drawn, fmt="%.0f", padding=3)
+    axes[1, 0].margins(x=0.15)
+    axes[1, 0].set(title="Reading", xlabel="a second")
+    startup = {"import": found.startup["import"], "first frame": found.startup["first_frame"]}
+    drawn = axes[1, 1].barh(list(startup), list(startup.values()))
+    axes[1, 1].bar_label(drawn, fmt="%.2f s", padding=3)
+    axes[1, 1].margins(x=0.25)
+    memory = ", ".join(f"{size} MB for {count}" for count, size in found.memory.items())
+    axes[1, 1].set(title=f"Start of a process\nmemory by episodes: {memory}", xlabel="s")
+    processor = f"{found.machine['processor']}, {found.machine['processors']} processors"
+    figure.suptitle(f"sonata2d {found.machine['sonata2d']} on {processor}")
+    try:
+        figure.savefig(path, dpi=120)
+    except (OSError, ValueError) as error:
+        raise RenderError(f"{path.name} cannot be drawn: {error}") from error
