@@ -334,7 +334,7 @@ class Dataset(Sequence[EpisodeRecord]):
     def of_manifest(cls, path: Path, manifest: JsonDict) -> Dataset:
         """The data set of a manifest that has just been written, which is not read again."""
         rows = manifest["files"]
-        files = ListedPaths(path, rows) if isinstance(rows, ShardRows) else tuple(path / row["name"] for row in rows)
+        files = ListedPaths(rows) if isinstance(rows, ShardRows) else tuple(path / row["name"] for row in rows)
         return cls._of(path, files, manifest, rows)
 
     @classmethod

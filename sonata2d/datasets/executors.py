@@ -20,7 +20,7 @@ from ..core.arguments import whole_number
 from ..core.wording import described, shown
 from ..errors import WorkerError
 from .processes import ENDED, STOP_GRACE, Processes
-from .tasks import Answer, Call, applied, marked, origin, run_task
+from .tasks import Answer, Call, RaisedInWorker, applied, marked, origin, run_task
 
 logger = logging.getLogger(__name__)
 
@@ -278,10 +278,6 @@ class _Given:
         return type(self._executor).__name__
 
 
-class _RaisedInWorker(Exception):
-    """The cause of an error that a worker raised: its traceback there."""
-
-
 def _results_of(answer: Answer) -> list[Any]:
     """The results of a task.
 
@@ -292,7 +288,7 @@ def _results_of(answer: Answer) -> list[Any]:
     kind, value = answer[:2]
     if kind == "raised":
         error, text = value
-        raise error from _RaisedInWorker(f"\n{text}")
+        raise error from RaisedInWorker(text)
     if kind == "refused":
         raise WorkerError(value)
     if kind == "stopped":

@@ -46,6 +46,7 @@ _NOT_EPISODES = (SCENARIO, METRICS, CROISSANT, "evaluation.json")  # JSON beside
 
 _BLOCK = 1000  # rows of a manifest that are validated at a time
 _FIRST = 10  # files of a manifest of which one must exist
+_valid: set[bytes] = set()  # hashes of the manifests that this process has validated
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +138,7 @@ def files_in_manifest(folder: Path, manifest: JsonDict) -> Sequence[Path]:
     if rows:  # without any, the caller says more
         warn_if_incomplete(folder, manifest)
     if isinstance(rows, ShardRows):
-        return ListedPaths(folder, rows)
+        return ListedPaths(rows)
     first = [row["name"] for row in rows[:_FIRST]]
     if len(rows) > _FIRST and not any(file_exists(folder / name) for name in first):
         raise RecordError(f"{folder}: {MANIFEST} lists {len(rows)} files, but {first[0]} to {first[-1]} are missing")
@@ -172,8 +173,9 @@ def read_stored_manifest(folder: Path) -> JsonDict:
     path = manifest_path(folder)
     if not path.exists():
         raise RecordError(f"{folder} is not a data set: it has no {path.name}; name one of its episode files")
+    content = read_bytes(path)
     try:
-        manifest = orjson.loads(read_bytes(path))
+        manifest = orjson.loads(content)
     except orjson.JSONDecodeError as error:
         raise RecordError(f"{path} is not valid JSON: {error}") from error
     if not isinstance(manifest, dict) or manifest.get("format") != DATASET_FORMAT:
@@ -184,9 +186,12 @@ def read_stored_manifest(folder: Path) -> JsonDict:
             f"{path} was written by version {shown(version)}, this sonata2d reads up to {SHARDED_VERSION};"
             " upgrade sonata2d"
         )
-    fault = _first_fault(manifest)
-    if fault is not None:
-        raise RecordError(f"{path} is not a valid manifest: {fault}")
+    digest = hashlib.blake2b(content, digest_size=16).digest()
+    if digest not in _valid:  # the manifests of shards are read again and again
+        fault = _first_fault(manifest)
+        if fault is not None:
+            raise RecordError(f"{path} is not a valid manifest: {fault}")
+        _valid.add(digest)
     return with_rows(manifest, folder, read_stored_manifest) if version == SHARDED_VERSION else manifest
 
 
@@ -253,15 +258,14 @@ def json_bytes(document: JsonDict) -> bytes:
 
 
 class ListedPaths(Sequence[Path]):
-    """The paths of files that a manifest lists, made when they are needed.
+    """The paths of the episodes in shards, made when they are needed.
 
     Args:
-        folder: of the data set.
         rows: of the files.
     """
 
-    def __init__(self, folder: Path, rows: Sequence[JsonDict]) -> None:
-        self._folder, self._rows = folder, rows
+    def __init__(self, rows: ShardRows) -> None:
+        self._rows = rows
 
     def __len__(self) -> int:
         """Number of files."""
@@ -276,13 +280,12 @@ class ListedPaths(Sequence[Path]):
     def __getitem__(self, index: SupportsIndex | slice) -> Path | list[Path]:
         """The path of a file, or of several."""
         if isinstance(index, slice):
-            return [self._folder / row["name"] for row in self._rows[index]]
-        path: Path = self._folder / self._rows[index.__index__()]["name"]
-        return path
+            return [self._rows.path_of(number) for number in range(*index.indices(len(self)))]
+        return self._rows.path_of(index.__index__())
 
     def __iter__(self) -> Iterator[Path]:
         """The paths in the order of the manifest."""
-        return (self._folder / row["name"] for row in self._rows)
+        return map(self._rows.path_of, range(len(self)))
 
 
 def manifest_entry(record: EpisodeRecord) -> ManifestEntry:

@@ -324,6 +324,17 @@ def cut_shard(folder: Path, spec: DatasetSpec, result: ShardResult, episodes: in
         return shard.finish(entries, left_out, stop)
 
 
+def remove_split(shard: Path) -> None:
+    """Remove the split from the manifest of a shard, because that of the data set does not hold any more.
+
+    Raises:
+        RecordError: the manifest cannot be read or written.
+    """
+    manifest = read_stored_manifest(shard)
+    if manifest["split"] is not None:
+        write_shard_manifest(shard, manifest | {"split": None})
+
+
 def _earlier_members(folder: Path, shard: Path) -> dict[str, Path]:
     """Members of earlier attempts at a shard by name, also of one that is complete but covered fewer episodes."""
     found: dict[str, Path] = {}

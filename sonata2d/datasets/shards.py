@@ -13,7 +13,7 @@ from uuid import uuid4
 from ..core.locations import file_names
 from ..errors import RecordError
 from ..record.layout import JsonDict
-from ..record.shard_file import SHARD_SUFFIX, shard_manifest_path
+from ..record.shard_file import SHARD_SUFFIX, member_names, shard_manifest_path
 
 PART = ".part-"  # beginning of the names of unfinished shards
 _KEPT = 8  # shards whose rows are kept
@@ -114,6 +114,26 @@ class ShardRows(Sequence[JsonDict]):
         """The rows, shard by shard."""
         for shard in self.shards:
             yield from self.of_shard(shard)
+
+    def path_of(self, number: int) -> Path:
+        """The path of an episode, for which the whole row is not read.
+
+        Raises:
+            IndexError: there is no such episode.
+            RecordError: the manifest of the shard cannot be read.
+        """
+        number = range(len(self))[number]
+        k = bisect_right(self._starts, number) - 1
+        shard = self.shards[k]
+        try:
+            names = member_names(self.folder / shard["name"])
+        except OSError:
+            names = ()
+        if len(names) != shard["episodes"]:
+            path: Path = self.folder / self[number]["name"]  # raises the error that explains it
+            return path
+        found: Path = self.folder / shard["name"] / names[number - self._starts[k]]
+        return found
 
     def manifest_of(self, shard: JsonDict) -> JsonDict:
         """The manifest beside a shard.

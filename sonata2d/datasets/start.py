@@ -140,15 +140,21 @@ def has_episodes(folder: Path) -> bool:
 
 
 def unlisted_episodes(folder: Path, manifest: JsonDict) -> str:
-    """That the manifest of an interrupted run does not list all episode files of its folder yet; empty if it does.
+    """That the manifest of an interrupted run does not list all files or shards of its folder yet; empty if it does.
 
     A run that was killed leaves such a manifest.
     """
-    listed = set() if manifest["complete"] else {row["name"] for row in manifest["files"]}
-    count = 0 if manifest["complete"] else sum(path.name not in listed for path in episode_files(folder))
+    if manifest["complete"]:
+        return ""
+    listed = {row["name"] for row in manifest["shards" if "shards" in manifest else "files"]}
+    if "shards" in manifest:
+        names, what = [name for name in file_names(folder) if shard_number(name) is not None], "shard"
+    else:
+        names, what = [path.name for path in episode_files(folder)], "episode file"
+    count = sum(name not in listed for name in names)
     if not count:
         return ""
-    files = "1 episode file is" if count == 1 else f"{count} episode files are"
+    files = f"1 {what} is" if count == 1 else f"{count} {what}s are"
     return f"{files} not listed until `generate` with --resume has completed the data set"
 
 

@@ -14,7 +14,7 @@ from ..core.optional import optional
 from ..core.rng import RandomStream
 from ..core.wording import shown
 from ..errors import RecordError
-from ..record.reader import read_episodes
+from ..record.reader import read_episodes, without_garbage_collection
 from ..record.record import EpisodeRecord
 from .executors import Workers, parallel_map
 
@@ -146,11 +146,14 @@ def _valid_part(part: tuple[int, int]) -> tuple[int, int]:
 
 def _samples(transform: Transform | None, files: Sequence[Path]) -> Iterator[Any]:
     """The samples of the episodes of a block, or their records."""
-    for record in read_episodes(files):
-        if transform is None:
-            yield record
-        else:
-            yield from transform(record)
+    records = read_episodes(files)
+    if transform is None:
+        yield from records
+        return
+    for _ in files:
+        with without_garbage_collection():  # until the record is freed, whose many lists would be searched for cycles
+            samples = list(transform(next(records)))
+        yield from samples
 
 
 def _listed(read: Callable[[Sequence[Path]], Iterator[Any]], files: Sequence[Path]) -> list[Any]:

@@ -147,6 +147,13 @@ def stop_if_over() -> None:
         raise KeyboardInterrupt
 
 
+class RaisedInWorker(Exception):
+    """The cause of an error that a worker raised: its traceback there."""
+
+    def __str__(self) -> str:
+        return f"\n{self.args[0]}"
+
+
 class _Refused(Exception):
     """Why a worker cannot work on a call."""
 

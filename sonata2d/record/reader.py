@@ -43,7 +43,7 @@ def read_episode(path: str | Path) -> EpisodeRecord:
         RecordError: the file cannot be read, or is not a complete episode.
     """
     path = location(path)
-    with _without_garbage_collection():
+    with without_garbage_collection():
         document = _read_document(path)
         require_valid(document, path)
         return record_from_document(document, path)
@@ -63,7 +63,7 @@ def read_episodes(files: Sequence[Path]) -> Iterator[EpisodeRecord]:
             if data is None:
                 yield read_episode(path)
             else:
-                with _without_garbage_collection():
+                with without_garbage_collection():
                     document = _document_of(unpacked(data, path), path)
                     require_valid(document, path)
                     record = record_from_document(document, path)
@@ -80,7 +80,7 @@ def _contents(files: Sequence[Path]) -> Iterator[tuple[int, list[bytes | None]]]
 
 
 @contextmanager
-def _without_garbage_collection() -> Iterator[None]:
+def without_garbage_collection() -> Iterator[None]:
     """Pause the search for cycles: a document has none, but its many lists would start a search again and again.
 
     Reading takes a third less time.

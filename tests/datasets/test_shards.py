@@ -143,6 +143,15 @@ def test_finished_episodes_of_an_unfinished_shard_are_not_run_again(
     assert verify(tmp_path / "out", replay=True) == []
 
 
+def test_a_killed_run_says_that_its_shards_are_not_listed(sharded: Path, tmp_path: Path) -> None:
+    out = copied(sharded, tmp_path / "out")
+    edit(out / "manifest.json", complete=False, shards=[], counts={"outcome": {}, "family": {}})
+    result = CliRunner().invoke(main, ["describe", str(out)], prog_name="sonata2d")
+    assert "3 shards are not listed until `generate` with --resume" in result.output
+    s2.generate_dataset(out, QUICK, "straight-to-goal", shard_size=10, resume=True, **SETTINGS)
+    assert contents(out) == contents(sharded)
+
+
 def test_resumption_can_add_episodes_to_the_last_shard(sharded: Path, tmp_path: Path) -> None:
     settings: dict[str, Any] = {"seed": 5, "shard_size": 10}
     s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", episodes=13, **settings)
@@ -276,6 +285,10 @@ def test_a_split_of_shards_is_that_of_files(plain: Path, sharded: Path, tmp_path
     assert s2.Dataset(out).filter(outcome="goal").parts.keys() == parts.keys()
     s2.generate_dataset(out, QUICK, "straight-to-goal", shard_size=10, resume=True, **SETTINGS)
     assert s2.Dataset(out).parts.keys() == parts.keys()  # a resumption without new episodes keeps it
+    more = SETTINGS | {"episodes": 31}
+    s2.generate_dataset(out, QUICK, "straight-to-goal", shard_size=10, resume=True, **more)
+    s2.generate_dataset(tmp_path / "new", QUICK, "straight-to-goal", shard_size=10, **more)
+    assert contents(out) == contents(tmp_path / "new")  # another one removes it
 
 
 def copied(folder: Path, out: Path) -> Path:
