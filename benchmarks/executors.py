@@ -59,6 +59,7 @@ def scaling(folder: Path, count: int, episodes: int, repeats: int) -> dict[str, 
             work(workers)
             pairs = [(seconds(lambda: work(1)), seconds(lambda: work(workers))) for _ in range(repeats)]  # noqa: B023
             found[name] = round(statistics.median(one / several for one, several in pairs), 2)
+            print(name, found[name], pairs, file=sys.stderr, flush=True)
     pairs = [(programs(folder, episodes, 1), programs(folder, episodes, count)) for _ in range(repeats)]
     found[f"{count} programs"] = round(statistics.median(count * one / several for one, several in pairs), 2)
     return found
@@ -94,6 +95,7 @@ def overhead(folder: Path, count: int, repeats: int) -> dict[str, Any]:
             ]
             local.close()
             found[f"{size} episodes a task"] = {
+                "seconds": [[round(one, 2), round(other, 2)] for one, other in rows],
                 "dask / processes": round(statistics.median(one / other for one, other in rows), 3),
                 "ms more a task": round(
                     statistics.median(one - other for one, other in rows) / (episodes / size) * 1e3 * count, 1
