@@ -94,17 +94,13 @@ def check_dataset(folder: str | Path) -> list[Problem]:
     problems = check_manifest(folder)
     if any(problem.place == "file" for problem in problems):
         return problems
-    problems = [problem for shard in listed_shards(folder) for problem in check_shard(shard)] + problems
-    return [problem for file in listed_files(folder) for problem in check_listed(file)] + problems
-
-
-def listed_shards(folder: Path) -> list[ListedFile]:
-    """The shards that a manifest lists; none of a data set without shards.
-
-    Raises:
-        RecordError: the folder has no valid manifest.
-    """
     manifest = read_manifest(folder)
+    problems = [problem for shard in listed_shards(folder, manifest) for problem in check_shard(shard)] + problems
+    return [problem for file in files_in(folder, manifest) for problem in check_listed(file)] + problems
+
+
+def listed_shards(folder: Path, manifest: JsonDict) -> list[ListedFile]:
+    """The shards that the manifest of a folder lists; none of a data set without shards."""
     shared = {key: manifest[key] for key in _SHARED_BY_SHARDS if key in manifest}
     shared = {} if manifest.get("sources") else shared
     return [ListedFile(folder / shard["name"], shard, shared) for shard in manifest.get("shards", ())]
@@ -174,7 +170,12 @@ def listed_files(folder: Path) -> Sequence[ListedFile]:
     Raises:
         RecordError: the folder has no valid manifest.
     """
-    return _ListedFiles(folder, read_manifest(folder))
+    return files_in(folder, read_manifest(folder))
+
+
+def files_in(folder: Path, manifest: JsonDict) -> Sequence[ListedFile]:
+    """The files that the manifest of a folder lists, see `listed_files`."""
+    return _ListedFiles(folder, manifest)
 
 
 class _ListedFiles(Sequence[ListedFile]):

@@ -24,8 +24,8 @@ from ..record.record import EpisodeRecord
 from ..record.tables import TABLES, tables_of
 from ..registry import did_you_mean
 from .executors import Workers
-from .manifest import ListedPaths, files_in_manifest, files_of, has_manifest, read_stored_manifest
-from .shards import Selection, ShardRows
+from .manifest import files_in_manifest, files_of, has_manifest, read_stored_manifest
+from .shards import Selection, ShardPaths, ShardRows
 from .split import FRACTIONS, split_dataset
 from .stream import BLOCK, Stream, Transform, tensors
 from .summaries import contact_summary
@@ -334,7 +334,7 @@ class Dataset(Sequence[EpisodeRecord]):
     def of_manifest(cls, path: Path, manifest: JsonDict) -> Dataset:
         """The data set of a manifest that has just been written, which is not read again."""
         rows = manifest["files"]
-        files = ListedPaths(rows) if isinstance(rows, ShardRows) else tuple(path / row["name"] for row in rows)
+        files = ShardPaths(rows) if isinstance(rows, ShardRows) else tuple(path / row["name"] for row in rows)
         return cls._of(path, files, manifest, rows)
 
     @classmethod

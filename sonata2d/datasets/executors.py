@@ -105,6 +105,10 @@ class Workers:
         """Whether the workers are processes of this machine that end with this program."""
         return isinstance(self._backend, Processes)
 
+    def place(self, path: Path) -> Path:
+        """A path as the workers know it: only processes of this program share its working folder."""
+        return path if self.is_local else path.absolute()
+
     def __enter__(self) -> Self:
         return self
 
@@ -230,6 +234,7 @@ class _Given:
                     future = self._executor.submit(run_task, origin(), pickled, items)
                 except Exception as error:  # whatever the executor does
                     raise WorkerError(f"{self._name} takes no tasks: {described(error)}") from error
+                submitted.difference_update([one for one in submitted if one.done()])  # they hold their results
                 submitted.add(future)
                 return future
 

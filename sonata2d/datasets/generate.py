@@ -14,7 +14,7 @@ from contextlib import closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource, is_built_in, source_hashes
@@ -198,7 +198,8 @@ class _Run:
         missing = spec.episodes - min(len(results.stored), spec.episodes)
         with _logged(out, missing, self.workers), _finished_listed(out, spec, results):
             with self._failures_explained(lambda: len(results.kept)):
-                _run_episodes(self.job, results, self.workers, self.advance)
+                total = None if spec.keep and missing > 1 else missing
+                _run_pending(self.job, episode_runner, results, total, self.workers, self.advance)
                 self._raise(results.failure)
             self._restore_removed([entry.name for entry in results.kept], "episodes")
         self._clean_up(split is not None and missing > 0)
@@ -216,7 +217,8 @@ class _Run:
         missing = spec.episodes - min(results.stored, spec.episodes)
         with _logged(out, missing, self.workers), _shards_listed(out, spec, results):
             with self._failures_explained(lambda: results.kept):
-                _run_shards(self.job, results, self.workers, self.advance)
+                total = None if spec.keep else shard_count(spec) - len(results.shards)
+                _run_pending(self.job, shard_runner, results, total, self.workers, self.advance)
                 self._raise(results.failure)
             shards = results.shards
             if spec.keep:
@@ -324,39 +326,36 @@ def _known_results(out: Path, spec: DatasetSpec, listed: Mapping[str, str]) -> l
     return [*(read_excluded(out) if spec.keep else ()), *entries.values()]
 
 
-def _run_episodes(job: Job, progress: Progress, workers: Workers, advance: Advance) -> None:
-    """Run pending episodes until the progress is finished."""
-    missing = job.spec.episodes - len(progress.kept)
+def _run_pending(
+    job: Job,
+    runner: Callable[[Job], Callable[[int], Any]],
+    progress: Progress | ShardProgress,
+    total: int | None,
+    workers: Workers,
+    advance: Advance,
+) -> None:
+    """Run pending episodes or shards until the progress is finished.
+
+    Args:
+        job: what is generated.
+        runner: makes the function that runs an episode or a shard by number.
+        progress: of the run.
+        total: number of pending episodes or shards; None: unknown.
+        workers: which run them.
+        advance: progress callback.
+    """
     results = unordered_map(
-        partial(episode_runner, job),
+        partial(runner, job),
         progress.pending(),
         workers=workers,
         is_last=is_failure,
-        total=None if job.spec.keep and missing > 1 else missing,
+        total=total,
         writes=job.out,
     )
     with closing(results):
         for result in results:
             if isinstance(result, ExcludedEpisode):
                 log_excluded(job.out, result)
-            advance(progress.add(result))
-            if progress.is_finished:
-                return
-
-
-def _run_shards(job: Job, progress: ShardProgress, workers: Workers, advance: Advance) -> None:
-    """Generate pending shards until the progress is finished."""
-    missing = None if job.spec.keep else shard_count(job.spec) - len(progress.shards)
-    results = unordered_map(
-        partial(shard_runner, job),
-        progress.pending(),
-        workers=workers,
-        is_last=is_failure,
-        total=missing,
-        writes=job.out,
-    )
-    with closing(results):
-        for result in results:
             advance(progress.add(result))
             if progress.is_finished:
                 return

@@ -11,7 +11,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, SupportsIndex, overload
+from typing import Any
 from uuid import uuid4
 
 import orjson
@@ -31,7 +31,7 @@ from ..record.recorder import EpisodeRecorder
 from ..record.shard_file import is_member, is_shard, members_of, shard_manifest_path
 from ..version import PHYSICS_VERSION
 from .manifest_models import Manifest, ManifestFile, Shard, ShardedManifest
-from .shards import ShardRows, stored_form, with_rows
+from .shards import ShardPaths, ShardRows, stored_form, with_rows
 
 DATASET_FORMAT, DATASET_VERSION, SHARDED_VERSION = "sonata2d-dataset", 1, 2
 MANIFEST, SCENARIO, CARD = "manifest.json", "scenario.json", "README.md"
@@ -138,7 +138,7 @@ def files_in_manifest(folder: Path, manifest: JsonDict) -> Sequence[Path]:
     if rows:  # without any, the caller says more
         warn_if_incomplete(folder, manifest)
     if isinstance(rows, ShardRows):
-        return ListedPaths(rows)
+        return ShardPaths(rows)
     first = [row["name"] for row in rows[:_FIRST]]
     if len(rows) > _FIRST and not any(file_exists(folder / name) for name in first):
         raise RecordError(f"{folder}: {MANIFEST} lists {len(rows)} files, but {first[0]} to {first[-1]} are missing")
@@ -255,37 +255,6 @@ def write_json(path: Path, document: JsonDict) -> None:
 def json_bytes(document: JsonDict) -> bytes:
     """A document as `write_json` writes it."""
     return orjson.dumps(stored_form(document), option=orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE)
-
-
-class ListedPaths(Sequence[Path]):
-    """The paths of the episodes in shards, made when they are needed.
-
-    Args:
-        rows: of the files.
-    """
-
-    def __init__(self, rows: ShardRows) -> None:
-        self._rows = rows
-
-    def __len__(self) -> int:
-        """Number of files."""
-        return len(self._rows)
-
-    @overload
-    def __getitem__(self, index: SupportsIndex) -> Path: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[Path]: ...
-
-    def __getitem__(self, index: SupportsIndex | slice) -> Path | list[Path]:
-        """The path of a file, or of several."""
-        if isinstance(index, slice):
-            return [self._rows.path_of(number) for number in range(*index.indices(len(self)))]
-        return self._rows.path_of(index.__index__())
-
-    def __iter__(self) -> Iterator[Path]:
-        """The paths in the order of the manifest."""
-        return map(self._rows.path_of, range(len(self)))
 
 
 def manifest_entry(record: EpisodeRecord) -> ManifestEntry:

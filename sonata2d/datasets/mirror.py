@@ -117,8 +117,7 @@ def mirror_dataset(
     manifest = read_stored_manifest(folder)
     warn_if_incomplete(folder, manifest)
     with shared_workers(workers) as pool, new_folder(out) as work:
-        if not pool.is_local:
-            folder, work = folder.absolute(), work.absolute()
+        folder, work = pool.place(folder), pool.place(work)
         if "shards" in manifest:
             mirror_one = partial(_mirrored_shard, folder, work, label)
             rows = []

@@ -32,7 +32,7 @@ from .manifest import (
     require_episode_of,
 )
 from .progress import ExcludedEpisode, FailedEpisode, too_few_kept
-from .shards import PART, part_path, remove_parts, shard_name, shard_number
+from .shards import part_path, parts_in, remove_parts, shard_name, shard_number
 from .tasks import stop_if_over
 
 logger = logging.getLogger(__name__)
@@ -77,7 +77,7 @@ class ShardProgress:
     def __init__(self, spec: DatasetSpec, known: Iterable[ShardResult] = ()) -> None:
         self._spec = spec
         self._results: dict[int, ShardResult | FailedEpisode] = {result.number: result for result in known}
-        self._run = 0  # episodes of the counted shards, kept or not
+        self._left_out = Counter[str]()  # of the counted shards, by outcome
         self.shards: list[ShardResult] = []
         self.kept = 0
         self.failure: FailedEpisode | None = None
@@ -123,9 +123,8 @@ class ShardProgress:
                 return
             self.shards.append(result)
             self.kept += result.episodes
-            self._run += result.episodes + sum(result.row.get("left_out", {}).values())
-            left_out = sum((Counter(one.row.get("left_out", {})) for one in self.shards), Counter[str]())
-            too_few_kept(self._spec, self.kept, self._run, left_out)
+            self._left_out.update(result.row.get("left_out", {}))
+            too_few_kept(self._spec, self.kept, self.kept + self._left_out.total(), self._left_out)
 
 
 def shard_size_of(spec: DatasetSpec) -> int:
@@ -338,8 +337,7 @@ def remove_split(shard: Path) -> None:
 def _earlier_members(folder: Path, shard: Path) -> dict[str, Path]:
     """Members of earlier attempts at a shard by name, also of one that is complete but covered fewer episodes."""
     found: dict[str, Path] = {}
-    parts = [name for name in file_names(folder) if name.startswith(PART) and name.endswith(f"-{shard.name}")]
-    for name in (shard.name, *parts):
+    for path in (shard, *parts_in(folder, shard.name)):
         with suppress(OSError):
-            found |= {member: folder / name / member for member in extents(folder / name)}
+            found |= {member: path / member for member in extents(path)}
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import accumulate
 from pathlib import Path
 from typing import SupportsIndex, TypeVar, overload
@@ -16,7 +17,7 @@ from ..record.layout import JsonDict
 from ..record.shard_file import SHARD_SUFFIX, member_names, shard_manifest_path
 
 PART = ".part-"  # beginning of the names of unfinished shards
-_KEPT = 8  # shards whose rows are kept
+_KEPT = 8  # number of shards whose rows stay in memory
 
 T = TypeVar("T")
 ReadManifest = Callable[[Path], JsonDict]
@@ -49,10 +50,13 @@ def remove_shards(folder: Path, numbers_from: int = 0) -> None:
 
 def remove_parts(folder: Path, number: int | None = None) -> None:
     """Remove unfinished shards: those of one number, or all."""
-    ending = "" if number is None else f"-{shard_name(number)}"
-    for name in file_names(folder):
-        if name.startswith(PART) and name.endswith(ending):
-            (folder / name).unlink(missing_ok=True)
+    for path in parts_in(folder, "" if number is None else shard_name(number)):
+        path.unlink(missing_ok=True)
+
+
+def parts_in(folder: Path, shard: str = "") -> list[Path]:
+    """The unfinished shards of a folder: those of one name, or all."""
+    return [folder / name for name in file_names(folder) if name.startswith(PART) and name.endswith(shard)]
 
 
 def part_path(shard: Path) -> Path:
@@ -105,10 +109,8 @@ class ShardRows(Sequence[JsonDict]):
         """
         if isinstance(index, slice):
             return [self[k] for k in range(*index.indices(len(self)))]
-        number = range(len(self))[index]
-        k = bisect_right(self._starts, number) - 1
-        row: JsonDict = self.of_shard(self.shards[k])[number - self._starts[k]]
-        return row
+        shard, k = self._place(index)
+        return self.of_shard(shard)[k]
 
     def __iter__(self) -> Iterator[JsonDict]:
         """The rows, shard by shard."""
@@ -122,18 +124,22 @@ class ShardRows(Sequence[JsonDict]):
             IndexError: there is no such episode.
             RecordError: the manifest of the shard cannot be read.
         """
-        number = range(len(self))[number]
-        k = bisect_right(self._starts, number) - 1
-        shard = self.shards[k]
+        shard, k = self._place(number)
+        path: Path = self.folder / shard["name"]
         try:
-            names = member_names(self.folder / shard["name"])
+            names = member_names(path)
         except OSError:
             names = ()
         if len(names) != shard["episodes"]:
-            path: Path = self.folder / self[number]["name"]  # raises the error that explains it
-            return path
-        found: Path = self.folder / shard["name"] / names[number - self._starts[k]]
-        return found
+            found: Path = self.folder / self.of_shard(shard)[k]["name"]  # or the error that explains it
+            return found
+        return path / names[k]
+
+    def _place(self, index: SupportsIndex) -> tuple[JsonDict, int]:
+        """The shard of an episode, and its number in it."""
+        number = range(len(self))[index]
+        k = bisect_right(self._starts, number) - 1
+        return self.shards[k], number - self._starts[k]
 
     def manifest_of(self, shard: JsonDict) -> JsonDict:
         """The manifest beside a shard.
@@ -208,27 +214,55 @@ class Selection(Sequence[T]):
         return self._items[self._indices[index]]
 
 
-class PartNames(Sequence[str]):
-    """The names of the episodes in a part of a split data set, which the manifests of its shards list.
+class ShardPaths(Sequence[Path]):
+    """The paths of the episodes in shards, made when they are needed.
 
     Args:
-        rows: of the data set.
-        part: name of the part.
-        count: number of its episodes.
+        rows: of the files.
     """
 
-    def __init__(self, rows: ShardRows, part: str, count: int) -> None:
-        self._rows, self._part, self._count = rows, part, count
+    def __init__(self, rows: ShardRows) -> None:
+        self._rows = rows
 
     def __len__(self) -> int:
-        """Number of episodes."""
+        """Number of files."""
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> Path: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Path]: ...
+
+    def __getitem__(self, index: SupportsIndex | slice) -> Path | list[Path]:
+        """The path of a file, or of several."""
+        if isinstance(index, slice):
+            return [self._rows.path_of(number) for number in range(*index.indices(len(self)))]
+        return self._rows.path_of(index.__index__())
+
+    def __iter__(self) -> Iterator[Path]:
+        """The paths in the order of the manifest."""
+        return map(self._rows.path_of, range(len(self)))
+
+
+class ShardNames(Sequence[str]):
+    """Names of episodes that the manifests of shards list, read when they are needed.
+
+    Args:
+        count: number of names.
+        read: yields them, shard by shard.
+    """
+
+    def __init__(self, count: int, read: Callable[[], Iterator[str]]) -> None:
+        self._count, self._read = count, read
+
+    def __len__(self) -> int:
+        """Number of names."""
         return self._count
 
     def __iter__(self) -> Iterator[str]:
         """The names, shard by shard."""
-        for shard in self._rows.shards:
-            for name in (self._rows.manifest_of(shard)["split"] or {}).get(self._part, ()):
-                yield f"{shard['name']}/{name}"
+        return self._read()
 
     @overload
     def __getitem__(self, index: SupportsIndex) -> str: ...
@@ -237,40 +271,28 @@ class PartNames(Sequence[str]):
     def __getitem__(self, index: slice) -> list[str]: ...
 
     def __getitem__(self, index: SupportsIndex | slice) -> str | list[str]:
-        """The name of an episode, or of several; reads all manifests."""
+        """A name, or several; reads all manifests."""
         return list(self)[index]
 
 
-class SourceNames(Sequence[str]):
-    """The names of the episodes of a data set that was merged: those of its shards.
+def _names_of_part(rows: ShardRows, part: str) -> Iterator[str]:
+    """The names of the episodes in a part of a split data set."""
+    for shard in rows.shards:
+        for name in (rows.manifest_of(shard)["split"] or {}).get(part, ()):
+            yield f"{shard['name']}/{name}"
 
-    Args:
-        rows: of the merged data set.
-        shards: names of the shards.
-    """
 
-    def __init__(self, rows: ShardRows, shards: Sequence[str]) -> None:
-        names = set(shards)
-        self._rows, self._shards = rows, [shard for shard in rows.shards if shard["name"] in names]
+def _names_in(rows: ShardRows, shards: Sequence[JsonDict]) -> Iterator[str]:
+    """The names of the episodes of some shards."""
+    for shard in shards:
+        yield from (row["name"] for row in rows.of_shard(shard))
 
-    def __len__(self) -> int:
-        """Number of episodes."""
-        return sum(shard["episodes"] for shard in self._shards)
 
-    def __iter__(self) -> Iterator[str]:
-        """The names, shard by shard."""
-        for shard in self._shards:
-            yield from (row["name"] for row in self._rows.of_shard(shard))
-
-    @overload
-    def __getitem__(self, index: SupportsIndex) -> str: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[str]: ...
-
-    def __getitem__(self, index: SupportsIndex | slice) -> str | list[str]:
-        """The name of an episode, or of several; reads all manifests."""
-        return list(self)[index]
+def _names_of_source(rows: ShardRows, source: JsonDict) -> ShardNames:
+    """The names of the episodes of a data set that was merged: those of its shards."""
+    names = set(source["shards"])
+    shards = [shard for shard in rows.shards if shard["name"] in names]
+    return ShardNames(sum(shard["episodes"] for shard in shards), partial(_names_in, rows, shards))
 
 
 def with_rows(manifest: JsonDict, folder: Path, read: ReadManifest) -> JsonDict:
@@ -283,12 +305,11 @@ def with_rows(manifest: JsonDict, folder: Path, read: ReadManifest) -> JsonDict:
     """
     rows = ShardRows(folder, manifest["shards"], read)
     split: Mapping[str, int] | None = manifest["split"]
-    whole = manifest | {
-        "files": rows,
-        "split": None if split is None else {part: PartNames(rows, part, count) for part, count in split.items()},
-    }
+    whole = manifest | {"files": rows}
+    if split is not None:
+        whole["split"] = {part: ShardNames(count, partial(_names_of_part, rows, part)) for part, count in split.items()}
     if manifest.get("sources"):
-        whole["sources"] = [source | {"files": SourceNames(rows, source["shards"])} for source in manifest["sources"]]
+        whole["sources"] = [source | {"files": _names_of_source(rows, source)} for source in manifest["sources"]]
     return whole
 
 

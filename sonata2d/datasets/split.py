@@ -67,7 +67,7 @@ def split_dataset(
     family_of_scene: dict[bytes, str] = {}  # a scene of several families counts for the first one
     rows = manifest["files"]
     with shared_workers(workers) as pool:
-        place = folder if pool.is_local else folder.absolute()
+        place = pool.place(folder)
         scenes = parallel_map(partial(_listed_scene, place), rows, workers=pool, reads=place)
         for number, (scene, row) in enumerate(zip(scenes, rows, strict=True)):
             family = family_of_scene.setdefault(scene, row["family"])

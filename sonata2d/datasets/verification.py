@@ -23,7 +23,7 @@ from .check import (
     check_manifest,
     check_record,
     check_shard,
-    listed_files,
+    files_in,
     listed_shards,
     open_to_check,
 )
@@ -67,15 +67,17 @@ def verify(
     problems = check_manifest(path) if is_listed else []
     verify_file = partial(_verify_file, replay=replay, rerun=rerun, controller=controller)
     with shared as pool:
-        place = path if pool.is_local else path.absolute()
-        for found in parallel_map(check_shard, listed_shards(place) if is_listed else [], workers=pool, reads=place):
+        place = pool.place(path)
+        manifest = read_manifest(place) if is_listed else None
+        shards = [] if manifest is None else listed_shards(place, manifest)
+        for found in parallel_map(check_shard, shards, workers=pool, reads=place):
             problems += found
-        files: Sequence[Path | ListedFile] = listed_files(place) if is_listed else files_of(place)
+        files: Sequence[Path | ListedFile] = files_of(place) if manifest is None else files_in(place, manifest)
         for found in parallel_map(verify_file, files, workers=pool, reads=place):
             problems += found
             advance(1)
-    if rerun and is_listed:
-        problems += _changed_code(read_manifest(path), controller, any(one.place == "rerun" for one in problems))
+    if rerun and manifest is not None:
+        problems += _changed_code(manifest, controller, any(one.place == "rerun" for one in problems))
     return problems
 
 

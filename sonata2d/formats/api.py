@@ -255,9 +255,9 @@ class _Transfer:
         result, numbers = TransferResult([]), range(-(-len(self.files) // size))
         if not is_remote(self.out):
             self.out.mkdir(parents=True, exist_ok=True)
-        place = self.out if self.workers.is_local else self.out.absolute()
+        place = self.workers.place(self.out)
         parts = (
-            (number, [self._place(file) for file in self.files[number * size : (number + 1) * size]])
+            (number, [self.workers.place(file) for file in self.files[number * size : (number + 1) * size]])
             for number in numbers
         )
         write = partial(_part, self.name, place)
@@ -273,15 +273,12 @@ class _Transfer:
 
     def _mapped(self, function: Callable[[Path], T]) -> Iterator[T]:
         """Apply a function to all files in the workers."""
-        files = self.files if self.workers.is_local else map(self._place, self.files)
+        files = map(self.workers.place, self.files)
         return parallel_map(function, files, total=len(self.files), workers=self.workers, reads=self._reads)
-
-    def _place(self, file: Path) -> Path:
-        return file if self.workers.is_local else file.absolute()
 
     @property
     def _reads(self) -> Path:
-        return self._place(self.files[0]).parent
+        return self.workers.place(self.files[0]).parent
 
 
 def _converted(name: str, options: Options, file: Path) -> tuple[str, bytes, str | None, RecordError | None]:

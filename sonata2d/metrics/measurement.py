@@ -211,7 +211,7 @@ def measure_files(
         groups.setdefault((path.parent.name, path.name), []).append(index)
     measured: dict[int, Measured] = {}
     with shared_workers(workers) as pool:
-        sent = [path if pool.is_local else path.absolute() for path in paths]
+        sent = [pool.place(path) for path in paths]
         tasks = [[sent[index] for index in group] for group in groups.values()]
         reads = sent[0].parent if sent else None
         results = parallel_map(partial(_measure_group, rerun=rerun), tasks, workers=pool, reads=reads)

@@ -43,10 +43,7 @@ def read_episode(path: str | Path) -> EpisodeRecord:
         RecordError: the file cannot be read, or is not a complete episode.
     """
     path = location(path)
-    with without_garbage_collection():
-        document = _read_document(path)
-        require_valid(document, path)
-        return record_from_document(document, path)
+    return _episode(path, None)
 
 
 def read_episodes(files: Sequence[Path]) -> Iterator[EpisodeRecord]:
@@ -58,25 +55,26 @@ def read_episodes(files: Sequence[Path]) -> Iterator[EpisodeRecord]:
     Raises:
         RecordError: as of `read_episode`.
     """
-    for start, contents in _contents(files):
-        for path, data in zip(files[start : start + len(contents)], contents, strict=True):
-            if data is None:
-                yield read_episode(path)
-            else:
-                with without_garbage_collection():
-                    document = _document_of(unpacked(data, path), path)
-                    require_valid(document, path)
-                    record = record_from_document(document, path)
-                yield record
+    for shard, group in groupby(files, key=lambda file: file.parent):
+        own = list(group)
+        if is_remote(shard) and is_member(own[0]):
+            contents = read_members(shard, [file.name for file in own])
+            yield from map(_episode, own, contents)
+        else:
+            yield from map(read_episode, own)
 
 
-def _contents(files: Sequence[Path]) -> Iterator[tuple[int, list[bytes | None]]]:
-    """Numbers of files with the stored bytes of those from there on; None: they are read when their turn comes."""
-    for shard, group in groupby(range(len(files)), key=lambda number: files[number].parent):
-        numbers = list(group)
-        names = [files[number].name for number in numbers]
-        is_together = is_remote(shard) and is_member(files[numbers[0]])
-        yield numbers[0], [*read_members(shard, names)] if is_together else [None] * len(numbers)
+def _episode(path: Path, stored: bytes | None) -> EpisodeRecord:
+    """The episode of a file.
+
+    Args:
+        path: of the file.
+        stored: its bytes; None: they are read.
+    """
+    with without_garbage_collection():
+        document = _document_of(read_bytes(path) if stored is None else unpacked(stored, path), path)
+        require_valid(document, path)
+        return record_from_document(document, path)
 
 
 @contextmanager
@@ -108,11 +106,6 @@ def record_from_document(document: JsonDict, path: Path) -> EpisodeRecord:
         record = _create_record(path, document)
         record.scene()
     return record
-
-
-def _read_document(path: Path) -> JsonDict:
-    """Parse a file, and convert its document to this format version."""
-    return _document_of(read_bytes(path), path)
 
 
 def _document_of(content: bytes, path: Path) -> JsonDict:

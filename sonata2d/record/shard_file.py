@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import IO, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import orjson
 
@@ -26,8 +26,8 @@ from ..errors import RecordError
 SHARD_SUFFIX = ".tar"
 _MANIFEST_SUFFIX = ".manifest.json"
 _BLOCK = tarfile.BLOCKSIZE
-_APART = 4  # members that lie in more than so many times their size are read one by one
-_INDEXES = 128  # shards whose index is kept: 40 MB for shards of 1000 episodes
+_APART = 4  # members are read one by one if the range from first to last has more than so many times their bytes
+_INDEXES = 128  # number of shards whose index stays in memory: 40 MB for shards of 1000 episodes
 
 
 class Extent(NamedTuple):
@@ -76,11 +76,7 @@ def read_member(path: Path, max_bytes: int) -> bytes:
         raise FileNotFoundError(2, f"{path.parent.name} has no member {path.name}")
     if extent.size > max_bytes:
         raise OSError(27, f"it has more than {max_bytes} bytes, the limit for such files")
-    if is_remote(path):
-        data = content_of(path.parent, extent.offset, extent.offset + extent.size) if extent.size else b""
-        return _whole(data, extent)
-    with path.parent.open("rb") as file:
-        return read_extent(file, extent)
+    return _content(path.parent, extent)
 
 
 def read_members(shard: Path, names: Sequence[str]) -> list[bytes]:
@@ -99,7 +95,7 @@ def read_members(shard: Path, names: Sequence[str]) -> list[bytes]:
         first = min(extent.offset for extent in own)
         last = max(extent.offset + extent.size for extent in own)
         if last - first > _APART * sum(extent.size + _BLOCK for extent in own):
-            return [content_of(shard, extent.offset, extent.offset + extent.size) for extent in own]
+            return [_content(shard, extent) for extent in own]
         data = content_of(shard, first, last)
         return [_whole(data[extent.offset - first : extent.offset - first + extent.size], extent) for extent in own]
     except KeyError as error:
@@ -108,14 +104,17 @@ def read_members(shard: Path, names: Sequence[str]) -> list[bytes]:
         raise RecordError(f"{shard} cannot be read: {error.strerror or error}") from error
 
 
-def read_extent(file: IO[bytes], extent: Extent) -> bytes:
-    """The bytes of an open tar file that belong to a member.
+def _content(shard: Path, extent: Extent) -> bytes:
+    """The bytes of a tar file that belong to a member.
 
     Raises:
-        OSError: the file ends before them.
+        OSError: the file cannot be read, or ends before them.
     """
-    file.seek(extent.offset)
-    return _whole(file.read(extent.size), extent)
+    if is_remote(shard):
+        return _whole(content_of(shard, extent.offset, extent.offset + extent.size) if extent.size else b"", extent)
+    with shard.open("rb") as file:
+        file.seek(extent.offset)
+        return _whole(file.read(extent.size), extent)
 
 
 def _whole(data: bytes, extent: Extent) -> bytes:
@@ -142,8 +141,13 @@ def extents(shard: Path) -> Mapping[str, Extent]:
     Raises:
         OSError: the tar file, or the manifest beside it, cannot be read.
     """
+    return _extents(shard, *_version(shard))
+
+
+def _version(shard: Path) -> tuple[int, int]:
+    """Size and time of a tar file, which change if it is written again."""
     found = shard.stat()
-    return _extents(shard, found.st_size, 0 if is_remote(shard) else found.st_mtime_ns)
+    return found.st_size, 0 if is_remote(shard) else found.st_mtime_ns
 
 
 @lru_cache(maxsize=_INDEXES)
@@ -168,8 +172,7 @@ def member_names(shard: Path) -> tuple[str, ...]:
     Raises:
         OSError: as of `extents`.
     """
-    found = shard.stat()
-    return _member_names(shard, found.st_size, 0 if is_remote(shard) else found.st_mtime_ns)
+    return _member_names(shard, *_version(shard))
 
 
 @lru_cache(maxsize=_INDEXES)

@@ -14,7 +14,8 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.datasets.dask_executor import DaskExecutor
-from sonata2d.datasets.executors import MARK, Workers, parallel_map
+from sonata2d.datasets.executors import Workers, parallel_map
+from sonata2d.datasets.tasks import MARK
 from sonata2d.datasets.verification import verify
 from sonata2d.errors import WorkerError
 
