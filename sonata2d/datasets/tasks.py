@@ -114,19 +114,20 @@ def run_task(program: Origin, call: bytes, items: Sequence[Any]) -> Answer:
         return "refused", f"{_name()} {error}", 0.0, ""
     except BaseException as error:
         return "raised", _sendable(error), 0.0, remark
-    start, results = time.perf_counter(), list[Any]()
-    for item in items:
-        if present.is_over():
-            return "stopped", results, time.perf_counter() - start, remark
-        try:
-            results.append(applied(present.function, item))
-        except KeyboardInterrupt:  # of `interruption`: the item's compilation was given up
-            return "stopped", results, time.perf_counter() - start, remark
-        except BaseException as error:
-            return "raised", _sendable(error), time.perf_counter() - start, remark
-        if present.is_last(results[-1]):
-            break
-    return "done", results, time.perf_counter() - start, remark
+    with present.at_work():
+        start, results = time.perf_counter(), list[Any]()
+        for item in items:
+            if present.is_over():
+                return "stopped", results, time.perf_counter() - start, remark
+            try:
+                results.append(applied(present.function, item))
+            except KeyboardInterrupt:  # of `interruption`: the item's compilation was given up
+                return "stopped", results, time.perf_counter() - start, remark
+            except BaseException as error:
+                return "raised", _sendable(error), time.perf_counter() - start, remark
+            if present.is_last(results[-1]):
+                break
+        return "done", results, time.perf_counter() - start, remark
 
 
 def applied(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -142,7 +143,7 @@ def stop_if_over() -> None:
         KeyboardInterrupt: it has.
     """
     interruption.check()
-    present: _Present | None = getattr(_thread, "present", None)
+    present: _Present | None = getattr(_thread, "at_work", None)
     if present is not None and present.is_over():
         raise KeyboardInterrupt
 
@@ -170,6 +171,16 @@ class _Present:
             _require_visible(path)
         self.function = applied(call.set_up)
 
+    @contextmanager
+    def at_work(self) -> Iterator[None]:
+        """Let `stop_if_over` look at this call while this thread runs a task of it; the thread may be the caller's."""
+        outer: _Present | None = getattr(_thread, "at_work", None)
+        _thread.at_work = self
+        try:
+            yield
+        finally:
+            _thread.at_work = outer
+
     def is_over(self) -> bool:
         """Whether the program has ended its call."""
         if interruption.is_stop_requested():
@@ -181,7 +192,7 @@ class _Present:
         return not self._mark.exists()
 
 
-_thread = threading.local()  # the present call; an executor may run tasks in several threads
+_thread = threading.local()  # `present`: the call that was loaded last; `at_work`: the one of the task that runs
 after_set_up: Callable[[], object] = lambda: None  # noqa: E731  # set by processes that run nothing else
 
 
