@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -139,20 +140,21 @@ def test_an_error_of_one_environment_is_raised_and_all_are_reset(processes: int)
     envs.close()
 
 
-class PairError(Exception):
-    """An error that cannot be sent between processes, because it takes two arguments."""
+class LockedError(Exception):
+    """An error that cannot be sent between processes, because it holds a lock."""
 
-    def __init__(self, a: str, b: str) -> None:
-        super().__init__(a + b)
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.lock = threading.Lock()
 
 
 def test_an_error_that_cannot_be_sent_is_raised_as_another() -> None:
     def refuse(before: Any, after: Any, outcome: Any) -> float:
-        raise PairError("two ", "parts")
+        raise LockedError("locked")
 
     envs = s2g.SocialNavVectorEnv(2, scenario="empty", processes=2, reward=refuse)
     envs.reset(seed=5)
-    with pytest.raises(RuntimeError, match="PairError: two parts"):
+    with pytest.raises(RuntimeError, match="LockedError: locked"):
         envs.step(STILL)
     envs.close()
 
