@@ -17,7 +17,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,11 @@ from sonata2d.datasets.verification import verify
 SCENARIO, CONTROLLER = "sonata-2020", "social-planner"
 SHORT = {"scenario": "empty", "controller": "straight-to-goal"}  # episodes of 5 ms, of which a task has many
 ALONE = "import sys; import sonata2d as s2; s2.generate_dataset(sys.argv[1], episodes=int(sys.argv[2]))"
+
+
+def alternating(works: Sequence[Callable[[], Any]], repeats: int) -> list[list[float]]:
+    """Seconds of each work, run in turn; one row per repetition."""
+    return [[seconds(work) for work in works] for _ in range(repeats)]
 
 
 def seconds(work: Callable[[], Any]) -> float:
@@ -57,26 +63,24 @@ def scaling(folder: Path, count: int, episodes: int, repeats: int) -> dict[str, 
         verify(data, workers=workers)  # the processes start
         for name, work in works.items():
             work(workers)
-            pairs = [(seconds(lambda: work(1)), seconds(lambda: work(workers))) for _ in range(repeats)]  # noqa: B023
+            pairs = alternating([partial(work, 1), partial(work, workers)], repeats)
             found[name] = round(statistics.median(one / several for one, several in pairs), 2)
             print(name, found[name], pairs, file=sys.stderr, flush=True)
-    pairs = [(programs(folder, episodes, 1), programs(folder, episodes, count)) for _ in range(repeats)]
+    pairs = alternating([partial(programs, folder, episodes, 1), partial(programs, folder, episodes, count)], repeats)
     found[f"{count} programs"] = round(statistics.median(count * one / several for one, several in pairs), 2)
     return found
 
 
-def programs(folder: Path, episodes: int, count: int) -> float:
-    """Seconds until as many programs have each generated a data set."""
+def programs(folder: Path, episodes: int, count: int) -> None:
+    """Let as many programs generate a data set each, at once."""
     for number in range(count):
         shutil.rmtree(folder / f"alone{number}", ignore_errors=True)
-    start = time.perf_counter()
     running = [
         subprocess.Popen([sys.executable, "-c", ALONE, str(folder / f"alone{number}"), str(episodes)])
         for number in range(count)
     ]
     for process in running:
         process.wait()
-    return time.perf_counter() - start
 
 
 def overhead(folder: Path, count: int, repeats: int) -> dict[str, Any]:
@@ -89,10 +93,8 @@ def overhead(folder: Path, count: int, repeats: int) -> dict[str, Any]:
             local = s2.Workers(count, task_size=size)
             for workers in (dask, local, plain):
                 generated(folder / "out", 50, workers, **SHORT)  # the processes start
-            rows = [
-                [seconds(lambda: generated(folder / "out", episodes, workers, **SHORT)) for workers in (dask, local)]  # noqa: B023
-                for _ in range(repeats)
-            ]
+            works = [partial(generated, folder / "out", episodes, workers, **SHORT) for workers in (dask, local)]
+            rows = alternating(works, repeats)
             local.close()
             found[f"{size} episodes a task"] = {
                 "seconds": [[round(one, 2), round(other, 2)] for one, other in rows],

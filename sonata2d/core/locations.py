@@ -80,6 +80,16 @@ def is_object_store(path: Path) -> bool:
     return is_remote(path) and cast(Any, path).protocol in _OBJECT_STORES
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder of this machine, and those that it is in; a store has none.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    if not is_remote(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+
+
 def file_names(folder: Path) -> list[str]:
     """The names of the files in a folder, in no particular order; none if there is no such folder."""
     if is_remote(folder):

@@ -16,8 +16,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import orjson
-
 from ..core.locations import location
 from ..core.notebook import Advance
 from ..errors import DatasetWarning, RecordError
@@ -27,7 +25,6 @@ from ..record.layout import JsonDict
 from ..record.models import Settings
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
-from ..record.shard_file import shard_manifest_path
 from .card_figure import EpisodeStatistics, collect_statistics, draw_statistics, require_matplotlib
 from .croissant import Publication, croissant_metadata, licence_lines, stored_publication
 from .manifest import (
@@ -42,7 +39,6 @@ from .manifest import (
     write_json,
 )
 from .markdown import cell, code, code_block, inline
-from .shards import shard_card_path
 from .summaries import ContactSummary, ExcessiveCommands, totals_of
 
 _SEAL = re.compile(r"<!-- written by sonata2d, SHA-256 of the text above: ([0-9a-f]{64}) -->\n")
@@ -178,16 +174,6 @@ def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | 
     if is_edited:
         message = f"{folder / CARD} was edited, so it stays as it is; write it again with `sonata2d card`"
         warnings.warn(message, DatasetWarning, stacklevel=2)
-
-
-def write_shard_manifest(shard: Path, manifest: JsonDict) -> None:
-    """Write the manifest of a shard beside it, and its card.
-
-    Raises:
-        RecordError: a file cannot be written.
-    """
-    write_atomically(shard_card_path(shard), card_text(manifest).encode())
-    write_atomically(shard_manifest_path(shard), orjson.dumps(manifest, option=orjson.OPT_APPEND_NEWLINE))
 
 
 def write_card(

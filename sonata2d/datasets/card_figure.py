@@ -14,7 +14,7 @@ import numpy as np
 
 from ..core.geometry import to_shoulder_line
 from ..core.humans import constant_of
-from ..core.locations import is_remote
+from ..core.locations import make_folder
 from ..core.portable_math import Array, IntArray, unit_vectors
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ..core.vectors import lengths
@@ -171,8 +171,7 @@ def draw_statistics(path: Path, statistics: EpisodeStatistics, title: str) -> No
         panels[1, 2].text(distance + 0.05, 0.97, zone, fontsize=7, bbox=plate, **place)
     FigureCanvasAgg(figure)
     try:
-        if not is_remote(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         with whole_file(path) as temporary:
             figure.savefig(temporary, metadata={"Software": None})  # the same data give the same bytes
     except OSError as error:

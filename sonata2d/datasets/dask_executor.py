@@ -83,7 +83,7 @@ class DaskExecutor(Executor):
     def count(self) -> int:
         """Number of tasks that the workers run at a time: their threads."""
         if self._is_closed:
-            for future in list(self._pending):  # whoever waits for them learns that they are lost
+            for future in list(self._pending):  # ends the waiting for them
                 _lose(future)
         now = time.monotonic()
         if now - self._counted > _COUNT_INTERVAL:
@@ -210,8 +210,8 @@ class DaskExecutor(Executor):
 def _pass_on(future: Future[Any], task: Any) -> None:
     """Pass the outcome of a Dask task on; called in a thread of the client.
 
-    Futures of `Client.get_executor` would not do: one whose result is being fetched when the scheduler ends waits for
-    ever.
+    Futures of `Client.get_executor` are no alternative: one whose result is being fetched when the scheduler ends is
+    never done.
     """
     try:
         result = task.result(timeout=_FETCH)
@@ -227,7 +227,7 @@ def _pass_on(future: Future[Any], task: Any) -> None:
 
 
 def _lose(future: Future[Any]) -> None:
-    """Let whoever waits for a future learn that it is cancelled."""
+    """Cancel a future, which ends the waiting for it."""
     with suppress(RuntimeError, InvalidStateError):  # another thread has done it
         future.cancel()
         future.set_running_or_notify_cancel()

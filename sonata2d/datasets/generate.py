@@ -196,7 +196,8 @@ class _Run:
         results = Progress(spec, _known_results(out, spec, listed) if self.resume else ())
         self.advance(len(results.kept))
         missing = spec.episodes - min(len(results.stored), spec.episodes)
-        with _logged(out, missing, self.workers), _finished_listed(out, spec, results):
+        finished = partial(_finished_files, out, spec, results)
+        with _logged(out, missing, self.workers), _listed_if_interrupted(out, finished):
             with self._failures_explained(lambda: len(results.kept)):
                 total = None if spec.keep and missing > 1 else missing
                 _run_pending(self.job, episode_runner, results, total, self.workers, self.advance)
@@ -215,7 +216,8 @@ class _Run:
         results = ShardProgress(spec, existing_shards(out, spec) if self.resume else ())
         self.advance(min(results.kept, spec.episodes))
         missing = spec.episodes - min(results.stored, spec.episodes)
-        with _logged(out, missing, self.workers), _shards_listed(out, spec, results):
+        finished = partial(_finished_shards, out, spec, results)
+        with _logged(out, missing, self.workers), _listed_if_interrupted(out, finished):
             with self._failures_explained(lambda: results.kept):
                 total = None if spec.keep else shard_count(spec) - len(results.shards)
                 _run_pending(self.job, shard_runner, results, total, self.workers, self.advance)
@@ -384,31 +386,13 @@ def _how_to_go_on(out: Path, spec: DatasetSpec, kept: int, overwrite: bool) -> s
 
 
 @contextmanager
-def _finished_listed(out: Path, spec: DatasetSpec, progress: Progress) -> Iterator[None]:
-    """If the run is interrupted, list the finished episodes in the manifest, so that other commands see them."""
-    process = os.getpid()
-    try:
-        yield
-    except BaseException:
-        if os.getpid() != process:  # a copy of the process, forked by the controller
-            raise
-        with suppress(OSError, Sonata2dError):  # the reason of the interruption is more important
-            remove_partial_files(out)
-            entries = progress.kept
-            if not spec.keep:  # with `keep`, an episode counts once the numbers before it have been run
-                stored = {entry.episode: entry for entry in progress.stored}
-                unseen, _ = existing_episodes(out, spec, {}, known=stored)  # finished while the run was ending
-                entries = sorted((stored | unseen).values(), key=lambda entry: entry.episode)
-            entries = [entry for entry in entries if (out / entry.name).is_file()]
-            if entries:
-                manifest = manifest_of(spec, entries, complete=False, left_out=progress.left_out)
-                write_manifest_and_card(out, manifest)
-        raise
+def _listed_if_interrupted(out: Path, finished: Callable[[], JsonDict | None]) -> Iterator[None]:
+    """If the run is interrupted, list the finished episodes in the manifest, so that other commands see them.
 
-
-@contextmanager
-def _shards_listed(out: Path, spec: DatasetSpec, progress: ShardProgress) -> Iterator[None]:
-    """If the run is interrupted, list the finished shards in the manifest, so that other commands see them."""
+    Args:
+        out: folder of the data set.
+        finished: returns that manifest, or None if no episode is finished.
+    """
     process = os.getpid()
     try:
         yield
@@ -416,10 +400,26 @@ def _shards_listed(out: Path, spec: DatasetSpec, progress: ShardProgress) -> Ite
         if os.getpid() == process:  # and not in a copy of the process, forked by the controller
             with suppress(OSError, Sonata2dError):  # the reason of the interruption is more important
                 remove_partial_files(out)
-                rows = [shard.row for shard in progress.shards if (out / shard.row["name"]).is_file()]
-                if rows:
-                    write_manifest_and_card(out, sharded_manifest_of(out, spec, rows, complete=False))
+                if (manifest := finished()) is not None:
+                    write_manifest_and_card(out, manifest)
         raise
+
+
+def _finished_files(out: Path, spec: DatasetSpec, progress: Progress) -> JsonDict | None:
+    """The manifest of the finished episodes of a data set of files; None if there are none."""
+    entries = progress.kept
+    if not spec.keep:  # with `keep`, an episode counts once the numbers before it have been run
+        stored = {entry.episode: entry for entry in progress.stored}
+        unseen, _ = existing_episodes(out, spec, {}, known=stored)  # finished while the run was ending
+        entries = sorted((stored | unseen).values(), key=lambda entry: entry.episode)
+    entries = [entry for entry in entries if (out / entry.name).is_file()]
+    return manifest_of(spec, entries, complete=False, left_out=progress.left_out) if entries else None
+
+
+def _finished_shards(out: Path, spec: DatasetSpec, progress: ShardProgress) -> JsonDict | None:
+    """The manifest of the finished shards of a data set; None if there are none."""
+    rows = [shard.row for shard in progress.shards if (out / shard.row["name"]).is_file()]
+    return sharded_manifest_of(out, spec, rows, complete=False) if rows else None
 
 
 @contextmanager

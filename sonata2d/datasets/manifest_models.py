@@ -162,7 +162,9 @@ class Manifest(DataSet):
     """Contents of a data set, `manifest.json`; or of a shard, in the file beside it."""
 
     version: Literal[1]
-    shard: ShardContent | None = Field(default=None, description="only beside a shard, whose episodes are listed")
+    shard: ShardContent | None = Field(
+        default=None, description="only in the manifest of a shard: the episodes that it covers, and its file"
+    )
     split: dict[str, ListOf[FileName]] | None = Field(
         description="file names by part: train, dev, test; null: the data set is not split"
     )

@@ -16,8 +16,7 @@ from ..core.notebook import Advance
 from ..errors import RecordError
 from ..record.files import read_bytes, safe_text, write_atomically
 from ..record.layout import JsonDict, software_versions
-from ..record.shard_file import ShardWriter
-from .card import licence_of, write_manifest_and_card, write_shard_manifest
+from .card import licence_of, write_manifest_and_card
 from .manifest import (
     DATASET_FORMAT,
     DATASET_VERSION,
@@ -26,7 +25,8 @@ from .manifest import (
     read_listed_file,
     read_stored_manifest,
 )
-from .shards import ShardRows, part_path, shard_name, with_rows
+from .shard_output import write_shard
+from .shards import ShardRows, shard_name, with_rows
 
 _EQUAL_KEYS = ("physics", "precision")  # manifest keys that must be equal in all sources
 _SOURCE_KEYS = (
@@ -123,16 +123,9 @@ def _copied_shards(
         parents = [path] * len(contents)
     shards = []
     for (name, own), parent in zip(contents, parents, strict=True):
-        shard, rows = work / f"{prefix}__{name}", []
-        with ShardWriter(shard, part_path(shard)) as writer:
-            for row in own["files"]:
-                offset = writer.add(row["name"], read_listed_file(parent, row))
-                rows.append(row | {"offset": offset})
-                advance(1)
-            file = {"sha256": writer.finish(), "bytes": writer.size}
-        write_shard_manifest(shard, own | {"shard": own["shard"] | file, "files": rows, "split": None})
-        ticks = sum(row["ticks"] for row in rows)
-        shards.append({"name": shard.name, **file, "episodes": len(rows), "ticks": ticks})
+        members = ((row, read_listed_file(parent, row)) for row in own["files"])
+        shards.append(write_shard(work / f"{prefix}__{name}", own | {"split": None}, members))
+        advance(shards[-1]["episodes"])
     return shards
 
 

@@ -26,13 +26,13 @@ from ..record.files import compress, file_stem, file_suffix, read_stored, write_
 from ..record.layout import JsonDict
 from ..record.reader import read_episode, record_from_document
 from ..record.record import EpisodeRecord, wrap_read_errors
-from ..record.shard_file import ShardWriter
-from .card import licence_of, write_manifest_and_card, write_shard_manifest
+from .card import licence_of, write_manifest_and_card
 from .executors import Workers, parallel_map, shared_workers
 from .manifest import SCENARIO, new_folder, read_listed_file, read_stored_manifest, warn_if_incomplete
 from .motion import HEAD, OMEGA, THETA, VY, Y
 from .processes import end_if_unguarded
-from .shards import ShardRows, part_path
+from .shard_output import write_shard
+from .shards import ShardRows
 from .tasks import stop_if_over
 
 MARK = "-mirror"  # suffix of the id and the file name of a mirrored episode
@@ -201,33 +201,27 @@ def _image_names(folder: Path, manifest: JsonDict) -> dict[str, str]:
 
 def _listed_image(folder: Path, work: Path, label: LabelImage | None, row: JsonDict) -> JsonDict:
     """Mirror a listed file into a folder, and return its row."""
-    name, data = _packed_image(folder, label, row)
-    write_atomically(work / name, data)
-    return row | {"name": name, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
+    row, data = _packed_image(folder, label, row)
+    write_atomically(work / row["name"], data)
+    return row
 
 
-def _packed_image(folder: Path, label: LabelImage | None, row: JsonDict) -> tuple[str, bytes]:
-    """The name and the stored bytes of the image of a listed file."""
+def _packed_image(folder: Path, label: LabelImage | None, row: JsonDict) -> tuple[JsonDict, bytes]:
+    """The row and the stored bytes of the image of a listed file."""
+    stop_if_over()
     read_listed_file(folder, row)
     image = _read_image(folder / row["name"], label)
-    return image.path.name, compress(serialise(image.document), image.path)
+    data = compress(serialise(image.document), image.path)
+    return row | {"name": image.path.name, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}, data
 
 
 def _mirrored_shard(folder: Path, work: Path, label: LabelImage | None, shard: JsonDict) -> JsonDict:
     """Mirror a shard into a folder, and return its row in the manifest of the data set."""
-    path = work / shard["name"]
-    manifest = read_stored_manifest(folder / shard["name"])
-    names, rows = _image_names(folder / shard["name"], manifest), []
-    with ShardWriter(path, part_path(path)) as writer:
-        for row in manifest["files"]:
-            stop_if_over()
-            name, data = _packed_image(folder / shard["name"], label, row)
-            sha256 = hashlib.sha256(data).hexdigest()
-            rows.append(row | {"name": name, "sha256": sha256, "bytes": len(data), "offset": writer.add(name, data)})
-        file = {"sha256": writer.finish(), "bytes": writer.size}
-    image = _manifest_image(manifest, rows, names)
-    write_shard_manifest(path, image | {"shard": manifest["shard"] | file})
-    return shard | file
+    source = folder / shard["name"]
+    manifest = read_stored_manifest(source)
+    image = _manifest_image(manifest, [], _image_names(source, manifest))
+    members = (_packed_image(source, label, row) for row in manifest["files"])
+    return write_shard(work / shard["name"], image, members)
 
 
 def _sharded_image(manifest: JsonDict, shards: list[JsonDict], folder: Path) -> JsonDict:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from ..core.locations import file_names
 from ..errors import NewerFormatError, RecordError
@@ -19,7 +19,6 @@ from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.recorder import EpisodeRecorder
 from ..record.shard_file import ShardWriter, extents
-from .card import write_shard_manifest
 from .episode_runs import EpisodeRuns, Job, prepared
 from .manifest import (
     DatasetSpec,
@@ -32,6 +31,7 @@ from .manifest import (
     require_episode_of,
 )
 from .progress import ExcludedEpisode, FailedEpisode, too_few_kept
+from .shard_output import shard_row, write_shard_manifest
 from .shards import part_path, parts_in, remove_parts, shard_name, shard_number
 from .tasks import stop_if_over
 
@@ -258,19 +258,11 @@ def _shard_manifest(spec: DatasetSpec, entries: list[ManifestEntry], content: Js
 
 
 def result_of(number: int, manifest: JsonDict) -> ShardResult:
-    """The result of a shard whose manifest is written."""
-    content = manifest["shard"]
-    row: dict[str, Any] = {
-        "name": shard_name(number),
-        "sha256": content["sha256"],
-        "bytes": content["bytes"],
-        "episodes": len(manifest["files"]),
-        "ticks": sum(file["ticks"] for file in manifest["files"]),
-        "counts": manifest["counts"],
-    }
+    """The result of a shard that is complete, by its manifest."""
+    row = shard_row(shard_name(number), manifest) | {"counts": manifest["counts"]}
     if "left_out" in manifest:
         row["left_out"] = manifest["left_out"]
-    return ShardResult(number, content["stop"], row)
+    return ShardResult(number, manifest["shard"]["stop"], row)
 
 
 def existing_shards(folder: Path, spec: DatasetSpec) -> Iterator[ShardResult]:

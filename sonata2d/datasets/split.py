@@ -17,10 +17,11 @@ from ..errors import RecordError
 from ..record.layout import JsonDict, scene_to_json
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
-from .card import write_manifest_and_card, write_shard_manifest
+from .card import write_manifest_and_card
 from .executors import Workers, parallel_map, shared_workers
 from .manifest import read_listed_file, read_stored_manifest, warn_if_incomplete
 from .mirror import mirrored
+from .shard_output import write_shard_manifest
 from .shards import ShardRows
 
 FRACTIONS = {"train": 0.8, "dev": 0.1, "test": 0.1}

@@ -33,7 +33,7 @@ class Stream(Iterable[Any]):
     depends on the data set, the buffer, seed, epoch and part, and not on the number of workers.
 
     Args:
-        dataset: whose episodes are read, in blocks of 64.
+        dataset: its episodes are read, 64 at a time.
         transform: returns or yields any number of samples of an episode, such as `sonata2d.learning.GraphSamples` and
             `sonata2d.gym.EnvSamples`; None: the records themselves.
         shuffle: number of items in the buffer from which the next one is drawn, after the blocks have been shuffled; 0:

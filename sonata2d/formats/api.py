@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..core.locations import is_remote, location
+from ..core.locations import location, make_folder
 from ..datasets.dataset import Dataset
 from ..datasets.executors import Workers, parallel_map, shared_workers
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
@@ -253,8 +253,7 @@ class _Transfer:
     def parts(self, size: int) -> TransferResult:
         """Write tables of some episodes each: every part by one worker."""
         result, numbers = TransferResult([]), range(-(-len(self.files) // size))
-        if not is_remote(self.out):
-            self.out.mkdir(parents=True, exist_ok=True)
+        make_folder(self.out)
         place = self.workers.place(self.out)
         parts = (
             (number, [self.workers.place(file) for file in self.files[number * size : (number + 1) * size]])

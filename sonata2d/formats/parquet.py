@@ -24,7 +24,7 @@ from typing import Any
 import orjson
 
 from ..core.humans import ACTIVITIES
-from ..core.locations import file_names, is_remote
+from ..core.locations import file_names, make_folder
 from ..core.whole_file import whole_file
 from ..core.wording import one_line
 from ..errors import RecordError
@@ -131,8 +131,7 @@ def _write_tables(episodes: Iterator[PackedEpisode], out: Path, files: dict[str,
     schemas = _schemas(pa)
     options = {"write_page_checksum": True, "compression": "zstd"}
     try:
-        if not is_remote(out):
-            out.mkdir(parents=True, exist_ok=True)
+        make_folder(out)
         with ExitStack() as whole:  # only complete tables get their final names
             places = {name: whole.enter_context(whole_file(files[name])) for name in TABLES}
             with ExitStack() as stack:

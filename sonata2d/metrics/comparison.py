@@ -19,7 +19,7 @@ from typing import Any, cast, overload
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource
 from ..core.arguments import whole_number
-from ..core.locations import is_location, is_remote, location
+from ..core.locations import is_location, location, make_folder
 from ..core.notebook import ProgressBar, bar_of
 from ..core.optional import optional
 from ..core.wording import counted, shown
@@ -174,8 +174,7 @@ class Comparison(Sequence[Evaluation]):
         from .plots import SUFFIXES
 
         path, suffix = location(path), location(path).suffix.lower()
-        if not is_remote(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         if suffix in (".html", ".htm"):
             with bar_of(progress)(len(self), "film strips") as advance:
                 save_page(path, self.evaluations, self._files(), self._page_metrics(), advance)
