@@ -14,6 +14,7 @@ from types import ModuleType
 from urllib.parse import urljoin
 
 import pytest
+from filelock import FileLock
 
 ROOT = Path(__file__).parent.parent
 
@@ -32,14 +33,22 @@ def script(name: str) -> ModuleType:
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("sphinx", reason="needs the extra `docs`")
     pytest.importorskip("myst_nb", reason="needs the extra `docs`")
-    folder = tmp_path_factory.mktemp("site")
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "site"
+    with FileLock(f"{folder}.lock"):  # processes of one run share the site: each build writes docs/api
+        if not (folder / "built").exists():
+            build(folder)
+            (folder / "built").touch()
+    return folder / "html"
+
+
+def build(folder: Path) -> None:
     words = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", str(ROOT / "docs"), str(folder / "html")]
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("GITHUB_", "SONATA2D_"))}
     done = subprocess.run(
         [*words, "-d", str(folder / "trees")], capture_output=True, text=True, check=False, env=environment
     )
     assert done.returncode == 0, done.stderr[-5000:]
-    return folder / "html"
 
 
 def test_no_link_is_broken(site: Path) -> None:
