@@ -13,6 +13,7 @@ from typing import Any, cast
 
 _URL = re.compile(r"(?P<protocol>[A-Za-z][A-Za-z0-9+.-]+)://")
 _OBJECT_STORES = {"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "adl", "oci", "memory", "hf"}
+_reached: set[str] = set()  # stores that have answered
 _PACKAGES = {
     "s3": "s3fs", "s3a": "s3fs", "gs": "gcsfs", "gcs": "gcsfs", "az": "adlfs", "abfs": "adlfs", "abfss": "adlfs"
 }  # fmt: skip
@@ -37,7 +38,7 @@ def location(path: str | os.PathLike[str]) -> Path:
     """
     if isinstance(path, str) and (url := _URL.match(path)):
         return _in_store(path, url["protocol"].lower())
-    return Path(path) if isinstance(path, str) else cast(Path, path)
+    return cast(Path, path) if is_location(path) else Path(path)
 
 
 def _in_store(url: str, protocol: str) -> Path:
@@ -62,7 +63,29 @@ def _in_store(url: str, protocol: str) -> Path:
         raise ValueError(
             f"{url}: fsspec knows no protocol {protocol!r}; use a path, or s3://, gs:// or another"
         ) from error
+    _require_reachable(found, protocol)
     return cast(Path, found)
+
+
+def _require_reachable(path: Any, protocol: str) -> None:
+    """Ask a store once for the folder that all its paths are in, so that missing credentials are one clear error.
+
+    Raises:
+        ValueError: it does not answer.
+    """
+    place = f"{protocol}://{path.path.split('/')[0]}"
+    if protocol == "memory" or place in _reached:
+        return
+    try:
+        path.fs.exists(path.path.split("/")[0])
+    except OSError:  # no access to that folder; to those in it there may be
+        pass
+    except Exception as error:  # each store has errors of its own
+        raise ValueError(
+            f"{place} cannot be reached ({type(error).__name__}: {error}); credentials and the address of the store "
+            "are those of its package, such as AWS_ACCESS_KEY_ID and AWS_ENDPOINT_URL"
+        ) from error
+    _reached.add(place)
 
 
 def is_location(value: object) -> bool:
@@ -125,6 +148,21 @@ def content_of(path: Path, start: int | None = None, end: int | None = None) -> 
     except Exception as error:  # each store has errors of its own
         raise OSError(5, f"{type(error).__name__}: {error}") from error
     return data
+
+
+def version_of(path: Path) -> str:
+    """A text that changes if an object of a store is written again, as far as the store tells.
+
+    Raises:
+        OSError: there is no such object, or it cannot be read.
+    """
+    found: Any = path
+    try:
+        return str(found.fs.ukey(found.path))
+    except OSError:
+        raise
+    except Exception as error:  # each store has errors of its own
+        raise OSError(5, f"{type(error).__name__}: {error}") from error
 
 
 def put_content(path: Path, data: bytes) -> None:

@@ -23,7 +23,7 @@ def read_at_most(path: Path, max_bytes: int, *, remedy: str = "divide it") -> by
         ValueError: the path contains NUL.
     """
     if is_remote(path):
-        data = content_of(path)
+        data = content_of(path, 0, max_bytes + 1)
     else:
         require_readable(path)
         with path.open("rb") as file:

@@ -25,6 +25,7 @@ from ..record.layout import JsonDict
 from ..record.models import Settings
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
+from ..record.shard_file import is_shard
 from .card_figure import EpisodeStatistics, collect_statistics, draw_statistics, require_matplotlib
 from .croissant import Publication, croissant_metadata, licence_lines, stored_publication
 from .manifest import (
@@ -161,6 +162,7 @@ def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | 
     Warns:
         DatasetWarning: the card was edited, or `croissant.json` states a value that is not kept.
     """
+    _require_no_shard(folder)
     data, described = json_bytes(manifest), _with_settings(folder, manifest)
     publication = stored_publication(folder)
     licence = licence or _chosen_licence(folder, publication) or _default_licence(described)
@@ -174,6 +176,11 @@ def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | 
     if is_edited:
         message = f"{folder / CARD} was edited, so it stays as it is; write it again with `sonata2d card`"
         warnings.warn(message, DatasetWarning, stacklevel=2)
+
+
+def _require_no_shard(folder: Path) -> None:
+    if is_shard(folder):
+        raise RecordError(f"{folder} is a shard, whose manifest and card stay; name the folder of its data set")
 
 
 def write_card(
@@ -215,6 +222,7 @@ def write_card(
         RenderError: `figures` is set and matplotlib is not installed.
     """
     folder = location(folder)
+    _require_no_shard(folder)
     manifest = _with_settings(folder, read_manifest(folder))
     warn_if_incomplete(folder, manifest)
     if creator is not None:

@@ -363,7 +363,8 @@ def _range_findings(manifest: JsonDict, shard: JsonDict, episodes: list[int]) ->
     """Contradictions between the episodes of a shard and the numbers that it covers."""
     left_out = [number for number, _ in shard.get("left_out") or ()]
     is_generated = not (manifest["collected"] or manifest.get("sources"))
-    if is_generated and sorted([*episodes, *left_out]) != list(range(shard["first"], shard["stop"])):
+    lists_all = not manifest.get("keep") or "left_out" in shard  # not after files were merged into shards
+    if is_generated and lists_all and sorted([*episodes, *left_out]) != list(range(shard["first"], shard["stop"])):
         yield "files", f"must list the episodes {shard['first']} to {shard['stop'] - 1} that are kept"
     if len(episodes) != manifest["episodes"]:
         yield "episodes", f"is {manifest['episodes']}, but {len(episodes)} are listed"
@@ -385,6 +386,8 @@ def _shard_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
         for key, counter in counts.items():
             counter.update(own["counts"].get(key) or {})
         left_out.update(own.get("left_out") or {})
+        if own["split"] is not None and manifest["split"] is None:
+            yield "split", f"is none, but the manifest of {shard['name']} has one; split the data set again"
         parts.update({part: len(names) for part, names in (own["split"] or {}).items()})
         content = own.get("shard") or {}
         if is_generated and content.get("first") != following:

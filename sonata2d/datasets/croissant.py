@@ -19,6 +19,7 @@ import orjson
 from ..errors import ConfigError, DatasetWarning, RecordError
 from ..record.files import file_suffix, read_bytes, read_text, sha256_of
 from ..record.layout import JsonDict
+from ..record.shard_file import SHARD_SUFFIX
 from .manifest import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO
 from .manifest_models import is_file_name
 from .plausibility import Finding
@@ -78,6 +79,26 @@ _FIELDS = (  # keys of the rows in the manifest's `files`: name, type, descripti
     ("family", "sc:Text", "scenario and kind of room; used for splits"),
     ("outcome", "sc:Text", "outcome of the episode"),
     ("ticks", "sc:Integer", "number of frames"),
+)
+
+
+_SHARDS: tuple[JsonDict, ...] = (
+    {
+        "@type": "cr:FileSet",
+        "@id": "shards",
+        "name": "shards",
+        "description": "Tar files in the layout of WebDataset, with some episodes each.",
+        "encodingFormat": "application/x-tar",
+        "includes": [f"*{SHARD_SUFFIX}"],
+    },
+    {
+        "@type": "cr:FileSet",
+        "@id": "shard-manifests",
+        "name": "shard-manifests",
+        "description": "A manifest of the episodes in each shard.",
+        "encodingFormat": "application/json",
+        "includes": ["*.manifest.json"],
+    },
 )
 
 
@@ -247,7 +268,7 @@ def croissant_metadata(
         **{f"rai:{name}": value for name, value in responsible_ai.items()},
         "keywords": ["social navigation", "robotics", "pedestrians", "simulation", "sonata2d"],
         "distribution": _distribution(manifest, manifest_sha256),
-        "recordSet": [_record_set()],
+        "recordSet": [_record_set("shards" in manifest)],
     }
 
 
@@ -255,6 +276,7 @@ def _distribution(manifest: JsonDict, manifest_sha256: str) -> list[JsonDict]:
     """The files: the manifest, and the set of episode files."""
     suffixes = sorted({file_suffix(Path(file["name"])) for file in manifest["files"]}) or [".json"]
     media_types = [_MEDIA_TYPES[suffix] for suffix in suffixes]
+    is_sharded = "shards" in manifest
     return [
         {
             "@type": "cr:FileObject",
@@ -271,13 +293,16 @@ def _distribution(manifest: JsonDict, manifest_sha256: str) -> list[JsonDict]:
             "description": "One JSON document per episode; each document names its columns and units.",
             "encodingFormat": media_types[0] if len(media_types) == 1 else media_types,
             "includes": [f"*{suffix}" for suffix in suffixes],
-            "excludes": [MANIFEST, SCENARIO, METRICS, CROISSANT],
+            **({"containedIn": {"@id": "shards"}} if is_sharded else {}),
+            **({} if is_sharded else {"excludes": [MANIFEST, SCENARIO, METRICS, CROISSANT]}),
         },
+        *(_SHARDS if is_sharded else ()),
     ]
 
 
-def _record_set() -> JsonDict:
-    """One record for each episode, with the keys of its row in the manifest."""
+def _record_set(is_sharded: bool) -> JsonDict:
+    """One record for each episode, with the keys of its row in the manifest, or in that of its shard."""
+    files = {"fileSet": {"@id": "shard-manifests"}} if is_sharded else {"fileObject": {"@id": MANIFEST}}
     return {
         "@type": "cr:RecordSet",
         "@id": "episode",
@@ -289,7 +314,7 @@ def _record_set() -> JsonDict:
                 "name": name,
                 "description": description,
                 "dataType": kind,
-                "source": {"fileObject": {"@id": MANIFEST}, "extract": {"jsonPath": f"$.files[*].{name}"}},
+                "source": {**files, "extract": {"jsonPath": f"$.files[*].{name}"}},
             }
             for name, kind, description in _FIELDS
         ],

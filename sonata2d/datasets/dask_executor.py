@@ -16,14 +16,14 @@ from ..core.wording import described, shown
 from ..errors import WorkerError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
 logger = logging.getLogger(__name__)
 
 _CONNECT = 10.0  # s, for one attempt to connect to a scheduler
 _COUNT_INTERVAL = 2.0  # s, between two counts of the workers, which may come and go
 _WAITING_INTERVAL = 60.0  # s, between two messages that no worker is connected
-_FETCH = 60.0  # s, until a finished result that does not arrive counts as lost
+_FETCH = 5.0  # s, to wait for a finished result; then for the task to finish again, as its worker may have ended
 _SHARED_FROM = 50_000  # bytes of an argument that is sent to the workers once, and not with each task
 
 
@@ -122,10 +122,6 @@ class DaskExecutor(Executor):
         future.add_done_callback(forget)
         return future
 
-    def map(self, fn: Callable[..., Any], *iterables: Any, **settings: Any) -> Iterator[Any]:
-        """Results of a function in the order of its arguments; see `concurrent.futures.Executor.map`."""
-        return super().map(fn, *iterables, **settings)
-
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Disconnect, and end the cluster if it is the executor's own."""
         self._shared.clear()
@@ -183,7 +179,7 @@ class DaskExecutor(Executor):
         Raises:
             WorkerError: it does not answer in time.
         """
-        deadline = time.monotonic() + self.patience
+        deadline, is_announced = time.monotonic() + self.patience, False
         while True:
             try:
                 limit = max(1.0, min(_CONNECT, deadline - time.monotonic()))
@@ -195,6 +191,9 @@ class DaskExecutor(Executor):
                 interruption.check()
                 if isinstance(error, ValueError) or time.monotonic() > deadline:
                     raise WorkerError(f"the Dask scheduler {address} does not answer: {described(error)}") from error
+                if not is_announced:
+                    logger.warning("the Dask scheduler %s does not answer yet; waiting for it", address)
+                is_announced = True
                 time.sleep(0.5)
         self._counted = float("-inf")
 
@@ -203,7 +202,11 @@ class DaskExecutor(Executor):
         if len(content) < _SHARED_FROM or not self.count:  # without a worker, nobody could hold it
             return content
         if content not in self._shared:
-            self._shared[content] = self._client.scatter(content, broadcast=True, hash=True)
+            try:
+                self._shared[content] = self._client.scatter(content, broadcast=True, hash=True)
+            except Exception as error:  # all workers have left meanwhile, or the scheduler has ended
+                logger.info("nothing can be sent to all Dask workers: %s", described(error))
+                return content
         return self._shared[content]
 
 
@@ -215,6 +218,8 @@ def _pass_on(future: Future[Any], task: Any) -> None:
     """
     try:
         result = task.result(timeout=_FETCH)
+    except TimeoutError:
+        task.add_done_callback(partial(_pass_on, future))
     except BaseException as error:
         if task.status != "error":  # lost with the scheduler
             _lose(future)

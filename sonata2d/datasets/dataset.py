@@ -6,6 +6,7 @@ from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from itertools import repeat
 from pathlib import Path
 from typing import Any, SupportsIndex, get_args, overload
 
@@ -17,7 +18,7 @@ from ..core.optional import optional
 from ..core.snapshot import Status
 from ..core.wording import counted, shown
 from ..errors import RecordError
-from ..record.files import file_stem
+from ..record.files import episode_key, file_stem
 from ..record.layout import JsonDict
 from ..record.reader import read_episode, read_episodes
 from ..record.record import EpisodeRecord
@@ -27,7 +28,7 @@ from .executors import Workers
 from .manifest import files_in_manifest, files_of, has_manifest, read_stored_manifest
 from .shards import Selection, ShardPaths, ShardRows
 from .split import FRACTIONS, split_dataset
-from .stream import BLOCK, Stream, Transform, tensors
+from .stream import BLOCK, Stream, Transform
 from .summaries import contact_summary
 
 SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
@@ -223,18 +224,8 @@ class Dataset(Sequence[EpisodeRecord]):
         Raises:
             RecordError: PyTorch is not installed.
         """
-        torch = optional("torch", RecordError)
         optional("torch.utils.data", RecordError)
-
-        class Episodes(torch.utils.data.Dataset):  # type: ignore[misc,name-defined]
-            def __init__(self, dataset: Dataset) -> None:
-                self.dataset = dataset
-
-            def __len__(self) -> int:
-                return len(self.dataset)
-
-            def __getitem__(self, index: int) -> dict[str, Any]:
-                return tensors(self.dataset[index]) | {"index": index}
+        from .torch_data import Episodes
 
         return Episodes(self)
 
@@ -322,10 +313,16 @@ class Dataset(Sequence[EpisodeRecord]):
         """A table and pictures of the first episodes, which notebooks show."""
         facts: dict[str, object] = {"folder": self.path, "episodes": len(self)}
         if self.manifest:
-            rows = list(self._rows())
-            facts["outcomes"] = _counts(row["outcome"] for row in rows)
-            facts["contacts"] = contact_summary(rows).rows()[0][1]
-            facts["families"] = _counts(row["family"] for row in rows)
+            outcomes, families = Counter[str](), Counter[str]()
+
+            def counted_rows() -> Iterator[Mapping[str, Any]]:
+                for row in self._rows():
+                    outcomes[row["outcome"]] += 1
+                    families[row["family"]] += 1
+                    yield row
+
+            contacts = contact_summary(counted_rows()).rows()[0][1]
+            facts |= {"outcomes": _listed(outcomes), "contacts": contacts, "families": _listed(families)}
             facts["scenario"] = self.manifest["name"]
         text: str = display().card(type(self).__name__, facts, self._drawings(_PREVIEWED), self._titles(_PREVIEWED))
         return text
@@ -372,10 +369,10 @@ class Dataset(Sequence[EpisodeRecord]):
 
     def _rows(self) -> Iterator[Mapping[str, Any]]:
         """Outcome, family and contacts of each episode, from the manifest if it lists them."""
-        for number, file in enumerate(self.files):
-            row: Mapping[str, Any] | None = None if self._entries is None else self._entries[number]
+        rows: Iterable[JsonDict | None] = repeat(None, len(self)) if self._entries is None else self._entries
+        for number, row in enumerate(rows):
             if row is None or "contacts" not in row:
-                record = read_episode(file)
+                record = read_episode(self.files[number])
                 row = {"outcome": record.outcome.status, "family": record.family, **record.counts()}
                 row.setdefault("contacts", {})  # of an imported episode, which does not record them
             yield row
@@ -385,13 +382,9 @@ class Dataset(Sequence[EpisodeRecord]):
         if table not in TABLES:
             raise ValueError(f"there is no table {shown(table)}; the tables are {', '.join(TABLES)}")
         columns: dict[str, list[Any]] = {}
-        # file names of several folders, and of merged shards, are the same
-        is_generated = self.manifest is not None and not self.manifest.get("sources")
-        folders = 1 if is_generated else len({file.parent for file in self.files})
+        key = episode_key(self.files)
         for record in self:
-            stem = file_stem(record.path)
-            key = stem if folders == 1 else f"{record.path.parent.name}/{stem}"
-            for name, values in tables_of(record, key)[table].items():
+            for name, values in tables_of(record, key(record.path))[table].items():
                 columns.setdefault(name, []).extend(values.tolist() if hasattr(values, "tolist") else values)
         return columns
 
@@ -403,6 +396,6 @@ class Dataset(Sequence[EpisodeRecord]):
         return [file_stem(file) for file in self.files[:count]]
 
 
-def _counts(values: Iterable[str]) -> str:
+def _listed(counts: Counter[str]) -> str:
     """How often each value occurs, the most frequent first: `18 goal, 2 timeout`."""
-    return ", ".join(f"{number} {value}" for value, number in Counter(values).most_common())
+    return ", ".join(f"{number} {value}" for value, number in counts.most_common())

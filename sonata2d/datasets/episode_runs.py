@@ -25,6 +25,7 @@ from ..sim.episode import Episode, renderer_for
 from .manifest import FAILED, DatasetSpec, ManifestEntry, store_episode
 from .processes import end_if_forked
 from .progress import EpisodeResult, ExcludedEpisode, FailedEpisode
+from .tasks import stop_if_over
 
 logger = logging.getLogger(__name__)
 
@@ -100,17 +101,18 @@ class EpisodeRuns:
                 renderer=renderer_for(self.controller),
             )
             status = run.run().status
-            logger.info("episode %d: %s after %d frames", episode, status, len(run.past))
-            if spec.keep and status not in spec.keep:
-                return ExcludedEpisode(episode, status)
-            return store(episode, recorder)
         except BaseException as error:
             interruption.reraise(error)
-            # not the class itself, which a controller may have defined where pickle cannot find it
-            kind = next((one for one in FAILURES if isinstance(error, one)), ControllerError)
-            partial_file = _store_partial(job, recorder, episode)
-            text = "".join(traceback.format_exception(error))
-            return FailedEpisode(episode, kind, _message(error), partial_file, text)
+            return _failed(job, recorder, episode, error)
+        logger.info("episode %d: %s after %d frames", episode, status, len(run.past))
+        if spec.keep and status not in spec.keep:
+            return ExcludedEpisode(episode, status)
+        if spec.shard_size is None:
+            stop_if_over(writes=True)
+        try:
+            return store(episode, recorder)
+        except RecordError as error:
+            return _failed(job, recorder, episode, error)
 
 
 class _ForkGuard:
@@ -131,6 +133,15 @@ class _ForkGuard:
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
         end_if_forked(self._process)
+
+
+def _failed(job: Job, recorder: EpisodeRecorder, episode: int, error: BaseException) -> FailedEpisode:
+    """The result of an episode that an error ended; its frames are kept for debugging."""
+    # not the class itself, which a controller may have defined where pickle cannot find it
+    kind = next((one for one in FAILURES if isinstance(error, one)), ControllerError)
+    partial_file = _store_partial(job, recorder, episode)
+    text = "".join(traceback.format_exception(error))
+    return FailedEpisode(episode, kind, _message(error), partial_file, text)
 
 
 def is_failure(result: object) -> bool:

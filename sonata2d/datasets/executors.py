@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import pickle
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -131,9 +132,11 @@ class Workers:
         with self._backend.submitting(call) as submit:
             while True:
                 count = max(self._backend.count, 1)
-                while len(running) < 2 * count and not (in_order and submitted - yielded >= _AHEAD * count):
+                while len(running) < 2 * count:
                     if lost:
                         task = lost.popleft()
+                    elif in_order and submitted - yielded >= _AHEAD * count:
+                        break
                     elif chunk := tuple(islice(rest, sizes.following(count))):
                         task = _Task(submitted, chunk)
                         submitted += 1
@@ -226,27 +229,27 @@ class _Given:
     def submitting(self, call: Call) -> Iterator[Callable[[Sequence[Any]], Any]]:
         """Yields a function that submits a task; at the end the tasks that are not finished are cancelled."""
         submitted: set[Any] = set()
-        with marked(call.writes) as mark:
-            pickled = call.pickled(mark)
 
-            def submit(items: Sequence[Any]) -> Any:
-                try:
-                    future = self._executor.submit(run_task, origin(), pickled, items)
-                except Exception as error:  # whatever the executor does
-                    raise WorkerError(f"{self._name} takes no tasks: {described(error)}") from error
-                submitted.difference_update([one for one in submitted if one.done()])  # they hold their results
-                submitted.add(future)
-                return future
-
+        def submit(items: Sequence[Any]) -> Any:
             try:
+                future = self._executor.submit(run_task, origin(), pickled, items)
+            except Exception as error:  # whatever the executor does
+                raise WorkerError(f"{self._name} takes no tasks: {described(error)}") from error
+            submitted.difference_update([one for one in submitted if one.done()])  # they hold their results
+            submitted.add(future)
+            return future
+
+        try:
+            with marked(call.writes) as mark:
+                pickled = call.pickled(mark)
                 yield submit
-            finally:
-                for future in submitted:
-                    if not future.done():
-                        future.cancel()
-        deadline = time.monotonic() + STOP_GRACE  # tasks that are running stop when they miss the mark
-        while any(not future.done() for future in submitted) and time.monotonic() < deadline:
-            time.sleep(0.05)
+        finally:
+            for future in submitted:
+                if not future.done():
+                    future.cancel()
+            deadline = time.monotonic() + STOP_GRACE  # tasks that are running stop when they miss the mark
+            while call.writes and any(not one.done() for one in submitted) and time.monotonic() < deadline:
+                time.sleep(0.05)
 
     def finished(self, futures: set[Any], timeout: float) -> set[Any]:
         """Those of the tasks that are finished; futures that are not those of the standard library are polled."""
@@ -270,9 +273,9 @@ class _Given:
             recover = getattr(self._executor, "recover", None)
             if recover is not None and recover(future, error):
                 return None
-            raise WorkerError(
-                f"{self._name} cannot run a task: {described(error)}; all machines need the same version of sonata2d"
-            ) from error
+            is_version = isinstance(error, ImportError | AttributeError | pickle.UnpicklingError)
+            remedy = "; install the same version of sonata2d on all machines" if is_version else ""
+            raise WorkerError(f"{self._name} cannot run a task: {described(error)}{remedy}") from error
         if answer[3] and answer[3] not in self._remarks:
             self._remarks.add(answer[3])
             logger.warning("%s; files differ from those of this machine in their software block", answer[3])

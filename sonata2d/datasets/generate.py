@@ -229,10 +229,10 @@ class _Run:
             self._restore_removed([shard.row["name"] for shard in shards], "shards")
         remove_shards(out, len(shards))
         self._clean_up(split is not None and missing > 0)
-        if split is not None and missing:
-            for shard in shards:
-                remove_split(out / shard.row["name"])
         parts = None if split is None or missing else {part: len(names) for part, names in split.items()}
+        for shard in shards if parts is None else ():
+            if shard.is_split:
+                remove_split(out / shard.row["name"])
         manifest = sharded_manifest_of(out, spec, [shard.row for shard in shards], complete=True, split=parts)
         write_manifest_and_card(out, manifest)
         return manifest

@@ -175,7 +175,7 @@ class ShardedManifest(DataSet):
     """Contents of a data set in shards, `manifest.json`: tar files, beside each of which lies its own manifest."""
 
     version: Literal[2]
-    shard_size: int = Field(gt=0, description="number of episode numbers that a shard covers")
+    shard_size: int = Field(gt=0, description="N: shard k has the kept ones of the episodes k·N to (k + 1)·N - 1")
     split: dict[str, Count] | None = Field(
         description="number of episodes by part; the manifests of the shards list them. null: the data set is not split"
     )

@@ -6,7 +6,7 @@ import hashlib
 import os
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -115,14 +115,14 @@ def _copied_shards(
         size: number of files in a new shard.
         advance: progress callback.
     """
-    if "shards" in manifest:
-        contents = [(shard["name"], manifest["files"].manifest_of(shard)) for shard in manifest["shards"]]
-        parents = [path / name for name, _ in contents]
+    contents: Iterable[tuple[str, JsonDict]]
+    if is_sharded := "shards" in manifest:
+        contents = ((shard["name"], manifest["files"].manifest_of(shard)) for shard in manifest["shards"])
     else:
-        contents = [*_blocks(manifest, size)]
-        parents = [path] * len(contents)
+        contents = _blocks(manifest, size)
     shards = []
-    for (name, own), parent in zip(contents, parents, strict=True):
+    for name, own in contents:
+        parent = path / name if is_sharded else path
         members = ((row, read_listed_file(parent, row)) for row in own["files"])
         shards.append(write_shard(work / f"{prefix}__{name}", own | {"split": None}, members))
         advance(shards[-1]["episodes"])
@@ -140,7 +140,7 @@ def _blocks(manifest: JsonDict, size: int) -> Iterator[tuple[str, JsonDict]]:
             if manifest.get("sources"):
                 part |= {key: source[key] for key in _SOURCE_KEYS if key in source} | {"name": source["scenario"]}
                 part.pop("left_out", None)
-            if source.get("mirrored", manifest.get("mirrored")):
+            if (source if manifest.get("sources") else manifest).get("mirrored"):
                 part["mirrored"] = True
             if part.get("keep"):
                 part["left_out"] = {}
@@ -157,7 +157,9 @@ def _blocks(manifest: JsonDict, size: int) -> Iterator[tuple[str, JsonDict]]:
                     "episodes": len(own),
                     "collected": bool(manifest.get("collected")),
                     "files": own,
-                    "shard": {"first": first, "stop": first + len(own)},
+                    "shard": {"first": own[0]["episode"], "stop": own[-1]["episode"] + 1}
+                    if part.get("keep")
+                    else {"first": first, "stop": first + len(own)},
                 },
             )
 

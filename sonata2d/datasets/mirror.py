@@ -202,6 +202,7 @@ def _image_names(folder: Path, manifest: JsonDict) -> dict[str, str]:
 def _listed_image(folder: Path, work: Path, label: LabelImage | None, row: JsonDict) -> JsonDict:
     """Mirror a listed file into a folder, and return its row."""
     row, data = _packed_image(folder, label, row)
+    stop_if_over(writes=True)
     write_atomically(work / row["name"], data)
     return row
 

@@ -14,11 +14,11 @@ from typing import Self
 
 from ..core.locations import file_names
 from ..errors import NewerFormatError, RecordError
-from ..record.files import read_stored
+from ..record.files import file_suffix, read_stored
 from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.recorder import EpisodeRecorder
-from ..record.shard_file import ShardWriter, extents
+from ..record.shard_file import ShardWriter, extents, shard_manifest_path
 from .episode_runs import EpisodeRuns, Job, prepared
 from .manifest import (
     DatasetSpec,
@@ -32,7 +32,7 @@ from .manifest import (
 )
 from .progress import ExcludedEpisode, FailedEpisode, too_few_kept
 from .shard_output import shard_row, write_shard_manifest
-from .shards import part_path, parts_in, remove_parts, shard_name, shard_number
+from .shards import part_path, parts_in, shard_name, shard_number
 from .tasks import stop_if_over
 
 logger = logging.getLogger(__name__)
@@ -46,11 +46,13 @@ class ShardResult:
         number: of the shard.
         stop: episode number after the last one that it covers.
         row: of the shard: the keys of `manifest_models.Shard`, `counts`, and with `keep` also `left_out`.
+        is_split: whether its manifest divides its episodes among parts.
     """
 
     number: int
     stop: int
     row: JsonDict
+    is_split: bool = False
 
     @property
     def episodes(self) -> int:
@@ -184,7 +186,8 @@ class NewShard:
     def __init__(self, folder: Path, number: int, spec: DatasetSpec) -> None:
         self._folder, self._number, self._spec = folder, number, spec
         self._path = folder / shard_name(number)
-        self._known = _earlier_members(folder, self._path)
+        self._earlier = parts_in(folder, self._path.name)
+        self._known = _members_by_name([self._path, *self._earlier])
         self._writer = ShardWriter(self._path, part_path(self._path))
 
     def __enter__(self) -> Self:
@@ -225,6 +228,9 @@ class NewShard:
     def finish(self, entries: list[ManifestEntry], left_out: list[ExcludedEpisode], stop: int) -> ShardResult:
         """Give the shard its name, and write its manifest and card beside it.
 
+        If another attempt has finished the same shard meanwhile, that one stays: after a lost connection, two workers
+        may work on one shard.
+
         Args:
             entries: rows of its episodes, in order.
             left_out: episodes that were run and not kept.
@@ -233,18 +239,34 @@ class NewShard:
         Raises:
             RecordError: a file cannot be written.
         """
-        content = {
-            "first": shard_range(self._spec, self._number)[0],
-            "stop": stop,
-            "sha256": self._writer.finish(),
-            "bytes": self._writer.size,
-        }
-        if self._spec.keep:
-            content["left_out"] = [[one.episode, one.outcome] for one in left_out]
-        manifest = _shard_manifest(self._spec, entries, content)
-        write_shard_manifest(self._path, manifest)
-        remove_parts(self._folder, self._number)
+        if (manifest := self._finished(entries, stop)) is not None:
+            self._writer.discard()
+        else:
+            stop_if_over(writes=True)
+            shard_manifest_path(self._path).unlink(missing_ok=True)  # it would describe the new file wrongly
+            content = {
+                "first": shard_range(self._spec, self._number)[0],
+                "stop": stop,
+                "sha256": self._writer.finish(),
+                "bytes": self._writer.size,
+            }
+            if self._spec.keep:
+                content["left_out"] = [[one.episode, one.outcome] for one in left_out]
+            manifest = _shard_manifest(self._spec, entries, content)
+            write_shard_manifest(self._path, manifest)
+        for part in self._earlier:
+            with suppress(OSError):
+                part.unlink()
         return result_of(self._number, manifest)
+
+    def _finished(self, entries: list[ManifestEntry], stop: int) -> JsonDict | None:
+        """The manifest of the same shard if it exists; None: there is none, or another one."""
+        with suppress(OSError, RecordError):
+            found = read_stored_manifest(self._path)
+            is_whole = self._path.stat().st_size == found["shard"]["bytes"]
+            if is_whole and found["shard"]["stop"] == stop and found["files"] == [entry.row() for entry in entries]:
+                return found
+        return None
 
     def _append(self, entry: ManifestEntry, data: bytes) -> ManifestEntry:
         return replace(entry, offset=self._writer.add(entry.name, data))
@@ -262,7 +284,7 @@ def result_of(number: int, manifest: JsonDict) -> ShardResult:
     row = shard_row(shard_name(number), manifest) | {"counts": manifest["counts"]}
     if "left_out" in manifest:
         row["left_out"] = manifest["left_out"]
-    return ShardResult(number, manifest["shard"]["stop"], row)
+    return ShardResult(number, manifest["shard"]["stop"], row, manifest["split"] is not None)
 
 
 def existing_shards(folder: Path, spec: DatasetSpec) -> Iterator[ShardResult]:
@@ -283,6 +305,9 @@ def existing_shards(folder: Path, spec: DatasetSpec) -> Iterator[ShardResult]:
         except RecordError as error:
             logger.warning("%s; the shard is generated again", error)
             continue
+        first = manifest["files"][0]["name"] if manifest["files"] else ""
+        if first and file_suffix(Path(first)) != spec.suffix:
+            raise RecordError(f"{path} holds files like {first}; resume with the same --compress")
         yield result_of(number, manifest)
 
 
@@ -326,10 +351,10 @@ def remove_split(shard: Path) -> None:
         write_shard_manifest(shard, manifest | {"split": None})
 
 
-def _earlier_members(folder: Path, shard: Path) -> dict[str, Path]:
-    """Members of earlier attempts at a shard by name, also of one that is complete but covered fewer episodes."""
+def _members_by_name(paths: Iterable[Path]) -> dict[str, Path]:
+    """The members of tar files; of earlier attempts at a shard, also of one that covered fewer episodes."""
     found: dict[str, Path] = {}
-    for path in (shard, *parts_in(folder, shard.name)):
+    for path in paths:
         with suppress(OSError):
             found |= {member: path / member for member in extents(path)}
     return found

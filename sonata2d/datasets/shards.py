@@ -89,6 +89,7 @@ class ShardRows(Sequence[JsonDict]):
         self._starts: list[int] = [0, *accumulate(shard["episodes"] for shard in shards)]
         self._parts: tuple[str, dict[str, frozenset[str]]] = "", {}  # of one shard
         self._kept: dict[str, list[JsonDict]] = {}  # by name of the shard
+        self._names: dict[str, tuple[str, ...]] = {}  # likewise
 
     def __len__(self) -> int:
         """Number of episodes."""
@@ -126,14 +127,22 @@ class ShardRows(Sequence[JsonDict]):
         """
         shard, k = self._place(number)
         path: Path = self.folder / shard["name"]
-        try:
-            names = member_names(path)
-        except OSError:
-            names = ()
-        if len(names) != shard["episodes"]:
-            found: Path = self.folder / self.of_shard(shard)[k]["name"]  # or the error that explains it
-            return found
-        return path / names[k]
+        return path / self._names_of(shard)[k]
+
+    def _names_of(self, shard: JsonDict) -> tuple[str, ...]:
+        """The names of the members of a shard; those of the last few shards stay in memory."""
+        name = shard["name"]
+        if name not in self._names:
+            while len(self._names) >= _KEPT:
+                del self._names[next(iter(self._names))]
+            try:
+                names = member_names(self.folder / name)
+            except OSError:
+                names = ()
+            if len(names) != shard["episodes"]:  # the rows, or the error that explains it
+                names = tuple(row["name"] for row in self.manifest_of(shard)["files"])
+            self._names[name] = names
+        return self._names[name]
 
     def _place(self, index: SupportsIndex) -> tuple[JsonDict, int]:
         """The shard of an episode, and its number in it."""

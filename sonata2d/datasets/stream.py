@@ -17,6 +17,7 @@ from ..errors import RecordError
 from ..record.reader import read_episodes, without_garbage_collection
 from ..record.record import EpisodeRecord
 from .executors import Workers, parallel_map
+from .processes import end_if_unguarded
 
 if TYPE_CHECKING:
     from .dataset import Dataset
@@ -71,7 +72,7 @@ class Stream(Iterable[Any]):
 
     def __iter__(self) -> Iterator[Any]:
         """The items of one epoch."""
-        return self._items(*self._part, self._workers)
+        return self._items(*self._part, self._workers, self.epoch)
 
     def to_torch(self) -> Any:
         """A `torch.utils.data.IterableDataset`, whose items a `DataLoader` collates.
@@ -82,32 +83,33 @@ class Stream(Iterable[Any]):
         Raises:
             RecordError: PyTorch is not installed.
         """
-        torch = optional("torch", RecordError)
         optional("torch.utils.data", RecordError)
-        stream = self
+        from .torch_data import Samples
 
-        class Samples(torch.utils.data.IterableDataset):  # type: ignore[misc,name-defined]
-            def set_epoch(self, epoch: int) -> None:
-                stream.epoch = whole_number("epoch", epoch)
+        return Samples(self)
 
-            def __iter__(self) -> Iterator[Any]:
-                info = torch.utils.data.get_worker_info()
-                own, of_all = (0, 1) if info is None else (info.id, info.num_workers)
-                number, count = stream._part
-                items = stream._items(number * of_all + own, count * of_all, 1)
-                return map(tensors, items) if stream._transform is None else items
+    def share(self, own: int, of_all: int, epoch: int) -> Iterator[Any]:
+        """The items of one of several workers of a `DataLoader`, which share the blocks; records as tensors.
 
-        return Samples()
+        Args:
+            own: number of the worker.
+            of_all: number of workers.
+            epoch: in place of the stream's own.
+        """
+        number, count = self._part
+        items = self._items(number * of_all + own, count * of_all, 1, epoch)
+        return map(tensors, items) if self._transform is None else items
 
-    def _items(self, number: int, count: int, workers: int | Executor | Workers) -> Iterator[Any]:
+    def _items(self, number: int, count: int, workers: int | Executor | Workers, epoch: int) -> Iterator[Any]:
         """The items of a part of the blocks, in the order of the epoch."""
         total = len(self._dataset)
         starts: Sequence[int] = range(0, total, BLOCK)
         if self._shuffle:
-            starts = RandomStream(self._seed, self.epoch, "order").shuffled(starts)
+            starts = RandomStream(self._seed, epoch, "order").shuffled(starts)
         own = starts[number::count]
         blocks = (self._dataset.files[start : start + BLOCK] for start in own)
         read = partial(_samples, self._transform)
+        end_if_unguarded()
         if workers == 1:  # one episode at a time
             items: Iterator[Any] = chain.from_iterable(map(read, blocks))
         else:
@@ -115,7 +117,7 @@ class Stream(Iterable[Any]):
             reads = self._dataset.path.absolute()
             results = parallel_map(partial(_listed, read), absolute, workers=workers, total=len(own), reads=reads)
             items = chain.from_iterable(results)
-        return self._shuffled(items, RandomStream(self._seed, self.epoch, "order", number))
+        return self._shuffled(items, RandomStream(self._seed, epoch, "order", number))
 
     def _shuffled(self, items: Iterator[Any], random: RandomStream) -> Iterator[Any]:
         """The items, each drawn from a buffer of those that follow."""

@@ -136,15 +136,18 @@ def applied(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
 
 
-def stop_if_over() -> None:
+def stop_if_over(*, writes: bool = False) -> None:
     """Stop here, within an item, if the program has ended its call.
+
+    Args:
+        writes: whether a file is written next, which must not appear after the end of the call.
 
     Raises:
         KeyboardInterrupt: it has.
     """
     interruption.check()
     present: _Present | None = getattr(_thread, "at_work", None)
-    if present is not None and present.is_over():
+    if present is not None and present.is_over(at_once=writes):
         raise KeyboardInterrupt
 
 
@@ -181,15 +184,22 @@ class _Present:
         finally:
             _thread.at_work = outer
 
-    def is_over(self) -> bool:
-        """Whether the program has ended its call."""
+    def is_over(self, *, at_once: bool = False) -> bool:
+        """Whether the program has ended its call.
+
+        Args:
+            at_once: look, even if the last look was a moment ago.
+        """
         if interruption.is_stop_requested():
             return True
         now = time.monotonic()
-        if self._mark is None or now - self._looked < _LOOK_INTERVAL:
+        if self._mark is None or (now - self._looked < _LOOK_INTERVAL and not at_once):
             return False
         self._looked = now
-        return not self._mark.exists()
+        try:
+            return not self._mark.exists()
+        except OSError:  # the server does not answer; the next look will tell
+            return False
 
 
 _thread = threading.local()  # `present`: the call that was loaded last; `at_work`: the one of the task that runs

@@ -10,17 +10,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..core.locations import location, make_folder
+from ..core.locations import is_remote, location, make_folder
 from ..datasets.dataset import Dataset
 from ..datasets.executors import Workers, parallel_map, shared_workers
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
 from ..datasets.processes import end_if_unguarded
 from ..datasets.tasks import stop_if_over
 from ..errors import RecordError, UnsuitableEpisode
-from ..record.files import SUFFIXES, compress, file_exists, file_stem, safe_text, write_atomically
+from ..record.files import SUFFIXES, compress, episode_key, file_exists, safe_text, write_atomically
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
-from ..record.shard_file import is_member, is_shard
+from ..record.shard_file import is_shard
 from ..registry import FORMATS
 from . import sonata
 from .base import Format, Import, Options
@@ -214,7 +214,7 @@ class _Transfer:
     def files_of_each(self, is_single: bool) -> TransferResult:
         """Write a file for each episode."""
         result, notes, written = TransferResult([]), Counter[str](), set[Path]()
-        convert = partial(_converted, self.name, self.options)
+        convert = partial(_converted, self.name, self.options, episode_key(self.files))
         for source, (name, data, note, omission) in zip(self.files, self._mapped(convert), strict=True):
             try:
                 if omission is not None:
@@ -240,7 +240,8 @@ class _Transfer:
             return result
 
         def packed() -> Iterator[Any]:
-            for source, (item, omission) in zip(self.files, self._mapped(partial(_packed, self.name)), strict=True):
+            pack = partial(_packed, self.name, episode_key(self.files))
+            for source, (item, omission) in zip(self.files, self._mapped(pack), strict=True):
                 if omission is None:
                     yield item
                 else:
@@ -259,7 +260,7 @@ class _Transfer:
             (number, [self.workers.place(file) for file in self.files[number * size : (number + 1) * size]])
             for number in numbers
         )
-        write = partial(_part, self.name, place)
+        write = partial(_part, self.name, place, episode_key(self.files))
         done = parallel_map(write, parts, total=len(numbers), workers=self.workers, reads=self._reads, writes=place)
         for files, omissions, count in done:
             result.files.extend(files)
@@ -280,7 +281,9 @@ class _Transfer:
         return self.workers.place(self.files[0]).parent
 
 
-def _converted(name: str, options: Options, file: Path) -> tuple[str, bytes, str | None, RecordError | None]:
+def _converted(
+    name: str, options: Options, key: Callable[[Path], str], file: Path
+) -> tuple[str, bytes, str | None, RecordError | None]:
     """The name and the content of the exported file of an episode, what to know about it, or why there is none."""
     chosen = format_named(name)
     assert chosen.export is not None
@@ -290,22 +293,22 @@ def _converted(name: str, options: Options, file: Path) -> tuple[str, bytes, str
         note = chosen.note(record, options) if chosen.note is not None else None
     except RecordError as error:
         return "", b"", None, error
-    exported = sonata.original_name(record) if options.original else f"{file_stem(file)}{chosen.suffix}"
+    exported = sonata.original_name(record) if options.original else f"{key(file).replace('/', '__')}{chosen.suffix}"
     return exported, data, note, None
 
 
-def _packed(name: str, file: Path) -> tuple[Any, RecordError | None]:
+def _packed(name: str, key: Callable[[Path], str], file: Path) -> tuple[Any, RecordError | None]:
     """What a format makes of an episode for its tables, or why it cannot be read."""
     pack = format_named(name).pack
     assert pack is not None
     try:
-        return pack(read_episode(file)), None
+        return pack(read_episode(file), key(file)), None
     except RecordError as error:
         return None, error
 
 
 def _part(
-    name: str, out: Path, part: tuple[int, Sequence[Path]]
+    name: str, out: Path, key: Callable[[Path], str], part: tuple[int, Sequence[Path]]
 ) -> tuple[list[Path], list[tuple[Path, RecordError]], int]:
     """Write a part of the tables; returns its files, the episodes that cannot be read, and the number of all."""
     chosen, (number, files) = format_named(name), part
@@ -315,11 +318,12 @@ def _part(
     def packed() -> Iterator[Any]:
         for file in files:
             stop_if_over()
-            item, omission = _packed(name, file)
+            item, omission = _packed(name, key, file)
             if omission is None:
                 yield item
             else:
                 omissions.append((file, omission))
+        stop_if_over(writes=True)
 
     return chosen.export_part(packed(), out, number), omissions, len(files)
 
@@ -338,12 +342,21 @@ def _write(path: Path, data: bytes, source: Path, written: set[Path]) -> None:
     """Write a file, unless it would overwrite its own source, a file of a data set or another one of the transfer."""
     if path in written:
         raise RecordError(f"{source}: {path} already holds another episode; transfer them one by one")
-    if path.exists() and not is_member(source) and path.samefile(source):
+    if path == source or (not is_remote(path) and source.is_file() and path.exists() and path.samefile(source)):
         raise RecordError(f"{path} is the source; choose another output")
     if path.exists() and (path.parent / MANIFEST).exists():
         raise RecordError(f"{path} belongs to the data set {path.parent}; choose another output")
     write_atomically(path, data)
     written.add(path)
+
+
+def _free(path: Path, written: set[Path]) -> Path:
+    """The path, or one with a number if it is written."""
+    number, free = 1, path
+    while free in written:
+        number += 1
+        free = path.with_name(f"{path.name.removesuffix('.json')}-{number}.json")
+    return free
 
 
 def import_from(
@@ -392,6 +405,8 @@ def import_from(
                 # A folder of tables holds many episodes: each is named by its id. Else the file gives the name.
                 name = document["id"] if chosen.export_all is not None else file.name.split(".")[0]
                 path = out if is_single else out / f"{safe_text(name)}.json"
+                if chosen.export_all is not None:  # tables of merged data sets
+                    path = _free(path, written)
                 _write(path, compress(data, path), file, written)
                 result.files.append(path)
         except RecordError as error:

@@ -59,8 +59,8 @@ class Format:
         export: returns the bytes of the file of one episode; raises `UnsuitableEpisode` for an episode that the format
             cannot hold.
         export_all: writes all episodes into a folder and returns the files that it wrote.
-        pack: converts an episode, in the worker that has read it, to what `export_all` gets in its place; None: it gets
-            the record, and one process reads all files.
+        pack: converts an episode and its key, in the worker that has read it, to what `export_all` gets in its place;
+            None: it gets the record, and one process reads all files.
         export_part: writes some episodes into files of their own, and returns these; for large data sets. Its arguments
             are the packed episodes, the folder and the number of the part.
         finish_parts: called after all parts with the folder and their number; returns the other files of the folder.
@@ -77,7 +77,7 @@ class Format:
     import_: Import | None = None
     export: Export | None = None
     export_all: ExportAll | None = None
-    pack: Callable[[EpisodeRecord], Any] | None = None
+    pack: Callable[[EpisodeRecord, str], Any] | None = None
     export_part: Callable[[Iterator[Any], Path, int], list[Path]] | None = None
     finish_parts: Callable[[Path, int], list[Path]] | None = None
     note: Callable[[EpisodeRecord, Options], str | None] | None = None

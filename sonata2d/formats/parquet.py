@@ -28,7 +28,7 @@ from ..core.locations import file_names, make_folder
 from ..core.whole_file import whole_file
 from ..core.wording import one_line
 from ..errors import RecordError
-from ..record.files import file_stem, write_atomically
+from ..record.files import write_atomically
 from ..record.layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
 from ..record.tables import JSON_KEYS, TABLES, tables_of
@@ -46,27 +46,33 @@ class PackedEpisode:
 
     Attributes:
         path: of its file, for messages.
+        key: which joins its rows.
         tables: by name, as Arrow writes them.
     """
 
     path: Path
+    key: str
     tables: dict[str, bytes]
 
 
-def pack(record: EpisodeRecord) -> PackedEpisode:
+def pack(record: EpisodeRecord, key: str) -> PackedEpisode:
     """The rows of an episode.
+
+    Args:
+        record: the episode.
+        key: value of `episode_id`.
 
     Raises:
         RecordError: pyarrow is not installed.
     """
     pa, _ = _pyarrow()
     schemas, tables = _schemas(pa), {}
-    for name, columns in tables_of(record, file_stem(record.path)).items():
+    for name, columns in tables_of(record, key).items():
         sink = pa.BufferOutputStream()
         with pa.ipc.new_stream(sink, schemas[name]) as writer:
             writer.write_table(pa.table(columns, schema=schemas[name]))
         tables[name] = sink.getvalue().to_pybytes()
-    return PackedEpisode(record.path, tables)
+    return PackedEpisode(record.path, key, tables)
 
 
 def export_all(episodes: Iterator[PackedEpisode], out: Path) -> list[Path]:
@@ -85,6 +91,7 @@ def export_all(episodes: Iterator[PackedEpisode], out: Path) -> list[Path]:
     if out.exists() and not out.is_dir():
         raise RecordError(f"{out} is a file; the tables need a folder, choose another name")
     files = _write_tables(episodes, out, {name: out / f"{name}.parquet" for name in TABLES})
+    _remove_parts(out, 0)
     return [*files, _write_readme(out, is_in_parts=False)]
 
 
@@ -106,7 +113,7 @@ def export_part(episodes: Iterator[PackedEpisode], out: Path, number: int) -> li
 
 
 def finish_parts(out: Path, count: int) -> list[Path]:
-    """Write the README.md of a folder of parts, and remove the parts of a former export.
+    """Write the README.md of a folder of parts, and remove the tables of a former export.
 
     Args:
         out: the folder.
@@ -118,11 +125,18 @@ def finish_parts(out: Path, count: int) -> list[Path]:
     Raises:
         RecordError: it cannot be written.
     """
+    _remove_parts(out, count)
+    for name in TABLES:
+        (out / f"{name}.parquet").unlink(missing_ok=True)
+    return [_write_readme(out, is_in_parts=True)]
+
+
+def _remove_parts(out: Path, first: int) -> None:
+    """Remove the tables in parts of a former export, from the number of a part on."""
     for file in file_names(out):
         name, _, number = file.removesuffix(".parquet").rpartition("-")
-        if name in TABLES and number.isdecimal() and int(number) >= count:
+        if name in TABLES and number.isdecimal() and int(number) >= first:
             (out / file).unlink(missing_ok=True)
-    return [_write_readme(out, is_in_parts=True)]
 
 
 def _write_tables(episodes: Iterator[PackedEpisode], out: Path, files: dict[str, Path]) -> list[Path]:
@@ -166,11 +180,10 @@ def _write_all(pa: Any, episodes: Iterator[PackedEpisode], writers: dict[str, An
     waiting: dict[str, list[Any]] = {name: [] for name in TABLES}
     names: set[bytes] = set()  # 8 bytes of each, as there may be millions
     for episode in episodes:
-        name = file_stem(episode.path)
-        digest = hashlib.blake2b(name.encode(), digest_size=8).digest()
+        digest = hashlib.blake2b(episode.key.encode(), digest_size=8).digest()
         if digest in names:
             raise RecordError(
-                f"{episode.path}: another episode is also named {name}, but names join the tables; rename one file"
+                f"{episode.path}: another episode is also named {episode.key}, which joins the tables; rename one file"
             )
         names.add(digest)
         for table, data in episode.tables.items():

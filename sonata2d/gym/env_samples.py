@@ -14,7 +14,7 @@ from .pipeline import Pipeline
 
 
 class EnvSamples:
-    """Makes pairs of observation and action of an episode, for `Dataset.stream`, as a policy would see and give them.
+    """Makes the observation and the action of each frame of an episode, for `Dataset.stream`.
 
     Observations are those of the environment and its wrappers, such as `Flat`, whichever controller drove; the action
     is that of the recorded command.

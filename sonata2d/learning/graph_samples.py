@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+from ..core.arguments import positive_number, whole_number
 from ..record.record import EpisodeRecord
 from .graph.graph import INTERVAL, Graph
 from .graph.modern import FRAMES, modern_graph
@@ -24,7 +25,7 @@ class GraphSamples:
         interval: time between the instants of a modern graph, s; a multiple of the tick length.
 
     Raises:
-        ValueError: there is no such kind or frame.
+        ValueError: there is no such kind or frame, or a number is not positive.
 
     Example:
         >>> import sonata2d as s2
@@ -45,6 +46,9 @@ class GraphSamples:
             raise ValueError(f"kind must be modern or paper, got {self.kind!r}")
         if self.frame not in FRAMES:
             raise ValueError(f"frame must be one of {', '.join(FRAMES)}, got {self.frame!r}")
+        positive_number("every", self.every)
+        positive_number("interval", self.interval)
+        whole_number("instants", self.instants, 1)
 
     def __call__(self, record: EpisodeRecord) -> Iterator[Graph]:
         """The graphs of an episode, in order.

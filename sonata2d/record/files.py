@@ -8,10 +8,11 @@ import io
 import re
 import zlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import zstandard
 
 from ..core.limits import MAX_FILE_BYTES, MAX_UNPACKED_RATIO, MAX_UNPACKED_WITHOUT_RATIO
@@ -112,6 +113,30 @@ def write_atomically(path: Path, data: bytes) -> None:
             temporary.write_bytes(data)
     except OSError as error:
         raise RecordError(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def episode_key(files: Sequence[Path]) -> Callable[[Path], str]:
+    """A function that gives each file a text of its own: its stem, with the name of its folder if stems repeat.
+
+    Files of one folder that differ in their suffix only have the same text.
+
+    >>> episode_key([Path("a/000000.json"), Path("a/000001.json")])(Path("a/000001.json"))
+    '000001'
+    >>> episode_key([Path("a/000000.json"), Path("b/000000.json")])(Path("b/000000.json"))
+    'b/000000'
+    """
+    return file_stem if _distinct(file_stem, files) or not _distinct(_key_with_folder, files) else _key_with_folder
+
+
+def _key_with_folder(file: Path) -> str:
+    return f"{file.parent.name}/{file_stem(file)}"
+
+
+def _distinct(key: Callable[[Path], str], files: Sequence[Path]) -> bool:
+    """Whether a function gives each file a text of its own, of which 8 bytes are compared: there may be millions."""
+    digests = (int.from_bytes(hashlib.blake2b(key(file).encode(), digest_size=8).digest()) for file in files)
+    found = np.fromiter(digests, np.uint64)
+    return len(np.unique(found)) == len(found)
 
 
 def read_bytes(path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:

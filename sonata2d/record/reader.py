@@ -13,6 +13,7 @@ import numpy as np
 import orjson
 
 from ..core.humans import frozen
+from ..core.limits import MAX_FILE_BYTES
 from ..core.locations import is_remote, location
 from ..core.portable_math import Array, BoolArray
 from ..core.snapshot import Outcome
@@ -22,7 +23,7 @@ from ..version import FORMAT, FORMAT_VERSION
 from .files import read_bytes, unpacked
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from .record import EpisodeRecord, States, wrap_read_errors
-from .shard_file import is_member, read_members
+from .shard_file import is_member, is_shard, read_members
 from .validate import require_valid
 
 MIGRATIONS: dict[int, Callable[[JsonDict], JsonDict]] = {}  # from a version: converts a document to the next version
@@ -43,6 +44,8 @@ def read_episode(path: str | Path) -> EpisodeRecord:
         RecordError: the file cannot be read, or is not a complete episode.
     """
     path = location(path)
+    if is_shard(path):
+        raise RecordError(f"{path} is a shard; name an episode in it, such as {path}/000000.json, or its data set")
     return _episode(path, None)
 
 
@@ -58,7 +61,7 @@ def read_episodes(files: Sequence[Path]) -> Iterator[EpisodeRecord]:
     for shard, group in groupby(files, key=lambda file: file.parent):
         own = list(group)
         if is_remote(shard) and is_member(own[0]):
-            contents = read_members(shard, [file.name for file in own])
+            contents = read_members(shard, [file.name for file in own], MAX_FILE_BYTES)
             yield from map(_episode, own, contents)
         else:
             yield from map(read_episode, own)

@@ -19,7 +19,7 @@ from typing import NamedTuple, Self
 
 import orjson
 
-from ..core.locations import content_of, is_remote, put_file
+from ..core.locations import content_of, is_remote, put_file, version_of
 from ..core.whole_file import sync_folder
 from ..errors import RecordError
 
@@ -79,19 +79,23 @@ def read_member(path: Path, max_bytes: int) -> bytes:
     return _content(path.parent, extent)
 
 
-def read_members(shard: Path, names: Sequence[str]) -> list[bytes]:
+def read_members(shard: Path, names: Sequence[str], max_bytes: int) -> list[bytes]:
     """The contents of members of a tar file in a store, which are read at once if they lie together.
 
     Args:
         shard: the tar file.
         names: of the members.
+        max_bytes: maximum size of each.
 
     Raises:
-        RecordError: it cannot be read.
+        RecordError: it cannot be read, or a member is larger.
     """
     try:
         known = extents(shard)
         own = [known[name] for name in names]
+        for name, extent in zip(names, own, strict=True):
+            if extent.size > max_bytes:
+                raise OSError(27, f"{name} has more than {max_bytes} bytes, the limit for such files")
         first = min(extent.offset for extent in own)
         last = max(extent.offset + extent.size for extent in own)
         if last - first > _APART * sum(extent.size + _BLOCK for extent in own):
@@ -141,17 +145,23 @@ def extents(shard: Path) -> Mapping[str, Extent]:
     Raises:
         OSError: the tar file, or the manifest beside it, cannot be read.
     """
-    return _extents(shard, *_version(shard))
+    return _extents(shard, _version(shard))
 
 
-def _version(shard: Path) -> tuple[int, int]:
-    """Size and time of a tar file, which change if it is written again."""
+def _version(shard: Path) -> str:
+    """A text that changes if a tar file is written again.
+
+    Raises:
+        OSError: there is no such file.
+    """
+    if is_remote(shard):
+        return version_of(shard)
     found = shard.stat()
-    return found.st_size, 0 if is_remote(shard) else found.st_mtime_ns
+    return f"{found.st_size} {found.st_mtime_ns}"
 
 
 @lru_cache(maxsize=_INDEXES)
-def _extents(shard: Path, size: int, changed: int) -> Mapping[str, Extent]:
+def _extents(shard: Path, version: str) -> Mapping[str, Extent]:
     index = shard_manifest_path(shard)
     found: dict[str, Extent] = {}
     if index.is_file():
@@ -172,12 +182,12 @@ def member_names(shard: Path) -> tuple[str, ...]:
     Raises:
         OSError: as of `extents`.
     """
-    return _member_names(shard, *_version(shard))
+    return _member_names(shard, _version(shard))
 
 
 @lru_cache(maxsize=_INDEXES)
-def _member_names(shard: Path, size: int, changed: int) -> tuple[str, ...]:
-    return tuple(_extents(shard, size, changed))
+def _member_names(shard: Path, version: str) -> tuple[str, ...]:
+    return tuple(_extents(shard, version))
 
 
 def _searched(shard: Path) -> Iterator[tuple[str, Extent]]:
@@ -195,7 +205,7 @@ def _searched(shard: Path) -> Iterator[tuple[str, Extent]]:
             if position + info.size > end:
                 return
             if info.isreg():
-                yield info.name, Extent(position, info.size)
+                yield info.name.removeprefix("./"), Extent(position, info.size)
             position += -(-info.size // _BLOCK) * _BLOCK
 
 
@@ -242,13 +252,25 @@ class ShardWriter:
         """Append a member, and return the offset of its content in the file, bytes."""
         info = tarfile.TarInfo(name)
         info.size = len(data)  # the other fields have fixed values: mode 644, no owner, time 0
+        try:
+            header = info.tobuf(tarfile.USTAR_FORMAT)
+        except ValueError as error:
+            raise RecordError(
+                f"{self._path}: {name} cannot be its member ({error}); give the file a shorter name"
+            ) from error
         with _explained(self._path):
-            self._write(info.tobuf(tarfile.USTAR_FORMAT))
+            self._write(header)
             offset = self.size
             self._write(data)
             self._write(bytes(-len(data) % _BLOCK))
             self._file.flush()  # what is written stays if this process is killed
         return offset
+
+    def discard(self) -> None:
+        """Remove what was written."""
+        with suppress(OSError):
+            self._file.close()
+        self._part.unlink(missing_ok=True)
 
     def finish(self) -> str:
         """Write the end of the archive, give the file its name, and return its SHA-256, hexadecimal digits."""

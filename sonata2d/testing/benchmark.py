@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 import os
@@ -21,6 +22,7 @@ from pymunk._chipmunk_cffi import lib
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.reactive import StraightToGoal
+from ..core.arguments import whole_number
 from ..core.compiled import BACKEND
 from ..core.notebook import Advance
 from ..core.optional import optional
@@ -47,6 +49,7 @@ _REPEATS = 3
 _PROBE = 40  # episodes of a first generation, which shows how many take `_LEAST_SECONDS`
 _LEAST_SECONDS = 4.0  # of a generation with one process
 _MOST_EPISODES = 4000
+_MEASURES_MEMORY = importlib.util.find_spec("resource") is not None  # Windows has no such module
 _KERNELS = ("advance", "read_state")
 _IMPORT = "import sonata2d"
 _FIRST_FRAME = (
@@ -117,7 +120,8 @@ class Benchmark:
     def rows(self) -> list[tuple[str, str]]:
         """All figures as names and texts."""
         startup, reading = self.startup, self.reading
-        megabytes = ", ".join(f"{size} MB for {count} episodes" for count, size in self.memory.items())
+        sizes = [f"{size} MB for {count} episodes" for count, size in self.memory.items()]
+        megabytes = ", ".join(sizes) or "not measured on Windows"
         return [
             ("machine", f"{self.machine['processor']}, {self.machine['processors']} processors; {BACKEND}"),
             ("start-up", f"import {startup['import']:.2f} s, first frame after {startup['first_frame']:.2f} s"),
@@ -164,14 +168,14 @@ def benchmark(*, workers: int | None = None, advance: Advance = lambda step: Non
     Returns:
         The figures; those of one run compare, those of different runs only on a machine that does nothing else.
     """
-    most = workers or os.cpu_count() or 1
+    most = os.cpu_count() or 1 if workers is None else whole_number("workers", workers, 1)
     with tempfile.TemporaryDirectory(prefix="sonata2d-") as place:
         folder = Path(place)
         startup = {"import": _seconds_of(_IMPORT), "first_frame": _seconds_of(_FIRST_FRAME)}
         advance(1)
         throughput = [_throughput(people, folder / "episode.json") for people in PEOPLE]
         advance(1)
-        memory = {count: _megabytes(count) for count in (20, 200)}
+        memory = {count: _megabytes(count) for count in (20, 200)} if _MEASURES_MEMORY else {}
         advance(1)
         scaling = _scaling(folder, most)
         advance(1)
@@ -376,7 +380,7 @@ def _draw(found: Benchmark, path: Path) -> None:
     drawn = axes[1, 1].barh(list(startup), list(startup.values()))
     axes[1, 1].bar_label(drawn, fmt="%.2f s", padding=3)
     axes[1, 1].margins(x=0.25)
-    memory = ", ".join(f"{size} MB for {count}" for count, size in found.memory.items())
+    memory = ", ".join(f"{size} MB for {count}" for count, size in found.memory.items()) or "not measured"
     axes[1, 1].set(title=f"Start of a process\nmemory by episodes: {memory}", xlabel="s")
     processor = f"{found.machine['processor']}, {found.machine['processors']} processors"
     figure.suptitle(f"sonata2d {found.machine['sonata2d']} on {processor}")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -13,6 +15,7 @@ from typing import Any
 import pytest
 
 import sonata2d as s2
+from sonata2d.agents.controllers.loading import ControllerSource
 from sonata2d.datasets.dask_executor import DaskExecutor
 from sonata2d.datasets.executors import Workers, parallel_map
 from sonata2d.datasets.tasks import MARK
@@ -65,6 +68,49 @@ def test_killed_late_and_restarted_parts_of_a_cluster_change_no_byte(reference: 
     assert contents(tmp_path / "out") == contents(reference)
 
 
+def test_checks_survive_the_same(reference: Path, tmp_path: Path) -> None:
+    """The results of a check are in the order of its files, so a lost task holds up those after it."""
+    damaged = tmp_path / "damaged"
+    damaged.mkdir()
+    for name, data in contents(reference).items():
+        (damaged / name).write_bytes(data.replace(b'"radius":0.3', b'"radius":0.4') if name[:5] == "00001" else data)
+    expected = verify(damaged, replay=True)
+    assert len(expected) >= 10
+    with Cluster(tmp_path, workers=3) as cluster, DaskExecutor(cluster.address, patience=60.0) as executor:
+        accidents = Accidents(cluster, EPISODES)
+        workers = Workers(executor, task_size=2)
+        assert verify(damaged, replay=True, workers=workers, advance=accidents.advance) == expected
+        assert accidents.are_over
+
+
+@pytest.mark.parametrize(("lost", "count"), [({0, 1, 2, 3, 4, 5}, 3), ({0}, 1)])
+def test_lost_tasks_of_an_ordered_map_are_submitted_again(lost: set[int], count: int) -> None:
+    executor = Losing(lost, count)
+    assert list(parallel_map(abs, range(50), workers=executor)) == list(range(50))
+    assert executor.submitted > len(lost)
+
+
+class Losing(Executor):
+    """An executor that loses some tasks, and then has no worker for a while."""
+
+    def __init__(self, lost: set[int], count: int) -> None:
+        self.submitted, self.count = 0, count
+        self._lost = lost
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        if self.submitted in self._lost:
+            future.set_exception(OSError("lost"))
+        else:
+            future.set_result(fn(*args, **kwargs))
+        self.submitted += 1
+        return future
+
+    def recover(self, future: Future[Any], error: BaseException) -> bool:
+        self.count = 0
+        return True
+
+
 def test_the_command_survives_the_same(reference: Path, tmp_path: Path) -> None:
     scenario = tmp_path / "quick.json"
     scenario.write_text(QUICK.model_dump_json())
@@ -115,6 +161,19 @@ def test_files_of_controllers_are_sent_to_the_workers(
     assert contents(found[0].path) == contents(found[1].path)
 
 
+def test_a_worker_uses_the_controller_that_was_sent_and_not_its_own_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = "import sonata2d as s2\nclass Mine(s2.StraightToGoal):\n    version = '{}'\n"
+    for version in ("old", "new"):
+        (tmp_path / version).mkdir()
+        (tmp_path / version / "own.py").write_text(code.format(version))
+    monkeypatch.chdir(tmp_path / "new")
+    sent = pickle.dumps(ControllerSource("./own.py:Mine"))
+    monkeypatch.chdir(tmp_path / "old")
+    assert pickle.loads(sent).create().version == "new"
+
+
 def test_a_controller_of_this_program_is_sent_to_the_workers(dask: DaskExecutor, tmp_path: Path) -> None:
     class Slow(s2.Controller):
         def act(self, snapshot: s2.Snapshot) -> s2.Twist:
@@ -144,6 +203,27 @@ def test_an_executor_may_run_tasks_in_the_thread_of_the_caller(tmp_path: Path, m
     s2.generate_dataset(tmp_path / "one", QUICK, "straight-to-goal", workers=Failing(), **settings)
     s2.generate_dataset(tmp_path / "two", QUICK, "straight-to-goal", **settings)
     assert contents(tmp_path / "one") == contents(tmp_path / "two")
+
+
+@pytest.mark.parametrize("kind", ["threads", "dask"])
+def test_no_worker_writes_after_the_end_of_a_run(kind: str, dask: DaskExecutor, tmp_path: Path) -> None:
+    """With `keep`, workers run episodes that turn out not to be needed."""
+
+    class Slow(s2.StraightToGoal):
+        def act(self, snapshot: s2.Snapshot) -> s2.Twist:
+            import time
+
+            time.sleep(0.01)
+            return s2.Twist()
+
+    settings: dict[str, Any] = {"episodes": 3, "keep": ["timeout"]}
+    s2.generate_dataset(tmp_path / "one", QUICK, Slow(), **settings)
+    with ThreadPoolExecutor(3) as threads:
+        executor = {"threads": threads, "dask": dask}[kind]
+        workers = Workers(executor, count=6, task_size=1)
+        s2.generate_dataset(tmp_path / "out", QUICK, Slow(), workers=workers, **settings)
+        time.sleep(3.0)  # longer than an episode
+    assert contents(tmp_path / "out") == contents(tmp_path / "one")
 
 
 class Job:
@@ -186,9 +266,8 @@ def test_workers_of_another_version_are_refused_by_name(tmp_path: Path) -> None:
 
 
 def test_workers_that_do_not_see_a_folder_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dask: DaskExecutor
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    (tmp_path / "data").mkdir()
     elsewhere = Path("/nowhere/data")
     monkeypatch.setattr("sonata2d.datasets.tasks._VISIBLE_WITHIN", 0.5)
     with (

@@ -19,10 +19,13 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 
 import sonata2d as s2
-from sonata2d.datasets import merge_datasets, mirror_dataset, read_manifest, split_dataset
+from sonata2d.datasets import merge_datasets, mirror_dataset, read_manifest, shard_runs, split_dataset
+from sonata2d.datasets.card import write_card
 from sonata2d.datasets.check import check_dataset
+from sonata2d.datasets.episode_runs import EpisodeRuns
 from sonata2d.datasets.verification import verify
 from sonata2d.errors import RecordError
+from sonata2d.formats.api import export_to, import_from
 from sonata2d.record.files import read_bytes, read_stored
 from sonata2d.record.shard_file import ShardWriter
 
@@ -80,7 +83,7 @@ def test_the_number_of_workers_changes_no_byte_of_shards(sharded: Path, tmp_path
     assert contents(tmp_path / "two") == contents(sharded)
 
 
-def test_webdataset_reads_the_shards(sharded: Path) -> None:
+def test_the_members_of_a_shard_are_samples_of_webdataset(sharded: Path) -> None:
     """Each sample is a key with the files of that name, which the format calls extensions."""
     with tarfile.open(sharded / "shard-000001.tar") as archive:
         samples = [name.partition(".") for name in archive.getnames()]
@@ -96,22 +99,25 @@ def test_killing_and_resuming_gives_the_same_shards(tmp_path: Path, options: dic
         "q = s2.ScenarioConfig(name='quick', standing=2, wandering=3, tables=1, rules={'time_limit': 3.0})\n"
         f"s2.generate_dataset({str(tmp_path / 'out')!r}, q, 'straight-to-goal', **{settings!r}, resume=True)"
     )
-    taken_over = 0
-    for _ in range(4):
+    fifth = (tmp_path / "whole" / "shard-000000.tar").stat().st_size // 5
+    killed, found_parts = 0, False
+    for attempt in range(4):
         process = subprocess.Popen([sys.executable, "-c", code])
         parts: list[int] = []
         for _ in range(2000):
             with suppress(FileNotFoundError):  # it got its name meanwhile
                 parts = [path.stat().st_size for path in (tmp_path / "out").glob(".part-*")]
-            if process.poll() is not None or any(size > 200_000 * (taken_over % 3 + 1) for size in parts):
+            if process.poll() is not None or any(size > fifth * (attempt % 3 + 1) for size in parts):
                 break
             try:
                 process.wait(timeout=0.01)
             except subprocess.TimeoutExpired:
                 continue
         process.send_signal(signal.SIGKILL)
-        process.wait()
-        taken_over += 1
+        killed += process.wait() == -signal.SIGKILL
+        found_parts = found_parts or bool([*(tmp_path / "out").glob(".part-*")])
+    assert killed
+    assert found_parts
     s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", resume=True, **settings)
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
@@ -119,8 +125,6 @@ def test_killing_and_resuming_gives_the_same_shards(tmp_path: Path, options: dic
 def test_finished_episodes_of_an_unfinished_shard_are_not_run_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from sonata2d.datasets.episode_runs import EpisodeRuns
-
     run_episodes: list[int] = []
     run = EpisodeRuns.run
 
@@ -336,6 +340,130 @@ def test_shards_and_files_are_merged(plain: Path, sharded: Path, tmp_path: Path)
     assert [len(source["files"]) for source in manifest["sources"]] == [25, 25, 4, 4]
     with pytest.raises(RecordError, match="is the same episode as"):
         merge_datasets([plain, sharded], tmp_path / "twice")
+
+
+def test_kept_and_mirrored_files_are_merged_into_shards(sharded: Path, tmp_path: Path) -> None:
+    kept = s2.generate_dataset(tmp_path / "kept", QUICK, "straight-to-goal", episodes=5, seed=8, keep=["goal"])
+    mirror_dataset(kept.path, tmp_path / "image")
+    merge_datasets([kept.path, tmp_path / "image"], tmp_path / "files")
+    mirror_dataset(tmp_path / "files", tmp_path / "mirrored")
+    merge_datasets([tmp_path / "mirrored", sharded], tmp_path / "all")
+    assert check_dataset(tmp_path / "all") == []
+    mirrored = [bool(source.get("mirrored")) for source in read_manifest(tmp_path / "all")["sources"]]
+    shards = sorted((tmp_path / "all").glob("mirrored__*.manifest.json"))
+    assert mirrored == [True, False, False]
+    assert [bool(json.loads(path.read_text()).get("mirrored")) for path in shards] == [False, True]
+
+
+def test_merged_shards_are_exported_whole(sharded: Path, tmp_path: Path) -> None:
+    """Their episodes have the same names."""
+    s2.generate_dataset(tmp_path / "more", QUICK, "straight-to-goal", episodes=25, seed=6, shard_size=10)
+    merge_datasets([sharded, tmp_path / "more"], tmp_path / "both")
+    assert len(export_to(tmp_path / "both", "npz", tmp_path / "arrays").files) == 50
+    for size in (None, 20):
+        export_to(tmp_path / "both", "parquet", tmp_path / f"tables{size}", shard_size=size)
+        imported = import_from(tmp_path / f"tables{size}", "parquet", tmp_path / f"back{size}")
+        assert len(imported.files) == 50
+        seeds = [s2.read_episode(path).document["seed"] for path in imported.files]
+        assert sorted(seeds) == [5] * 25 + [6] * 25
+    export_to(sharded, "parquet", tmp_path / "tables20", shard_size=None)  # in place of the parts
+    assert len(import_from(tmp_path / "tables20", "parquet", tmp_path / "again").files) == 25
+
+
+def test_a_second_worker_on_the_same_shard_changes_nothing(
+    sharded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a lost connection, Dask lets another worker run a task that the first one still runs."""
+    run, shard, runs_inside = EpisodeRuns.run, shard_runs._run_shard, []
+
+    def twice(runs: EpisodeRuns, episode: int, store: Any) -> Any:
+        if episode == 13 and not runs_inside:
+            runs_inside.append(episode)
+            assert isinstance(shard(runs, 1), shard_runs.ShardResult)
+        return run(runs, episode, store)
+
+    monkeypatch.setattr(EpisodeRuns, "run", twice)
+    s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", shard_size=10, **SETTINGS)
+    assert runs_inside
+    assert contents(tmp_path / "out") == contents(sharded)
+
+
+def test_a_resumed_run_of_a_split_data_set_leaves_no_split(
+    sharded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, settings = tmp_path / "out", {"seed": 5, "shard_size": 10, "resume": True}
+    s2.generate_dataset(out, QUICK, "straight-to-goal", episodes=20, **settings)
+    split_dataset(out)
+    monkeypatch.setattr(EpisodeRuns, "run", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        s2.generate_dataset(out, QUICK, "straight-to-goal", episodes=25, **settings)
+    assert any("split" in str(problem) for problem in check_dataset(out))
+    monkeypatch.undo()
+    s2.generate_dataset(out, QUICK, "straight-to-goal", episodes=25, **settings)
+    assert contents(out) == contents(sharded)
+
+
+def interrupted(*_: Any) -> Any:
+    raise KeyboardInterrupt
+
+
+def test_resumption_with_another_compression_is_refused(sharded: Path, tmp_path: Path) -> None:
+    out = copied(sharded, tmp_path / "out")
+    manifest = json.loads((out / "manifest.json").read_text())
+    (out / "manifest.json").write_text(json.dumps(manifest | {"shards": [], "complete": False}))  # as after a kill
+    with pytest.raises(RecordError, match=r"holds files like 000000\.json; resume with the same --compress"):
+        s2.generate_dataset(out, QUICK, "straight-to-goal", shard_size=10, suffix=".json.gz", resume=True, **SETTINGS)
+
+
+def test_croissant_metadata_describe_shards(sharded: Path, tmp_path: Path) -> None:
+    out = copied(sharded, tmp_path / "out")
+    write_card(out, figures=False)
+    document = json.loads((out / "croissant.json").read_text())
+    sets = {entry["@id"]: entry for entry in document["distribution"]}
+    assert sets["episodes"]["containedIn"] == {"@id": "shards"}
+    matched = {
+        name: {path.name for path in out.glob(sets[name]["includes"][0])} for name in ("shards", "shard-manifests")
+    }
+    assert [len(names) for names in matched.values()] == [3, 3]
+    sources = {json.dumps(field["source"]["fileSet"]) for field in document["recordSet"][0]["field"]}
+    assert sources == {'{"@id": "shard-manifests"}'}
+    assert check_dataset(out) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("render {} -o x.svg", "is a shard; name an episode in it"),
+        ("mirror {} -o image", "is a shard"),
+        ("card {}", "is a shard, whose manifest and card stay; name the folder of its data set"),
+        ("split {}", "is a shard, whose manifest and card stay; name the folder of its data set"),
+    ],
+)
+def test_what_a_single_shard_is_not_for_is_one_error(
+    line: str, message: str, sharded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = copied(sharded, tmp_path / "out")
+    monkeypatch.chdir(tmp_path)
+    before = contents(out)
+    result = CliRunner().invoke(main, line.format(out / "shard-000000.tar").split())
+    assert result.exit_code != 0
+    assert message in result.output
+    assert contents(out) == before
+
+
+def test_names_that_a_tar_file_cannot_hold_are_one_error(tmp_path: Path) -> None:
+    message = pytest.raises(RecordError, match="give the file a shorter name")
+    with ShardWriter(tmp_path / "a.tar", tmp_path / ".part") as writer, message:
+        writer.add("n" * 101 + ".json", b"{}")
+
+
+def test_tar_files_of_other_programs_are_read(sharded: Path, tmp_path: Path) -> None:
+    with tarfile.open(tmp_path / "own.tar", "w") as archive:
+        for name, data in members(sharded).items():
+            info = tarfile.TarInfo(f"./{name}")
+            info.size = len(data)
+            archive.addfile(info, io.BytesIO(data))
+    assert s2.Dataset(tmp_path / "own.tar")[3].episode == 3
 
 
 def test_shards_are_evaluated_as_files(plain: Path, sharded: Path) -> None:

@@ -140,12 +140,46 @@ def test_data_sets_are_transformed_into_a_store(store: str, local: dict[int | No
         merge_datasets([folder, f"{store}/mirrored{size}"], f"{store}/both{size}")
         assert verify(f"{store}/both{size}") == []
         result = export_to(f"{store}/both{size}", "npz", f"{store}/arrays{size}")
-        assert len(result.files) == len(file_names(location(f"{store}/arrays{size}"))) >= 12
+        assert len(result.files) == len(file_names(location(f"{store}/arrays{size}"))) == 24
     result = export_to(local[5], "parquet", f"{store}/tables", shard_size=5)
     assert len(result.files) == 3 * 4 + 1
     assert len(import_from(f"{store}/tables", "parquet", f"{store}/back").files) == 12
     with pytest.raises(RecordError, match="already exists and is not empty"):
         mirror_dataset(local[None], f"{store}/mirroredNone")
+
+
+def test_a_shard_that_is_replaced_by_one_of_the_same_size_is_read_anew(store: str) -> None:
+    """Tar files are padded, so that many have the same size."""
+    sizes, first = set(), {}
+    for seed in range(4):
+        settings: dict[str, Any] = {"episodes": 2, "shard_size": 2, "suffix": ".json.zst", "overwrite": True}
+        s2.generate_dataset(f"{store}/set", QUICK, "straight-to-goal", seed=seed, **settings)
+        dataset = s2.Dataset(f"{store}/set")
+        assert [record.document["seed"] for record in dataset] == [seed, seed]
+        sizes.add(location(f"{store}/set/shard-000000.tar").stat().st_size)
+        first[seed] = dataset[0].time
+    assert len(sizes) < len(first)
+
+
+def test_a_second_export_replaces_the_first(store: str, local: dict[int | None, Path]) -> None:
+    for _ in range(2):
+        assert len(export_to(local[5], "npz", f"{store}/arrays").files) == 12
+
+
+def test_a_store_that_does_not_answer_is_one_error(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    import s3fs
+
+    def refused(*_: Any, **__: Any) -> Any:
+        raise ConnectionAbortedLike("Unable to locate credentials")
+
+    monkeypatch.setattr(s3fs.S3FileSystem, "exists", refused)
+    result = CliRunner().invoke(main, ["check", "s3://elsewhere/set"])
+    assert result.exit_code == 2
+    assert "s3://elsewhere cannot be reached (ConnectionAbortedLike: Unable to locate credentials)" in result.output
+
+
+class ConnectionAbortedLike(Exception):
+    """As the errors of stores: derived from Exception alone."""
 
 
 def test_a_failed_transformation_leaves_nothing_in_a_store(

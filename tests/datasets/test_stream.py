@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
@@ -135,10 +136,17 @@ def test_members_of_a_shard_in_a_store_are_read_at_once(dataset: s2.Dataset, mon
     read = shard_file.content_of
     monkeypatch.setattr(shard_file, "content_of", lambda *where: requests.append(where) or read(*where))
     remote = s2.Dataset(str(store))
+    filesystem: Any = type(remote.path.fs)  # type: ignore[attr-defined]
+    info, looks = filesystem.info, []
+    monkeypatch.setattr(filesystem, "info", lambda self, path, **options: looks.append(path) or info(self, path))
     assert numbers(remote.stream()) == list(range(EPISODES))
     if remote.manifest is not None and "shards" in remote.manifest:
         ranges = [where for where in requests if len(where) == 3]
         assert len(ranges) <= EPISODES / 4 + 5
+        assert len(looks) <= EPISODES  # four a shard
+        looks.clear()
+        assert len(remote.filter(outcome=["goal", "timeout", "contact"])) > 0
+        assert len(looks) <= len(remote.manifest["shards"])  # their manifests are read
     scattered = [remote.files[k] for k in (0, 8, 3)]
     assert [record.episode for record in read_episodes(scattered)] == [0, 8, 3]
 
@@ -154,6 +162,12 @@ def test_pytorch_gets_the_same_items_each_time(dataset: s2.Dataset) -> None:
     assert sorted(epoch(0)) == sorted(epoch(2)) == sorted(dataset.stream(tagged))
     assert epoch(2) == epoch(2)
     assert epoch(0) == epoch(0) == list(dataset.stream(tagged, shuffle=10, seed=4))
+    samples = dataset.stream(tagged, shuffle=10, seed=4).to_torch()
+    assert len(list(pickle.loads(pickle.dumps(samples)))) == len(epoch(0))  # as to processes that are spawned
+    loader = torch.utils.data.DataLoader(samples, batch_size=None, num_workers=2, persistent_workers=True)
+    for number in (0, 1):
+        samples.set_epoch(number)
+        assert [tuple(map(int, item)) for item in loader] == epoch(2, number)
     assert epoch(0, 1) != epoch(0)
     first = next(iter(dataset.stream().to_torch()))
     assert first["robot"].shape[1] == 6

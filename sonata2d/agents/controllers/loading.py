@@ -26,6 +26,7 @@ from ...core import interruption
 from ...core.archives import read_npz
 from ...core.code_hash import code_sha256
 from ...core.limits import MAX_WEIGHTS_BYTES
+from ...core.whole_file import whole_file
 from ...core.wording import described, one_line, shown
 from ...errors import ControllerError
 from ...registry import CONTROLLERS, resolve
@@ -152,12 +153,14 @@ class ControllerSource:
         return controller
 
     def _with_copies(self, name: str) -> str:
-        """The name, in which files that this machine does not have are replaced by copies of those that were sent."""
+        """The name, in which files that this machine lacks, or has with another content, are copies of those sent."""
         for place, content in self._files.items():
-            if not os.path.isfile(place):
-                copy = _copies() / place.lstrip("./\\").replace(":", "_")
-                copy.parent.mkdir(parents=True, exist_ok=True)
-                copy.write_bytes(content)
+            if not (os.path.isfile(place) and Path(place).read_bytes() == content):
+                copy = _copies() / hashlib.sha256(content).hexdigest() / os.path.basename(place)
+                if not copy.exists():
+                    copy.parent.mkdir(exist_ok=True)
+                    with whole_file(copy) as temporary:
+                        temporary.write_bytes(content)
                 name = name.replace(place, str(copy))
         return name
 
