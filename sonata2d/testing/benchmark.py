@@ -84,7 +84,7 @@ class Scaling:
 
     Attributes:
         workers: number of processes.
-        episodes_per_second: of the whole call, in which the processes start.
+        episodes_per_second: of processes that are already running.
         speedup: against one process.
     """
 
@@ -317,6 +317,7 @@ def _scaling(folder: Path, most: int) -> list[Scaling]:
     rates: dict[int, float] = {}
     for count in counts:
         with Workers(count) as pool:
+            generate_dataset(folder / f"started{count}", SCENARIO, episodes=2 * count, workers=pool)
             start = time.perf_counter()
             generate_dataset(folder / str(count), SCENARIO, episodes=episodes, workers=pool)
             rates[count] = episodes / (time.perf_counter() - start)
@@ -365,23 +366,24 @@ def _draw(found: Benchmark, path: Path) -> None:
         axes[0, 0].bar_label(drawn, fmt="%.0f")
     axes[0, 0].set_xticks(range(len(people)), people)
     axes[0, 0].set(title="One frame, with recording", xlabel="people", ylabel="us")
+    axes[0, 0].margins(y=0.12)
     axes[0, 0].legend()
     workers = [one.workers for one in found.scaling]
     axes[0, 1].plot(workers, [one.speedup for one in found.scaling], "o-", label="measured")
     axes[0, 1].plot(workers, workers, ":", label="ideal")
     axes[0, 1].set(title="generate", xlabel="processes", ylabel="times as fast as one", xticks=workers)
     axes[0, 1].legend()
-    names = {"records": "Dataset", "json": "json.load", "graphs": "graphs"}
+    names = {"records": "Dataset", "json": "json.load"}
     drawn = axes[1, 0].barh(list(names.values()), [found.reading[name] for name in names])
     axes[1, 0].bar_label(drawn, fmt="%.0f", padding=3)
     axes[1, 0].margins(x=0.15)
-    axes[1, 0].set(title="Reading", xlabel="a second")
+    axes[1, 0].set(title="Reading", xlabel=f"episodes a second ({found.reading['graphs']:.0f} graphs a second)")
     startup = {"import": found.startup["import"], "first frame": found.startup["first_frame"]}
     drawn = axes[1, 1].barh(list(startup), list(startup.values()))
     axes[1, 1].bar_label(drawn, fmt="%.2f s", padding=3)
     axes[1, 1].margins(x=0.25)
     memory = ", ".join(f"{size} MB for {count}" for count, size in found.memory.items()) or "not measured"
-    axes[1, 1].set(title=f"Start of a process\nmemory by episodes: {memory}", xlabel="s")
+    axes[1, 1].set(title="Start of a process", xlabel=f"s (memory: {memory} episodes)")
     processor = f"{found.machine['processor']}, {found.machine['processors']} processors"
     figure.suptitle(f"sonata2d {found.machine['sonata2d']} on {processor}")
     try:
