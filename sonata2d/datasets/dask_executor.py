@@ -16,7 +16,7 @@ from ..core.wording import described, shown
 from ..errors import WorkerError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 logger = logging.getLogger(__name__)
 
@@ -69,7 +69,7 @@ class DaskExecutor(Executor):
         if address is None:
             number = None if workers is None else whole_number("workers", workers, 1)
             self._cluster = self._distributed.LocalCluster(
-                n_workers=number, threads_per_worker=1, dashboard_address=None
+                n_workers=number, threads_per_worker=1, dashboard_address="127.0.0.1:0"
             )
             address = self._cluster
         if self._own_client:
@@ -121,6 +121,10 @@ class DaskExecutor(Executor):
 
         future.add_done_callback(forget)
         return future
+
+    def map(self, fn: Callable[..., Any], *iterables: Any, **settings: Any) -> Iterator[Any]:
+        """Results of a function in the order of its arguments; see `concurrent.futures.Executor.map`."""
+        return super().map(fn, *iterables, **settings)  # here for its docstring, which Sphinx can read
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Disconnect, and end the cluster if it is the executor's own."""

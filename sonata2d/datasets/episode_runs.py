@@ -25,7 +25,7 @@ from ..sim.episode import Episode, renderer_for
 from .manifest import FAILED, DatasetSpec, ManifestEntry, store_episode
 from .processes import end_if_forked
 from .progress import EpisodeResult, ExcludedEpisode, FailedEpisode
-from .tasks import stop_if_over
+from .tasks import stop_if_unwanted
 
 logger = logging.getLogger(__name__)
 
@@ -108,7 +108,7 @@ class EpisodeRuns:
         if spec.keep and status not in spec.keep:
             return ExcludedEpisode(episode, status)
         if spec.shard_size is None:
-            stop_if_over(writes=True)
+            stop_if_unwanted()
         try:
             return store(episode, recorder)
         except RecordError as error:

@@ -127,7 +127,7 @@ class Workers:
             return
         sizes = _TaskSizes(self.task_size, self._backend.task_seconds, total)
         rest, lost, running = iter(items), deque[_Task](), dict[Any, _Task]()
-        ready: dict[int, list[Any]] = {}  # results of an ordered map by number of their task
+        ready: dict[int, Answer] = {}  # of an ordered map, by number of the task
         submitted = yielded = 0  # tasks
         with self._backend.submitting(call) as submit:
             while True:
@@ -151,14 +151,14 @@ class Workers:
                     if answer is None:
                         lost.append(task)
                         continue
-                    found = _results_of(answer)
-                    sizes.learn(len(found), answer[2])
+                    if answer[0] == "done":
+                        sizes.learn(len(answer[1]), answer[2])
                     if not in_order:
-                        yield from found
+                        yield from _results_of(answer)
                         continue
-                    ready[task.number] = found
+                    ready[task.number] = answer
                     while yielded in ready:
-                        yield from ready.pop(yielded)
+                        yield from _results_of(ready.pop(yielded))
                         yielded += 1
                 interruption.check()
 

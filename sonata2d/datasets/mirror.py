@@ -33,7 +33,7 @@ from .motion import HEAD, OMEGA, THETA, VY, Y
 from .processes import end_if_unguarded
 from .shard_output import write_shard
 from .shards import ShardRows
-from .tasks import stop_if_over
+from .tasks import stop_if_over, stop_if_unwanted
 
 MARK = "-mirror"  # suffix of the id and the file name of a mirrored episode
 LabelImage = Callable[[Any], Any]
@@ -202,7 +202,7 @@ def _image_names(folder: Path, manifest: JsonDict) -> dict[str, str]:
 def _listed_image(folder: Path, work: Path, label: LabelImage | None, row: JsonDict) -> JsonDict:
     """Mirror a listed file into a folder, and return its row."""
     row, data = _packed_image(folder, label, row)
-    stop_if_over(writes=True)
+    stop_if_unwanted()
     write_atomically(work / row["name"], data)
     return row
 

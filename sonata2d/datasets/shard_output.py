@@ -12,7 +12,7 @@ from ..record.layout import JsonDict
 from ..record.shard_file import ShardWriter, shard_manifest_path
 from .card import card_text
 from .shards import part_path, shard_card_path
-from .tasks import stop_if_over
+from .tasks import stop_if_unwanted
 
 
 def write_shard(shard: Path, manifest: JsonDict, members: Iterable[tuple[JsonDict, bytes]]) -> JsonDict:
@@ -33,7 +33,7 @@ def write_shard(shard: Path, manifest: JsonDict, members: Iterable[tuple[JsonDic
     with ShardWriter(shard, part_path(shard)) as writer:
         for row, data in members:
             rows.append(row | {"offset": writer.add(row["name"], data)})
-        stop_if_over(writes=True)
+        stop_if_unwanted()
         file = {"sha256": writer.finish(), "bytes": writer.size}
     manifest = manifest | {"shard": manifest["shard"] | file, "files": rows}
     write_shard_manifest(shard, manifest)

@@ -33,7 +33,7 @@ from .manifest import (
 from .progress import ExcludedEpisode, FailedEpisode, too_few_kept
 from .shard_output import shard_row, write_shard_manifest
 from .shards import part_path, parts_in, shard_name, shard_number
-from .tasks import stop_if_over
+from .tasks import stop_if_over, stop_if_unwanted
 
 logger = logging.getLogger(__name__)
 
@@ -242,7 +242,7 @@ class NewShard:
         if (manifest := self._finished(entries, stop)) is not None:
             self._writer.discard()
         else:
-            stop_if_over(writes=True)
+            stop_if_unwanted()
             shard_manifest_path(self._path).unlink(missing_ok=True)  # it would describe the new file wrongly
             content = {
                 "first": shard_range(self._spec, self._number)[0],

@@ -136,18 +136,26 @@ def applied(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
 
 
-def stop_if_over(*, writes: bool = False) -> None:
+def stop_if_over() -> None:
     """Stop here, within an item, if the program has ended its call.
-
-    Args:
-        writes: whether a file is written next, which must not appear after the end of the call.
 
     Raises:
         KeyboardInterrupt: it has.
     """
     interruption.check()
     present: _Present | None = getattr(_thread, "at_work", None)
-    if present is not None and present.is_over(at_once=writes):
+    if present is not None and present.is_over():
+        raise KeyboardInterrupt
+
+
+def stop_if_unwanted() -> None:
+    """Stop here, before a file gets its name, if the program that wanted it has ended its call and does not wait.
+
+    Raises:
+        KeyboardInterrupt: it has.
+    """
+    present: _Present | None = getattr(_thread, "at_work", None)
+    if present is not None and present.has_lost_mark():
         raise KeyboardInterrupt
 
 
@@ -184,20 +192,17 @@ class _Present:
         finally:
             _thread.at_work = outer
 
-    def is_over(self, *, at_once: bool = False) -> bool:
-        """Whether the program has ended its call.
-
-        Args:
-            at_once: look, even if the last look was a moment ago.
-        """
+    def is_over(self) -> bool:
+        """Whether the program has ended its call; it looks at the mark once a second."""
         if interruption.is_stop_requested():
             return True
-        now = time.monotonic()
-        if self._mark is None or (now - self._looked < _LOOK_INTERVAL and not at_once):
-            return False
-        self._looked = now
+        return time.monotonic() - self._looked >= _LOOK_INTERVAL and self.has_lost_mark()
+
+    def has_lost_mark(self) -> bool:
+        """Whether the mark of the call is gone."""
+        self._looked = time.monotonic()
         try:
-            return not self._mark.exists()
+            return self._mark is not None and not self._mark.exists()
         except OSError:  # the server does not answer; the next look will tell
             return False
 

@@ -15,7 +15,7 @@ from ..datasets.dataset import Dataset
 from ..datasets.executors import Workers, parallel_map, shared_workers
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
 from ..datasets.processes import end_if_unguarded
-from ..datasets.tasks import stop_if_over
+from ..datasets.tasks import stop_if_over, stop_if_unwanted
 from ..errors import RecordError, UnsuitableEpisode
 from ..record.files import SUFFIXES, compress, episode_key, file_exists, safe_text, write_atomically
 from ..record.reader import read_episode
@@ -323,7 +323,7 @@ def _part(
                 yield item
             else:
                 omissions.append((file, omission))
-        stop_if_over(writes=True)
+        stop_if_unwanted()
 
     return chosen.export_part(packed(), out, number), omissions, len(files)
 
