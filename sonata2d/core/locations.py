@@ -77,8 +77,8 @@ def _require_reachable(path: Any, protocol: str) -> None:
     if protocol == "memory" or place in _reached:
         return
     try:
-        path.fs.exists(path.path.split("/")[0])
-    except OSError:  # no access to that folder; to those in it there may be
+        path.fs.info(path.path)
+    except OSError:  # there is no such object, or no access to it: the store answers
         pass
     except Exception as error:  # each store has errors of its own
         raise ValueError(

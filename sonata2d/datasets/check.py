@@ -33,7 +33,7 @@ from .manifest import (
 )
 from .manifest_models import Manifest, ManifestFile, Shard, ShardedManifest, Source, is_episode_name
 from .plausibility import Finding, implausible_values
-from .shards import ShardRows, stored_form
+from .shards import PART, ShardRows, stored_form
 from .start import unlisted_episodes
 
 if TYPE_CHECKING:
@@ -355,6 +355,8 @@ def _unknown_files(folder: Path, manifest: JsonDict, names: set[str]) -> Iterato
     if unlisted := unlisted_episodes(folder, manifest):
         yield "files", unlisted
         unknown = {name for name in unknown if not is_episode_name(name)}
+    if not manifest["complete"]:
+        unknown = {name for name in unknown if not name.startswith(PART)}  # --resume continues unfinished shards
     for name in sorted(name for name in unknown if ".json" in name or name.endswith((".tmp", SHARD_SUFFIX))):
         yield "files", f"{name} is in the folder but not listed"
 
@@ -373,7 +375,7 @@ def _range_findings(manifest: JsonDict, shard: JsonDict, episodes: list[int]) ->
 def _shard_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
     """Contradictions within the manifest of a data set in shards, and between it and those of the shards."""
     shards, counts = manifest["shards"], {key: Counter[str]() for key in manifest["counts"]}
-    parts, left_out, following = Counter[str](), Counter[str](), 0
+    parts, left_out, following, are_all_read = Counter[str](), Counter[str](), 0, True
     is_generated = not (manifest["collected"] or manifest.get("sources"))
     for name in _repeated(shard["name"] for shard in shards):
         yield "shards", f"lists {name} more than once"
@@ -382,6 +384,7 @@ def _shard_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
             own = manifest["files"].manifest_of(shard)
         except RecordError as error:
             yield "shards", str(error)
+            are_all_read = False
             continue
         for key, counter in counts.items():
             counter.update(own["counts"].get(key) or {})
@@ -390,7 +393,7 @@ def _shard_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
             yield "split", f"is none, but the manifest of {shard['name']} has one; split the data set again"
         parts.update({part: len(names) for part, names in (own["split"] or {}).items()})
         content = own.get("shard") or {}
-        if is_generated and content.get("first") != following:
+        if is_generated and are_all_read and content.get("first") != following:
             yield "shards", f"{shard['name']} begins with episode {content.get('first')}, and not {following}"
         following = content.get("stop", -1)
     count = len(manifest["files"])
@@ -398,7 +401,7 @@ def _shard_findings(folder: Path, manifest: JsonDict) -> Iterator[Finding]:
         yield "complete", f"{count} of {manifest['episodes']} episodes exist; generate the others with --resume"
     elif count != manifest["episodes"]:
         yield "shards", f"have {count} episodes, and not {manifest['episodes']}"
-    for key, stated in manifest["counts"].items():
+    for key, stated in manifest["counts"].items() if are_all_read else ():
         if stated != dict(counts[key]):
             yield f"counts.{key}", f"is {stated}, but the shards give {dict(counts[key])}"
     if manifest.get("keep") and (manifest.get("left_out") or {}) != dict(left_out):

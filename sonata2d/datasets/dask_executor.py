@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import socket
 import time
 from concurrent.futures import CancelledError, Executor, Future, InvalidStateError
 from contextlib import suppress
@@ -69,7 +70,10 @@ class DaskExecutor(Executor):
         if address is None:
             number = None if workers is None else whole_number("workers", workers, 1)
             self._cluster = self._distributed.LocalCluster(
-                n_workers=number, threads_per_worker=1, dashboard_address="127.0.0.1:0"
+                n_workers=number,
+                threads_per_worker=1,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,  # its processes also get Ctrl-C, and say so at length
             )
             address = self._cluster
         if self._own_client:
@@ -184,6 +188,14 @@ class DaskExecutor(Executor):
             WorkerError: it does not answer in time.
         """
         deadline, is_announced = time.monotonic() + self.patience, False
+        while not self._listens(address):
+            if time.monotonic() > deadline:
+                raise WorkerError(f"the Dask scheduler {address} does not answer")
+            if not is_announced:
+                logger.warning("the Dask scheduler %s does not answer; waiting up to %.0f s", address, self.patience)
+            is_announced = True
+            interruption.check()
+            time.sleep(0.5)
         while True:
             try:
                 limit = max(1.0, min(_CONNECT, deadline - time.monotonic()))
@@ -195,11 +207,26 @@ class DaskExecutor(Executor):
                 interruption.check()
                 if isinstance(error, ValueError) or time.monotonic() > deadline:
                     raise WorkerError(f"the Dask scheduler {address} does not answer: {described(error)}") from error
-                if not is_announced:
-                    logger.warning("the Dask scheduler %s does not answer yet; waiting for it", address)
-                is_announced = True
                 time.sleep(0.5)
         self._counted = float("-inf")
+
+    def _listens(self, address: Any) -> bool:
+        """Whether a program listens at an address: a client that does not reach one takes 20 s to end.
+
+        Raises:
+            WorkerError: it is no address.
+        """
+        if not isinstance(address, str):
+            return True  # a cluster on this machine
+        try:
+            host, port = self._distributed.comm.get_address_host_port(address)
+        except (ValueError, NotImplementedError) as error:
+            raise WorkerError(f"{address} is no address of a Dask scheduler, such as tcp://10.0.0.5:8786") from error
+        try:
+            socket.create_connection((host, port), 2.0).close()
+        except OSError:
+            return False
+        return True
 
     def _sent_once(self, content: bytes) -> Any:
         """A reference to a large argument, which all workers get once."""

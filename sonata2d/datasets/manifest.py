@@ -28,7 +28,14 @@ from ..record.layout import JsonDict, software_versions
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.recorder import EpisodeRecorder
-from ..record.shard_file import is_member, is_shard, members_of, shard_manifest_path
+from ..record.shard_file import (
+    SHARD_MANIFEST_SUFFIX,
+    SHARD_SUFFIX,
+    is_member,
+    is_shard,
+    members_of,
+    shard_manifest_path,
+)
 from ..version import PHYSICS_VERSION
 from .manifest_models import Manifest, ManifestFile, Shard, ShardedManifest
 from .shards import ShardPaths, ShardRows, stored_form, with_rows
@@ -117,8 +124,11 @@ def files_of(path: Path) -> Sequence[Path]:
         return [path / name for name in members_of(path) if name.endswith(SUFFIXES)]
     if path.is_file() or is_member(path):
         return [path]
-    files = [path / name for name in sorted(file_names(path)) if name.endswith(SUFFIXES) and name not in _NOT_EPISODES]
+    names = [name for name in sorted(file_names(path)) if not name.endswith(SHARD_MANIFEST_SUFFIX)]
+    files = [path / name for name in names if name.endswith(SUFFIXES) and name not in _NOT_EPISODES]
     if not files:
+        if any(name.endswith(SHARD_SUFFIX) for name in names):
+            raise RecordError(f"{path} holds shards, but no {MANIFEST}; name one of the shards")
         if path.is_dir():
             raise RecordError(f"{path} holds no episode files")
         raise RecordError(f"{path} is neither a file nor a folder" if path.exists() else f"{path} does not exist")

@@ -112,7 +112,10 @@ class Processes:
         Raises:
             WorkerError: a process cannot be started, or crashed.
         """
-        written_store = call.writes if is_remote(call.writes) else None  # which may belong to one process
+        for path in (call.reads, call.writes):
+            if getattr(path, "protocol", None) == "memory":
+                raise WorkerError(f"{path} belongs to this process; use one worker (workers=1, --workers 1)")
+        written_store = call.writes if is_remote(call.writes) else None
         with marked(written_store) as mark, self._submitting(call.pickled(mark)) as submit:
             yield submit
 

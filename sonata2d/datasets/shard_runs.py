@@ -14,7 +14,7 @@ from typing import Self
 
 from ..core.locations import file_names
 from ..errors import NewerFormatError, RecordError
-from ..record.files import file_suffix, read_stored
+from ..record.files import file_suffix, read_stored, sha256_of
 from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.recorder import EpisodeRecorder
@@ -187,7 +187,10 @@ class NewShard:
         self._folder, self._number, self._spec = folder, number, spec
         self._path = folder / shard_name(number)
         self._earlier = parts_in(folder, self._path.name)
-        self._known = _members_by_name([self._path, *self._earlier])
+        self._known = _members_by_name(self._earlier)
+        with suppress(OSError, RecordError):
+            _whole_shard(self._path)  # it may have covered fewer episodes
+            self._known |= _members_by_name([self._path])
         self._writer = ShardWriter(self._path, part_path(self._path))
 
     def __enter__(self) -> Self:
@@ -263,9 +266,8 @@ class NewShard:
         """The manifest of the same shard if it exists; None: there is none, or another one."""
         with suppress(OSError, RecordError):
             found = read_stored_manifest(self._path)
-            is_whole = self._path.stat().st_size == found["shard"]["bytes"]
-            if is_whole and found["shard"]["stop"] == stop and found["files"] == [entry.row() for entry in entries]:
-                return found
+            if found["shard"]["stop"] == stop and found["files"] == [entry.row() for entry in entries]:
+                return _whole_shard(self._path)
         return None
 
     def _append(self, entry: ManifestEntry, data: bytes) -> ManifestEntry:
@@ -287,6 +289,18 @@ def result_of(number: int, manifest: JsonDict) -> ShardResult:
     return ShardResult(number, manifest["shard"]["stop"], row, manifest["split"] is not None)
 
 
+def _whole_shard(shard: Path) -> JsonDict:
+    """The manifest of a shard, whose file is as its manifest says.
+
+    Raises:
+        RecordError: the manifest or the file cannot be read, or the file was changed.
+    """
+    manifest = read_stored_manifest(shard)
+    if manifest.get("shard") is not None and sha256_of(shard) != manifest["shard"]["sha256"]:
+        raise RecordError(f"{shard} was changed since it was generated")
+    return manifest
+
+
 def existing_shards(folder: Path, spec: DatasetSpec) -> Iterator[ShardResult]:
     """The complete shards of a specification that a folder already holds; others are logged."""
     identity = identity_of(spec)
@@ -296,12 +310,10 @@ def existing_shards(folder: Path, spec: DatasetSpec) -> Iterator[ShardResult]:
         if number is None:
             continue
         try:
-            manifest = read_stored_manifest(path)
+            manifest = _whole_shard(path)
             different = [key for key, value in identity.items() if manifest.get(key) != value]
             if different or manifest.get("shard") is None:
                 raise RecordError(f"{path} belongs to another data set: its {', '.join(different) or 'kind'} differs")
-            if path.stat().st_size != manifest["shard"]["bytes"]:
-                raise RecordError(f"{path} was changed since it was generated")
         except RecordError as error:
             logger.warning("%s; the shard is generated again", error)
             continue
@@ -352,7 +364,7 @@ def remove_split(shard: Path) -> None:
 
 
 def _members_by_name(paths: Iterable[Path]) -> dict[str, Path]:
-    """The members of tar files; of earlier attempts at a shard, also of one that covered fewer episodes."""
+    """The members of tar files by name."""
     found: dict[str, Path] = {}
     for path in paths:
         with suppress(OSError):

@@ -157,6 +157,10 @@ class ShardRows(Sequence[JsonDict]):
             RecordError: it cannot be read, or lists another number of episodes.
         """
         name = shard["name"]
+        beside = shard_manifest_path(self.folder / name)
+        if not ((self.folder / name).is_file() and beside.is_file()):
+            missing = beside if (self.folder / name).is_file() else self.folder / name
+            raise RecordError(f"{missing} is missing; if the data set was generated, run the command with --resume")
         manifest = self._read(self.folder / name)
         if len(manifest["files"]) != shard["episodes"]:
             raise RecordError(

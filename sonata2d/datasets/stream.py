@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from functools import partial
@@ -13,7 +14,7 @@ from ..core.arguments import whole_number
 from ..core.optional import optional
 from ..core.rng import RandomStream
 from ..core.wording import shown
-from ..errors import RecordError
+from ..errors import DatasetWarning, RecordError
 from ..record.reader import read_episodes, without_garbage_collection
 from ..record.record import EpisodeRecord
 from .executors import Workers, parallel_map
@@ -72,6 +73,10 @@ class Stream(Iterable[Any]):
 
     def __iter__(self) -> Iterator[Any]:
         """The items of one epoch."""
+        blocks = -(-len(self._dataset) // BLOCK)
+        if self._part[0] >= blocks:
+            message = f"part {self._part} is empty: {len(self._dataset)} episodes are {blocks} blocks of {BLOCK}"
+            warnings.warn(f"{message}; use fewer parts", DatasetWarning, stacklevel=2)
         return self._items(*self._part, self._workers, self.epoch)
 
     def to_torch(self) -> Any:

@@ -23,7 +23,7 @@ from ..version import FORMAT, FORMAT_VERSION
 from .files import read_bytes, unpacked
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from .record import EpisodeRecord, States, wrap_read_errors
-from .shard_file import is_member, is_shard, read_members
+from .shard_file import is_member, is_shard, members_of, read_members
 from .validate import require_valid
 
 MIGRATIONS: dict[int, Callable[[JsonDict], JsonDict]] = {}  # from a version: converts a document to the next version
@@ -45,7 +45,8 @@ def read_episode(path: str | Path) -> EpisodeRecord:
     """
     path = location(path)
     if is_shard(path):
-        raise RecordError(f"{path} is a shard; name an episode in it, such as {path}/000000.json, or its data set")
+        first = next(iter(members_of(path)), "000000.json")
+        raise RecordError(f"{path} is a shard; name an episode in it, such as {path / first}, or its data set")
     return _episode(path, None)
 
 

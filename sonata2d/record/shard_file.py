@@ -24,7 +24,7 @@ from ..core.whole_file import sync_folder
 from ..errors import RecordError
 
 SHARD_SUFFIX = ".tar"
-_MANIFEST_SUFFIX = ".manifest.json"
+SHARD_MANIFEST_SUFFIX = ".manifest.json"
 _BLOCK = tarfile.BLOCKSIZE
 _APART = 4  # members are read one by one if the range from first to last has more than so many times their bytes
 _INDEXES = 128  # number of shards whose index stays in memory: 40 MB for shards of 1000 episodes
@@ -49,7 +49,7 @@ def is_member(path: Path) -> bool:
 
 def shard_manifest_path(shard: Path) -> Path:
     """Path of the manifest beside a shard."""
-    return shard.with_name(shard.name.removesuffix(SHARD_SUFFIX) + _MANIFEST_SUFFIX)
+    return shard.with_name(shard.name.removesuffix(SHARD_SUFFIX) + SHARD_MANIFEST_SUFFIX)
 
 
 def member_exists(path: Path) -> bool:

@@ -415,6 +415,16 @@ def test_resumption_with_another_compression_is_refused(sharded: Path, tmp_path:
         s2.generate_dataset(out, QUICK, "straight-to-goal", shard_size=10, suffix=".json.gz", resume=True, **SETTINGS)
 
 
+@pytest.mark.parametrize("place", [600, 90_000])  # in an episode, and in its numbers or a header
+def test_resumption_repairs_a_changed_shard(place: int, sharded: Path, tmp_path: Path) -> None:
+    out = copied(sharded, tmp_path / "out")
+    data = bytearray((out / "shard-000001.tar").read_bytes())
+    data[place] ^= 1
+    (out / "shard-000001.tar").write_bytes(data)
+    s2.generate_dataset(out, QUICK, "straight-to-goal", shard_size=10, resume=True, **SETTINGS)
+    assert contents(out) == contents(sharded)
+
+
 def test_croissant_metadata_describe_shards(sharded: Path, tmp_path: Path) -> None:
     out = copied(sharded, tmp_path / "out")
     write_card(out, figures=False)

@@ -172,7 +172,7 @@ def test_a_store_that_does_not_answer_is_one_error(endpoint: str, monkeypatch: p
     def refused(*_: Any, **__: Any) -> Any:
         raise ConnectionAbortedLike("Unable to locate credentials")
 
-    monkeypatch.setattr(s3fs.S3FileSystem, "exists", refused)
+    monkeypatch.setattr(s3fs.S3FileSystem, "info", refused)
     result = CliRunner().invoke(main, ["check", "s3://elsewhere/set"])
     assert result.exit_code == 2
     assert "s3://elsewhere cannot be reached (ConnectionAbortedLike: Unable to locate credentials)" in result.output
