@@ -254,7 +254,7 @@ def test_a_second_ctrl_c_ends_the_workers_at_once(here: Path) -> None:
     forever = "open('stuck', 'w').close() or [__import__('time').sleep(1) for _ in iter(int, 1)]"
     (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=forever))
     line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 2"
-    patient = "from sonata2d.datasets import executors; executors.STOP_GRACE = 1000"
+    patient = "from sonata2d.datasets import processes; processes.STOP_GRACE = 1000"
     with started(line, preparation=patient) as process:
         wait_until((here / "stuck").exists, process)
         process.send_signal(signal.SIGINT)
