@@ -100,8 +100,8 @@ class Accidents:
         self.at(self.done)
 
     def at(self, finished: int) -> None:
-        """Let the next accident happen, if the run has come that far."""
-        if self._left and finished >= self._left[0][0] * self._total:
+        """Let the accidents happen that are due; progress is counted in order, so that it may come in leaps."""
+        while self._left and finished >= self._left[0][0] * self._total:
             self._left.pop(0)[1]()
 
     @property
