@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
@@ -141,13 +143,20 @@ def content_of(path: Path, start: int | None = None, end: int | None = None) -> 
         OSError: it cannot be read.
     """
     found: Any = path
-    try:
+    with _os_errors():
         data: bytes = found.fs.cat_file(found.path, start=start, end=end)
+    return data
+
+
+@contextmanager
+def _os_errors() -> Iterator[None]:
+    """Turn the errors of a store, each of which has classes of its own, into OSError."""
+    try:
+        yield
     except OSError:
         raise
-    except Exception as error:  # each store has errors of its own
+    except Exception as error:
         raise OSError(5, f"{type(error).__name__}: {error}") from error
-    return data
 
 
 def version_of(path: Path) -> str:
@@ -157,12 +166,8 @@ def version_of(path: Path) -> str:
         OSError: there is no such object, or it cannot be read.
     """
     found: Any = path
-    try:
+    with _os_errors():
         return str(found.fs.ukey(found.path))
-    except OSError:
-        raise
-    except Exception as error:  # each store has errors of its own
-        raise OSError(5, f"{type(error).__name__}: {error}") from error
 
 
 def put_content(path: Path, data: bytes) -> None:
@@ -185,7 +190,7 @@ def put_file(path: Path, source: Path) -> None:
 
 def _put(path: Path, write: Any) -> None:
     found: Any = path
-    try:
+    with _os_errors():
         if is_object_store(path):
             write(found.fs, found.path)
             return
@@ -193,7 +198,3 @@ def _put(path: Path, write: Any) -> None:
         found.fs.makedirs(found.parent.path, exist_ok=True)
         write(found.fs, cast(Any, temporary).path)
         found.fs.mv(cast(Any, temporary).path, found.path)
-    except OSError:
-        raise
-    except Exception as error:  # each store has errors of its own
-        raise OSError(5, f"{type(error).__name__}: {error}") from error

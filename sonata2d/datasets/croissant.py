@@ -19,7 +19,7 @@ import orjson
 from ..errors import ConfigError, DatasetWarning, RecordError
 from ..record.files import file_suffix, read_bytes, read_text, sha256_of
 from ..record.layout import JsonDict
-from ..record.shard_file import SHARD_SUFFIX
+from ..record.shard_file import SHARD_MANIFEST_SUFFIX, SHARD_SUFFIX
 from .manifest import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO
 from .manifest_models import is_file_name
 from .plausibility import Finding
@@ -97,7 +97,7 @@ _SHARDS: tuple[JsonDict, ...] = (
         "name": "shard-manifests",
         "description": "A manifest of the episodes in each shard.",
         "encodingFormat": "application/json",
-        "includes": ["*.manifest.json"],
+        "includes": [f"*{SHARD_MANIFEST_SUFFIX}"],
     },
 )
 

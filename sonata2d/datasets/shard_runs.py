@@ -290,7 +290,7 @@ def result_of(number: int, manifest: JsonDict) -> ShardResult:
 
 
 def _whole_shard(shard: Path) -> JsonDict:
-    """The manifest of a shard, whose file is as its manifest says.
+    """The manifest of a shard, after a comparison of the file with its hash.
 
     Raises:
         RecordError: the manifest or the file cannot be read, or the file was changed.

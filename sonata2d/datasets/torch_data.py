@@ -40,7 +40,7 @@ class Episodes(torch.utils.data.Dataset):  # type: ignore[misc]
     """The arrays of episodes as tensors, see `Dataset.to_torch`.
 
     Args:
-        dataset: whose episodes are read.
+        dataset: the episodes.
     """
 
     def __init__(self, dataset: Dataset) -> None:

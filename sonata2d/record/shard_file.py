@@ -26,7 +26,7 @@ from ..errors import RecordError
 SHARD_SUFFIX = ".tar"
 SHARD_MANIFEST_SUFFIX = ".manifest.json"
 _BLOCK = tarfile.BLOCKSIZE
-_APART = 4  # members are read one by one if the range from first to last has more than so many times their bytes
+_APART = 4  # members are read one by one if the range from first to last has over 4 times their bytes
 _INDEXES = 128  # number of shards whose index stays in memory: 40 MB for shards of 1000 episodes
 
 
