@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-import json
 import re
-import shlex
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,15 +17,15 @@ from typing import Any
 from ..core.locations import location
 from ..core.notebook import Advance
 from ..errors import DatasetWarning, RecordError
-from ..record.counts import ANY_KIND
 from ..record.files import read_bytes, read_stored, read_text, write_atomically
 from ..record.layout import JsonDict
 from ..record.models import Settings
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.shard_file import is_shard
-from .card_figure import EpisodeStatistics, collect_statistics, draw_statistics, require_matplotlib
-from .croissant import Publication, croissant_metadata, licence_lines, stored_publication
+from .card_figure import collect_statistics, draw_statistics, require_matplotlib
+from .card_text import card_text, default_licence, description_of, figures_section, recorded_count, title_of
+from .croissant import Publication, croissant_metadata, stored_publication
 from .manifest import (
     CARD,
     CROISSANT,
@@ -39,110 +37,8 @@ from .manifest import (
     warn_if_incomplete,
     write_json,
 )
-from .markdown import cell, code, code_block, inline
-from .summaries import ContactSummary, ExcessiveCommands, totals_of
 
 _SEAL = re.compile(r"<!-- written by sonata2d, SHA-256 of the text above: ([0-9a-f]{64}) -->\n")
-_SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
-
-_CARD = """\
----
-pretty_name: {quoted_title}
-{licence}
-task_categories:
-- robotics
-tags:
-- social-navigation
-- pedestrians
-- simulation
-{synthetic_tag}- sonata2d
-size_categories:
-- {size}
----
-# {heading}
-
-{origin}{mirrored}{recorded}{kept}
-## Contents
-| outcome | episodes |
-| --- | ---: |
-{outcomes}
-
-{contacts}
-
-| family | episodes |
-| --- | ---: |
-{families}
-
-{frames} frames in total. `manifest.json` lists each file with its SHA-256. `run.jsonl` is a log of the generation runs
-and not part of the data.
-
-## Units and frames
-SI units: metres, seconds, radians. World frame: x right, y up, theta counter-clockwise in (-3.1416, 3.1416]. Commands
-are twists in the body frame: forward, left, counter-clockwise. Each file names the columns of its rows; numbers in
-frames are rounded to {precision}.
-
-{figures}## Known limits
-{simulated} simulated: social forces, oblong bodies, no gestures, faces or intentions beyond those in the file.
-Use the data for training and comparison, not as evidence of how people feel about a robot.
-"""
-
-_GENERATED = """\
-{count} of {requested} episodes of a robot among pedestrians in the scenario {name}, simulated by
-sonata2d {sonata2d} with the controller {controller}.
-
-## Reproduction
-{command}
-`scenario.json` beside this card and every episode contain the full settings. The same settings, seed, controller and
-physics version ({physics}) give the same bytes; `sonata2d check --replay` verifies this.{code}
-"""
-
-_COLLECTED = """\
-{count} runs of a robot among {others}, driven by {drivers} in the window of sonata2d {sonata2d}.
-The drivers decided which runs were kept.
-
-## Collection
-```
-sonata2d collect AGAIN --contributor NAME --scenario scenario.json
-```
-`scenario.json` beside this card contains the settings of the first run. Every run contains its own settings, the
-driver's commands and the device events, so that `sonata2d check --replay` verifies it (physics version {physics}).
-"""
-
-_MERGED = """\
-{count} episodes of a robot among pedestrians, merged from {source_count} data sets by sonata2d {sonata2d}.
-
-## Sources
-{source_table}
-
-`manifest.json` contains the settings of each source under `sources`, as does every episode.
-"""
-
-_MIRRORED = """
-Every episode is the left-right mirror image of an original; the command above gives the originals.
-`sonata2d mirror` converts these files back to the originals, byte for byte.
-"""
-
-_RECORDED = """
-## Recorded pedestrians
-{count} of the {given} pedestrians listed in the {scenario} follow recorded tracks and do not react to others. The
-terms of the recordings apply to them, and therefore to these files.
-"""
-
-_KEPT = """
-## Selection by outcome
-Only episodes with these outcomes are kept: {keep}. Left out: {left_out}. The data do not show how the omitted
-outcomes come about, and frequencies of outcomes are not those of the controller.
-"""
-
-_FIGURES = """\
-## Figures
-![Positions of robot and pedestrians, speeds, clearances, and outcomes]({picture})
-
-{frames} frames, {empty_frames} of them without pedestrians. Mean speed: robot {robot_speed:.2f} m/s, pedestrians
-{pedestrian_speed:.2f} m/s. In frames with pedestrians, the clearance between the robot and the nearest one is below
-0.45 m in {intimate:.1f} % and below 1.2 m in {personal:.1f} % of the frames.
-
-"""
 
 
 def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | None = None) -> None:
@@ -165,7 +61,7 @@ def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | 
     _require_no_shard(folder)
     data, described = json_bytes(manifest), _with_settings(folder, manifest)
     publication = stored_publication(folder)
-    licence = licence or _chosen_licence(folder, publication) or _default_licence(described)
+    licence = licence or _chosen_licence(folder, publication) or default_licence(described)
     publication = replace(publication, licence=licence)
     is_edited = has_edited_card(folder)
     if not is_edited:
@@ -229,7 +125,7 @@ def write_card(
         organisation = bool(organisation)  # what was stated of another creator does not hold for this one
     stored = stored_publication(folder)
     given: dict[str, Any] = {
-        "licence": licence or _chosen_licence(folder, stored) or _default_licence(manifest),
+        "licence": licence or _chosen_licence(folder, stored) or default_licence(manifest),
         "date": date,
         "version": version,
         "creator": creator,
@@ -241,7 +137,7 @@ def write_card(
         require_matplotlib()
         statistics = collect_statistics(_records(folder, [file["name"] for file in manifest["files"]], advance))
         draw_statistics(folder / FIGURES, statistics, title_of(manifest))
-        section = _figures_section(statistics)
+        section = figures_section(statistics)
     elif figures is None:
         section = _kept_figures(folder, manifest)
     else:
@@ -275,13 +171,13 @@ def _chosen_licence(folder: Path, publication: Publication) -> str | None:
     stored = publication.licence
     if stored is None or not (folder / MANIFEST).is_file():
         return None
-    return stored if stored != _default_licence(_with_settings(folder, read_manifest(folder))) else None
+    return stored if stored != default_licence(_with_settings(folder, read_manifest(folder))) else None
 
 
 def licence_of(folder: Path) -> str:
     """The licence of a data set."""
     chosen = _chosen_licence(folder, stored_publication(folder))
-    return chosen or _default_licence(_with_settings(folder, read_manifest(folder)))
+    return chosen or default_licence(_with_settings(folder, read_manifest(folder)))
 
 
 def _metadata(manifest: JsonDict, manifest_data: bytes, publication: Publication) -> JsonDict:
@@ -296,7 +192,7 @@ def _metadata(manifest: JsonDict, manifest_data: bytes, publication: Publication
         manifest,
         hashlib.sha256(manifest_data).hexdigest(),
         title=title_of(manifest),
-        description=_description(manifest),
+        description=description_of(manifest),
         publication=publication,
         responsible_ai=_responsible_ai(manifest),
     )
@@ -304,7 +200,7 @@ def _metadata(manifest: JsonDict, manifest_data: bytes, publication: Publication
 
 def _responsible_ai(manifest: JsonDict) -> JsonDict:
     """Properties of the Croissant RAI vocabulary."""
-    recorded, listed = _recorded_count(manifest)
+    recorded, listed = recorded_count(manifest)
     sources = manifest.get("sources") or [manifest]
     driven = [source for source in sources if source.get("scenario", source.get("name")) is None]
     origin = []
@@ -379,177 +275,6 @@ def _stored_figures(folder: Path) -> str:
     text = read_text(path)
     found = re.search(r"^## Figures\n.*?(?=^## )", text, re.MULTILINE | re.DOTALL)
     return found[0] if found and f"]({FIGURES})" in found[0] else ""
-
-
-def card_text(manifest: JsonDict, licence: str | None = None, figures: str = "") -> str:
-    """The text of a card, from the manifest alone.
-
-    Args:
-        manifest: manifest of the data set.
-        licence: as of `write_card`; by default `cc-by-4.0`, or `other` for recorded pedestrians.
-        figures: section about the figures, or an empty string.
-    """
-    counts, files, title = manifest["counts"], manifest["files"], title_of(manifest)
-    totals = totals_of(files)
-    sources = manifest.get("sources") or []
-    template = _MERGED if sources else _COLLECTED if manifest.get("collected") else _GENERATED
-    driver_count = len(counts.get("contributor") or ())
-    origin = template.format(
-        count=len(files),
-        requested=manifest["episodes"],
-        name=code(manifest["name"] or ""),
-        sonata2d=inline(manifest["software"]["sonata2d"]),
-        controller=code((manifest["controller"] or {}).get("path", "")),
-        command=code_block(_generating_command(manifest)),
-        code=_code_sentence(manifest),
-        physics=manifest["physics"],
-        others=_pedestrian_kinds(manifest),
-        drivers="one person" if driver_count == 1 else f"{driver_count} people",
-        source_count=len(sources),
-        source_table=_source_table(sources),
-    )
-    # A mirrored source repeats the selection of its original, so it gets a section only where no original is merged.
-    originals = [source for source in sources or [manifest] if not source.get("mirrored")] or sources or [manifest]
-    has_recorded = _recorded_count(manifest)[0] > 0
-    return _CARD.format(
-        heading=inline(title),
-        quoted_title=json.dumps(title, ensure_ascii=False),
-        size=next((name for limit, name in _SIZES if len(files) < limit), "n>1M"),
-        licence=licence_lines(licence or _default_licence(manifest)),
-        synthetic_tag="" if has_recorded else "- synthetic\n",
-        origin=origin,
-        mirrored=_MIRRORED if manifest.get("mirrored") and not sources else "",
-        recorded=_recorded_section(manifest) if has_recorded else "",
-        kept="".join(_kept_section(source) for source in originals),
-        outcomes=_count_rows(counts["outcome"]),
-        contacts=_contact_section(totals.contacts) + _excess_sentence(totals.excess),
-        families=_count_rows(counts["family"]),
-        frames=totals.frames,
-        precision=manifest["precision"],
-        figures=figures,
-        simulated="Pedestrians without recorded tracks are" if has_recorded else "Pedestrians are",
-    )
-
-
-def _generating_command(manifest: JsonDict) -> str:
-    """The command that generates a data set again, quoted for a shell."""
-    arguments = ["--scenario", SCENARIO, "--seed", manifest["seed"], "--episodes", manifest["episodes"]]
-    arguments += ["--controller", (manifest["controller"] or {}).get("path", "")]
-    arguments += [argument for status in manifest.get("keep") or () for argument in ("--keep", status)]
-    return shlex.join(["sonata2d", "generate", "AGAIN", *map(str, arguments)])
-
-
-def _code_sentence(manifest: JsonDict) -> str:
-    """What the same controller means, if it is not part of sonata2d; else an empty string."""
-    hashes = (manifest.get("controller_sha256") or {}).values()
-    if not hashes:
-        return ""
-    return (
-        f" The controller is the\nsame if its source file has the SHA-256 {' and '.join(hashes)},\nand the modules that"
-        " it imports are the same."
-    )
-
-
-def title_of(manifest: JsonDict) -> str:
-    """The title of a data set."""
-    count = len(manifest["files"])
-    title = f"sonata2d {manifest['name']}, seed {manifest['seed']}"
-    if manifest.get("collected"):
-        title = f"sonata2d, {count} runs driven by people"
-    if manifest.get("sources"):
-        title = f"sonata2d, {count} episodes of {len(manifest['sources'])} data sets"
-    return f"{title}, mirrored" if manifest.get("mirrored") else title
-
-
-def _recorded_count(manifest: JsonDict) -> tuple[int, int]:
-    """Number of pedestrians with a recorded track, and of all pedestrians listed in the scenarios of a data set."""
-    sources = manifest.get("sources") or [manifest]
-    people = [person for source in sources for person in (source["settings"] or {}).get("people", ())]
-    return sum(bool(person.get("track")) for person in people), len(people)
-
-
-def _default_licence(manifest: JsonDict) -> str:
-    """Licence identifier; recordings of people have terms of their own, so theirs is `other`."""
-    return "other" if _recorded_count(manifest)[0] else "cc-by-4.0"
-
-
-def _pedestrian_kinds(manifest: JsonDict) -> str:
-    recorded, listed = _recorded_count(manifest)
-    if not recorded:
-        return "simulated pedestrians"
-    return "recorded pedestrians" if recorded == listed else "recorded and simulated pedestrians"
-
-
-def _description(manifest: JsonDict) -> str:
-    """One or two sentences for the Croissant metadata."""
-    text = f"{len(manifest['files'])} episodes of a robot among {_pedestrian_kinds(manifest)}, made with sonata2d."
-    kept = {status for source in (manifest, *(manifest.get("sources") or ())) for status in source.get("keep", ())}
-    return text + (f" Only episodes with these outcomes are kept: {', '.join(sorted(kept))}." if kept else "")
-
-
-def _recorded_section(manifest: JsonDict) -> str:
-    count, given = _recorded_count(manifest)
-    return _RECORDED.format(count=count, given=given, scenario="scenarios" if manifest.get("sources") else "scenario")
-
-
-def _kept_section(source: JsonDict) -> str:
-    """The section on the selection by outcome of a data set or a merged source; empty if all episodes are kept."""
-    if not source.get("keep"):
-        return ""
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in (source.get("left_out") or {}).items()) or "none"
-    files = (
-        f" (files {code(source['name'] + '__…')})" if "scenario" in source else ""
-    )  # only sources have the key `scenario`
-    return _KEPT.format(keep=", ".join(source["keep"]) + files, left_out=counts)
-
-
-def _source_table(sources: list[JsonDict]) -> str:
-    rows = ["| files | scenario | seed | episodes | |", "| --- | --- | ---: | ---: | --- |"]
-    for source in sources:
-        scenario = "driven by people" if source["scenario"] is None else inline(source["scenario"])
-        seed, mirrored = "" if source["seed"] is None else source["seed"], "mirrored" if source.get("mirrored") else ""
-        rows.append(
-            f"| {cell(code(source['name'] + '__…'))} | {scenario} | {seed} | {len(source['files'])} | {mirrored} |"
-        )
-    return "\n".join(rows)
-
-
-def _count_rows(counts: dict[str, int]) -> str:
-    return "\n".join(f"| {inline(key)} | {count} |" for key, count in counts.items())
-
-
-def _excess_sentence(excess: list[ExcessiveCommands]) -> str:
-    """The commands beyond the limits of the robot's drive; empty if there are none."""
-    found = "; ".join(map(str, excess))
-    return f"\n\nCommands exceed the limits of the robot's drive, which executes less: {found}." if found else ""
-
-
-def _contact_section(summary: ContactSummary) -> str:
-    """Table of the robot's contacts by kind; a sentence if there are none, or they are not counted."""
-    uncounted = f"Number of episodes whose contacts were not counted: {summary.uncounted_episodes}."
-    if not summary.by_kind:
-        return uncounted if summary.uncounted_episodes else "The robot touched nothing in any frame."
-    rows = ["| robot in contact with | episodes | frames | robot at fault | other at fault |"]
-    rows.append("| --- | ---: | ---: | ---: | ---: |")
-    for kind, contacts in summary.by_kind.items():
-        frames = (contacts.frames, contacts.robot_at_fault, contacts.other_at_fault)
-        shares = " | ".join(summary.share(count) for count in frames)
-        rows.append(f"| {'anything' if kind == ANY_KIND else kind} | {contacts.episodes} | {shares} |")
-    note = "\nFault is with the side whose own velocity closes the gap: both, or neither, are possible."
-    return "\n".join([*rows, note, *([uncounted] if summary.uncounted_episodes else [])])
-
-
-def _figures_section(statistics: EpisodeStatistics) -> str:
-    occupied = max(statistics.frames - statistics.empty_frames, 1)
-    return _FIGURES.format(
-        picture=FIGURES,
-        frames=statistics.frames,
-        empty_frames=statistics.empty_frames,
-        robot_speed=statistics.robot_speed_sum / max(int(statistics.robot_speed.sum()), 1),
-        pedestrian_speed=statistics.pedestrian_speed_sum / max(int(statistics.pedestrian_speed.sum()), 1),
-        intimate=100.0 * statistics.intimate / occupied,
-        personal=100.0 * statistics.personal / occupied,
-    )
 
 
 def _with_settings(folder: Path, manifest: JsonDict) -> JsonDict:

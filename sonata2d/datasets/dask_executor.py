@@ -188,45 +188,42 @@ class DaskExecutor(Executor):
             WorkerError: it does not answer in time.
         """
         deadline, is_announced = time.monotonic() + self.patience, False
-        while not self._listens(address):
-            if time.monotonic() > deadline:
-                raise WorkerError(f"the Dask scheduler {address} does not answer")
-            if not is_announced:
-                logger.warning("the Dask scheduler %s does not answer; waiting up to %.0f s", address, self.patience)
-            is_announced = True
-            interruption.check()
-            time.sleep(0.5)
         while True:
             try:
+                self._probe(address)
                 limit = max(1.0, min(_CONNECT, deadline - time.monotonic()))
                 self._client = self._distributed.Client(
                     address, timeout=limit, security=self._security, set_as_default=False
                 )
                 break
-            except (OSError, TimeoutError, ValueError) as error:
+            except ValueError as error:
+                raise WorkerError(
+                    f"{address} is no address of a Dask scheduler, such as tcp://10.0.0.5:8786: {described(error)}"
+                ) from error
+            except (OSError, TimeoutError) as error:
                 interruption.check()
-                if isinstance(error, ValueError) or time.monotonic() > deadline:
+                if time.monotonic() > deadline:
                     raise WorkerError(f"the Dask scheduler {address} does not answer: {described(error)}") from error
-                time.sleep(0.5)
+            if not is_announced:
+                logger.warning("the Dask scheduler %s does not answer; waiting up to %.0f s", address, self.patience)
+            is_announced = True
+            time.sleep(0.5)
         self._counted = float("-inf")
 
-    def _listens(self, address: Any) -> bool:
-        """Whether a program listens at an address: a client that does not reach one takes 20 s to end.
+    def _probe(self, address: Any) -> None:
+        """Connect to an address and disconnect: a Dask client that does not reach its scheduler takes 20 s to end.
 
         Raises:
-            WorkerError: it is no address.
+            OSError: nothing listens there.
+            ValueError: it is no address.
         """
         if not isinstance(address, str):
-            return True  # a cluster on this machine
+            return  # a cluster on this machine
         try:
-            host, port = self._distributed.comm.get_address_host_port(address)
-        except (ValueError, NotImplementedError) as error:
-            raise WorkerError(f"{address} is no address of a Dask scheduler, such as tcp://10.0.0.5:8786") from error
-        try:
-            socket.create_connection((host, port), 2.0).close()
-        except OSError:
-            return False
-        return True
+            place = self._distributed.comm.get_address_host_port(address)
+        except NotImplementedError as error:  # such as inproc://
+            raise ValueError("it has no host and port") from error
+        socket.create_connection(place, 2.0).close()
 
     def _sent_once(self, content: bytes) -> Any:
         """A reference to a large argument, which all workers get once."""
@@ -244,19 +241,18 @@ class DaskExecutor(Executor):
 def _pass_on(future: Future[Any], task: Any) -> None:
     """Pass the outcome of a Dask task on; called in a thread of the client.
 
-    Futures of `Client.get_executor` are no alternative: one whose result is being fetched when the scheduler ends is
-    never done.
+    `Client.get_executor` is not used: its futures are never done if the scheduler ends while a result is fetched.
     """
     try:
         result = task.result(timeout=_FETCH)
-    except TimeoutError:
-        task.add_done_callback(partial(_pass_on, future))
     except BaseException as error:
-        if task.status != "error":  # lost with the scheduler
+        if task.status == "error":  # the function raised it
+            with suppress(InvalidStateError):
+                future.set_exception(error)
+        elif isinstance(error, TimeoutError):  # the worker that holds the result does not send it
+            task.add_done_callback(partial(_pass_on, future))
+        else:  # lost with the scheduler
             _lose(future)
-            return
-        with suppress(InvalidStateError):
-            future.set_exception(error)
     else:
         with suppress(InvalidStateError):
             future.set_result(result)

@@ -10,7 +10,7 @@ import orjson
 from ..record.files import write_atomically
 from ..record.layout import JsonDict
 from ..record.shard_file import ShardWriter, shard_manifest_path
-from .card import card_text
+from .card_text import card_text
 from .shards import part_path, shard_card_path
 from .tasks import stop_if_unwanted
 

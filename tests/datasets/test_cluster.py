@@ -197,7 +197,7 @@ def test_any_executor_gives_the_same_bytes(reference: Path, tmp_path: Path, kind
 
 
 def test_an_executor_may_run_tasks_in_the_thread_of_the_caller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The thread can do other work afterwards, although the call whose tasks it ran is over."""
+    """A thread that ran tasks of a finished call is not asked to stop when it does other work."""
     monkeypatch.setattr("sonata2d.datasets.tasks._LOOK_INTERVAL", 0.0)
     settings: dict[str, Any] = {"episodes": 4, "shard_size": 2}
     s2.generate_dataset(tmp_path / "one", QUICK, "straight-to-goal", workers=Failing(), **settings)

@@ -11,7 +11,7 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.core.snapshot import ControllerInfo
-from sonata2d.datasets.card import card_text
+from sonata2d.datasets.card_text import card_text
 from sonata2d.datasets.generate import KEEPABLE, generate_dataset
 from sonata2d.datasets.manifest import DatasetSpec, ManifestEntry, read_manifest
 from sonata2d.datasets.merge import merge_datasets

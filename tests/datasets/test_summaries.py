@@ -13,7 +13,7 @@ import sonata2d as s2
 from sonata2d.core.entities import Limits, Robot
 from sonata2d.core.geometry import Pose
 from sonata2d.core.snapshot import Contact
-from sonata2d.datasets.card import card_text
+from sonata2d.datasets.card_text import card_text
 from sonata2d.datasets.check import check_dataset
 from sonata2d.datasets.generate import generate_dataset
 from sonata2d.datasets.manifest import read_manifest, write_json
