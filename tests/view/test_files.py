@@ -161,12 +161,13 @@ def test_a_page_holds_the_episode(tmp_path, episode):
     parser = ScriptParser()
     parser.feed((tmp_path / "a.html").read_text(encoding="utf-8"))
     data = json.loads(parser.scripts[0])
-    assert data["people"][1][5] is None
-    assert data["people"][0][5][:2] == [1.2, 1.6]
-    assert [row[0] for row in data["robot"]] == pytest.approx([1.0 + 0.1 * k for k in range(12)])
-    assert [tick for tick, _ in data["links"]] == [0, 7, 8]
+    states = data["states"]
+    assert states[5]["people"][1] is None
+    assert states[5]["people"][0][:2] == [1.2, 1.6]
+    assert [state["robot"][0] for state in states] == pytest.approx([1.0 + 0.1 * k for k in range(12)])
+    assert [tick for tick, state in enumerate(states) if "links" in state] == [0, 7, 8]
     assert data["commands"][3] == [1.0, 0.0, 0.1]
-    assert data["clearance"][0] == pytest.approx(clearance(episode[0]), abs=1e-3)
+    assert states[0]["clearance"] == pytest.approx(clearance(episode[0]), abs=1e-3)
 
 
 def test_a_page_explains_its_symbols_in_the_words_of_the_pictures(tmp_path, scene, episode):

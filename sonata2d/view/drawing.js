@@ -1,0 +1,274 @@
+// Draws a scene on a canvas as the window does: metres, world frame, y up. The data are those of scene_data.py.
+
+const GAZE_RANGE = .75, GAZE_RAYS = [-3, -2, -1, 0, 1, 2, 3].map(k => .38 * k / 3);   // m beyond the outline; rad
+const VIEW_RANGE = 5, DOWN = .72;           // of the follow view: m to the upper edge; position of the robot from the top
+const MARGIN = .3;                          // m, around the room in the top view
+const TRAIL = 60;                           // ticks of past paths
+
+// ---- states between two ticks
+
+const blend = (a, b, s) => a + (b - a) * s;
+const turn = (a, b, s) => a + Math.atan2(Math.sin(b - a), Math.cos(b - a)) * s;
+
+/** A row (x, y, theta, ...) between two ticks; further values are those of the earlier one. */
+function pose(a, b, s) {
+  return a && (b ? [blend(a[0], b[0], s), blend(a[1], b[1], s), turn(a[2], b[2], s), ...a.slice(3)] : a);
+}
+
+/** What is drawn at a moment between two states of a scene; s from 0 (before) to 1 (after). */
+export function stateBetween(scene, before, after, s) {
+  const people = scene.humans.map((human, n) => {
+    const now = pose(before.people[n], after.people[n], s);
+    if (!now) return null;
+    const next = after.people[n] || now, [x, y, theta, head, speed, activity] = now;
+    return {...human, x, y, theta, head: turn(head, next[3], s), speed, activity: scene.activities[activity]};
+  }).filter(Boolean);
+  const [x, y, theta, ahead, left, omega] = pose(before.robot, after.robot, s);
+  return {people, links: before.links, time: blend(before.time, after.time, s),
+          robot: {id: 0, radius: scene.robotRadius, x, y, theta, ahead, left, omega, touches: before.touches}};
+}
+
+// ---- cameras: scale in pixels per metre, the world point at the upper left corner, the direction that points up
+
+/** The whole room in a picture of a size in pixels; above zoom 1, its part around a place. */
+export function topCamera(scene, width, height, zoom = 1, place = null) {
+  const {left, top, width: wide, height: high} = scene.view;
+  const fit = Math.min(width / wide, height / high), scale = fit * zoom;
+  const corner = (low, size, pixels, at) => {
+    const seen = pixels / scale, start = low + (size - pixels / fit) / 2, end = start + pixels / fit - seen;
+    return zoom <= 1 || !place ? low + (size - seen) / 2 : Math.min(Math.max(at - seen / 2, start), end);
+  };
+  return {scale, up: [0, 1], width, height, left: corner(left, wide, width, place && place.x),
+          top: -corner(-top, high, height, place && -place.y)};
+}
+
+/** From behind the robot, whose direction points up. */
+export function followCamera(robot, width, height, zoom = 1) {
+  const range = VIEW_RANGE / zoom, scale = DOWN * height / range, half = width / 2 / scale;
+  const ux = Math.cos(robot.theta), uy = Math.sin(robot.theta);
+  return {scale, up: [ux, uy], width, height,
+          left: robot.x + range * ux - half * uy, top: robot.y + range * uy + half * ux};
+}
+
+/** Pixels right of and below the upper left corner, of a world point. */
+export function toPixels(camera, x, y) {
+  const [ux, uy] = camera.up, dx = x - camera.left, dy = camera.top - y;
+  return [(dx * uy + dy * ux) * camera.scale, (dy * uy - dx * ux) * camera.scale];
+}
+
+/** World point of a pixel. */
+export function toWorld(camera, right, down) {
+  const [ux, uy] = camera.up, r = right / camera.scale, d = down / camera.scale;
+  return [camera.left + r * uy - d * ux, camera.top - r * ux - d * uy];
+}
+
+// ---- drawing
+
+export class SceneDrawing {
+  /** A scene; `ready` is called when its room can be drawn. */
+  constructor(scene, ready = () => {}) {
+    this.scene = scene;
+    this.room = new Image();
+    this.room.onload = ready;
+    this.room.src = scene.room;
+    this.cache = null;                     // the room at the present scale
+  }
+
+  known(name) { return !this.scene.unmeasured.includes(name); }
+
+  /** Fills the canvas with a state; `trails` are rows of past positions, the latest last. */
+  draw(pen, camera, now, {layers = {}, trails = [], outside = null, finish = () => {}} = {}) {
+    this.pen = pen; this.camera = camera;
+    const fine = pen.canvas.width / camera.width, {scale, left, top, up: [ux, uy]} = camera, s = scale * fine;
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    if (outside) { pen.fillStyle = outside; pen.fillRect(0, 0, pen.canvas.width, pen.canvas.height); }
+    else pen.clearRect(0, 0, pen.canvas.width, pen.canvas.height);
+    pen.setTransform(s * uy, -s * ux, -s * ux, -s * uy, s * (ux * top - uy * left), s * (uy * top + ux * left));
+    this.drawRoom(s);
+    if (layers.goal !== false && this.known("goal")) this.drawGoal(this.scene.goal);
+    for (const trail of trails) this.drawTrail(trail);
+    const robots = this.known("robot") ? [now.robot] : [];
+    const places = Object.fromEntries([...this.scene.things, ...now.people, ...robots].map(item => [item.id, item]));
+    if (layers.zones) this.inRoom(() => now.people.forEach(human => this.drawZones(human)));
+    if (layers.gaze !== false && this.known("heads")) now.people.forEach(human => this.drawGaze(human));
+    if (layers.links !== false) now.links.forEach(link => this.drawLink(link, places));
+    now.people.forEach(human => this.drawHuman(human, now.time));
+    robots.forEach(robot => this.drawRobot(robot));
+    pen.setTransform(fine, 0, 0, fine, 0, 0);
+    if (layers.ids) Object.values(places).forEach(item => this.drawId(item));
+    finish(pen, camera);
+  }
+
+  // -- shapes in the local frame of an agent: metres, x ahead, y left
+
+  at(x, y, theta, draw) { const {pen} = this; pen.save(); pen.translate(x, y); pen.rotate(theta); draw(); pen.restore(); }
+
+  fill(colour, alpha = 1) { const {pen} = this; pen.globalAlpha = alpha; pen.fillStyle = colour; pen.fill(); pen.globalAlpha = 1; }
+
+  line(colour, width, dash = []) {
+    const {pen} = this;
+    pen.lineCap = dash.length ? "butt" : "round"; pen.lineJoin = "round"; pen.setLineDash(dash);
+    pen.strokeStyle = colour; pen.lineWidth = width; pen.stroke(); pen.setLineDash([]); pen.globalAlpha = 1;
+  }
+
+  round(a, b, x = 0, y = 0) { this.pen.beginPath(); this.pen.ellipse(x, y, a, b, 0, 0, 2 * Math.PI); }
+
+  /** All within r of the shoulder line. */
+  body(r, shoulder) {
+    const {pen} = this;
+    pen.beginPath(); pen.arc(0, shoulder, r, 0, Math.PI); pen.arc(0, -shoulder, r, Math.PI, 2 * Math.PI); pen.closePath();
+  }
+
+  path(...points) { this.pen.beginPath(); for (const [x, y] of points) this.pen.lineTo(x, y); }
+
+  polygon(...points) { this.path(...points); this.pen.closePath(); }
+
+  // -- what does not move
+
+  /** The room, from a picture of it at the present scale, which is kept until the scale changes. */
+  drawRoom(scale) {
+    const {pen, room} = this, {left, top, width, height} = this.scene.view;
+    if (!room.complete || !room.naturalWidth) return;
+    const limit = Math.min(scale, 4096 / Math.max(width, height));
+    if (!this.cache || Math.abs(this.cache.scale / limit - 1) > .02) {
+      const canvas = document.createElement("canvas");
+      canvas.width = Math.max(Math.round(width * limit), 1); canvas.height = Math.max(Math.round(height * limit), 1);
+      canvas.getContext("2d").drawImage(room, 0, 0, canvas.width, canvas.height);
+      this.cache = {scale: limit, canvas};
+    }
+    pen.save(); pen.translate(left, top); pen.scale(1, -1);
+    pen.drawImage(this.cache.canvas, 0, 0, width, height);
+    pen.restore();
+  }
+
+  drawGoal([x, y, radius]) {
+    const {goal, goalFloor} = this.scene.colours;
+    const dash = Math.PI * radius / 16;
+    this.at(x, y, 0, () => {
+      this.round(radius, radius); this.fill(goalFloor); this.round(radius - .0125, radius - .0125);
+      this.line(goal, .025, [dash, dash]); this.round(.6 * radius - .015, .6 * radius - .015); this.line(goal, .03);
+      this.round(.22 * radius, .22 * radius); this.fill(goal);
+    });
+  }
+
+  inRoom(draw) {
+    const {pen} = this;
+    pen.save();
+    if (this.scene.outline.length) { this.polygon(...this.scene.outline); pen.clip(); }
+    draw(); pen.restore();
+  }
+
+  // -- what moves
+
+  drawHuman(human, time) {
+    const tones = this.scene.tones[human.activity], {shoulder, activity} = human, size = human.radius + shoulder / 2;
+    const isPlain = !this.known("headings");
+    this.at(human.x, human.y, human.theta, () => {
+      this.body(human.radius, shoulder);
+      if (human.ignores) {
+        this.fill(isPlain ? tones.plain : tones.body);
+        const length = 2 * Math.PI * human.radius + 4 * shoulder;
+        this.line(tones.dark, .033, [length / 18, length / 18]);
+      } else {
+        this.fill(tones.outline); this.body(human.radius - .022, shoulder); this.fill(isPlain ? tones.plain : tones.body);
+      }
+      if (isPlain) return;
+      this.drawLimbs(activity, size, tones, Math.sin(Math.PI * time / .75 + human.id));
+      this.round(.46 * size, .9 * (human.radius + shoulder)); this.fill(tones.dark);
+      this.round(.46 * size - .022, .9 * (human.radius + shoulder) - .022); this.fill(tones.fill);
+    });
+    if (isPlain) return;
+    const {hair, crown} = this.scene.colours, hasHead = this.known("heads");
+    this.at(human.x, human.y, hasHead ? human.head : human.theta, () => {
+      if (hasHead) { this.polygon([.3 * size, .2 * size], [.66 * size, 0], [.3 * size, -.2 * size]); this.fill(hair); }
+      this.round(.4 * size, .4 * size, .05 * size); this.fill(hair);
+      this.round(.24 * size, .24 * size, .02 * size); this.fill(crown);
+    });
+  }
+
+  drawLimbs(activity, r, {feet, sleeve}, swing) {
+    if (activity.startsWith("walking")) for (const side of [-1, 1]) {
+      this.round(.36 * r, .17 * r, side * swing * .5 * r, side * .38 * r); this.fill(feet);
+    } else if (activity === "talking") {
+      this.path([.1 * r, -.78 * r], [.62 * r, -.62 * r], [.8 * r, -.28 * r]); this.line(sleeve, .22 * r);
+    } else if (activity === "using") for (const side of [-1, 1]) {
+      this.path([.1 * r, side * .78 * r], [.5 * r, side * .7 * r], [.85 * r, side * .25 * r]); this.line(sleeve, .2 * r);
+    } else if (activity === "sitting") for (const side of [-1, 1]) {
+      this.round(.42 * r, .2 * r, 1.75 * r, side * .42 * r); this.fill(feet);
+      this.path([.2 * r, side * .42 * r], [1.5 * r, side * .42 * r]); this.line(sleeve, .46 * r);
+    } else if (activity === "queueing") {
+      this.path([0, .78 * r], [.5 * r, .4 * r], [.5 * r, -.4 * r], [0, -.78 * r]); this.line(sleeve, .24 * r);
+    } else if (activity === "looking") {
+      this.path([0, .75 * r], [-.6 * r, .35 * r], [-.6 * r, -.35 * r], [0, -.75 * r]); this.line(sleeve, .22 * r);
+    }
+  }
+
+  /** The field of view, which ends at walls. */
+  drawGaze(human) {
+    const colour = this.scene.tones[human.activity].fill;
+    const rays = GAZE_RAYS.map(angle => {
+      const limit = human.radius + GAZE_RANGE, c = Math.cos(human.head + angle), s = Math.sin(human.head + angle);
+      return [angle, Math.min(limit, ...this.scene.walls.map(wall => this.distanceTo(wall, human, c, s)))];
+    });
+    const points = far => rays.map(([a, d]) => [Math.min(d, far) * Math.cos(a), Math.min(d, far) * Math.sin(a)]);
+    const rim = points(Infinity), middle = points(human.radius + .66 * GAZE_RANGE);
+    this.at(human.x, human.y, human.head, () => {
+      this.polygon(...rim, ...[...middle].reverse()); this.fill(colour, 24 / 255);
+      this.polygon([0, 0], ...middle); this.fill(colour, 55 / 255);
+    });
+  }
+
+  /** Distance along a unit vector from a pedestrian to a wall, m. */
+  distanceTo([x0, y0, x1, y1], human, c, s) {
+    const ax = x1 - x0, ay = y1 - y0, ox = x0 - human.x, oy = y0 - human.y, cross = (c * ay - s * ax) || 1e-12;
+    const distance = (ox * ay - oy * ax) / cross, fraction = (ox * s - oy * c) / cross;
+    return distance > 0 && fraction >= 0 && fraction <= 1 ? distance : Infinity;
+  }
+
+  drawZones(human) {
+    const [intimate, personal] = this.scene.zones.map(distance => human.radius + distance), {colours} = this.scene;
+    this.at(human.x, human.y, human.theta, () => {
+      const length = 2 * Math.PI * personal + 4 * human.shoulder;
+      this.body(personal, human.shoulder); this.fill(colours.zone, 13 / 255);
+      this.line(colours.personalLine, .012, [length / 96, length / 96]);
+      this.body(intimate, human.shoulder); this.fill(colours.zone, 17 / 255); this.line(colours.intimateLine, .012);
+    });
+  }
+
+  drawRobot(robot) {
+    const r = robot.radius, {robot: colour, robotEdge, dark, paper} = this.scene.colours, width = robot.touches ? .07 : .035;
+    this.at(robot.x, robot.y, robot.theta, () => {
+      this.round(r, r); this.fill(colour);
+      this.round(r - width / 2, r - width / 2); this.line(robot.touches ? dark : robotEdge, width);
+      for (const side of [-1, 1]) {
+        this.pen.beginPath(); this.pen.rect(-.35 * r, side * .72 * r - .09 * r, .7 * r, .18 * r); this.fill(dark);
+      }
+      this.polygon([.78 * r, 0], [-.42 * r, .48 * r], [-.18 * r, 0], [-.42 * r, -.48 * r]); this.fill(paper);
+    });
+  }
+
+  drawLink([src, dst], places) {
+    const a = places[src], b = places[dst];
+    if (!a || !b) return;
+    const distance = Math.hypot(b.x - a.x, b.y - a.y), from = a.radius + .05, to = distance - b.radius - .05;
+    if (to > from) this.at(a.x, a.y, Math.atan2(b.y - a.y, b.x - a.x), () => {
+      for (let x = from; x <= to; x += .1) { this.round(.022, .022, x); this.fill(this.scene.colours.link); }
+    });
+  }
+
+  drawTrail({rows, colour, width}) {
+    const last = rows.length - 1;
+    for (let i = Math.max(last - TRAIL, 1); i <= last; i++) if (rows[i] && rows[i - 1]) {
+      this.path(rows[i - 1], rows[i]);
+      this.pen.globalAlpha = .55 * (1 - (last - i) / (TRAIL + 1)); this.line(colour, width, [9, 0]);
+    }
+  }
+
+  drawId(item) {
+    const {pen, camera} = this, size = .17 * camera.scale, [x, y] = toPixels(camera, item.x, item.y);
+    const label = [item.id, x, y - (item.radius + .06) * camera.scale];
+    pen.font = `600 ${size}px system-ui, sans-serif`; pen.textAlign = "center"; pen.lineJoin = "round";
+    pen.lineWidth = .06 * camera.scale; pen.strokeStyle = "#fff"; pen.strokeText(...label);
+    pen.fillStyle = this.scene.colours.ink; pen.fillText(...label);
+  }
+}
