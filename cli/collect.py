@@ -76,10 +76,10 @@ def command(
     if (out is None) == (rate is None):
         problem = "both were given; " if out is not None else ""
         raise click.UsageError(f"{problem}give either a folder OUT to drive, or --rate DIR|FILE to rate recorded runs")
+    from sonata2d.collect.texts import choose_language
     from sonata2d.scenegen.scenario.load import load_scenario
     from sonata2d.window.name_screen import NameScreen
     from sonata2d.window.stage import Stage
-    from sonata2d.window.texts import choose_language
 
     choose_language(language)
     config = load_scenario(scenario)

@@ -90,7 +90,7 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
         rows.append(("merged from", [_source_text(source) for source in manifest["sources"]]))
     if manifest["split"]:
         rows.append(("split", {part: len(names) for part, names in manifest["split"].items()}))
-    return rows + (_answer_rows(folder, files) if manifest["collected"] else [])
+    return rows + (_answer_rows(folder, files) + _delay_rows(folder, files) if manifest["collected"] else [])
 
 
 def _limit_rows(excess: list[ExcessiveCommands]) -> Rows:
@@ -119,6 +119,24 @@ def _answer_rows(folder: Path, files: list[dict[str, Any]]) -> Rows:
             spec = LabelSpec.from_settings(header["label_spec"])
             answers.setdefault(spec.question or spec.name, Counter())[spec.in_words(header["label"])] += 1
     return [(f"answers to {question!r}", dict(sorted(counts.items()))) for question, counts in answers.items()]
+
+
+def _delay_rows(folder: Path, files: list[dict[str, Any]]) -> Rows:
+    """How late the drivers saw the world, if they drove in a browser."""
+    import numpy as np
+
+    from sonata2d.record.reader import read_episode
+
+    medians = {}
+    for file in files:
+        times = read_episode(folder / file["name"]).round_trips
+        if np.isfinite(times).any():
+            medians[file["name"]] = float(np.nanmedian(times))
+    if not medians:
+        return []
+    slowest = max(medians, key=lambda name: medians[name])
+    summary = f"median {np.median(list(medians.values())):.3f} s in {len(medians)} runs"
+    return [("round trip", f"{summary}, {medians[slowest]:.3f} s in the slowest, {slowest}")]
 
 
 def _measured(scene: Scene, name: Unmeasured, text: str) -> str:

@@ -52,7 +52,7 @@ def command(
     DIR plays all episodes of a data set, FILE a single one. In the window you can pause, step, change the camera and
     save pictures (PNG or SVG); F1 shows the keys.
     """
-    from sonata2d.window.texts import choose_language
+    from sonata2d.collect.texts import choose_language
 
     view: View = "follow" if follow else "top"
     choose_language(language)

@@ -92,6 +92,11 @@ class Collection:
         numbers = [int(row["episode"]) for row in rows if row.get("seed") == seed]
         return max(numbers, default=-1) + 1
 
+    def kept_runs(self, seed: int) -> dict[int, str]:
+        """File names of this contributor's runs with a seed, by number of the scene."""
+        rows = [row for row in self._rows.values() if row["contributor"] == self.contributor and row["seed"] == seed]
+        return {int(row["episode"]): str(row["name"]) for row in rows}
+
     def keep(self, recorder: EpisodeRecorder, when: datetime, announce: Callable[[str], None]) -> Path:
         """Write a run that ended.
 
@@ -118,6 +123,11 @@ class Collection:
     def contains(self, name: str) -> bool:
         """Whether a kept or discarded run has this file name."""
         return any((place / name).exists() for place in (self.folder, self.folder / DISCARDED))
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether this session has kept a run."""
+        return bool(self._kept_paths)
 
     def undo(self) -> Path:
         """Move the run that this session kept last to the discarded runs, and return its new path.

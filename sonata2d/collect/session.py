@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, STOP, DeviceMapping, Teleoperation
-from ..core.devices import DeviceEvent
+from ..core.devices import NETWORK_DEVICE, DeviceEvent
 from ..core.geometry import Twist
 from ..core.labels import LABEL_DEVICE, LabelSpec
 from ..core.scene import Scene
@@ -29,6 +29,8 @@ from .journal import Journal, OpenRun, read_journal
 logger = logging.getLogger(__name__)
 
 State = Literal["waiting", "driving", "paused", "ended"]
+Schedule = Callable[[Mapping[int, str]], tuple[ScenarioConfig, int]]
+"""Chooses the next scene: from the file names of the kept runs, by number of their scene, its settings and number."""
 MAXIMUM_SCENE_ATTEMPTS = 20  # consecutive scenes that cannot be generated before it is an error
 
 
@@ -36,8 +38,8 @@ class Session:
     """Collects runs of one contributor in one folder.
 
     A run waits for the first tick (`waiting`); each `tick` advances it (`driving`) until it ends (`ended`). `keep`
-    stores the run, `redo` and `next` discard it; all three begin another one. Every contributor gets the same scenes in
-    the same order and continues after the last one kept or discarded.
+    stores the run, `redo` and `next` discard it; all three begin another one. Without a schedule, every contributor
+    gets the same scenes in the same order and continues after the last one kept or discarded.
 
     Args:
         out: folder of the runs.
@@ -46,6 +48,7 @@ class Session:
         seed: seed of the scenes.
         mappings: device mappings by kind of device.
         suffix: `.json`, `.json.gz` or `.json.zst`.
+        schedule: chooses the scenes; by default they are consecutive.
         now: clock for file names and the log.
 
     Attributes:
@@ -85,17 +88,19 @@ class Session:
         seed: int = 0,
         mappings: Mapping[str, DeviceMapping] = DEFAULT_MAPPINGS,
         suffix: str = ".json",
+        schedule: Schedule | None = None,
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
         self.config, self.seed, self._mappings, self._now = config, seed, dict(mappings), now
         self._collection = Collection(Path(out), contributor, config.settings(), suffix)
-        self._journal = Journal(self._collection.journal)
+        self._journal, self._schedule = Journal(self._collection.journal), schedule
         self.recovered: float | None = None
         self.notice = ""
         self.undone_label: Any = None
         try:
             if not self._recover():
-                self._begin(*self._next_scene(self._collection.next_number(seed), config))
+                number = None if schedule else self._collection.next_number(seed)
+                self._begin(*self._next_scene(number, config))
         except BaseException:
             self._collection.close()  # so that the caller can try again
             raise
@@ -115,6 +120,16 @@ class Session:
     def kept(self) -> int:
         """Number of this contributor's runs in the folder."""
         return self._collection.kept
+
+    @property
+    def kept_runs(self) -> Mapping[int, str]:
+        """File names of this contributor's runs in the folder, by number of the scene."""
+        return self._collection.kept_runs(self.seed)
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether `undo` can take back a run."""
+        return not self.ticks and self._collection.can_undo
 
     @property
     def mappings(self) -> Mapping[str, DeviceMapping]:
@@ -198,7 +213,7 @@ class Session:
         path = self._collection.keep(self._recorder, self._now(), self._journal.announce)
         self._put_away("kept", path)
         try:
-            self._begin(*self._next_scene(self.scene.episode + 1, self.config))
+            self._begin(*self._next_scene(self._following(), self.config))
         except SceneError as error:
             self._begin(self.scene, self._run_config)
             self.notice = f"The same scene again: {error}"
@@ -236,7 +251,7 @@ class Session:
         """
         # With new settings the driver waits for the result and can change them again, so one attempt is enough.
         attempts = MAXIMUM_SCENE_ATTEMPTS if config is None else 1
-        scene, config = self._next_scene(self.scene.episode + 1, config or self.config, attempts)
+        scene, config = self._next_scene(self._following(), config or self.config, attempts)
         path = self._discard(reason)
         self._begin(scene, config)
         self.config = config
@@ -272,10 +287,18 @@ class Session:
         self._collection.log(event="closed", at=self._time(), open_ticks=self.ticks, dropped_ticks=self.dropped_ticks)
         self._collection.close()
 
+    def _following(self) -> int | None:
+        """Number of the scene after the present one; None if a schedule chooses it."""
+        return None if self._schedule else self.scene.episode + 1
+
     def _next_scene(
-        self, number: int, config: ScenarioConfig, attempts: int = MAXIMUM_SCENE_ATTEMPTS
+        self, number: int | None, config: ScenarioConfig, attempts: int = MAXIMUM_SCENE_ATTEMPTS
     ) -> tuple[Scene, ScenarioConfig]:
-        """The first scene, from a number on, that can be generated, and its settings."""
+        """The first scene, from a number on, that can be generated, and its settings; None: that of the schedule."""
+        if number is None:
+            assert self._schedule is not None
+            config, number = self._schedule(self.kept_runs)
+            return generate(config, self.seed, number), config
         for k in range(number, number + attempts - 1):
             with suppress(SceneError):
                 return generate(config, self.seed, k), config
@@ -355,7 +378,7 @@ class Session:
         self._first_events = tuple(
             DeviceEvent(device, control, value if device == LABEL_DEVICE else 0.0)
             for (device, control), value in last_values.items()
-            if value != 0.0 or device == LABEL_DEVICE
+            if device != NETWORK_DEVICE and (value != 0.0 or device == LABEL_DEVICE)
         )
         if outcome_at(self.after) is not None:  # the crash came before the tick that ends the run
             self.tick()

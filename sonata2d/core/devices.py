@@ -9,6 +9,9 @@ from .geometry import quantised
 
 View = Literal["follow", "top"]
 
+NETWORK_DEVICE = "network"  # device name of events that tell how late a person who drives in a browser sees the world
+ROUND_TRIP = "round_trip"  # its control: time from the request of a tick to its answer, s; 1 for a second or more
+
 
 @dataclass(frozen=True, slots=True)
 class DeviceEvent:
@@ -17,7 +20,8 @@ class DeviceEvent:
     The value is kept at the precision of files, so that a recorded event equals the one that the controller received.
 
     Attributes:
-        device: `keyboard`, `mouse`, `pad0`, `pad1`, ...; `label` for a label given while driving.
+        device: `keyboard`, `mouse`, `touch`, `pad0`, `pad1`, ...; `label` for a label given while driving; `network`
+            for the delay of a browser.
         control: name of the key, button, stick or axis.
         value: its new value, -1 to 1.
 

@@ -8,7 +8,7 @@ from collections.abc import Container, Iterable, Iterator
 from ..errors import MetricError, PluginWarning
 from ..record.record import EpisodeRecord
 from ..registry import METRICS as PLUGINS, did_you_mean
-from . import disturbance, interactions, outcomes, paths, space
+from . import disturbance, driving, interactions, outcomes, paths, space
 from .definition import Metric
 from .interop import VARIANTS
 
@@ -18,6 +18,7 @@ FAMILIES: dict[str, tuple[Metric, ...]] = {
     "Distance to people and obstacles": space.METRICS,
     "Interactions": interactions.METRICS,
     "Effect on people": disturbance.METRICS,
+    "Delay of the driver": driving.METRICS,
 }
 
 

@@ -11,7 +11,7 @@ from typing import Any, SupportsIndex, overload
 
 import numpy as np
 
-from ..core.devices import DeviceEvent
+from ..core.devices import NETWORK_DEVICE, ROUND_TRIP, DeviceEvent
 from ..core.drawable import Drawable, Drawing
 from ..core.geometry import Twist
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Constant, Humans, X, Y, constant_of, frozen
@@ -243,6 +243,20 @@ class EpisodeRecord(Drawable):
     def labels(self) -> list[Any]:
         """The label of each frame; its command, [vx, vy, omega], where it has no label."""
         return [frame["label"] if "label" in frame else frame["command"] for frame in self.document["frames"]]
+
+    @cached_property
+    def round_trips(self) -> Array:
+        """(T,), s: how late a person who drove in a browser saw the world at each frame; NaN where it is not known.
+
+        The time from the request of a tick to its answer, as last measured; 1 stands for a second or more.
+        """
+        value, values = np.nan, []
+        for frame in self.document["frames"]:
+            for event in frame.get("events") or ():
+                if event["device"] == NETWORK_DEVICE and event["control"] == ROUND_TRIP:
+                    value = float(event["value"])
+            values.append(value)
+        return np.array(values)
 
     def counts(self) -> JsonDict:
         """Return the contacts, and the commands beyond the robot's limits, as a manifest holds them.

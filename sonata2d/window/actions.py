@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import pygame
 
-from .texts import text
+from ..collect.texts import text
 
 
 class Action(StrEnum):

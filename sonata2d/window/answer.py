@@ -8,11 +8,11 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UITextEntryLine
 
+from ..collect.texts import text
 from ..core.devices import DeviceEvent
 from ..core.labels import LABEL_DEVICE, LabelSpec
 from .actions import Action
 from .question_panel import FrameQuestion
-from .texts import text
 from .widgets import Choices, Scale
 
 _ROW = 42  # height of a text field, px at scale 1

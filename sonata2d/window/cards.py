@@ -9,12 +9,12 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton
 
+from ..collect.texts import text
 from ..view.fonts import width_of, wrapped
 from ..view.palette import BLUE, FAINT, INK, PAPER, VERMILLION, Colour
 from .actions import Action
 from .answer import question_of
 from .hud import Light
-from .texts import text
 from .widgets import EDGE, LARGE, SMALL, TEXT, draw_notice, line_height, natural_width, text_size, write
 
 if TYPE_CHECKING:

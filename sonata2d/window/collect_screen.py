@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 import pygame
 
 from ..collect.session import Session
+from ..collect.texts import text
 from ..core.devices import DeviceEvent, View
 from ..errors import Sonata2dError
 from ..scenegen.scenario.config import ScenarioConfig
@@ -22,7 +23,6 @@ from .input import HOTPLUG_EVENTS, InputDevices
 from .overlay import Overlay, Page
 from .scene_panel import ScenePanel
 from .stage import Screen, Stage
-from .texts import text
 
 _NOTICE_SECONDS = 5.0
 _MAX_TICKS = 3  # per frame of the window, to catch up; a longer delay is dropped and counted

@@ -9,11 +9,11 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UIHorizontalSlider, UILabel, UIScrollingContainer
 
+from ..collect.texts import text
 from ..view.palette import FLOOR
 from .input import KEYBOARD, Device, InputDevices, Move
 from .profiles import TARGETS, Profile, Target, is_assignable
 from .stage import Screen, Stage
-from .texts import text
 from .widgets import SMALL, ButtonSpec, button_row, fitted, text_size, write
 
 _MAX_DEAD_ZONE = 0.5

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 import pygame
 
+from ..collect.texts import text
 from ..core.geometry import Point
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances
 from ..core.snapshot import Snapshot
@@ -20,7 +21,6 @@ from ..view.fonts import shortened, width_of
 from ..view.legend import Legend
 from ..view.palette import FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
 from .question_panel import FrameQuestion, question_panel
-from .texts import text
 from .widgets import draw_notice, write
 
 Light = Literal["waiting", "recording", "paused", "frozen", "replay", "watching"]

@@ -11,10 +11,10 @@ import pygame
 from pygame._sdl2 import controller
 
 from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
+from ..collect.texts import text
 from ..core.devices import DeviceEvent
 from .actions import Action, key_name, key_with_modifiers
 from .profiles import Profile, Profiles
-from .texts import text
 
 logger = logging.getLogger(__name__)
 

@@ -10,6 +10,7 @@ import pygame
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import load_controller
+from ..collect.texts import text
 from ..core import interruption
 from ..core.devices import View
 from ..core.snapshot import Snapshot
@@ -24,7 +25,6 @@ from .camera import SceneCamera
 from .hud import Hud
 from .input import InputDevices
 from .stage import Screen, Stage
-from .texts import text
 
 logger = logging.getLogger(__name__)
 

@@ -9,12 +9,12 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UITextEntryLine
 
+from ..collect.texts import text
 from ..errors import Sonata2dError
 from ..view.palette import FLOOR
 from .actions import Action
 from .cards import Card
 from .stage import Screen, Stage
-from .texts import text
 
 Role = Literal["driver", "rater"]
 _ENTRY = 42  # height of the text field, px at scale 1

@@ -8,6 +8,7 @@ import pygame
 import pygame_gui
 
 from ..collect.session import Session
+from ..collect.texts import text
 from ..scenegen.scenario.config import ScenarioConfig
 from .actions import Action, help_rows
 from .answer import Answer, LabelSlider
@@ -16,7 +17,6 @@ from .hud import Hud, free_area, legend_box
 from .input import HOTPLUG_EVENTS
 from .scene_panel import ScenePanel
 from .stage import Stage
-from .texts import text
 
 Page = Literal["help", "menu", "scene"]
 _COMMAND_KEYS = (pygame.K_RETURN, pygame.K_KP_ENTER, pygame.K_ESCAPE, pygame.K_F1)  # not part of a typed text

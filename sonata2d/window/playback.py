@@ -9,6 +9,7 @@ from typing import Any
 
 import pygame
 
+from ..collect.texts import text
 from ..core.devices import DeviceEvent, View
 from ..core.labels import LabelSpec
 from ..core.scene import Scene
@@ -24,7 +25,6 @@ from ..view.painter import Painter
 from ..view.stills import save_moment
 from ..view.trails import Trails
 from .answer import answer_text
-from .texts import text
 
 logger = logging.getLogger(__name__)
 

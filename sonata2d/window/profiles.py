@@ -13,10 +13,10 @@ from typing import Any, NamedTuple, Self
 import platformdirs
 
 from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, Axis, DeviceMapping
+from ..collect.texts import text
 from ..errors import RecordError
 from ..record.files import write_atomically
 from .actions import KEYBOARD_ACTIONS, MOUSE_ACTIONS, PAD_ACTIONS, Action, control_text
-from .texts import text
 
 logger = logging.getLogger(__name__)
 

@@ -10,6 +10,7 @@ import pygame_gui
 from pygame_gui.elements import UIButton
 
 from ..collect.rating import RatingSession
+from ..collect.texts import text
 from ..core.devices import View
 from ..errors import RecordError
 from ..record.record import EpisodeRecord
@@ -20,7 +21,6 @@ from .answer import Answer, question_of
 from .cards import Card, percent_done, rating_break, rating_end, rating_start
 from .playback import Exporter, Player, playing_time
 from .stage import Screen, Stage
-from .texts import text
 from .widgets import (
     LARGE,
     MINUS,

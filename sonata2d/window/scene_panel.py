@@ -8,9 +8,9 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UILabel, UIPanel, UITextEntryLine
 
+from ..collect.texts import text
 from ..scenegen.scenario.config import ScenarioConfig
 from .actions import Action
-from .texts import text
 from .widgets import fitted
 
 _COUNTS = (

@@ -12,12 +12,12 @@ import pygame
 import pygame_gui
 from pygame._sdl2 import controller
 
+from ..collect.texts import text
 from ..errors import RenderError, WindowError
 from ..view.display import start_display
 from ..view.fonts import FAMILY
 from ..view.stills import save_surface
 from .gui_fonts import provide_fonts
-from .texts import text
 from .widgets import text_size
 
 REFERENCE = (1280, 800)  # px, size of a window at scale 1

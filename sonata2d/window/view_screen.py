@@ -8,6 +8,7 @@ from pathlib import Path
 import pygame
 from pygame_gui.elements import UIButton
 
+from ..collect.texts import text
 from ..core.devices import View
 from ..errors import RenderError
 from ..view.palette import OUTSIDE
@@ -16,7 +17,6 @@ from .cards import Card
 from .hud import Hud, draw_hud, draw_legend, free_area, legend_box
 from .playback import Exporter, Player, Playlist, frame_label, frame_summary, playing_time, run_summary
 from .stage import Screen, Stage
-from .texts import text
 from .widgets import MINUS, PLUS, SMALL, TEXT, Timeline, button_row, draw_panel, text_size, write
 
 _BAR = 146  # height of the lower bar, px at scale 1

@@ -9,9 +9,9 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton
 
+from ..collect.texts import text
 from ..view.fonts import rendered, shortened, width_of, wrapped
 from ..view.palette import BLUE, FAINT, GRID, INK, PAPER, VERMILLION, Colour
-from .texts import text
 
 if TYPE_CHECKING:
     from .playback import Player

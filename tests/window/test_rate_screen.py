@@ -10,12 +10,12 @@ import pygame
 import pytest
 
 from sonata2d.collect.rating import Rating, RatingSession, ratings_of
+from sonata2d.collect.texts import text
 from sonata2d.core.labels import LabelSpec
 from sonata2d.errors import RecordError
 from sonata2d.record.recorder import JsonRecorder
 from sonata2d.window.cards import rating_end, rating_start
 from sonata2d.window.rate_screen import RateScreen
-from sonata2d.window.texts import text
 
 from ..record.samples import run
 from .conftest import Line

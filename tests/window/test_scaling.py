@@ -8,11 +8,11 @@ from pathlib import Path
 import pygame
 import pytest
 
+from sonata2d.collect.texts import choose_language, languages
 from sonata2d.view.fonts import EM
 from sonata2d.window.cards import Card
 from sonata2d.window.hud import legend_box
 from sonata2d.window.stage import fitting_size
-from sonata2d.window.texts import choose_language, languages
 from sonata2d.window.view_screen import ViewScreen
 
 from .conftest import Line

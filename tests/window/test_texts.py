@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from sonata2d import window
+from sonata2d.collect import texts
+from sonata2d.collect.texts import choose_language, fields_of, languages, text
 from sonata2d.errors import ConfigError
 from sonata2d.view.legend import TEXTS
-from sonata2d.window import texts
-from sonata2d.window.texts import choose_language, fields_of, languages, text
 
-FOLDER = Path(texts.__file__).parent
+FOLDER = Path(window.__file__).parent
 MODULES = sorted(path for path in FOLDER.glob("*.py") if path.name not in ("texts.py", "profiles.py"))
 ENGLISH = texts.table("en")
 NAMES_OF = [FOLDER.parent / path for path in ("core/labels.py", "view/legend.py")]  # values of keys, beside the window

@@ -30,8 +30,12 @@ _TOO_DEEP = f"values are nested more than {MAX_SCENARIO_DEPTH} deep"
 _TOO_MANY = f"a mapping has more than {MAX_SCENARIO_KEYS} keys"
 
 
-def parse_settings(path: Path) -> dict[str, Any]:
+def parse_settings(path: Path, kind: str = "scenario") -> dict[str, Any]:
     """Parse a file of settings.
+
+    Args:
+        path: of the file.
+        kind: what the settings describe, for error messages.
 
     Raises:
         ConfigError: the file cannot be read, is not valid, or exceeds a limit; one line with file and, if known, line.
@@ -63,7 +67,7 @@ def parse_settings(path: Path) -> dict[str, Any]:
     except RecursionError:
         raise ConfigError(f"{path.name}: values are nested too deeply") from None
     if not isinstance(content, dict):
-        raise ConfigError(f"{path.name}: a scenario is a mapping of settings, not {type(content).__name__}")
+        raise ConfigError(f"{path.name}: a {kind} is a mapping of settings, not {type(content).__name__}")
     return content
 
 

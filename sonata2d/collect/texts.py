@@ -1,4 +1,4 @@
-"""The words of the window: one table per language, in `languages/`."""
+"""The words that participants read, in the window and in a browser: one table per language, in `languages/`."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def choose_language(name: str) -> None:
     Raises:
         ConfigError: the table cannot be read, or has an unknown key or value.
     """
-    texts = table(name) if name in languages() else _checked(Path(name), table(_ENGLISH))
+    texts = table(name) if name in languages() else read_table(Path(name))
     _chosen.clear()
     _chosen.update(texts)
 
@@ -62,8 +62,13 @@ def _flat(tables: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _checked(path: Path, english: dict[str, str]) -> dict[str, str]:
-    """Read a researcher's table."""
+def read_table(path: Path) -> dict[str, str]:
+    """The texts of a researcher's table, by `section.key`.
+
+    Raises:
+        ConfigError: the table cannot be read, or has an unknown key or value.
+    """
+    english = table(_ENGLISH)
     if path.suffix.lower() != ".toml":
         known = ", ".join(languages())
         raise ConfigError(f"no language {str(path)!r}; choose {known}, or name a file that ends in .toml")

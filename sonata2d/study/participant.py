@@ -1,0 +1,378 @@
+"""What one participant has done and does next, without a window or a server."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
+from ..collect.rating import RatingSession
+from ..collect.session import Session
+from ..record.record import EpisodeRecord
+from ..scenegen.scenario.config import ScenarioConfig
+from .answers import AnswerLog, checked_answers, name_of_entry
+from .folder import StudyFolder
+from .load import spec_of
+from .plan import Step, steps_of
+
+logger = logging.getLogger(__name__)
+
+_PRACTICE = "practice"  # why a run is not kept
+
+
+class Participant:
+    """Takes part in a study: goes from step to step, and continues where it stopped.
+
+    The steps that are done follow from the participant's file of answers and from the kept runs, so nothing is lost or
+    repeated when the program ends at any moment.
+
+    Args:
+        folder: of the study.
+        id: of the participant, a pseudonym.
+        mappings: device mappings by kind of device.
+        suffix: of episode files.
+        now: clock.
+
+    Attributes:
+        session: the runs; None before the first one, and after the last.
+        rating: the runs to rate, while they are rated.
+        record: the run to rate now.
+        language: of the participant.
+        has_declined: whether the participant did not consent.
+
+    Raises:
+        ConfigError: the id is not usable.
+        RecordError: a file of the participant is damaged, or cannot be written.
+    """
+
+    def __init__(
+        self,
+        folder: StudyFolder,
+        id: str,
+        *,
+        mappings: Mapping[str, DeviceMapping] = DEFAULT_MAPPINGS,
+        suffix: str = ".json",
+        now: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        self._folder, self.id, self._mappings, self._suffix, self._now = folder, id, mappings, suffix, now
+        self.study = folder.study
+        self.index = folder.add(id)
+        self.steps = steps_of(self.study.config, self.index)
+        self._runs = {step.run: step for step in self.steps if step.kind == "run"}
+        self.session: Session | None = None
+        self.rating: RatingSession | None = None
+        self.record: EpisodeRecord | None = None
+        self.language = self.study.config.languages[0]
+        self._log, self._personal = AnswerLog(folder.answers_of(id)), AnswerLog(folder.personal_of(id))
+        self._kept: dict[int, str] = {}  # of the runs, by number of the scene
+        self._done: set[str] = set()
+        self._asked: dict[str, str] = {}  # file of the run that the questions of a step were answered about
+        self._may_undo = False
+        self._replaced: dict[str, int] = {}  # scenes that replace those of runs, within their blocks
+        self.has_declined = False
+        for event in self._log.lines:
+            self._apply(event)
+        if not self._log.lines:
+            self._append(event="begun")
+        self.resume()
+
+    # The present step
+
+    @property
+    def step(self) -> Step:
+        """The step to do now."""
+        return next(step for step in self.steps if step.kind == "thanks" or not self._is_done(step))
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Number of steps that are done, and of all steps but the last, which is a page of thanks."""
+        return sum(self._is_done(step) for step in self.steps[:-1]), len(self.steps) - 1
+
+    @property
+    def runs(self) -> tuple[int, int]:
+        """Number of runs that are kept, and that are asked for."""
+        return sum(self._is_done(step) for step in self._runs.values()), len(self._runs)
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether all is done, or the participant did not consent."""
+        return self.has_declined or self.step.kind == "thanks"
+
+    @property
+    def is_driving(self) -> bool:
+        """Whether the present step is a run, or a practice run."""
+        return self.step.kind in ("run", "practice") and not self.has_declined
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether the last kept run can be taken back: nothing but questions about it has been done since."""
+        return self._may_undo and self.study.config.undo and self.session is not None and self.session.can_undo
+
+    # What a participant does
+
+    def choose_language(self, language: str) -> None:
+        """Use one of the languages of the study.
+
+        Raises:
+            ValueError: the study has no such language.
+        """
+        if language not in self.study.config.languages:
+            raise ValueError(f"the study has no language {language!r}")
+        if language != self.language:
+            self._append(event="language", language=language)
+
+    def read(self, step: str) -> None:
+        """Go on after a page.
+
+        Raises:
+            ValueError: the present step is another one.
+        """
+        self._require(step, "page")
+        self._append(event="done", step=step)
+        self.resume()
+
+    def consent(self, step: str, ticked: Sequence[bool]) -> None:
+        """Agree to take part.
+
+        Raises:
+            ValueError: the present step is another one, or a statement is not ticked.
+        """
+        present = self._require(step, "consent")
+        if len(ticked) != len(present.statements) or not all(tick is True for tick in ticked):
+            raise ValueError("every statement has to be ticked")
+        self._append(event="consented", step=step, study=self.study.sha256, language=self.language)
+        self.resume()
+
+    def decline(self, step: str) -> None:
+        """Do not take part; the participant can change their mind later."""
+        self._require(step, "consent")
+        self._append(event="declined", step=step)
+
+    def reconsider(self) -> None:
+        """Show the consent again after it was declined."""
+        if self.has_declined:
+            self._append(event="reconsidered")
+
+    def answer(self, step: str, values: Mapping[str, Any]) -> None:
+        """Answer the questions of a page.
+
+        Args:
+            step: id of the step.
+            values: as of `answers.checked_answers`.
+
+        Raises:
+            ValueError: the present step is another one, or an answer is missing or does not fit.
+            RecordError: the answers cannot be written.
+        """
+        present = self._require(step, "questions")
+        answers = checked_answers(present.entries, values)
+        personal = {name_of_entry(entry) for entry in present.entries if entry.personal or present.is_personal}
+        facts: dict[str, Any] = {"event": "answers", "step": step}
+        if present.run is not None:
+            facts["file"] = self._file_of_run(present.run)
+        secret = {name: value for name, value in answers.items() if name in personal}
+        if secret:
+            self._personal.append(time=self._time(), **facts, values=secret)
+        values = {name: value for name, value in answers.items() if name not in personal}
+        self._append(**facts, values=values, language=self.language)
+        self._may_undo = self._may_undo and present.run is not None
+        self.resume()
+
+    def keep(self, label: Any = None) -> Path:
+        """Keep the run that ended, and go on.
+
+        Raises:
+            ValueError: the run has not ended or is too short, or the label does not fit.
+            RecordError: the file cannot be written; nothing is lost.
+        """
+        session = self._driving("run")
+        minimum = self.study.config.minimum_length
+        if session.state == "ended" and session.after.time < minimum:
+            raise ValueError(f"the run is {session.after.time:.1f} s long; runs of {minimum:g} s or more can be kept")
+        step = self.step
+        path = session.keep(label)
+        self._kept, self._may_undo = dict(session.kept_runs), True
+        self._append(event="kept", step=step.id, file=path.name, block=step.block, scene=self._number_of(step))
+        self.resume()
+        return path
+
+    def finish_practice(self) -> None:
+        """Go on after a practice run that ended.
+
+        Raises:
+            ValueError: no practice run has ended.
+        """
+        session = self._driving(_PRACTICE)
+        if session.state != "ended":
+            raise ValueError("the run has not ended")
+        self._append(event="done", step=self.step.id)
+        session.next(reason=_PRACTICE)
+        self.resume()
+
+    def discard(self) -> None:
+        """Discard the run; another scene replaces it.
+
+        Raises:
+            ValueError: the study does not allow it, or no run has begun.
+        """
+        session = self._driving("run")
+        if not self.study.config.discard:
+            raise ValueError("runs of this study cannot be discarded")
+        if not session.ticks:
+            raise ValueError("no run has begun")
+        step = self.step
+        block = [other for other in self._runs.values() if other.block == step.block]
+        used = [scene for other in block for scene in (other.scene, self._replaced.get(other.id, 0))]
+        self._append(event="replaced", step=step.id, scene=max(used) + 1)
+        session.next(reason="discarded")
+
+    def redo(self) -> None:
+        """Drive the same scene again; a run that has begun is discarded.
+
+        Raises:
+            ValueError: the study does not allow it.
+        """
+        session = self._driving("run", _PRACTICE)
+        if not self.study.config.redo and self.step.kind == "run":
+            raise ValueError("runs of this study cannot be driven again")
+        session.redo()
+
+    def undo(self) -> None:
+        """Take back the last run that was kept.
+
+        Raises:
+            ValueError: the study does not allow it, another run has begun, or nothing was kept in this session.
+        """
+        if self.session is None or not self.can_undo:
+            raise ValueError("the last run cannot be taken back")
+        self.session.undo()
+        self._may_undo = False
+        self._kept = dict(self.session.kept_runs)
+        self._append(event="undone")
+
+    def rate(self, label: Any, *, seconds: float, whole: bool) -> None:
+        """Rate the run on show, and go on.
+
+        Raises:
+            ValueError: there is no run to rate, or the label does not fit.
+            RecordError: the rating cannot be written.
+        """
+        if self.rating is None or self.record is None:
+            raise ValueError("there is no run to rate")
+        self.rating.rate(self.record, label, seconds=seconds, whole=whole)
+        self.record, self._may_undo = None, False
+        self.resume()
+
+    def resume(self) -> None:
+        """Prepare what the present step needs: the runs to drive, or the run to rate."""
+        step = self.step
+        if self.has_declined:
+            return
+        if step.kind in ("run", "practice") and self.session is None:
+            self.session = Session(
+                self._folder.out,
+                self.id,
+                self.study.config_of(step.block),
+                seed=self.study.config.seed,
+                mappings=self._mappings,
+                suffix=self._suffix,
+                schedule=self._schedule,
+                now=self._now,
+            )
+            self._kept = dict(self.session.kept_runs)
+            # The journal may hold a run that does not belong here: a practice run that was done, or a discarded one.
+            if self.is_driving and self.session.scene.episode != self._number_of(self.step):
+                self.session.next(reason="belongs to another step")
+            step = self.step  # the kept runs are known only now
+        if step.kind == "ratings":
+            self._resume_rating(step)
+        has_runs = any(step.kind in ("run", _PRACTICE) and not self._is_done(step) for step in self.steps)
+        if not has_runs and not self.can_undo:
+            self.close()
+
+    def close(self) -> None:
+        """End the program's part; the participant continues with the next one."""
+        if self.session is not None:
+            self.session.close()
+            self.session = None
+
+    # Internals
+
+    def _resume_rating(self, step: Step) -> None:
+        block = self.study.config.ratings[step.block]
+        if self.rating is None or self.rating.folder != self._folder.rated(step.block):
+            self.rating = RatingSession(
+                self._folder.rated(step.block),
+                self.id,
+                spec_of(block.question, self.study.config.languages[0]),
+                seed=self.study.config.seed,
+                repeats=block.repeats,
+                break_after=block.break_after,
+            )
+            self.record = None
+        if self.record is None:
+            self.record = self.rating.load()
+        if self.record is None:
+            self.rating = None
+            self._append(event="done", step=step.id)
+            self.resume()
+
+    def _schedule(self, kept: Mapping[int, str]) -> tuple[ScenarioConfig, int]:
+        """The scene of the next run; after the last one, that of the last one, which waits and is never driven."""
+        self._kept = dict(kept)
+        runs = [step for step in self.steps if step.kind in ("run", _PRACTICE)]
+        step = next((step for step in runs if not self._is_done(step)), runs[-1])
+        return self.study.config_of(step.block), self._number_of(step)
+
+    def _number_of(self, step: Step) -> int:
+        """Number of the scene of a run."""
+        return self.study.scene_number(step.block, self._replaced.get(step.id, step.scene))
+
+    def _file_of_run(self, run: int) -> str | None:
+        """The kept file of a run."""
+        return self._kept.get(self._number_of(self._runs[run]))
+
+    def _is_done(self, step: Step) -> bool:
+        if step.kind == "run":
+            assert step.run is not None
+            return self._file_of_run(step.run) is not None
+        if step.kind == "questions" and step.run is not None:  # a run that was driven again is asked about again
+            file = self._file_of_run(step.run)
+            return file is not None and self._asked.get(step.id) == file
+        return step.id in self._done
+
+    def _require(self, step: str, kind: str) -> Step:
+        """The present step, if it is the expected one: a click may arrive twice, or from an older page."""
+        present = self.step
+        if present.id != step or present.kind != kind or (self.has_declined and kind != "consent"):
+            raise ValueError(f"the present step is {present.id}, not {step}")
+        return present
+
+    def _driving(self, *kinds: str) -> Session:
+        if self.session is None or self.step.kind not in kinds or self.has_declined:
+            raise ValueError(f"the present step is {self.step.id}, not a run")
+        return self.session
+
+    def _append(self, **facts: Any) -> None:
+        """Store an event, and apply it."""
+        self._log.append(time=self._time(), **facts)
+        self._apply(facts)
+
+    def _apply(self, event: Mapping[str, Any]) -> None:
+        kind, step = event["event"], event.get("step", "")
+        if kind == "language":
+            self.language = event["language"]
+        elif kind == "answers" and event.get("file") is not None:
+            self._asked[step] = event["file"]
+        elif kind in ("done", "answers", "consented"):
+            self._done.add(step)
+        elif kind == "replaced":
+            self._replaced[step] = event["scene"]
+        if kind in ("declined", "reconsidered", "consented"):
+            self.has_declined = kind == "declined"
+
+    def _time(self) -> str:
+        return f"{self._now():%Y-%m-%dT%H:%M:%SZ}"

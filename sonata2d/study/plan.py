@@ -1,0 +1,130 @@
+"""What a participant does, step by step, and in which order the runs come."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from .config import QuestionConfig, ScaleConfig, StudyConfig, Text
+from .load import order_key
+
+StepKind = Literal["page", "consent", "questions", "practice", "run", "ratings", "thanks"]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of a study.
+
+    Attributes:
+        id: unique in the study, such as `page-1`.
+        kind: what the participant does.
+        title, text: of a page.
+        statements: of the consent.
+        entries: questions.
+        run: number of a run or a practice run, from 0, or of the run that questions are about.
+        block: number of the block of runs or ratings.
+        scene: number of the scene within its block.
+        is_personal: whether all answers are personal.
+    """
+
+    id: str
+    kind: StepKind
+    title: Text = ""
+    text: Text = ""
+    statements: tuple[Text, ...] = ()
+    entries: tuple[QuestionConfig | ScaleConfig, ...] = ()
+    run: int | None = None
+    block: int = 0
+    scene: int = 0
+    is_personal: bool = False
+
+
+def steps_of(config: StudyConfig, index: int) -> list[Step]:
+    """The steps of a participant.
+
+    Args:
+        config: settings of the study.
+        index: number of the participant, from 0.
+    """
+    steps = [
+        Step(f"page-{k}", "page", title=page.title, text=page.text) for k, page in enumerate(config.pages, start=1)
+    ]
+    if config.consent is not None:
+        consent = config.consent
+        steps.append(Step("consent", "consent", title=consent.title, text=consent.text, statements=consent.statements))
+    if config.demographics:
+        steps.append(Step("demographics", "questions", entries=config.demographics, is_personal=True))
+    practice = config.practice
+    if practice is not None:
+        if practice.text is not None:
+            steps.append(Step("practice-text", "page", text=practice.text))
+        steps += [
+            Step(f"practice-{k + 1}", "practice", run=k, block=len(config.runs), scene=k) for k in range(practice.runs)
+        ]
+    steps += _driving_steps(config, index)
+    for k, block in enumerate(config.ratings):
+        if block.text is not None:
+            steps.append(Step(f"ratings-{block.name}-text", "page", text=block.text))
+        steps.append(Step(f"ratings-{block.name}", "ratings", block=k))
+    if config.end:
+        steps.append(Step("end", "questions", entries=config.end))
+    thanks = config.thanks
+    steps.append(Step("thanks", "thanks", title=thanks.title, text=thanks.text) if thanks else Step("thanks", "thanks"))
+    return steps
+
+
+def _driving_steps(config: StudyConfig, index: int) -> list[Step]:
+    """The runs, each followed by its questions."""
+    steps: list[Step] = []
+    previous = None
+    for number, (block, scene) in enumerate(run_order(config, index)):
+        text = config.runs[block].text
+        if text is not None and block != previous:
+            steps.append(Step(f"block-{block + 1}-text", "page", text=text))
+        previous = block
+        steps.append(Step(f"run-{number + 1}", "run", run=number, block=block, scene=scene))
+        if config.after_run:
+            steps.append(Step(f"after-run-{number + 1}", "questions", entries=config.after_run, run=number))
+    return steps
+
+
+def run_order(config: StudyConfig, index: int) -> list[tuple[int, int]]:
+    """The runs of a participant: for each the number of its block, and of its scene within the block.
+
+    Args:
+        config: settings of the study.
+        index: number of the participant, from 0.
+    """
+    blocks = range(len(config.runs))
+    if config.order == "latin-square" and config.runs:
+        blocks = latin_square_row(len(config.runs), index)  # type: ignore[assignment]
+    runs = [(block, scene) for block in blocks for scene in range(config.runs[block].runs)]
+    if config.order == "shuffled":
+        runs.sort(key=lambda run: order_key(config.seed, "runs", index, *run))
+    return runs
+
+
+def latin_square_row(n: int, index: int) -> list[int]:
+    """A row of a Latin square in which each condition follows each other one equally often.
+
+    For an odd number of conditions, this needs two squares, the second with reversed rows: Williams, Experimental
+    Designs Balanced for the Estimation of Residual Effects of Treatments, Australian Journal of Scientific Research
+    A 2, 1949.
+
+    Args:
+        n: number of conditions.
+        index: number of the row; rows repeat after n, or 2 n for an odd n.
+
+    >>> [latin_square_row(4, k) for k in range(4)]
+    [[0, 1, 3, 2], [1, 2, 0, 3], [2, 3, 1, 0], [3, 0, 2, 1]]
+    """
+    first = [(column + 1) // 2 if column % 2 else -(column // 2) for column in range(n)]
+    row = [(condition + index) % n for condition in first]
+    return row[::-1] if n % 2 and index % (2 * n) >= n else row
+
+
+def shuffled(entry: ScaleConfig, seed: int, index: int) -> Sequence[str]:
+    """Names of the items of a questionnaire in the order in which a participant sees them."""
+    names = [item.name for item in entry.definition.items]
+    return sorted(names, key=lambda name: order_key(seed, "items", index, name)) if entry.shuffle else names

@@ -1,0 +1,185 @@
+"""The results of a study as tables: participants, runs, answers and ratings."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import orjson
+
+from ..collect.rating import ratings_of
+from ..datasets.manifest import LOG, MANIFEST, read_manifest
+from ..errors import RecordError
+from ..record.files import read_bytes, safe_stem, write_atomically
+from ..record.reader import read_episode
+from .answers import read_answers
+from .folder import ANSWERS, PERSONAL, RATED, STUDY, read_state
+
+Row = dict[str, Any]
+TABLES = {
+    "participants": ("participant", "language", "begun", "consented", "last_event", "runs", "ratings"),
+    "runs": (
+        "participant", "order", "step", "scenario", "scene", "file", "outcome", "seconds", "dropped_ticks",
+        "round_trip_median", "round_trip_95", "label",
+    ),
+    "answers": ("participant", "step", "file", "question", "item", "value", "time"),
+    "ratings": ("participant", "block", "file", "showing", "label", "seconds", "whole", "time"),
+}  # fmt: skip
+
+
+def save_results(out: str | Path, folder: str | Path, *, personal: bool = False) -> list[Path]:
+    """Write the results of a study as CSV tables, one row for each participant, run, answer and rating.
+
+    Args:
+        out: folder of the study.
+        folder: for the tables; created if it does not exist.
+        personal: whether personal answers are included.
+
+    Returns:
+        The paths of the tables.
+
+    Raises:
+        RecordError: the folder is not that of a study, a file is damaged, or a table cannot be written.
+    """
+    paths = []
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordError(f"{folder} cannot be written: {error.strerror or error}") from error
+    for name, rows in results_of(out, personal=personal).items():
+        paths.append(Path(folder) / f"{name}.csv")
+        write_atomically(paths[-1], table_of(TABLES[name], rows))
+    return paths
+
+
+def results_of(out: str | Path, *, personal: bool = False) -> dict[str, list[Row]]:
+    """The rows of all tables, by name of the table; see `save_results`."""
+    out = Path(out)
+    participants = read_state(out)["participants"]
+    events = {id: read_answers(out / STUDY / ANSWERS / f"{safe_stem(id)}.jsonl") for id in participants}
+    secret = {
+        id: read_answers(out / STUDY / PERSONAL / f"{safe_stem(id)}.jsonl") if personal else [] for id in participants
+    }
+    runs = _run_rows(out, events)
+    kept = {row["file"] for row in runs}
+    ratings = [row for id in participants for row in _rating_rows(out, id)]
+    return {
+        "participants": [_participant_row(id, events[id], runs, ratings) for id in participants],
+        "runs": runs,
+        "answers": [row for id in participants for row in _answer_rows(id, [*events[id], *secret[id]], kept)],
+        "ratings": ratings,
+    }
+
+
+def table_of(columns: Sequence[str], rows: Iterable[Row]) -> bytes:
+    """A table as CSV in UTF-8.
+
+    A text that a spreadsheet would take for a formula is preceded by an apostrophe.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in rows:
+        writer.writerow([_cell(row.get(column)) for column in columns])
+    return text.getvalue().encode()
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, bool):
+        return int(value)
+    if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r"):
+        return f"'{value}"
+    return "" if value is None else value
+
+
+def _participant_row(id: str, events: list[Row], runs: list[Row], ratings: list[Row]) -> Row:
+    consented = [event["time"] for event in events if event["event"] == "consented"]
+    languages = [event["language"] for event in events if "language" in event]
+    return {
+        "participant": id,
+        "language": languages[-1] if languages else None,
+        "begun": events[0]["time"] if events else None,
+        "consented": consented[-1] if consented else None,
+        "last_event": events[-1]["time"] if events else None,
+        "runs": sum(row["participant"] == id for row in runs),
+        "ratings": sum(row["participant"] == id for row in ratings),
+    }
+
+
+def _run_rows(out: Path, events: dict[str, list[Row]]) -> list[Row]:
+    """The kept runs, in the order in which each participant drove them."""
+    if not (out / MANIFEST).exists():
+        return []
+    listed = {row["name"]: row for row in read_manifest(out)["files"]}
+    dropped = _dropped_ticks(out)
+    rows = []
+    for id, lines in events.items():
+        kept = {event["file"]: event for event in lines if event["event"] == "kept"}
+        files = [name for name, row in listed.items() if row["contributor"] == id]
+        for order, name in enumerate(sorted(files), start=1):  # names of one participant begin with the time
+            record = read_episode(out / name)
+            trips = record.round_trips[np.isfinite(record.round_trips)]
+            row = {
+                "participant": id,
+                "order": order,
+                "step": kept.get(name, {}).get("step"),
+                "scenario": record.scene().name,
+                "scene": record.episode,
+                "file": name,
+                "outcome": record.outcome.status,
+                "seconds": round(float(record.states.time[-1]), 4),
+                "dropped_ticks": dropped.get(name),
+                "round_trip_median": round(float(np.median(trips)), 4) if len(trips) else None,
+                "round_trip_95": round(float(np.percentile(trips, 95)), 4) if len(trips) else None,
+                "label": record.label if isinstance(record.label, str | int | float | None) else str(record.label),
+            }
+            rows.append(row)
+    return rows
+
+
+def _dropped_ticks(out: Path) -> dict[str, int]:
+    """Ticks of real time that were not simulated, by file, from the log of the runs."""
+    dropped = {}
+    path = out / LOG
+    for line in read_bytes(path).splitlines() if path.exists() else ():
+        try:
+            event = orjson.loads(line)
+        except ValueError:
+            continue  # a line that a crash cut off
+        if event.get("event") == "kept":
+            dropped[event["file"]] = event["dropped_ticks"]
+    return dropped
+
+
+def _answer_rows(id: str, events: list[Row], kept: set[str]) -> list[Row]:
+    """The latest answers to each question; those about runs that were driven again are left out."""
+    latest: dict[tuple[str, str], Row] = {}
+    for event in events:
+        if event["event"] == "answers" and (event.get("file") is None or event["file"] in kept):
+            for question, value in event["values"].items():
+                latest[event["step"], question] = event | {"question": question, "value": value}
+    rows = []
+    for event in latest.values():
+        values = event["value"] if isinstance(event["value"], dict) else {"": event["value"]}
+        base = {"participant": id, **{key: event.get(key) for key in ("step", "file", "question", "time")}}
+        rows += [base | {"item": item, "value": value} for item, value in values.items()]
+    return rows
+
+
+def _rating_rows(out: Path, id: str) -> list[Row]:
+    folder = out / RATED
+    blocks = sorted(path for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []
+    return [
+        {
+            "participant": id,
+            "block": block.name,
+            **{key: getattr(rating, key) for key in ("file", "showing", "label", "seconds", "whole", "time")},
+        }
+        for block in blocks
+        for rating in ratings_of(block)
+        if rating.rater == id
+    ]

@@ -1,0 +1,190 @@
+"""Study files: settings, errors, orders, questionnaires."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from sonata2d_cli.main import main
+
+from sonata2d.errors import ConfigError
+from sonata2d.study.config import StudyConfig
+from sonata2d.study.load import load_study
+from sonata2d.study.plan import latin_square_row, run_order, shuffled, steps_of
+from sonata2d.study.scales import scale_named, scale_names
+
+from .conftest import STUDY
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "problem"),
+    [
+        ("runs: 2", "runs: two", "line 10: runs.0.runs: Input should be a valid integer"),
+        ("minimum_length", "minimal_length", "line 18: minimal_length: unknown key 'minimal_length'; did you mean"),
+        ("room.yaml", "rom.yaml", "line 10: runs.0.scenario: no scenario file or preset '"),
+        ("folder: recorded", "folder: elsewhere", "line 15: ratings.0.folder: "),
+        ("count: 3", "count: 30", "line 15: ratings.0.folder: count is 30, but recorded has 4 episodes"),
+        ("scale: rosas", "scale: rosa", "line 17: end.0.scale: there is no scale 'rosa'; scales are godspeed, "),
+        ("[warmth]", "[warm]", "line 17: end.0.subscales.0: rosas has no part 'warm'; it has warmth, comp"),
+        ("classes: 5", "points: 5", "line 12: after_run.0.classes: give the names of the classes"),
+        ("name: effort", "name: 1st", "line 12: after_run.0.name: a name begins with a letter"),
+        ("name: effort", "name: driver", "line 13: after_run.1: two questions have the name 'driver'"),
+        ("minimum: 18", "minimum: 180", "line 6: demographics.0.minimum: the minimum is above"),
+        ("kind: yes_no", "kind: number", "line 15: ratings.0.question.kind: runs are rated with"),
+        ("title: Passing", "languages: [en, de]\ntitle: Passing", "line 2: title: a text of a study in several lang"),
+        ("title: Passing", "languages: [fr]\ntitle: Passing", "line 1: languages: sonata2d has no words in 'fr'"),
+        ("title: Passing people", "title: {de: Hallo}", "line 1: title: the text in the language 'en' is missing"),
+        ("title: Passing people", "title: {en: Hi, de: Hallo}", "line 1: title.de: 'de' is not among the languages"),
+        ("title: Passing people", "title: ''", "line 1: title: the text in the language 'en' is missing"),
+    ],
+)
+def test_an_error_names_line_key_value_and_remedy(study_file: Path, before: str, after: str, problem: str) -> None:
+    study_file.write_text(STUDY.replace(before, after))
+    with pytest.raises(ConfigError) as caught:
+        load_study(study_file)
+    assert f"study.yaml, {problem}" in str(caught.value)
+
+
+def test_a_study_needs_something_to_do(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text("title: Nothing\n")
+    with pytest.raises(ConfigError, match="a study has runs, ratings or both"):
+        load_study(tmp_path / "study.yaml")
+    (tmp_path / "study.yaml").write_text("- title\n")
+    with pytest.raises(ConfigError, match="a study is a mapping of settings, not list"):
+        load_study(tmp_path / "study.yaml")
+
+
+LABELLED = """\
+title: {{en: Robots, de: Roboter}}
+languages: [en, de]
+runs:
+  - scenario: room.yaml
+    label: {label}
+"""
+
+
+@pytest.mark.parametrize(
+    ("label", "problem"),
+    [
+        ("{}", "line 5: runs.0.label: the scenario asks its question in one language; give question, classes in each"),
+        (
+            "{question: {en: Good, de: Gut}, classes: {en: [a, b], de: [c]}}",
+            "1 classes in 'de' for 2 of the scenario",
+        ),
+        ("{question: {en: Good, de: Gut}, classes: {en: [a, b]}}", "give classes in each"),
+        ("{question: {en: Good, de: Gut}, classes: {en: [a, b], de: [c, d]}, ends: {en: [a, b]}}", "remove ends"),
+        ("{question: {en: Good, de: Gut}, classes: {en: [a, b], de: [c, d]}}", ""),
+    ],
+)
+def test_the_question_of_a_scenario_is_translated(tmp_path: Path, label: str, problem: str) -> None:
+    (tmp_path / "room.yaml").write_text("extends: empty\nlabel: {kind: classes, classes: [poor, good], question: Ok}\n")
+    (tmp_path / "study.yaml").write_text(LABELLED.format(label=label))
+    if not problem:
+        assert load_study(tmp_path / "study.yaml").config.runs[0].label.classes["de"] == ("c", "d")
+        return
+    with pytest.raises(ConfigError, match=problem):
+        load_study(tmp_path / "study.yaml")
+
+
+def test_words_of_another_language_are_in_a_table(tmp_path: Path) -> None:
+    (tmp_path / "fr.toml").write_text('[menu]\ntitle = "Menu principal"\n')
+    (tmp_path / "study.yaml").write_text(
+        "title: Robots\nlanguages: [fr]\ntexts: {fr: fr.toml}\nruns: [{scenario: empty}]"
+    )
+    words = load_study(tmp_path / "study.yaml").tables["fr"]
+    assert (words["menu.title"], words["menu.continue"]) == ("Menu principal", "Continue")
+
+
+@pytest.mark.parametrize("name", scale_names())
+def test_a_questionnaire_has_its_source_and_distinct_items(name: str) -> None:
+    scale = scale_named(name)
+    assert "20" in scale.source
+    names = [item.name for item in scale.items]
+    assert len(set(names)) == len(names)
+    assert all(bool(item.text) is (item.ends is None) for item in scale.items)
+    assert (scale.ends is None) is all(item.ends is not None for item in scale.items)
+
+
+def test_questionnaires_have_their_published_size() -> None:
+    """RoSAS: 18 items of nine points in three parts; Godspeed: 24 of five points in five parts."""
+    rosas, godspeed = scale_named("rosas"), scale_named("godspeed")
+    assert (rosas.points, Counter(item.subscale for item in rosas.items)) == (
+        9, {"warmth": 6, "competence": 6, "discomfort": 6}
+    )  # fmt: skip
+    sizes = {"anthropomorphism": 5, "animacy": 6, "likeability": 5, "intelligence": 5, "safety": 3}
+    assert (godspeed.points, Counter(item.subscale for item in godspeed.items)) == (5, sizes)
+
+
+def test_a_translation_of_a_questionnaire_is_checked(tmp_path: Path) -> None:
+    path = tmp_path / "study.yaml"
+    start = "title: {en: A, de: B}\nlanguages: [en, de]\nruns: [{scenario: empty}]\nend:\n  - scale: godspeed\n"
+    path.write_text(start + "    subscales: [safety]\n    texts: {de: {anxious-relaxed: [unruhig, entspannt]}}\n")
+    (warning,) = load_study(path).config.untranslated()
+    assert warning.startswith("end.0: godspeed is shown in English to participants who read 'de'; translate question, ")
+    for text, problem in (
+        ("{de: {calm: [a, b]}}", "godspeed has no item 'calm'"),
+        ("{de: {anxious-relaxed: unruhig}}", "this item is a pair of opposites"),
+        ("{fr: {anxious-relaxed: [a, b]}}", "'fr' is not among the languages"),
+    ):
+        path.write_text(f"{start}    texts: {text}\n")
+        with pytest.raises(ConfigError, match=problem):
+            load_study(path)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+def test_a_latin_square_is_balanced(n: int) -> None:
+    """Each condition is at each place, and follows each other one, equally often."""
+    rows = [latin_square_row(n, k) for k in range(2 * n)]
+    assert all(sorted(row) == list(range(n)) for row in rows)
+    for place in range(n):
+        assert set(Counter(row[place] for row in rows).values()) == {2}
+    pairs = Counter(pair for row in rows for pair in pairwise(row))
+    assert len(pairs) == n * (n - 1)
+    assert len(set(pairs.values())) <= 1
+
+
+def config_with(**settings: object) -> StudyConfig:
+    runs = [{"scenario": "empty", "runs": 3}, {"scenario": "sonata-2020", "runs": 2}]
+    return StudyConfig.model_validate({"title": "t", "runs": runs, **settings})
+
+
+def test_orders_of_runs() -> None:
+    fixed = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1)]
+    assert run_order(config_with(), 5) == fixed
+    assert run_order(config_with(order="latin-square"), 0) == fixed
+    assert run_order(config_with(order="latin-square"), 1) == [(1, 0), (1, 1), (0, 0), (0, 1), (0, 2)]
+    orders = [tuple(run_order(config_with(order="shuffled"), k)) for k in range(20)]
+    assert len(set(orders)) > 10
+    assert all(sorted(order) == fixed for order in orders)
+    assert orders[3] == tuple(run_order(config_with(order="shuffled"), 3))
+    assert orders[3] != tuple(run_order(config_with(order="shuffled", seed=1), 3))
+
+
+def test_items_are_shuffled_for_each_participant() -> None:
+    config = config_with(end=[{"scale": "rosas", "shuffle": True}])
+    (entry,) = steps_of(config, 0)[-2].entries
+    orders = {tuple(shuffled(entry, 0, k)) for k in range(5)}  # type: ignore[arg-type]
+    assert len(orders) == 5
+    assert {frozenset(order) for order in orders} == {frozenset(item.name for item in scale_named("rosas").items)}
+
+
+def test_scenes_of_blocks_have_different_numbers(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text(
+        "title: t\nruns: [{scenario: empty}, {scenario: empty}]\npractice: {scenario: empty}"
+    )
+    study = load_study(tmp_path / "study.yaml")
+    assert [study.scene_number(block, 1) for block in (0, 1, 2)] == [1, 10_001, 20_001]
+
+
+def test_the_command_shows_the_steps(study_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = CliRunner().invoke(main, ["study", "check", str(study_file)])
+    assert result.exit_code == 0, result.output
+    assert "run-2           drives: room, scene 1\n" in result.stdout
+    assert "ratings-polite  rates: 3 runs of recorded\n" in result.stdout
+    study_file.write_text(STUDY.replace("rosas", "rosa"))
+    result = CliRunner().invoke(main, ["study", "check", str(study_file)])
+    assert result.exit_code != 0
+    assert "line 17" in result.output
