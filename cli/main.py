@@ -27,6 +27,7 @@ SECTIONS = {
         "run": ("run:command", "Run one episode, and draw it."),
         "generate": ("generate:command", "Generate a data set of labelled episodes."),
         "collect": ("collect:command", "Drive the robot in a window, or rate recorded episodes."),
+        "serve": ("serve:command", "Serve a study: participants drive and rate in a browser."),
         "study": ("study:command", "Check a study file; tables of a study's results."),
         "import": ("convert:import_command", "Import episodes from files of another program."),
     },

@@ -76,6 +76,10 @@ class RenderError(Sonata2dError):
     """A picture or film cannot be rendered."""
 
 
+class StudyError(Sonata2dError):
+    """A study cannot be served."""
+
+
 class WindowError(Sonata2dError):
     """A window cannot be opened."""
 

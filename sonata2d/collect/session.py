@@ -181,6 +181,15 @@ class Session:
         if self.state == "driving":
             self._stand_still("paused")
 
+    def release(self) -> None:
+        """Set all controls to zero with the next tick, because their devices are gone, as those of a closed page."""
+        if self.state == "ended":
+            return
+        events = (*self._controller.pressed, *self._first_events)
+        released = {(event.device, event.control) for event in events if event.device != LABEL_DEVICE}
+        labels = tuple(event for event in self._first_events if event.device == LABEL_DEVICE)
+        self._first_events = (*labels, *(DeviceEvent(*key, 0.0) for key in sorted(released)))
+
     def stop(self) -> None:
         """End a run that has begun, on request of the driver."""
         if self.ticks:

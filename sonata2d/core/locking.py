@@ -23,7 +23,7 @@ def acquired_lock(path: Path, problem: str) -> FileLock:
     """
     from filelock import FileLock, Timeout  # takes as long to import as reading a data set
 
-    lock = FileLock(path, timeout=0)
+    lock = FileLock(path, timeout=0, thread_local=False)  # a server opens and closes it in different threads
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         lock.acquire()

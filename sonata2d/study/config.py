@@ -359,7 +359,7 @@ class StudyConfig(Settings):
             if len(self.languages) > 1 and any(letter.isalpha() for letter in text):
                 example = ", ".join(f"{language}: …" for language in self.languages)
                 raise _problem(f"a text of a study in several languages is {{{example}}}", *path)
-            text = {self.languages[0]: text}
+            text = dict.fromkeys(self.languages, text)
         for language in self.languages:
             if not text.get(language, "1").strip() or (language not in text):
                 raise _problem(f"the text in the language {language!r} is missing", *path)

@@ -45,7 +45,8 @@ class StudyFolder:
         state = self.out / STUDY / _STATE
         structure = structure_of(study)
         try:
-            (self.out / STUDY).mkdir(parents=True, exist_ok=True)
+            self.out.mkdir(parents=True, exist_ok=True)
+            (self.out / STUDY).mkdir(mode=0o700, exist_ok=True)  # answers and links are for its owner only
         except OSError as error:
             raise RecordError(f"{self.out} cannot be written: {error.strerror or error}") from error
         if state.exists():

@@ -57,6 +57,20 @@ def test_a_study_needs_something_to_do(tmp_path: Path) -> None:
         load_study(tmp_path / "study.yaml")
 
 
+def test_numbers_are_the_same_in_all_languages(tmp_path: Path) -> None:
+    start = "title: {en: A, de: B}\nlanguages: [en, de]\nruns: [{scenario: empty}]\n"
+    question = "end: [{name: a, kind: classes, classes: 3, question: {en: C, de: D}}]\n"
+    (tmp_path / "study.yaml").write_text(start + question)
+    (entry,) = load_study(tmp_path / "study.yaml").config.end
+    assert entry.classes == ("1", "2", "3")  # type: ignore[union-attr]
+
+
+def test_a_question_mark_in_braces_needs_quotes(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text("title: A\nend: [{name: a, kind: yes_no, question: Good?}]\n")
+    with pytest.raises(ConfigError, match=r"line 2: .* put a text with a question mark in quotes"):
+        load_study(tmp_path / "study.yaml")
+
+
 LABELLED = """\
 title: {{en: Robots, de: Roboter}}
 languages: [en, de]

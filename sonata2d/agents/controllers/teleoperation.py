@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Self
 
-from ...core.devices import DeviceEvent
+from ...core.devices import NETWORK_DEVICE, DeviceEvent
 from ...core.geometry import Twist, quantised
 from ...core.labels import LABEL_DEVICE, LabelSpec
 from ...core.scene import Scene
@@ -154,6 +154,16 @@ class Teleoperation(Controller):
     def mappings(self) -> Mapping[str, DeviceMapping]:
         """How each kind of device is read."""
         return self._mappings
+
+    @property
+    def pressed(self) -> tuple[DeviceEvent, ...]:
+        """The controls that are not at rest, with their values."""
+        return tuple(
+            DeviceEvent(device, control, value)
+            for device, values in self._controls.items()
+            for control, value in values.items()
+            if value and device != NETWORK_DEVICE
+        )
 
     def settings(self) -> dict[str, Any]:
         """Everything that determines how events are read, as JSON-compatible values."""

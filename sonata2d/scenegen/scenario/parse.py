@@ -55,7 +55,9 @@ def parse_settings(path: Path, kind: str = "scenario") -> dict[str, Any]:
             json.dumps(content, ensure_ascii=False, skipkeys=True, default=str).encode()
     except yaml.MarkedYAMLError as error:
         line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise ConfigError(f"{path.name}{line}: {error.problem}") from None
+        # in braces, YAML 1.1 ends a text at a question mark, at which most questions end
+        hint = "; put a text with a question mark in quotes" if "got '?'" in str(error.problem) else ""
+        raise ConfigError(f"{path.name}{line}: {error.problem}{hint}") from None
     except json.JSONDecodeError as error:
         raise ConfigError(f"{path.name}, line {error.lineno}: {error.msg}") from None
     except OSError as error:

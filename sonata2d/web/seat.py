@@ -1,0 +1,257 @@
+"""One participant's place at the server: answers the messages of a page."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from ..core.devices import NETWORK_DEVICE, ROUND_TRIP, DeviceEvent
+from ..core.geometry import quantised
+from ..core.wording import one_line
+from ..errors import Sonata2dError
+from ..view.scene_data import scene_data, state_data, states_data
+from . import messages as m
+from .content import Json, label_json, rating_question, step_json
+
+if TYPE_CHECKING:
+    from ..collect.session import Session
+    from ..study.participant import Participant
+
+logger = logging.getLogger(__name__)
+
+_BURST = 20  # ticks that a page may catch up at once, after its connection stood still
+_PACE = 1.1  # largest speed of a run, as a multiple of real time
+_SMALLEST_CHANGE = 0.001  # s, of the round-trip time: smaller ones are not recorded
+
+
+class Seat:
+    """Answers the messages of one participant's page, one after the other.
+
+    Args:
+        participant: the participant.
+        is_held: whether the researcher has stopped the study for a while.
+        clock: s.
+
+    Attributes:
+        run: number of the present run: messages about an earlier one are ignored.
+        round_trip: latest round-trip time, s; None before the first.
+        seen: time of the last message.
+    """
+
+    def __init__(
+        self,
+        participant: Participant,
+        *,
+        is_held: Callable[[], bool] = lambda: False,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.participant, self._is_held, self._clock = participant, is_held, clock
+        self.run, self.shown = 1, 1
+        self.round_trip: float | None = None
+        self._recorded_trip: float | None = None
+        self._shown_record: Any = participant.record
+        self._allowance, self._filled = float(_BURST), clock()
+        self.seen = clock()
+
+    async def answer(self, message: m.Message) -> Json | None:
+        """The answer to a message; None for one that needs none.
+
+        What takes long, such as writing a file or generating a scene, runs in another thread, so that other
+        participants do not wait for it.
+        """
+        self.seen = self._clock()
+        if isinstance(message, m.Tick):
+            return await self._tick(message)
+        problem = ""
+        try:
+            await asyncio.to_thread(self._perform, message)
+        except (Sonata2dError, ValueError) as error:
+            problem = one_line(error, 300)
+            logger.info("%s: %s", self.participant.id, problem)
+        return await asyncio.to_thread(self.view, problem, whole=isinstance(message, m.Hello))
+
+    async def leave(self) -> None:
+        """Stand still: nobody is at the page."""
+        if self.participant.session is not None:
+            await asyncio.to_thread(_stand_still, self.participant.session)
+
+    def view(self, problem: str = "", *, whole: bool = False) -> Json:
+        """All that the page shows.
+
+        Args:
+            problem: why the last message had no effect; empty if it had.
+            whole: whether the page has nothing yet.
+        """
+        participant = self.participant
+        config, step = participant.study.config, participant.step
+        view: Json = {
+            "type": "view",
+            "language": participant.language,
+            "step": step_json(participant),
+            "progress": participant.progress,
+            "runs": participant.runs,
+            "canUndo": participant.can_undo,
+            "isHeld": self._is_held(),
+            "problem": problem,
+        }
+        if participant.is_driving and participant.session is not None:
+            session = participant.session
+            block = config.runs[step.block] if step.kind == "run" else None
+            view["drive"] = {
+                **self._driving_state(session),
+                "scene": scene_data(session.scene),
+                "before": state_data(session.before),
+                "label": label_json(session.label_spec, block, participant.language),
+                "undoneLabel": session.undone_label,
+                "isPractice": step.kind == "practice",
+                "minimum": config.minimum_length,
+                "allowed": {key: getattr(config, key) for key in ("discard", "redo", "undo")},
+                "changes": config.changes,
+                "view": config.view,
+                "context": session.config.context,
+            }
+        if step.kind == "ratings" and participant.record is not None and participant.rating is not None:
+            if participant.record is not self._shown_record:
+                self._shown_record, self.shown = participant.record, self.shown + 1
+            record, rating = participant.record, participant.rating
+            view["rating"] = {
+                "shown": self.shown,
+                "scene": scene_data(record.scene()),
+                "states": states_data(list(record.snapshots())),
+                "label": rating_question(participant.study, step, participant.language),
+                "done": rating.done / max(rating.total, 1),
+                "breakDue": rating.break_due,
+                "context": record.context,
+                "view": config.view,
+            }
+        return view
+
+    # Driving
+
+    async def _tick(self, tick: m.Tick) -> Json | None:
+        """Simulate a tick, once, and in its turn."""
+        session = self._session()
+        if session is None or tick.run != self.run:
+            return None  # sent before the page knew that the run is over
+        if self._is_held():
+            await asyncio.to_thread(_stand_still, session)
+            return self._answered(session, tick)
+        if tick.number < session.ticks or session.state == "ended":  # it is repeated after an interruption
+            return self._answered(session, tick)
+        if tick.number > session.ticks:  # messages are missing between the last tick and this one
+            return await asyncio.to_thread(self.view)
+        await self._wait_for_turn(session.after.dt)
+        events = [event.event() for event in tick.events]
+        if tick.round_trip is not None:
+            self.round_trip = tick.round_trip
+            value = quantised(round(min(tick.round_trip, 1.0), 3))
+            if self._recorded_trip is None or abs(value - self._recorded_trip) >= _SMALLEST_CHANGE:
+                events.append(DeviceEvent(NETWORK_DEVICE, ROUND_TRIP, value))
+                self._recorded_trip = value
+        last = {(event.device, event.control): event for event in events}  # one event per control and tick
+        session.dropped_ticks += tick.dropped
+        session.tick(tuple(last.values()))
+        return self._answered(session, tick)
+
+    def _answered(self, session: Session, tick: m.Tick) -> Json:
+        return {"type": "tick", "asked": tick.number, **self._driving_state(session)}
+
+    def _driving_state(self, session: Session) -> Json:
+        """What changes from tick to tick."""
+        return {
+            "run": self.run,
+            "ticks": session.ticks,
+            "status": session.state,
+            "state": state_data(session.after),
+            "outcome": session.outcome.status if session.outcome else None,
+            "given": session.label,
+            "notice": session.journal_error or "",
+            "isHeld": self._is_held(),
+        }
+
+    async def _wait_for_turn(self, dt: float) -> None:
+        """Wait until a run may go on: a page that sends ticks faster than real time has to wait for its answers."""
+        now = self._clock()
+        self._allowance = min(self._allowance + (now - self._filled) * _PACE / dt, float(_BURST))
+        self._filled = now
+        self._allowance -= 1.0
+        if self._allowance < 0.0:
+            await asyncio.sleep(-self._allowance * dt / _PACE)
+
+    def _session(self) -> Session | None:
+        return self.participant.session if self.participant.is_driving else None
+
+    # Everything else
+
+    def _perform(self, message: m.Message) -> None:
+        """Carry a message out.
+
+        Raises:
+            Sonata2dError, ValueError: it cannot be carried out; nothing is changed.
+        """
+        participant = self.participant
+        match message:
+            case m.Hello():
+                if message.protocol != m.PROTOCOL:
+                    raise ValueError("the page is of another version; reload it")
+                if participant.session is not None:
+                    _stand_still(participant.session)
+            case m.Language():
+                participant.choose_language(message.language)
+            case m.Read():
+                participant.read(message.step)
+            case m.Consent():
+                participant.consent(message.step, message.ticked)
+            case m.Decline():
+                participant.decline(message.step)
+            case m.Reconsider():
+                participant.reconsider()
+            case m.Answer():
+                participant.answer(message.step, message.values)
+            case m.Rate():
+                if message.shown != self.shown:
+                    raise ValueError("this run is rated")
+                participant.rate(message.label, seconds=message.seconds, whole=message.whole)
+            case m.Rest():
+                if participant.rating is not None:
+                    participant.rating.take_break()
+            case m.Undo():
+                participant.undo()
+                self._begin_run()
+            case m.Pause() | m.Stop() | m.Keep() | m.FinishPractice() | m.Discard() | m.Redo():
+                self._perform_about_run(message)
+
+    def _perform_about_run(self, message: m.Pause | m.Stop | m.Keep | m.FinishPractice | m.Discard | m.Redo) -> None:
+        session = self._session()
+        if session is None or message.run != self.run:
+            return  # a second click
+        participant = self.participant
+        match message:
+            case m.Pause():
+                _stand_still(session)
+                return
+            case m.Stop():
+                session.stop()
+                return
+            case m.Keep():
+                participant.keep(message.label)
+            case m.FinishPractice():
+                participant.finish_practice()
+            case m.Discard():
+                participant.discard()
+            case m.Redo():
+                participant.redo()
+        self._begin_run()
+
+    def _begin_run(self) -> None:
+        self.run += 1
+        self._recorded_trip = None
+
+
+def _stand_still(session: Session) -> None:
+    """Pause, and release all controls: a page that continues reports anew what is pressed."""
+    session.pause()
+    session.release()

@@ -1,0 +1,128 @@
+"""Runs the server of a study until it is interrupted."""
+
+from __future__ import annotations
+
+import logging
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ..core.locking import acquired_lock
+from ..errors import ConfigError, StudyError
+from ..study.folder import STUDY, StudyFolder
+from ..study.load import Study
+from .links import Links
+from .messages import MAX_MESSAGE
+from .server import StudyServer, Takeover
+
+logger = logging.getLogger(__name__)
+
+_MAX_WAITING_CONNECTIONS = 100
+_PING = 20.0  # s, between two signs of life of an idle connection
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How a study is served.
+
+    Attributes:
+        host: address to listen at.
+        port: 0 for a free one.
+        url: address for participants; None: that of host and port.
+        participants: number of participants that have links from the start.
+        takeover: which of two tabs with the same link drives.
+        connections: largest number of open pages.
+        suffix: of episode files.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8765
+    url: str | None = None
+    participants: int = 0
+    takeover: Takeover = "newest"
+    connections: int = 200
+    suffix: str = ".json"
+
+
+def prepare_scenes(study: Study, advance: Callable[[int], None] = lambda step: None) -> None:
+    """Generate each scene of a study once, so that no participant meets one that cannot be generated.
+
+    Raises:
+        SceneError: too many scenes of a scenario fail.
+    """
+    for block, settings in enumerate(study.config.runs):
+        for k in range(settings.runs):
+            study.scene_number(block, k)
+            advance(1)
+    if study.config.practice is not None:
+        study.scene_number(len(study.scenarios), study.config.practice.runs - 1)
+
+
+def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str, str]], None]) -> None:
+    """Serve a study until the program is interrupted.
+
+    Args:
+        folder: of the study.
+        settings: where, and to how many.
+        announce: called with the links by name as soon as connections are accepted.
+
+    Raises:
+        ConfigError: the address cannot be used.
+        RecordError: another program serves the folder, or it cannot be written.
+        StudyError: the packages of the extra `serve` are not installed.
+    """
+    try:
+        import uvicorn
+        import websockets  # noqa: F401  uvicorn loads it only with the first web socket
+    except ImportError as error:
+        raise StudyError(f"{error.name} is not installed: pip install 'sonata2d[serve]'") from error
+    private = folder.out / STUDY
+    lock = acquired_lock(private / "server.lock", f"another program serves {folder.out}; stop it first")
+    try:
+        links = Links(private)
+        server = StudyServer(
+            folder,
+            links,
+            suffix=settings.suffix,
+            takeover=settings.takeover,
+            max_connections=settings.connections,
+        )
+        while len(folder.participants) < settings.participants:
+            server.new_participant()
+        listener = _listener(settings.host, settings.port)
+        host, port = listener.getsockname()[:2]
+        base = (settings.url or f"http://{host}:{port}").rstrip("/")
+        announce(
+            {"open link": f"{base}/j/{links.open}"} | {id: f"{base}/s/{token}" for id, token in links.tokens().items()}
+        )
+        config = uvicorn.Config(
+            server.app,
+            log_config=None,
+            access_log=False,  # addresses hold tokens
+            server_header=False,
+            ws="websockets-sansio",
+            ws_max_size=MAX_MESSAGE,
+            ws_ping_interval=_PING,
+            ws_ping_timeout=_PING,
+            limit_concurrency=settings.connections + _MAX_WAITING_CONNECTIONS,
+            timeout_graceful_shutdown=5,
+        )
+        uvicorn.Server(config).run(sockets=[listener])
+    finally:
+        lock.release()
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    """A socket that listens at an address.
+
+    Raises:
+        ConfigError: the address cannot be used.
+    """
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        listener = socket.socket(family, kind, protocol)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+    except OSError as error:
+        raise ConfigError(f"{host}, port {port}, cannot be used: {error.strerror or error}; choose others") from None
+    return listener

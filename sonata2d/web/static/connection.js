@@ -1,0 +1,32 @@
+// The connection to the server. A worker that runs the simulation in the page could take its place: it would get the
+// same messages from `send`, and pass the same answers to `receive`.
+
+const FINAL = {4001: "taken", 4002: "refused", 4003: "unknown", 4004: "mistakes"};   // no use in trying again
+const RETRY = [300, 600, 1200, 2500, 5000];   // ms
+
+export class Connection {
+  /** Opens a web socket; `receive` gets answers, `status` one of "open", "lost", "taken", "refused", "unknown", ... */
+  constructor(url, {receive, status}) {
+    this.url = url; this.receive = receive; this.status = status;
+    this.attempt = 0; this.socket = null;
+    this.open();
+  }
+
+  open() {
+    const socket = this.socket = new WebSocket(this.url);
+    socket.onopen = () => { this.attempt = 0; this.status("open"); };
+    socket.onmessage = event => { if (socket === this.socket) this.receive(JSON.parse(event.data)); };
+    socket.onclose = event => {
+      if (socket !== this.socket) return;
+      this.status(FINAL[event.code] || "lost");
+      if (!FINAL[event.code]) setTimeout(() => this.open(), RETRY[Math.min(this.attempt++, RETRY.length - 1)]);
+    };
+  }
+
+  /** Sends a message; false if there is no connection. */
+  send(message) {
+    if (this.socket.readyState !== WebSocket.OPEN) return false;
+    this.socket.send(JSON.stringify(message));
+    return true;
+  }
+}

@@ -1,0 +1,193 @@
+// Driving: asks the server for each tick, shows the states smoothly, and draws readings over the scene.
+
+import {SceneDrawing, followCamera, stateBetween, toPixels, topCamera} from "./drawing.js";
+import {Input} from "./input.js";
+
+const MAX_TICKS = 3;          // for each picture, to catch up; a longer delay of the page is dropped and counted
+const MAX_UNANSWERED = 15;    // ticks that the answer may lag behind before the run is paused
+const ZOOM_STEP = 1.25, MIN_ZOOM = .4, MAX_ZOOM = 3;
+const OUTSIDE = "#e2e5e9";
+
+export class Drive {
+  /** `send` sends a message; `changed` is called when status or readings change; `act` with actions of the page. */
+  constructor(canvas, {send, changed, act}) {
+    this.canvas = canvas; this.pen = canvas.getContext("2d"); this.send = send; this.changed = changed;
+    this.input = new Input(canvas, action => this.perform(action) || act(action));
+    this.view = "follow"; this.zoom = 1; this.zones = false; this.changes = [];
+    this.status = "none"; this.run = null; this.states = new Map(); this.last = null; this.isSlow = false;
+    requestAnimationFrame(now => this.frame(now));
+  }
+
+  /** Shows a run: the `drive` part of a view. */
+  show(drive) {
+    const isNew = this.run !== drive.run || !this.drawing;
+    if (isNew) {
+      this.drawing = new SceneDrawing(drive.scene, () => {});
+      if (this.scenes !== drive.view) { this.view = drive.view; this.scenes = drive.view; }
+      this.zoom = 1;
+    }
+    this.data = drive.scene; this.changes = drive.changes;
+    this.run = drive.run; this.states = new Map([[drive.ticks, drive.state]]);
+    if (drive.ticks && drive.status === "driving") this.states.set(drive.ticks - 1, drive.before);
+    this.sent = this.latest = this.shown = drive.ticks;
+    this.sentAt = new Map(); this.lag = 0; this.dropped = 0; this.roundTrip = null; this.isSlow = false;
+    this.input.buffer.forget(); this.queue = [];
+    this.status = "none";
+    this.update(drive);
+  }
+
+  hide() { this.status = "none"; this.run = null; }
+
+  /** An answer to a tick. */
+  answered(answer) {
+    if (answer.run !== this.run) return;
+    const sentAt = this.sentAt.get(answer.asked);
+    if (sentAt !== undefined) { this.roundTrip = (performance.now() - sentAt) / 1000; this.sentAt.delete(answer.asked); }
+    this.latest = Math.max(this.latest, answer.ticks);
+    this.states.set(answer.ticks, answer.state);
+    this.states.delete(answer.ticks - 100);
+    this.update(answer);
+  }
+
+  update({status, outcome, given, notice, isHeld}) {
+    const former = this.status;
+    if (former === "pausing" && status === "driving") return;   // the answer to a tick before the pause
+    this.outcome = outcome; this.given = given; this.notice = notice; this.isHeld = isHeld;
+    this.status = status;
+    if (status === "ended") this.input.release();
+    if (status !== former) this.changed();
+  }
+
+  /** Starts or continues. */
+  start() {
+    if (this.status !== "waiting" && this.status !== "paused") return;
+    this.lag = 0; this.isSlow = false;
+    this.status = "driving";
+    this.tick();
+    this.changed();
+  }
+
+  pause(isSlow = false) {
+    if (this.status !== "driving") return;
+    this.isSlow = isSlow;
+    this.input.release();
+    this.status = "pausing";     // until the server says so: no further tick is asked for
+    this.send({type: "pause", run: this.run});
+    this.changed();
+  }
+
+  stop() {
+    if (this.status !== "driving" && this.status !== "paused") return;
+    this.status = "pausing";
+    this.send({type: "stop", run: this.run});
+  }
+
+  label(position) { this.queue.push({device: "label", control: "value", value: position}); }
+
+  perform(action) {
+    const allowed = {view: "view", zoomIn: "zoom", zoomOut: "zoom", zones: "zones"}[action];
+    if (!allowed || !this.changes.includes(allowed)) return false;
+    if (action === "view") this.view = this.view === "top" ? "follow" : "top";
+    if (action === "zones") this.zones = !this.zones;
+    if (allowed === "zoom") this.zoom = Math.min(Math.max(this.zoom * (action === "zoomIn" ? ZOOM_STEP : 1 / ZOOM_STEP), MIN_ZOOM), MAX_ZOOM);
+    return true;
+  }
+
+  // -- time
+
+  frame(now) {
+    requestAnimationFrame(next => this.frame(next));
+    const seconds = this.last === null ? 0 : (now - this.last) / 1000;
+    this.last = now;
+    if (this.run === null) return;
+    this.input.pads();
+    if (this.status === "driving") this.advance(seconds);
+    else if ((this.status === "waiting" || this.status === "paused") && this.input.isDriving()) this.start();
+    this.draw(seconds);
+  }
+
+  advance(seconds) {
+    const {dt} = this.data;
+    this.lag += seconds;
+    for (let k = 0; k < MAX_TICKS && this.lag >= dt; k++) {
+      if (this.sent - this.latest >= MAX_UNANSWERED) { this.pause(true); return; }
+      this.lag -= dt;
+      this.tick();
+    }
+    const dropped = Math.floor(this.lag / dt);
+    this.lag -= dropped * dt; this.dropped += dropped;
+  }
+
+  tick() {
+    const events = [...this.input.poll(), ...this.queue];
+    this.queue = [];
+    const isSent = this.send({type: "tick", run: this.run, number: this.sent, events, round_trip: this.roundTrip, dropped: this.dropped});
+    if (!isSent) return;
+    this.sentAt.set(this.sent, performance.now());
+    this.sent++; this.dropped = 0; this.roundTrip = null;
+  }
+
+  // -- drawing
+
+  /** The moment on show: half a tick to two ticks behind the latest state, so that late answers do not show. */
+  moment(seconds) {
+    const behind = this.latest - 1 - this.shown, {dt} = this.data;
+    if (this.status === "driving") this.shown += seconds / dt * (1 + .2 * Math.min(Math.max(behind, -3), 10));
+    else this.shown += (this.latest - this.shown) * Math.min(seconds * 10, 1);
+    this.shown = Math.min(this.shown, this.latest);
+    if (this.latest - this.shown < .01) this.shown = this.latest;
+    const first = Math.floor(this.shown), after = this.states.get(first + 1);
+    const before = this.states.get(first) || after || this.states.get(this.latest);
+    return stateBetween(this.data, before, after || before, after && before !== after ? this.shown - first : 0);
+  }
+
+  draw(seconds) {
+    const {canvas} = this, width = canvas.clientWidth, height = canvas.clientHeight, fine = devicePixelRatio || 1;
+    if (!width || !height) return;
+    if (canvas.width !== Math.round(width * fine) || canvas.height !== Math.round(height * fine)) {
+      canvas.width = Math.round(width * fine); canvas.height = Math.round(height * fine);
+    }
+    const now = this.now = this.moment(seconds);
+    const isTop = this.view === "top" || !this.drawing.known("robot");
+    const camera = isTop ? topCamera(this.data, width, height, this.zoom, now.robot) : followCamera(now.robot, width, height, this.zoom);
+    const tint = {waiting: "rgba(0,158,115,.09)", ended: "rgba(213,94,0,.09)"}[this.status];
+    this.drawing.draw(this.pen, camera, now, {layers: {zones: this.zones}, outside: OUTSIDE, finish: pen => {
+      this.drawGoalArrow(pen, camera, now);
+      if (tint) { pen.fillStyle = tint; pen.fillRect(0, 0, width, height); }
+      this.drawStick(pen);
+    }});
+  }
+
+  /** Where the goal is, if it is out of the picture. */
+  drawGoalArrow(pen, camera, {robot}) {
+    const [x, y] = this.data.goal, place = toPixels(camera, x, y), {width, height} = camera, edge = 26;
+    if (place[0] > 0 && place[0] < width && place[1] > 0 && place[1] < height) return;
+    const middle = toPixels(camera, robot.x, robot.y), dx = place[0] - middle[0], dy = place[1] - middle[1];
+    const limits = [dx > 0 ? (width - edge - middle[0]) / dx : dx < 0 ? (edge - middle[0]) / dx : Infinity,
+                    dy > 0 ? (height - edge - middle[1]) / dy : dy < 0 ? (edge - middle[1]) / dy : Infinity];
+    const share = Math.max(Math.min(...limits), 0);
+    pen.save();
+    pen.translate(middle[0] + dx * share, middle[1] + dy * share); pen.rotate(Math.atan2(dy, dx));
+    pen.beginPath(); pen.moveTo(16, 0); pen.lineTo(-12, 13); pen.lineTo(-12, -13); pen.closePath();
+    pen.fillStyle = this.data.colours.goal; pen.strokeStyle = "#fff"; pen.lineWidth = 2; pen.fill(); pen.stroke();
+    pen.restore();
+  }
+
+  drawStick(pen) {
+    const {stick} = this.input;
+    if (!stick) return;
+    const [x, y] = stick.anchor, dx = stick.position[0] - x, dy = stick.position[1] - y;
+    const distance = Math.hypot(dx, dy), share = distance > 0 ? Math.min(stick.radius / distance, 1) : 1;
+    pen.beginPath(); pen.arc(x, y, stick.radius, 0, 2 * Math.PI);
+    pen.fillStyle = "rgba(255,255,255,.27)"; pen.fill(); pen.strokeStyle = this.data.colours.ink; pen.lineWidth = 2; pen.stroke();
+    pen.beginPath(); pen.arc(x + dx * share, y + dy * share, stick.radius * .22, 0, 2 * Math.PI);
+    pen.fillStyle = this.data.colours.ink; pen.fill();
+  }
+
+  /** Readings of the moment on show. */
+  readings() {
+    const {robot, time} = this.now, [x, y] = this.data.goal, latest = this.states.get(this.latest);
+    return {time, speed: Math.hypot(robot.ahead, robot.left), goal: Math.hypot(robot.x - x, robot.y - y),
+            nearest: latest ? latest.clearance : null, touches: robot.touches};
+  }
+}

@@ -1,0 +1,319 @@
+// The page of a participant: shows the present step, and sends what the participant does.
+
+import {Connection} from "./connection.js";
+import {Drive} from "./drive.js";
+import {form, make, question} from "./questions.js";
+import {Watch} from "./watch.js";
+
+const PROTOCOL = 1, LABEL_STEP = .1;
+const data = JSON.parse(document.getElementById("data").textContent);
+const byId = id => document.getElementById(id);
+let language = data.languages[0], view = null, stepOnShow = null, isWaiting = false, connection = "lost", label = null;
+
+/** A text of the page in the participant's language. */
+function t(key, values = {}) {
+  const text = (data.words[language] || {})[key] || key;
+  return text.replace(/\{(\w+)\}/g, (whole, name) => name in values ? values[name] : whole);
+}
+const seconds = time => time.toFixed(1);
+
+const server = new Connection(location.href.replace(/^http/, "ws").replace(/[?#].*$/, "").replace(/\/$/, "") + "/socket", {
+  receive: answer => {
+    if (answer.type === "tick") { drive.answered(answer); showReadings(); return; }
+    isWaiting = false;
+    if (answer.type === "error") { announce(answer.problem); setBusy(); return; }
+    show(answer);
+  },
+  status: status => {
+    connection = status;
+    if (status === "open") { isWaiting = false; send({type: "hello", protocol: PROTOCOL}); }
+    else { drive.status = drive.run === null ? "none" : "lost"; drive.input.release(); }
+    showConnection();
+    if (view) showDriving();
+  },
+});
+
+/** Sends what the participant did; further clicks wait for the answer. */
+function send(message) {
+  const isSent = server.send(message);
+  if (isSent && message.type !== "tick") { isWaiting = true; setBusy(); }
+  return isSent;
+}
+function setBusy() {
+  document.body.classList.toggle("busy", isWaiting);
+  for (const button of document.querySelectorAll("button[data-sends]")) button.disabled = isWaiting || connection !== "open";
+}
+
+const drive = new Drive(byId("canvas"), {send, changed: () => showDriving(), act: action => perform(action)});
+const watch = new Watch(byId("film"), () => showWatching());
+drive.input.isActive = event => {
+  if (!view || !view.drive || isWaiting) return false;
+  const focus = event && event.target;
+  return !(focus && focus.closest && focus.closest("input, textarea, select, a, button, dialog"));
+};
+
+// ---- what is shown
+
+function show(next) {
+  const former = view;
+  view = next; language = view.language;
+  document.documentElement.lang = language;
+  showFrame();
+  const isDriving = Boolean(view.drive), isRating = Boolean(view.rating);
+  byId("driving").hidden = !isDriving; byId("watching").hidden = !isRating;
+  byId("step").hidden = isDriving || isRating;
+  document.body.classList.toggle("wide", isDriving || isRating);
+  if (isDriving) {
+    if (drive.run !== view.drive.run || !former || !former.drive) label = view.drive.undoneLabel;
+    drive.show(view.drive);
+    showDriving(true);
+  } else drive.hide();
+  if (isRating) { watch.show(view.rating); showRating(former); } else watch.hide();
+  if (!isDriving && !isRating) showStep();
+  const key = `${view.step.id}/${view.step.kind}/${language}`;
+  if (stepOnShow !== null && stepOnShow !== key) {      // read out, and the keyboard goes on from here
+    scrollTo(0, 0);
+    (isDriving ? byId("canvas") : isRating ? byId("film") : byId("title")).focus({preventScroll: true});
+  }
+  stepOnShow = key;
+  announce(view.problem || "");
+  setBusy();
+}
+
+function showFrame() {
+  const [done, total] = view.progress, [kept, runs] = view.runs;
+  document.title = text(data.title);
+  byId("study").textContent = text(data.title);
+  byId("progress").max = total; byId("progress").value = done;
+  byId("canvas").setAttribute("aria-label", t("web.picture"));
+  byId("film").setAttribute("aria-label", t("web.film"));
+  byId("progress").setAttribute("aria-label", t("web.progress", {done, total}));
+  byId("count").textContent = runs && view.drive ? t("readings.run_of", {number: Math.min(kept + 1, runs), count: runs}) : t("web.progress", {done, total});
+  const select = byId("language");
+  select.hidden = data.languages.length < 2;
+  select.setAttribute("aria-label", t("web.language"));
+  if (!select.options.length) for (const name of data.languages) select.append(make("option", {value: name}, t2(name, "web.name")));
+  select.value = language;
+}
+const t2 = (name, key) => (data.words[name] || {})[key] || name;
+const text = words => typeof words === "string" ? words : words[language] || Object.values(words)[0];
+
+/** A page, the consent, questions, or the end. */
+function showStep() {
+  const step = view.step, place = byId("step"), key = `${step.id}/${step.kind}/${language}`;
+  if (stepOnShow === key && place.childElementCount && !view.isFresh) return;      // keeps what was filled in
+  const title = make("h1", {id: "title", tabindex: -1}, step.title || titleOf(step));
+  const parts = [title];
+  if (step.html) parts.push(make("div", {class: "prose", html: step.html}));
+  const next = (words, act, attributes = {}) => make("button", {class: "primary", "data-sends": true, onclick: act, ...attributes}, words);
+  if (step.kind === "page") parts.push(next(t("web.continue"), () => send({type: "read", step: step.id})));
+  if (step.kind === "consent") parts.push(consent(step, next));
+  if (step.kind === "questions") {
+    const element = form(step.questions, t, values => send({type: "answer", step: step.id, values}), t("web.continue"));
+    element.querySelector("button[type=submit]").dataset.sends = "";
+    parts.push(element);
+  }
+  if (step.kind === "declined") {
+    parts.push(make("p", {}, t("web.declined")), next(t("web.reconsider"), () => send({type: "reconsider"})));
+  }
+  if (step.kind === "thanks" && !step.html) parts.push(make("p", {}, t("web.thanks")));
+  if (view.canUndo) parts.push(make("p", {class: "aside"}, make("button", {"data-sends": true, onclick: () => send({type: "undo"})}, t("menu.undo"))));
+  if (step.kind === "page" && view.progress[0] === 0) parts.push(make("p", {class: "hint"}, t("web.address")));
+  place.replaceChildren(...parts);
+}
+function titleOf(step) {
+  return {questions: t("web.questions"), thanks: t("rating.thanks"), declined: t("web.declined_title"), page: text(data.title)}[step.kind] || text(data.title);
+}
+function consent(step, next) {
+  const boxes = step.statements.map((html, k) => make("input", {type: "checkbox", id: `tick-${k}`}));
+  const lines = boxes.map((box, k) => make("div", {class: "tick"}, box, make("label", {for: box.id, html: step.statements[k]})));
+  const problem = make("p", {class: "problem", role: "alert", hidden: true}, t("web.tick_all"));
+  const agree = () => {
+    problem.hidden = boxes.every(box => box.checked);
+    if (problem.hidden) send({type: "consent", step: step.id, ticked: boxes.map(box => box.checked)});
+    else boxes.find(box => !box.checked).focus();
+  };
+  return make("div", {}, ...lines, problem, make("div", {class: "buttons"}, next(t("web.agree"), agree),
+    make("button", {"data-sends": true, onclick: () => send({type: "decline", step: step.id})}, t("web.decline"))));
+}
+
+// ---- driving
+
+const SIGNS = {waiting: "○", driving: "●", paused: "❚❚", pausing: "❚❚", ended: "■", lost: "!"};
+const WORDS = {waiting: "readings.waiting", driving: "readings.recording", paused: "readings.paused", pausing: "readings.paused", ended: "readings.frozen", lost: "readings.paused"};
+
+function showDriving(isNew = false) {
+  if (!view || !view.drive) return;
+  const {status} = drive, {drive: run} = view;
+  byId("status").textContent = `${SIGNS[status] || ""} ${t(WORDS[status] || "readings.waiting")}`;
+  byId("status").className = status;
+  byId("hint").textContent = status === "waiting" ? t(run.isPractice ? "web.practice_hint" : "web.drive_hint")
+    : drive.isHeld ? t("web.held") : drive.isSlow ? t("web.slow") : status === "paused" || status === "pausing" ? t("web.paused") : "";
+  if (drive.notice) announce(drive.notice);
+  byId("context").textContent = run.context || "";
+  const buttons = [];
+  const add = (words, act, attributes = {}) => buttons.push(make("button", {onclick: act, ...attributes}, words));
+  if (status === "driving") { add(t("action.pause"), () => drive.pause()); add(t("keys.end_run"), () => drive.stop()); }
+  if (status === "paused") { add(t("menu.continue"), () => drive.start(), {class: "primary"}); add(t("keys.end_run"), () => drive.stop(), {"data-sends": true}); }
+  if (status === "waiting" && view.canUndo) add(t("menu.undo"), () => send({type: "undo"}), {"data-sends": true});
+  for (const [change, action, words] of [["view", "view", "keys.camera"], ["zones", "zones", "keys.zones"], ["zoom", "zoomIn", "action.zoom_in"], ["zoom", "zoomOut", "action.zoom_out"]]) {
+    if (run.changes.includes(change) && status !== "ended") add(t(words), () => drive.perform(action));
+  }
+  byId("actions").replaceChildren(...buttons);
+  showCard(status, run);
+  showFrameLabel(run, isNew);
+  showReadings();
+  setBusy();
+}
+
+/** The card of a run that ended: its question, and what to do with it. */
+function showCard(status, run) {
+  const card = byId("card");
+  if (status !== "ended") { card.hidden = true; card.replaceChildren(); return; }
+  if (!card.hidden && card.dataset.run === String(run.run)) return;
+  card.dataset.run = run.run; card.hidden = false;
+  const time = drive.states.get(drive.latest).time, isShort = time < run.minimum;
+  const above = make("p", {class: "above"}, t(`run.${drive.outcome || "stopped"}`, {time: seconds(time)}));
+  const buttons = [], id = run.run;
+  const add = (words, message, attributes = {}) => buttons.push(make("button", {"data-sends": true, onclick: () => send(message), ...attributes}, words));
+  let asked = null, heading;
+  if (run.isPractice) {
+    heading = t("web.practice_done");
+    add(t("web.continue"), {type: "finish_practice", run: id}, {class: "primary", id: "confirm"});
+    add(t("keys.redo"), {type: "redo", run: id});
+  } else {
+    if (run.label && run.label.when === "run") {
+      asked = question({...run.label, answer: label}, t);
+      asked.addEventListener("answered", () => { label = asked.answer; asked.setProblem(""); });
+    }
+    heading = asked ? "" : t("run.keep_question");
+    const keep = make("button", {class: "primary", id: "confirm", "data-sends": true, onclick: () => keepRun(asked)}, t("keys.keep"));
+    if (!isShort) buttons.push(keep);
+    if (run.allowed.discard) add(t("keys.discard"), {type: "discard", run: id});
+    if (run.allowed.redo || isShort) add(t("keys.redo"), {type: "redo", run: id});
+  }
+  card.replaceChildren(above, ...(heading ? [make("h2", {}, heading)] : []), ...(asked && !isShort ? [asked] : []),
+    ...(isShort && !run.isPractice ? [make("p", {class: "problem"}, t("web.too_short", {seconds: run.minimum}))] : []),
+    make("div", {class: "buttons"}, ...buttons));
+  card.asked = asked;
+  const first = card.querySelector("input, button");
+  if (first) first.focus({preventScroll: true});
+}
+function keepRun(asked) {
+  if (asked && !asked.isAnswered()) { asked.setProblem(t("notice.answer_first")); return; }
+  send({type: "keep", run: view.drive.run, label: asked ? asked.answer : null});
+}
+
+/** The label that is asked for while driving. */
+function showFrameLabel(run, isNew) {
+  const place = byId("while"), spec = run.label;
+  place.hidden = !spec || spec.when !== "frame" || drive.status === "ended";
+  if (place.hidden || (!isNew && place.childElementCount)) return;
+  const asked = question({...spec, answer: drive.given}, t);
+  asked.addEventListener("answered", () => drive.label(positionOf(asked.answer, spec)));
+  place.replaceChildren(asked);
+  place.asked = asked;
+}
+function positionOf(answer, spec) {
+  if (spec.kind === "slider") return answer;
+  return spec.kind === "yes_no" ? +answer : (answer - 1) / Math.max(spec.classes.length - 1, 1);
+}
+
+function showReadings() {
+  if (!view || !view.drive || !drive.now) return;
+  const {time, speed, goal, nearest, touches} = drive.readings();
+  byId("time").textContent = t("readings.seconds", {time: seconds(time)});
+  byId("speed").textContent = t("readings.speed", {speed: seconds(speed)});
+  byId("goal").textContent = t("readings.goal", {distance: seconds(goal)});
+  byId("nearest").textContent = nearest === null ? t("readings.nobody") : t("readings.nearest", {distance: seconds(Math.max(nearest, 0))});
+  byId("nearest").className = touches ? "touching" : nearest !== null && nearest < 1.2 ? "near" : "";
+}
+
+/** Actions of keys and game pads; true if there is one. */
+function perform(action) {
+  if (!view || !view.drive || isWaiting) return false;
+  const {status} = drive, {drive: run} = view, card = byId("card");
+  if (action === "confirm") {
+    if (status === "driving") drive.stop();
+    else if (status === "waiting" || status === "paused") drive.start();
+    else if (status === "ended" && byId("confirm")) byId("confirm").click();
+  } else if (action === "pause") {
+    if (status === "driving") drive.pause(); else if (status === "paused") drive.start(); else return false;
+  } else if (action === "discard" || action === "redo") {
+    if (status === "driving" || status === "paused") drive.stop();
+    else if (status === "ended" && (run.allowed[action] || run.isPractice)) send({type: run.isPractice ? "redo" : action, run: run.run});
+  } else if (action === "undo") {
+    if (view.canUndo && status === "waiting") send({type: "undo"});
+  } else if (action.startsWith("label")) {
+    const asked = status === "ended" ? card.asked : byId("while").asked;
+    if (!asked || !run.label) return false;
+    moveLabel(asked, run.label, action);
+  } else return false;
+  return true;
+}
+function moveLabel(asked, spec, action) {
+  if (spec.kind === "slider") {
+    const step = {labelUp: LABEL_STEP, labelDown: -LABEL_STEP}[action], input = asked.querySelector("input");
+    if (!step) return;
+    input.value = asked.answer === null ? .5 : Math.min(Math.max(asked.answer + step, 0), 1);
+    input.dispatchEvent(new Event("input"));
+    return;
+  }
+  const values = spec.kind === "yes_no" ? [false, true] : (spec.classes || []).map((_, k) => k + 1);
+  const now = values.indexOf(asked.answer), digit = Number(action.slice(5));
+  const next = digit ? digit - 1 : action === "labelUp" ? Math.min(now + 1, values.length - 1) : Math.max(now - 1, 0);
+  if (values[next] !== undefined) asked.choose(values[next]);
+}
+
+// ---- rating
+
+function showRating(former) {
+  const {rating} = view;
+  byId("film-context").textContent = rating.context || "";
+  byId("rated").textContent = t("rating.progress", {percent: Math.round(100 * rating.done), rater: ""}).replace(/[·\s]+$/, "");
+  const isNew = !former || !former.rating || former.rating.shown !== rating.shown || former.language !== language;
+  if (isNew) {
+    const asked = question(rating.label, t), place = byId("rating");
+    const save = make("button", {class: "primary", id: "save", "data-sends": true, onclick: () => {
+      if (!watch.isWhole) { announce(t("rating.watch_to_end")); return; }
+      if (!asked.isAnswered()) { asked.setProblem(t("rating.answer_first")); return; }
+      send({type: "rate", shown: rating.shown, label: asked.answer, seconds: Math.round(watch.seconds * 100) / 100, whole: watch.isWhole});
+    }}, t("rating.save"));
+    asked.addEventListener("answered", () => asked.setProblem(""));
+    place.replaceChildren(asked, save);
+    byId("film-buttons").replaceChildren(
+      make("button", {id: "play", onclick: () => watch.play(!watch.isPlaying)}, ""),
+      make("button", {onclick: () => watch.again()}, t("rating.again")));
+  }
+  if (rating.breakDue && byId("break").hidden) {
+    byId("break").hidden = false; watch.isPlaying = false;
+    byId("break").replaceChildren(make("h2", {}, t("rating.break")), make("p", {}, t("rating.break_line")),
+      make("button", {class: "primary", onclick: () => { byId("break").hidden = true; send({type: "rest"}); watch.play(true); }}, t("web.continue")));
+  }
+  showWatching();
+}
+function showWatching() {
+  if (!view || !view.rating || watch.shown === null) return;
+  byId("film-time").max = watch.end; byId("film-time").value = watch.moment;
+  byId("film-time").setAttribute("aria-label", t("player.time", {time: seconds(watch.moment * watch.data.dt), length: seconds(watch.end * watch.data.dt), speed: 1}));
+  if (byId("play")) byId("play").textContent = t(watch.isPlaying ? "player.pause" : "player.play");
+  const inputs = byId("rating").querySelectorAll("input, textarea");
+  for (const input of inputs) input.disabled = !watch.isWhole;
+  byId("wait").textContent = watch.isWhole ? "" : t("rating.wait");
+}
+
+// ---- connection, language, help
+
+function announce(words) {
+  byId("problem").textContent = words; byId("problem").hidden = !words;
+}
+function showConnection() {
+  const words = {lost: "web.lost", taken: "web.taken", refused: "web.refused", unknown: "web.unknown", mistakes: "web.mistakes"}[connection];
+  byId("connection").hidden = !words;
+  byId("connection").textContent = words ? t(words) : "";
+  setBusy();
+}
+byId("language").addEventListener("change", event => send({type: "language", language: event.target.value}));
+document.addEventListener("visibilitychange", () => { if (document.hidden) drive.pause(); });
+addEventListener("blur", () => drive.pause());
+setInterval(showReadings, 100);

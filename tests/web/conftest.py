@@ -1,0 +1,138 @@
+"""A study that is served on this machine, and a headless Chromium."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import sonata2d as s2
+from sonata2d.study.folder import STUDY, StudyFolder
+from sonata2d.study.load import load_study
+from sonata2d.web.links import Links
+from sonata2d.web.serve import prepare_scenes
+from sonata2d.web.server import StudyServer
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+STUDY_TEXT = """\
+title: {en: Passing people, de: An Menschen vorbei, zh: 经过行人}
+languages: [en, de, zh]
+pages:
+  - title: {en: Welcome, de: Willkommen, zh: 欢迎}
+    text:
+      en: "You **drive** a robot. <script>alert(1)</script> ![](https://example.org/a.png) [site](https://example.org)"
+      de: "Sie **fahren** einen Roboter."
+      zh: "您**驾驶**机器人。"
+consent:
+  title: {en: Consent, de: Einwilligung, zh: 同意书}
+  text: {en: Runs are stored., de: Fahrten werden gespeichert., zh: 驾驶将被保存。}
+  statements: [{en: I am 18 or older., de: Ich bin 18 oder älter., zh: 我已年满18岁。}]
+demographics:
+  - {name: age, kind: number, question: {en: Your age, de: Ihr Alter, zh: 您的年龄}, minimum: 18}
+practice: {scenario: room.yaml, runs: 1}
+runs:
+  - scenario: room.yaml
+    runs: 3
+    label:
+      question: {en: How polite were you, de: Wie höflich waren Sie, zh: 您有多礼貌}
+      classes: {en: [rude, fair, kind], de: [grob, gut, nett], zh: [粗鲁, 一般, 友好]}
+after_run:
+  - {name: effort, kind: classes, classes: 5, question: {en: Effort, de: Mühe, zh: 难度}}
+ratings:
+  - name: polite
+    folder: recorded
+    count: 10
+    repeats: 0
+    question: {name: polite, kind: yes_no, question: {en: Polite, de: Höflich, zh: 礼貌吗}}
+end:
+  - {scale: rosas, subscales: [warmth]}
+minimum_length: 0.3
+changes: [view, zoom, zones]
+"""
+ROOM = """\
+extends: sonata-2020
+label: {kind: classes, classes: [rude, fair, kind], question: How polite were you}
+"""
+
+
+class Served:
+    """A study and its server, which runs in a thread of the tests."""
+
+    def __init__(self, folder: Path, **settings: Any) -> None:
+        self.folder, self._settings = folder, settings
+        self.start()
+
+    def start(self) -> None:
+        """Start the server, again if it was stopped."""
+        import uvicorn
+
+        study = load_study(self.folder / "study.yaml")
+        prepare_scenes(study)
+        self.out = self.folder / "out"
+        study_folder = StudyFolder(self.out, study)
+        self.links = Links(self.out / STUDY)
+        self.server = StudyServer(study_folder, self.links, **self._settings)
+        config = uvicorn.Config(
+            self.server.app, port=0, log_config=None, access_log=False, ws="websockets-sansio", ws_max_size=65_536,
+            timeout_graceful_shutdown=2,
+        )  # fmt: skip
+        self._uvicorn = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._uvicorn.run, daemon=True)
+        self._thread.start()
+        while not self._uvicorn.started:
+            time.sleep(0.01)
+        self.port = self._uvicorn.servers[0].sockets[0].getsockname()[1]
+        self.url = f"http://127.0.0.1:{self.port}"
+
+    def stop(self) -> None:
+        """Stop the server as Ctrl+C does."""
+        self._uvicorn.should_exit = True
+        self._thread.join(20)
+        assert not self._thread.is_alive()
+
+    def link(self) -> str:
+        """The link of a new participant."""
+        return f"{self.url}/s/{self.server.new_participant()}"
+
+
+@pytest.fixture(scope="session")
+def short_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Ten recorded runs of one second."""
+    folder = tmp_path_factory.mktemp("recorded") / "runs"
+    config = s2.load_scenario("empty").changed(rules={"time_limit": 1.0})
+    s2.generate_dataset(folder, config, "straight-to-goal", episodes=10, workers=1)
+    return folder
+
+
+@pytest.fixture
+def study_folder(tmp_path: Path, short_runs: Path) -> Path:
+    (tmp_path / "study.yaml").write_text(STUDY_TEXT, encoding="utf-8")
+    (tmp_path / "room.yaml").write_text(ROOM)
+    (tmp_path / "recorded").symlink_to(short_runs)
+    return tmp_path
+
+
+@pytest.fixture
+def served(study_folder: Path) -> Iterator[Served]:
+    served = Served(study_folder)
+    yield served
+    served.stop()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """A headless Chromium of the system."""
+    sync_api = pytest.importorskip("playwright.sync_api")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium is installed: apt-get install chromium")
+    sandbox = ["--no-sandbox"] if os.name == "posix" and os.geteuid() == 0 else []
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=sandbox)
+        yield browser
+        browser.close()
