@@ -20,7 +20,12 @@ from .common import PATH, compress_option, episode_suffix, examples, json_option
 @click.option("--host", default="127.0.0.1", help="Address to listen at; 0.0.0.0 for all networks of this machine.")
 @click.option("--port", type=click.IntRange(0, 65535), default=8765, help="0: a free one.")
 @click.option("--url", metavar="URL", help="Address of the server for participants.  [default: http://HOST:PORT]")
-@click.option("--participants", type=click.IntRange(0), default=0, help="Make links for so many participants first.")
+@click.option(
+    "--participants",
+    type=click.IntRange(0),
+    default=0,
+    help="Number of participants for whom links are made at the start.",
+)
 @click.option(
     "--takeover",
     type=click.Choice(["newest", "first"]),

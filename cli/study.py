@@ -64,8 +64,7 @@ def check(file: Path, participant: int, as_json: bool) -> None:
 
 def _step_row(study: Study, step: Step) -> dict[str, Any]:
     """One step of a participant as text."""
-    from sonata2d.study.answers import name_of_entry
-    from sonata2d.study.config import in_language
+    from sonata2d.study.config import in_language, name_of_entry
 
     what = ""
     if step.kind == "questions":

@@ -16,15 +16,13 @@ from ..core.whole_file import sync_folder
 from ..core.wording import shown
 from ..errors import RecordError
 from ..record.files import read_bytes
-from .config import QuestionConfig, ScaleConfig
+from .config import Entry, QuestionConfig, ScaleConfig, name_of_entry
 from .load import spec_of
 
 logger = logging.getLogger(__name__)
 
 ANSWERS_VERSION = 1
 MAX_TEXT_ANSWER = 5000  # characters
-
-Entry = QuestionConfig | ScaleConfig
 
 
 def checked_answers(entries: Iterable[Entry], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -38,7 +36,7 @@ def checked_answers(entries: Iterable[Entry], values: Mapping[str, Any]) -> dict
     Raises:
         ValueError: an answer is missing or does not fit; names the question.
     """
-    known = {entry.name or getattr(entry, "scale", ""): entry for entry in entries}
+    known = {name_of_entry(entry): entry for entry in entries}
     for name in values:
         if name not in known:
             raise ValueError(f"there is no question {shown(name)}")
@@ -51,11 +49,6 @@ def checked_answers(entries: Iterable[Entry], values: Mapping[str, Any]) -> dict
             continue
         checked[name] = _checked_table(name, entry, value) if _is_table(entry) else _checked_value(name, entry, value)
     return checked
-
-
-def name_of_entry(entry: Entry) -> str:
-    """Name of a question; a published questionnaire has its own name unless the study gives another."""
-    return entry.name or getattr(entry, "scale", "")
 
 
 def _is_table(entry: Entry) -> bool:

@@ -197,6 +197,11 @@ Entry = Annotated[
 Questionnaire = Annotated[TupleOf[Entry], Field(max_length=100)]
 
 
+def name_of_entry(entry: QuestionConfig | ScaleConfig) -> str:
+    """Name of a question; a published questionnaire has its own name unless the study gives another."""
+    return entry.name or (entry.scale if isinstance(entry, ScaleConfig) else "")
+
+
 class LabelTexts(Settings):
     """The question that a scenario asks about each run, in the languages of the study; files hold the scenario's own.
 
@@ -413,7 +418,7 @@ def _require_distinct(entries: tuple[QuestionConfig | ScaleConfig, ...], section
     """Require different names of the questions on one page."""
     names: dict[str, int] = {}
     for k, entry in enumerate(entries):
-        name = entry.name or (entry.scale if isinstance(entry, ScaleConfig) else "")
+        name = name_of_entry(entry)
         if name in names:
             raise _problem(f"two questions have the name {name!r}", section, k)
         names[name] = k

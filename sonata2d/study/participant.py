@@ -13,7 +13,8 @@ from ..collect.rating import RatingSession
 from ..collect.session import Session
 from ..record.record import EpisodeRecord
 from ..scenegen.scenario.config import ScenarioConfig
-from .answers import AnswerLog, checked_answers, name_of_entry
+from .answers import AnswerLog, checked_answers
+from .config import name_of_entry
 from .folder import StudyFolder
 from .load import spec_of
 from .plan import Step, steps_of

@@ -78,7 +78,7 @@ class Scale:
         return ""
 
     def untranslated(self, texts: Mapping[str, object], language: str) -> list[str]:
-        """Keys whose translation is missing."""
+        """Keys of the texts that have no translation in a language."""
         if language == "en":
             return []
         frame = _FRAME if self.ends else _FRAME[:1]

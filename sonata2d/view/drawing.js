@@ -62,6 +62,14 @@ export function toWorld(camera, right, down) {
   return [camera.left + r * uy - d * ux, camera.top - r * ux - d * uy];
 }
 
+/** Size of a canvas on the page, px; it gets as many pixels as the screen has there. */
+export function fitted(canvas) {
+  const {clientWidth: width, clientHeight: height} = canvas, fine = devicePixelRatio || 1;
+  const wide = Math.round(width * fine), high = Math.round(height * fine);
+  if (canvas.width !== wide || canvas.height !== high) { canvas.width = wide; canvas.height = high; }
+  return {width, height};
+}
+
 // ---- drawing
 
 export class SceneDrawing {
@@ -72,6 +80,12 @@ export class SceneDrawing {
     this.room.onload = ready;
     this.room.src = scene.room;
     this.cache = null;                     // the room at the present scale
+  }
+
+  /** The camera of a view, "follow" or "top"; without a recorded robot there is nothing to follow. */
+  cameraOf(view, now, width, height, zoom = 1) {
+    const isTop = view === "top" || !this.known("robot");
+    return isTop ? topCamera(this.scene, width, height, zoom, now.robot) : followCamera(now.robot, width, height, zoom);
   }
 
   known(name) { return !this.scene.unmeasured.includes(name); }

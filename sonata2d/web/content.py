@@ -9,8 +9,7 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
 from ..core.labels import LabelSpec
-from ..study.answers import name_of_entry
-from ..study.config import QuestionConfig, RunsConfig, ScaleConfig, in_language
+from ..study.config import QuestionConfig, RunsConfig, ScaleConfig, in_language, name_of_entry
 from ..study.load import Study
 from ..study.participant import Participant
 from ..study.plan import Step, shuffled

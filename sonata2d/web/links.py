@@ -42,7 +42,7 @@ class Links:
             self._write()
 
     def participant_of(self, token: str) -> str | None:
-        """Id of the participant whose token it is; None for an unknown one."""
+        """Id of the participant that a token belongs to; None for an unknown token."""
         return self._by_digest.get(_digest(token))
 
     def is_researcher(self, token: str) -> bool:

@@ -74,7 +74,7 @@ class Seat:
         return await asyncio.to_thread(self.view, problem, whole=isinstance(message, m.Hello))
 
     async def leave(self) -> None:
-        """Stand still: nobody is at the page."""
+        """Pause the run, because the page was closed."""
         if self.participant.session is not None:
             await asyncio.to_thread(_stand_still, self.participant.session)
 

@@ -41,7 +41,6 @@ MAPPINGS = dict(DEFAULT_MAPPINGS) | {
 }
 TAKEN_OVER, REFUSED, UNKNOWN, TOO_MANY_MISTAKES, FULL = 4001, 4002, 4003, 4004, 4005  # codes of closed web sockets
 MAX_MISTAKES = 20  # messages of one connection that cannot be read
-MAX_WAITING = 100  # connections that have no participant yet, or no longer
 _IDLE = 900.0  # s without a message, after which a connection is closed
 _STATIC = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 _HEADERS = {
@@ -69,8 +68,7 @@ class StudyServer:
     Attributes:
         app: the ASGI application.
         is_held: whether the researcher has stopped all runs for a while.
-        seats: participants who are, or were, connected since the start, by id.
-        connected: the ids of those who are connected.
+        seats: state of each participant who has connected since the start of the server, by id.
     """
 
     def __init__(
@@ -103,7 +101,7 @@ class StudyServer:
 
     @property
     def connected(self) -> list[str]:
-        """Ids of the participants who are connected."""
+        """Ids of the participants who have the page open."""
         return list(self._sockets)
 
     # Pages
@@ -225,7 +223,7 @@ class StudyServer:
                 await seat.leave()
 
     async def _seat_of(self, id: str) -> Seat:
-        """The place of a participant, whose runs are opened when the participant comes first.
+        """The state of a participant; it is created when the participant connects for the first time.
 
         Raises:
             Sonata2dError: a file of the participant is damaged, or in use by another program.

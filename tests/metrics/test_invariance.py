@@ -120,7 +120,7 @@ def test_random_walks_give_several_values_of_nearly_every_metric() -> None:
         for name, value in measured(*random_walks(seed)).items():
             values[name].add(value)
     constant = {name for name, found in values.items() if len(found - {None}) < 2}
-    # need a robot that stands, people who are far away, or a driver in a browser, whose delay has no geometry
+    # Random walks have no robot that stands, no people far away, and no driver in a browser.
     assert constant <= {
         "timeout", "stalled_time", "socnavgym.stalled_time", "hunavsim.time_not_moving", "zone_public",
         "round_trip_median", "round_trip_95",

@@ -1,6 +1,6 @@
 // Driving: asks the server for each tick, shows the states smoothly, and draws readings over the scene.
 
-import {SceneDrawing, followCamera, stateBetween, toPixels, topCamera} from "./drawing.js";
+import {SceneDrawing, fitted, stateBetween, toPixels} from "./drawing.js";
 import {Input} from "./input.js";
 
 const MAX_TICKS = 3;          // for each picture, to catch up; a longer delay of the page is dropped and counted
@@ -142,14 +142,10 @@ export class Drive {
   }
 
   draw(seconds) {
-    const {canvas} = this, width = canvas.clientWidth, height = canvas.clientHeight, fine = devicePixelRatio || 1;
+    const {width, height} = fitted(this.canvas);
     if (!width || !height) return;
-    if (canvas.width !== Math.round(width * fine) || canvas.height !== Math.round(height * fine)) {
-      canvas.width = Math.round(width * fine); canvas.height = Math.round(height * fine);
-    }
     const now = this.now = this.moment(seconds);
-    const isTop = this.view === "top" || !this.drawing.known("robot");
-    const camera = isTop ? topCamera(this.data, width, height, this.zoom, now.robot) : followCamera(now.robot, width, height, this.zoom);
+    const camera = this.drawing.cameraOf(this.view, now, width, height, this.zoom);
     const tint = {waiting: "rgba(0,158,115,.09)", ended: "rgba(213,94,0,.09)"}[this.status];
     this.drawing.draw(this.pen, camera, now, {layers: {zones: this.zones}, outside: OUTSIDE, finish: pen => {
       this.drawGoalArrow(pen, camera, now);

@@ -101,7 +101,7 @@ const text = words => typeof words === "string" ? words : words[language] || Obj
 /** A page, the consent, questions, or the end. */
 function showStep() {
   const step = view.step, place = byId("step"), key = `${step.id}/${step.kind}/${language}`;
-  if (stepOnShow === key && place.childElementCount && !view.isFresh) return;      // keeps what was filled in
+  if (stepOnShow === key && place.childElementCount) return;      // keeps what was filled in
   const title = make("h1", {id: "title", tabindex: -1}, step.title || titleOf(step));
   const parts = [title];
   if (step.html) parts.push(make("div", {class: "prose", html: step.html}));

@@ -1,6 +1,6 @@
 // Watching a recorded run before it is rated.
 
-import {SceneDrawing, followCamera, stateBetween, topCamera} from "./drawing.js";
+import {SceneDrawing, fitted, stateBetween} from "./drawing.js";
 
 export class Watch {
   /** `changed` is called while the run plays and when it has ended. */
@@ -47,15 +47,10 @@ export class Watch {
   }
 
   draw() {
-    const {canvas} = this, width = canvas.clientWidth, height = canvas.clientHeight, fine = devicePixelRatio || 1;
+    const {width, height} = fitted(this.canvas);
     if (!width || !height) return;
-    if (canvas.width !== Math.round(width * fine) || canvas.height !== Math.round(height * fine)) {
-      canvas.width = Math.round(width * fine); canvas.height = Math.round(height * fine);
-    }
     const i = Math.min(Math.floor(this.moment + 1e-6), this.end), j = Math.min(i + 1, this.end);
     const now = stateBetween(this.data, this.states[i], this.states[j], Math.max(this.moment - i, 0));
-    const isTop = this.view === "top" || !this.drawing.known("robot");
-    const camera = isTop ? topCamera(this.data, width, height) : followCamera(now.robot, width, height);
-    this.drawing.draw(this.pen, camera, now, {outside: "#e2e5e9"});
+    this.drawing.draw(this.pen, this.drawing.cameraOf(this.view, now, width, height), now, {outside: "#e2e5e9"});
   }
 }
