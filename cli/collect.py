@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     cls=Command,
     epilog=examples(
         "collect runs --contributor zoe --scenario sonata-2020-crowded --runs 20",
+        "collect runs --study study.yaml --contributor p01",
         "collect --rate runs --contributor rater-1 --scenario survey.yaml",
     ),
 )
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 @compress_option
 @click.option("--rate", type=PATH, metavar="DIR|FILE", help="Rate these recorded runs instead of driving.")
 @click.option("--repeats", type=click.FloatRange(0, 1), default=0.1, help="Fraction of the runs rated twice.")
+@click.option("--study", type=PATH, metavar="FILE", help="Study file: pages, questions, practice, runs and ratings.")
 @click.option("--allow-scene-changes", is_flag=True, help="Let drivers change the numbers of people and objects (G).")
 @language_option
 @size_option
@@ -63,6 +65,7 @@ def command(
     compress: str,
     rate: Path | None,
     repeats: float,
+    study: Path | None,
     allow_scene_changes: bool,
     language: str,
     size: tuple[int, int] | None,
@@ -71,7 +74,8 @@ def command(
     """Open a window in which a person drives the robot, and store each run in the folder OUT.
 
     Time starts with the first movement. After each run the person keeps or discards it. If the program ends during a
-    run, the same command continues that run. With --rate, the window shows recorded runs and asks for ratings.
+    run, the same command continues that run. With --rate, the window shows recorded runs and asks for ratings. With
+    --study, it goes through a study, whose file has all other settings.
     """
     if (out is None) == (rate is None):
         problem = "both were given; " if out is not None else ""
@@ -82,6 +86,9 @@ def command(
     from sonata2d.window.stage import Stage
 
     choose_language(language)
+    if study is not None:
+        _take_part(study, out, contributor, episode_suffix(compress), size, as_json)
+        return
     config = load_scenario(scenario)
     rating: list[RateScreen] = []
 
@@ -108,6 +115,49 @@ def command(
         _show_runs(out, as_json)
     elif as_json or rating:
         _show_ratings(rating, as_json)
+
+
+_WITH_STUDY = ("out", "contributor", "study", "compress", "language", "size", "as_json")
+
+
+def _take_part(
+    file: Path, out: Path | None, contributor: str | None, suffix: str, size: tuple[int, int] | None, as_json: bool
+) -> None:
+    """Go through a study in the window."""
+    context = click.get_current_context()
+    for name in context.params:
+        is_default = context.get_parameter_source(name) is click.core.ParameterSource.DEFAULT
+        if name not in _WITH_STUDY and not is_default:
+            raise click.UsageError(f"--{name.replace('_', '-')} is set by the study file; leave it out with --study")
+    assert out is not None
+    from sonata2d.collect.texts import use_table
+    from sonata2d.study.folder import opened_folder
+    from sonata2d.study.load import load_study
+    from sonata2d.study.participant import Participant
+    from sonata2d.window.input import InputDevices
+    from sonata2d.window.name_screen import NameScreen
+    from sonata2d.window.stage import Stage
+    from sonata2d.window.study_flow import StudyFlow
+
+    study = load_study(file)
+    participants: list[Participant] = []
+
+    with opened_folder(out, study) as folder:
+
+        def first_screen(name: str) -> Screen:
+            devices = InputDevices()
+            participants.append(Participant(folder, name, mappings=devices.mappings, suffix=suffix))
+            return StudyFlow(participants[-1], devices).screen()
+
+        use_table(study.tables[study.config.languages[0]])
+        stage = Stage("sonata2d", size=size)
+        stage.run(NameScreen(first_screen) if contributor is None else first_screen(contributor))
+    rows = [{"participant": one.id, "step": one.step.id, "done": one.progress} for one in participants]
+    if as_json:
+        show_json(rows)
+    for row in () if as_json else rows:
+        note(f"{row['participant']}: step {row['done'][0]} of {row['done'][1]}")
+        note(f"next:  sonata2d study results {out} tables")
 
 
 def _drive_screen(

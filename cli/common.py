@@ -151,6 +151,14 @@ def show_json(value: Any) -> None:
     click.echo(orjson.dumps(value, option=options), nl=False)
 
 
+def show_links(links: dict[str, str], as_json: bool) -> None:
+    """Print the links of a study, by name."""
+    if as_json:
+        show_json(links)
+    for name, link in () if as_json else links.items():
+        note(f"{name}:  {link}")
+
+
 def show_table(rows: Iterable[tuple[str, object]], indent: str = "") -> None:
     """Print names and values in two columns."""
     pairs = [(name, str(value)) for name, value in rows]

@@ -8,7 +8,7 @@ from typing import Literal
 import click
 
 from .command import Command
-from .common import PATH, compress_option, episode_suffix, examples, json_option, note, progress, show_json
+from .common import PATH, compress_option, episode_suffix, examples, json_option, note, progress, show_links
 
 
 @click.command(
@@ -52,7 +52,7 @@ def command(
     Prints the links, and runs until Ctrl+C. Runs, ratings and answers are stored in the folder OUT; the same command
     continues a study.
     """
-    from sonata2d.study.folder import StudyFolder
+    from sonata2d.study.folder import opened_folder
     from sonata2d.study.load import load_study
     from sonata2d.web.serve import Settings, prepare_scenes, serve
 
@@ -71,11 +71,5 @@ def command(
         suffix=episode_suffix(compress),
     )
 
-    def announce(links: dict[str, str]) -> None:
-        if as_json:
-            show_json(links)
-            return
-        for name, link in links.items():
-            note(f"{name}:  {link}")
-
-    serve(StudyFolder(out, loaded), settings, announce)
+    with opened_folder(out, loaded) as folder:
+        serve(folder, settings, lambda links: show_links(links, as_json))

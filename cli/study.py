@@ -1,14 +1,15 @@
-"""The commands `sonata2d study check|results`."""
+"""The commands `sonata2d study check|preview|results|export|remove`."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from .command import Group
-from .common import PATH, examples, json_option, note, progress, show_json, show_table
+from .common import PATH, examples, json_option, note, progress, show_json, show_links, show_table
 
 if TYPE_CHECKING:
     from sonata2d.study.load import Study
@@ -78,6 +79,26 @@ def _step_row(study: Study, step: Step) -> dict[str, Any]:
     return {"step": step.id, "text": f"{_KINDS[step.kind]}{': ' if what else ''}{what}"}
 
 
+@command.command("preview", epilog=examples("study preview study.yaml"))
+@click.argument("file", type=PATH)
+@click.option("--host", default="127.0.0.1", help="Address to listen at.")
+@click.option("--port", type=click.IntRange(0, 65535), default=8765, help="0: a free one.")
+@json_option
+def preview(file: Path, host: str, port: int, as_json: bool) -> None:
+    """Try a study in a browser as a participant; every step can be skipped.
+
+    Prints a link, and runs until Ctrl+C. What is collected is deleted then.
+    """
+    from sonata2d.study.folder import StudyFolder
+    from sonata2d.study.load import load_study
+    from sonata2d.web.serve import Settings, serve
+
+    study = load_study(file)
+    with TemporaryDirectory(prefix="sonata2d-preview-") as folder:
+        settings = Settings(host=host, port=port, participants=1, is_preview=True)
+        serve(StudyFolder(folder, study), settings, lambda links: show_links(links, as_json))
+
+
 @command.command("results", epilog=examples("study results OUT tables", "study results OUT tables --personal"))
 @click.argument("out", type=PATH)
 @click.argument("folder", type=PATH)
@@ -86,8 +107,8 @@ def _step_row(study: Study, step: Step) -> dict[str, Any]:
 def results(out: Path, folder: Path, personal: bool, as_json: bool) -> None:
     """Write the results of a study as tables.
 
-    FOLDER gets participants.csv, runs.csv, answers.csv and ratings.csv. Answers about runs that were driven again are
-    left out.
+    FOLDER gets participants.csv, runs.csv, answers.csv, scores.csv (of published questionnaires) and ratings.csv.
+    Answers about runs that were driven again are left out.
     """
     from sonata2d.study.report import save_results
 
@@ -96,3 +117,45 @@ def results(out: Path, folder: Path, personal: bool, as_json: bool) -> None:
         show_json([str(path) for path in paths])
     else:
         show_table((path.name, f"{len(path.read_bytes().splitlines()) - 1} rows") for path in paths)
+
+
+@command.command("remove", epilog=examples("study remove OUT p007"))
+@click.argument("out", type=PATH)
+@click.argument("participant")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@json_option
+def remove(out: Path, participant: str, yes: bool, as_json: bool) -> None:
+    """Delete a participant's runs, ratings and answers, because they withdraw from the study.
+
+    The link leads nowhere afterwards. The server has to be stopped; archives that were exported before are not changed.
+    """
+    from sonata2d.study.folder import read_state
+    from sonata2d.study.removal import remove_participant
+
+    read_state(out)
+    if not yes:
+        click.confirm(f"Delete all files of {participant} in {out}?", abort=True, err=True)
+    paths = remove_participant(out, participant)
+    if as_json:
+        show_json([str(path) for path in paths])
+    else:
+        note(f"{len(paths)} files deleted")
+
+
+@command.command("export", epilog=examples("study export OUT study.zip", "study export OUT study.zip --personal"))
+@click.argument("out", type=PATH)
+@click.argument("file", type=PATH)
+@click.option("--personal", is_flag=True, help="Include the personal answers.")
+@json_option
+def export(out: Path, file: Path, personal: bool, as_json: bool) -> None:
+    """Write all that a study has collected to a ZIP file: runs, ratings, answers and tables.
+
+    Links are left out.
+    """
+    from sonata2d.study.export import export_study
+
+    path = export_study(out, file, personal=personal)
+    if as_json:
+        show_json(str(path))
+    else:
+        note(f"{path}: {path.stat().st_size / 1e6:.1f} MB")

@@ -1,4 +1,4 @@
-"""Writes docs/format.md and docs/schema/*.json from the pydantic models: `python docs/generate_format.py [--check]`."""
+"""Writes format.md, scenario.md, study.md and schemas from the models: `python docs/generate_format.py [--check]`."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ from sonata2d.scenegen.scenario import sections
 from sonata2d.scenegen.scenario.base import Normal, Settings
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.scenegen.scenario.people import PersonSpec
+from sonata2d.study import config as study
+from sonata2d.study.config import StudyConfig
+from sonata2d.study.scales import scale_named, scale_names
 from sonata2d.version import FORMAT, FORMAT_VERSION
 
 DOCS = Path(__file__).parent
@@ -160,6 +163,40 @@ def scenario_page() -> str:
     return "\n".join([SCENARIO_INTRO, *(_settings(part) for part in parts)])
 
 
+STUDY_INTRO = """\
+<!-- written by docs/generate_format.py from sonata2d/study -->
+# The study file
+
+Every key, by section, with its default. [Run a study in a day](how-to/studies.md) explains how to use it.
+
+A text is one text, or one for each language of the study: `{en: Welcome, de: Willkommen}`. Within braces, a text with
+a comma, a colon or a question mark needs quotes. Texts that are Markdown may have headings, lists, tables, links and
+emphasis; HTML in them is shown as text, and images are left out.
+"""
+
+
+STUDY_SCALES = """\
+## Published questionnaires
+
+Write `{scale: rosas}` where questions are asked; with `subscales`, the parts to ask. Items are in English, and a study
+translates them under `texts`.
+
+| name | | parts and numbers of items | points | source |
+| --- | --- | --- | --- | --- |"""
+
+
+def study_page() -> str:
+    """docs/study.md."""
+    parts = [kind for kind in vars(study).values() if _is_section(kind) and kind is not StudyConfig]
+    parts.sort(key=lambda kind: kind.__module__ != study.__name__)
+    rows = []
+    for name in scale_names():
+        scale = scale_named(name)
+        subscales = ", ".join(f"`{part}` ({len(scale.part([part]).items)})" for part in scale.subscales)
+        rows.append(f"| `{name}` | {scale.title} | {subscales} | 1 to {scale.points} | {scale.source} |")
+    return "\n".join([STUDY_INTRO, *(_settings(part) for part in [StudyConfig, *parts]), STUDY_SCALES, *rows, ""])
+
+
 def _is_section(kind: object) -> bool:
     return isinstance(kind, type) and issubclass(kind, Settings) and kind not in (Settings, Normal)
 
@@ -171,7 +208,8 @@ def _settings(model: type[Settings]) -> str:
     shown = {key: value for key, value in given.items() if not isinstance(plain[key], Settings)}
     rows = [f"{key}: {json.dumps(value)}" for key, value in shown.items()]
     text = inspect.cleandoc(model.__doc__ or "")
-    return "\n".join([f"## {model.__name__}", "```text", text, "```", "```yaml", *rows, "```", ""])
+    defaults = ["```yaml", *rows, "```"] if rows else []
+    return "\n".join([f"## {model.__name__}", "```text", text, "```", *defaults, ""])
 
 
 def pages() -> dict[Path, str]:
@@ -185,7 +223,8 @@ def pages() -> dict[Path, str]:
         DOCS / "schema" / f"{name}.schema.json": json.dumps(schema_of(model, name), indent=2, ensure_ascii=False) + "\n"
         for name, model in schemas.items()
     }
-    return {DOCS / "format.md": format_page(), DOCS / "scenario.md": scenario_page(), **texts}
+    written = {"format.md": format_page(), "scenario.md": scenario_page(), "study.md": study_page()}
+    return {DOCS / name: text for name, text in written.items()} | texts
 
 
 def main() -> int:

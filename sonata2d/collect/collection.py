@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+import orjson
 from filelock import FileLock, Timeout
 
 from ..core.geometry import PRECISION
@@ -21,6 +23,7 @@ from ..datasets.manifest import (
     CROISSANT,
     DATASET_FORMAT,
     DATASET_VERSION,
+    LOG,
     MANIFEST,
     METRICS,
     SCENARIO,
@@ -78,7 +81,7 @@ class Collection:
         self._kept_paths: list[Path] = []  # of this session
         try:
             self._rows = self._write_manifest({})
-            if not (folder / SCENARIO).exists():
+            if settings and not (folder / SCENARIO).exists():
                 write_json(folder / SCENARIO, settings)
         except BaseException:
             self.close()
@@ -151,6 +154,38 @@ class Collection:
         self._rows = self._write_manifest(self._rows)
         return new_path
 
+    def forget(self) -> list[Path]:
+        """Delete all runs of this contributor, kept, discarded and open, and the lines of the log about them.
+
+        Returns:
+            The paths of the deleted files.
+
+        Raises:
+            RecordError: a file cannot be deleted.
+        """
+        # Ids may contain dots and underscores: the names of one must not match those of another.
+        run = re.compile(re.escape(self.journal.stem) + r"__\d{8}T\d{6}Z__.+")
+        journal = re.compile(re.escape(self.journal.stem) + r"\.(jsonl|\d+T\d+\.aside)")
+        places = [(self.folder, run), (self.folder / DISCARDED, run), (self.journal.parent, journal)]
+        try:
+            paths = [
+                path
+                for place, name in places
+                for path in (place.iterdir() if place.is_dir() else ())
+                if name.fullmatch(path.name)
+            ]
+            for path in paths:
+                path.unlink()
+            log = self.folder / LOG
+            lines = read_bytes(log).splitlines(keepends=True) if log.exists() else []
+            own = orjson.dumps({"contributor": self.contributor})[1:-1]
+            write_atomically(log, b"".join(line for line in lines if own not in line))
+        except OSError as error:
+            raise RecordError(f"{error.filename} cannot be deleted: {error.strerror}") from error
+        self._kept_paths = []
+        self._rows = self._write_manifest({})
+        return sorted(paths)
+
     def log(self, **facts: Any) -> None:
         """Append a line to the run log; a write error is only a warning."""
         try:
@@ -186,17 +221,24 @@ class Collection:
         Args:
             known: rows that need not be read again.
         """
-        rows = {str(row["name"]): row for row in _read_rows(self.folder, known)}
-        self.kept = sum(row["contributor"] == self.contributor for row in rows.values())
+        rows: dict[str, JsonDict] = {}
         try:
+            # The folder is listed under the lock: a list from before would omit runs that others have kept since.
             with FileLock(self.folder / JOURNALS / "manifest.lock", timeout=10):
+                rows = self._read_rows(known)
                 manifest = manifest_of_runs(list(rows.values())) | {"split": _valid_split(self.folder, rows)}
                 write_manifest_and_card(self.folder, manifest)
         except (RecordError, Timeout) as error:
+            rows = rows or self._read_rows(known)
             if not rows:
                 raise
             logger.warning("%s; the next run writes the manifest again", error)
+        self.kept = sum(row["contributor"] == self.contributor for row in rows.values())
         return rows
+
+    def _read_rows(self, known: dict[str, JsonDict]) -> dict[str, JsonDict]:
+        """Manifest rows of all runs in the folder, by file name."""
+        return {str(row["name"]): row for row in _read_rows(self.folder, known)}
 
 
 def checked_name(contributor: str) -> str:

@@ -41,12 +41,14 @@ class OpenRun:
         ticks: all recorded ticks.
         last_events: device events at the state that ended the run; None if it did not end.
         file_names: names of the episode files that the run was about to be written to.
+        dropped_ticks: ticks of real time that were not simulated.
     """
 
     header: JsonDict
     ticks: list[TickInput]
     last_events: tuple[DeviceEvent, ...] | None
     file_names: list[str]
+    dropped_ticks: int = 0
 
 
 class Journal:
@@ -59,10 +61,12 @@ class Journal:
 
     Attributes:
         failure: why the journal cannot be written at present; None if it can.
+        dropped_ticks: written with the next tick, if there are any.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.dropped_ticks = 0
         self.failure: str | None = None
         self._file: BinaryIO | None = None
         self._size, self._buffer = 0, b""  # bytes of complete lines in the file; lines that are not written yet
@@ -92,6 +96,7 @@ class Journal:
             return
         command = frame.command
         row: JsonDict = {"command": [command.vx, command.vy, command.omega], "events": _rows(frame.snapshot.events)}
+        row |= {"dropped": self.dropped_ticks} if self.dropped_ticks else {}
         self._write(row if frame.label is None else row | {"label": to_json_value(frame.label, "label")})
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
@@ -177,7 +182,10 @@ def read_journal(path: Path) -> OpenRun | None:
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise RecordError(f"{path} is not the journal of a run ({error!r})") from error
     file_names = [str(row["named"]) for row in rows if "named" in row]
-    return OpenRun(header, ticks, last_events[-1] if last_events else None, file_names) if ticks else None
+    dropped = [int(row["dropped"]) for row in rows if "dropped" in row]
+    if not ticks:
+        return None
+    return OpenRun(header, ticks, last_events[-1] if last_events else None, file_names, max(dropped, default=0))
 
 
 def _parsed(path: Path, lines: list[bytes]) -> Iterator[JsonDict]:

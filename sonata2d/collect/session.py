@@ -59,6 +59,7 @@ class Session:
         dropped_ticks: ticks of real time that the client was too slow for, in the present run.
         recovered: duration in s of an open run that was recovered; None if there was none.
         undone_label: label of the run that was taken back last.
+        number_of_runs: number of runs that this session has begun or taken up again, the present one included.
         notice: message for the driver about an open run or a scene that failed; empty if there is none.
 
     Raises:
@@ -97,6 +98,8 @@ class Session:
         self.recovered: float | None = None
         self.notice = ""
         self.undone_label: Any = None
+        self._kept_dropped: dict[str, int] = {}  # dropped ticks of the runs that this session has kept
+        self.number_of_runs = 0
         try:
             if not self._recover():
                 number = None if schedule else self._collection.next_number(seed)
@@ -170,6 +173,7 @@ class Session:
         if self.state == "ended":
             return
         first_events, self._first_events = self._first_events, ()
+        self._journal.dropped_ticks = self.dropped_ticks
         frame = self._episode.step((*first_events, *events))
         if frame is None:
             self._stand_still("ended")
@@ -220,6 +224,7 @@ class Session:
             raise ValueError("the run has not ended; stop it before keeping it")
         self._recorder.label = self.label_spec.validate(label) if self.label_spec.per_run else None
         path = self._collection.keep(self._recorder, self._now(), self._journal.announce)
+        self._kept_dropped[path.name] = self.dropped_ticks
         self._put_away("kept", path)
         try:
             self._begin(*self._next_scene(self._following(), self.config))
@@ -284,7 +289,7 @@ class Session:
         ticks = [TickInput(frame.command, frame.label, frame.snapshot.events) for frame in record.frames()]
         header = self._header(record.scene(), record.scene().settings or {}, record.controller_info.settings or {})
         self._journal.begin(header)
-        self._restore(OpenRun(header, ticks, record.snapshot(-1).events, []))
+        self._restore(OpenRun(header, ticks, record.snapshot(-1).events, [], self._kept_dropped.get(path.name, 0)))
         self.undone_label = record.label
         return path
 
@@ -325,6 +330,7 @@ class Session:
     ) -> None:
         """Create the episode and its recorder, and replay the past ticks."""
         self.scene, self._run_config, self._controller, self.dropped_ticks = scene, config, controller, 0
+        self.number_of_runs += 1
         self._first_events = ()
         self._recorder = EpisodeRecorder(
             contributor=self.contributor, context=config.context, label_spec=config.label.spec()
@@ -375,6 +381,7 @@ class Session:
         config = ScenarioConfig(**header["settings"])
         scene = generate(config, header["seed"], header["episode"])
         self._set_up(scene, config, Teleoperation.from_settings(header["controller"]), run.ticks)
+        self.dropped_ticks = self._journal.dropped_ticks = run.dropped_ticks
         duration = self.after.time
         if run.last_events is not None:
             self.tick(run.last_events)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import string
 import tomllib
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,11 @@ def choose_language(name: str) -> None:
     Raises:
         ConfigError: the table cannot be read, or has an unknown key or value.
     """
-    texts = table(name) if name in languages() else read_table(Path(name))
+    use_table(table(name) if name in languages() else read_table(Path(name)))
+
+
+def use_table(texts: Mapping[str, str]) -> None:
+    """Use a table of texts, by `section.key`, for the window."""
     _chosen.clear()
     _chosen.update(texts)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import errno
 import logging
-import math
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -23,6 +23,7 @@ logger = logging.getLogger(__name__)
 
 ANSWERS_VERSION = 1
 MAX_TEXT_ANSWER = 5000  # characters
+MAX_NUMBER = 2**53  # up to which JSON readers keep integers exact
 
 
 def checked_answers(entries: Iterable[Entry], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -74,10 +75,10 @@ def _checked_table(name: str, entry: Entry, value: Any) -> dict[str, int]:
 def _checked_value(name: str, entry: Entry, value: Any) -> Any:
     assert isinstance(entry, QuestionConfig)
     if entry.kind == "number":
-        is_number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER
         low, high = entry.minimum, entry.maximum
         if not is_number or (low is not None and value < low) or (high is not None and value > high):
-            limits = f" from {low:g}" * (low is not None) + f" up to {high:g}" * (high is not None)
+            limits = ("" if low is None else f" from {low:g}") + ("" if high is None else f" up to {high:g}")
             raise ValueError(f"{name} is {shown(value)}; a number{limits} is expected")
         return value if isinstance(value, int) else quantised(float(value))
     if entry.kind == "text" and isinstance(value, str):
@@ -115,11 +116,11 @@ class AnswerLog:
         try:
             is_new = not self.path.exists()
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.path.open("ab") as file:
+            with self.path.open("ab", buffering=0) as file:
                 size = file.tell()
                 try:
-                    file.write(data)
-                    file.flush()
+                    if file.write(data) < len(data):
+                        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
                     os.fsync(file.fileno())
                 except OSError:
                     file.truncate(size)  # a half line would spoil the next one

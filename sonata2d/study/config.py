@@ -52,7 +52,7 @@ class PageConfig(Settings):
 
 
 class ConsentConfig(Settings):
-    """What a participant agrees to before anything is stored.
+    """What a participant agrees to before anything is answered or driven.
 
     Attributes:
         title: heading.
@@ -128,6 +128,8 @@ class QuestionConfig(Settings):
         for key in ("minimum", "maximum"):
             if self.kind != "number" and getattr(self, key) is not None:
                 raise _problem("this key needs kind: number", key)
+        if self.kind == "slider" and self.ends is None:
+            raise _problem("give the meaning of both ends: [not at all, entirely]", "ends")
         if self.ends is not None and not is_table and self.kind != "slider":
             raise _problem("ends need kind: slider or likert", "ends")
         if self.labels is not None and len(self.labels) != self.points:
@@ -309,7 +311,7 @@ class StudyConfig(Settings):
         changes: what participants may change: `view`, `zoom`, `zones` (drawing of personal space).
         discard: whether participants may discard a run; another scene replaces it.
         redo: whether participants may drive a scene again instead of keeping the run.
-        undo: whether participants may take back the last kept run until the next one begins.
+        undo: whether participants may take back the last kept run until the next one begins, or the program ends.
         seed: of the scenes, and of random orders.
         participants: largest number of participants that the open link admits.
     """

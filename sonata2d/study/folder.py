@@ -6,12 +6,17 @@ personal answers, so that they can be kept elsewhere, or deleted, without touchi
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Container, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import orjson
 
 from ..collect.collection import checked_name
+from ..collect.rating import checked_rater
+from ..core.locking import acquired_lock
 from ..core.wording import counted
 from ..errors import ConfigError, RecordError
 from ..record.files import read_bytes, safe_stem, sha256_of, write_atomically
@@ -19,6 +24,7 @@ from .config import texts_in
 from .load import Study
 
 STUDY, ANSWERS, PERSONAL, RATED = "study", "answers", "personal", "rated"
+LOCK = "study.lock"
 _STATE = "study.json"
 
 
@@ -32,6 +38,7 @@ class StudyFolder:
     Attributes:
         out: folder of the runs.
         participants: ids of the participants, in the order of their arrival.
+        withdrawn: ids of those who have withdrawn; nothing of them is left.
 
     Raises:
         ConfigError: the folder belongs to a study with other steps, scenes or questions.
@@ -41,6 +48,7 @@ class StudyFolder:
     def __init__(self, out: str | Path, study: Study) -> None:
         self.out, self.study = Path(out), study
         self.participants: list[str] = []
+        self.withdrawn: list[str] = []
         self._versions: list[str] = []
         state = self.out / STUDY / _STATE
         structure = structure_of(study)
@@ -58,13 +66,14 @@ class StudyFolder:
                     " may not: choose another folder"
                 )
             self.participants, self._versions = stored["participants"], stored["versions"]
-        self._structure = structure
+            self.withdrawn = stored["withdrawn"]
+        self._structure, self._adding = structure, threading.RLock()
         self._copy_rated()
         if study.sha256 not in self._versions:
             self._versions.append(study.sha256)
             copy = self.out / STUDY / f"study-{study.sha256[:8]}{study.path.suffix}"
             write_atomically(copy, read_bytes(study.path))
-        self._write_state()
+            self._write_state()
 
     def add(self, participant: str) -> int:
         """Add a participant, unless the id is known.
@@ -77,14 +86,41 @@ class StudyFolder:
             RecordError: the folder cannot be written.
         """
         participant = checked_name(participant)
-        if participant not in self.participants:
-            self.participants.append(participant)
-            try:
-                self._write_state()
-            except RecordError:
-                self.participants.remove(participant)
-                raise
-        return self.participants.index(participant)
+        if participant in self.withdrawn:
+            raise ConfigError(f"{participant} has withdrawn from the study; choose another id")
+        if self.study.config.ratings:
+            checked_rater(participant)
+        with self._adding:  # the threads of a server take turns
+            if participant not in self.participants:
+                self.participants.append(participant)
+                try:
+                    self._write_state()
+                except RecordError:
+                    self.participants.remove(participant)
+                    raise
+            return self.participants.index(participant)
+
+    def add_next(self, taken: Container[str] = (), limit: int | None = None) -> str | None:
+        """Add a participant with the next free id, such as `p001`.
+
+        Args:
+            taken: ids that are not free.
+            limit: largest number of participants.
+
+        Returns:
+            The id; None if there are as many participants as the limit allows.
+
+        Raises:
+            RecordError: the folder cannot be written.
+        """
+        with self._adding:
+            if limit is not None and len(self.participants) >= limit:
+                return None
+            number = len(self.participants) + 1
+            while (id := f"p{number:03d}") in self.participants or id in taken:
+                number += 1
+            self.add(id)
+            return id
 
     def answers_of(self, participant: str) -> Path:
         """The file with what a participant has done and answered."""
@@ -114,11 +150,38 @@ class StudyFolder:
                 raise RecordError(f"{folder} cannot be written: {error.strerror or error}") from error
 
     def _write_state(self) -> None:
-        state = {"version": 1, "structure": self._structure, "versions": self._versions}
-        write_atomically(
-            self.out / STUDY / _STATE,
-            orjson.dumps(state | {"participants": self.participants}, option=orjson.OPT_INDENT_2),
-        )
+        lists = {"versions": self._versions, "participants": self.participants, "withdrawn": self.withdrawn}
+        write_state(self.out, {"structure": self._structure} | lists)
+
+
+@contextmanager
+def opened_folder(out: str | Path, study: Study) -> Iterator[StudyFolder]:
+    """The folder of a study, which no other program uses meanwhile.
+
+    Raises:
+        RecordError: another program uses it.
+        ConfigError, RecordError: as of `StudyFolder`.
+    """
+    with locked(out):
+        yield StudyFolder(out, study)
+
+
+@contextmanager
+def locked(out: str | Path) -> Iterator[None]:
+    """Hold the lock of a study, so that programs take turns.
+
+    Raises:
+        RecordError: another program holds it, or the folder cannot be written.
+    """
+    try:
+        (Path(out) / STUDY).mkdir(mode=0o700, parents=True, exist_ok=True)  # links and answers are for its owner only
+    except OSError as error:
+        raise RecordError(f"{out} cannot be written: {error.strerror or error}") from error
+    lock = acquired_lock(Path(out) / STUDY / LOCK, f"another program uses {out}; stop it first")
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def structure_of(study: Study) -> dict[str, Any]:
@@ -142,8 +205,17 @@ def structure_of(study: Study) -> dict[str, Any]:
     return structure
 
 
+def write_state(out: str | Path, state: dict[str, Any]) -> None:
+    """Store what `read_state` returns.
+
+    Raises:
+        RecordError: the folder cannot be written.
+    """
+    write_atomically(Path(out) / STUDY / _STATE, orjson.dumps({"version": 1} | state, option=orjson.OPT_INDENT_2))
+
+
 def read_state(out: str | Path) -> dict[str, Any]:
-    """The participants of a study, and the hashes of the versions of its file.
+    """The structure and the participants of a study, and the hashes of the versions of its file.
 
     Raises:
         RecordError: the folder is not that of a study.
@@ -159,8 +231,9 @@ def _read_state(path: Path) -> dict[str, Any]:
         state = orjson.loads(read_bytes(path))
         if state["version"] != 1:
             raise ValueError(f"version {state['version']} is unknown; upgrade sonata2d")
-        if not all(isinstance(state[key], list) for key in ("participants", "versions")):
-            raise TypeError("participants and versions are lists")
-        return {key: state[key] for key in ("structure", "versions", "participants")}
+        state.setdefault("withdrawn", [])
+        if not all(isinstance(state[key], list) for key in ("participants", "versions", "withdrawn")):
+            raise TypeError("participants, versions and withdrawn are lists")
+        return {key: state[key] for key in ("structure", "versions", "participants", "withdrawn")}
     except (KeyError, TypeError, ValueError) as error:
         raise RecordError(f"{path} is damaged: {error}") from error

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
@@ -21,9 +22,6 @@ from ..scenegen.scenario.load import load_scenario, preset_names
 from ..scenegen.scenario.parse import line_of, parse_settings
 from ..scenegen.scenario.problems import problem_of
 from .config import LabelTexts, QuestionConfig, RatingConfig, StudyConfig, in_language
-
-if TYPE_CHECKING:
-    from ..core.scene import Scene
 
 SCENES_PER_BLOCK = 10_000  # distance between the scene numbers of two blocks of runs
 _MAX_ATTEMPTS = 50  # consecutive scenes of a scenario that cannot be generated before it is an error
@@ -53,6 +51,7 @@ class Study:
     rated: tuple[tuple[Path, ...], ...]
     tables: dict[str, dict[str, str]]
     _numbers: dict[int, list[int]] = field(default_factory=dict, repr=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
 
     def scene_number(self, block: int, k: int) -> int:
         """Number of the k-th scene of a block of runs; scenes that cannot be generated are left out.
@@ -63,11 +62,12 @@ class Study:
         Raises:
             SceneError: too many scenes in a row cannot be generated.
         """
-        numbers = self._numbers.setdefault(block, [])
-        while len(numbers) <= k:
-            start = numbers[-1] + 1 if numbers else block * SCENES_PER_BLOCK
-            numbers.append(self._next_number(block, start))
-        return numbers[k]
+        with self._lock:  # participants of a server share the study
+            numbers = self._numbers.setdefault(block, [])
+            while len(numbers) <= k:
+                start = numbers[-1] + 1 if numbers else block * SCENES_PER_BLOCK
+                numbers.append(self._next_number(block, start))
+            return numbers[k]
 
     def config_of(self, block: int) -> ScenarioConfig:
         """Scenario of a block of runs; the one after the last block is the practice."""
@@ -75,10 +75,6 @@ class Study:
             return self.scenarios[block]
         assert self.practice is not None
         return self.practice
-
-    def scene(self, block: int, k: int) -> Scene:
-        """The k-th scene of a block of runs."""
-        return generate(self.config_of(block), self.config.seed, self.scene_number(block, k))
 
     def _next_number(self, block: int, start: int) -> int:
         """The first number, from `start` on, whose scene can be generated."""
@@ -121,6 +117,12 @@ def load_study(path: str | Path) -> Study:
     )
     for k, (block, scenario) in enumerate(zip(config.runs, scenarios, strict=True)):
         resolved(["runs", k, "label"], lambda b=block, s=scenario: _check_label(b.label, s.label.spec(), config))  # type: ignore[misc]
+    longest = min((scenario.rules.time_limit for scenario in scenarios), default=config.minimum_length)
+    if config.minimum_length > longest:
+        raise ConfigError(
+            f"{path.name}{line_of(path, ['minimum_length'])}: minimum_length is {config.minimum_length:g} s, but the"
+            f" runs of a scenario end after {longest:g} s"
+        )
     practice = None
     if config.practice is not None:
         name = config.practice.scenario

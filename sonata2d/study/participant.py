@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
+from ..collect.collection import checked_name
 from ..collect.rating import RatingSession
 from ..collect.session import Session
 from ..record.record import EpisodeRecord
@@ -17,14 +18,15 @@ from .answers import AnswerLog, checked_answers
 from .config import name_of_entry
 from .folder import StudyFolder
 from .load import spec_of
-from .plan import Step, steps_of
+from .plan import Step
+from .progress import Progress
 
 logger = logging.getLogger(__name__)
 
 _PRACTICE = "practice"  # why a run is not kept
 
 
-class Participant:
+class Participant(Progress):
     """Takes part in a study: goes from step to step, and continues where it stopped.
 
     The steps that are done follow from the participant's file of answers and from the kept runs, so nothing is lost or
@@ -41,8 +43,6 @@ class Participant:
         session: the runs; None before the first one, and after the last.
         rating: the runs to rate, while they are rated.
         record: the run to rate now.
-        language: of the participant.
-        has_declined: whether the participant did not consent.
 
     Raises:
         ConfigError: the id is not usable.
@@ -58,49 +58,17 @@ class Participant:
         suffix: str = ".json",
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
+        id = checked_name(id)
         self._folder, self.id, self._mappings, self._suffix, self._now = folder, id, mappings, suffix, now
-        self.study = folder.study
-        self.index = folder.add(id)
-        self.steps = steps_of(self.study.config, self.index)
-        self._runs = {step.run: step for step in self.steps if step.kind == "run"}
+        self._log, self._personal = AnswerLog(folder.answers_of(id)), AnswerLog(folder.personal_of(id))
+        super().__init__(folder.study, folder.add(id), self._log.lines)
         self.session: Session | None = None
         self.rating: RatingSession | None = None
         self.record: EpisodeRecord | None = None
-        self.language = self.study.config.languages[0]
-        self._log, self._personal = AnswerLog(folder.answers_of(id)), AnswerLog(folder.personal_of(id))
-        self._kept: dict[int, str] = {}  # of the runs, by number of the scene
-        self._done: set[str] = set()
-        self._asked: dict[str, str] = {}  # file of the run that the questions of a step were answered about
         self._may_undo = False
-        self._replaced: dict[str, int] = {}  # scenes that replace those of runs, within their blocks
-        self.has_declined = False
-        for event in self._log.lines:
-            self._apply(event)
         if not self._log.lines:
             self._append(event="begun")
         self.resume()
-
-    # The present step
-
-    @property
-    def step(self) -> Step:
-        """The step to do now."""
-        return next(step for step in self.steps if step.kind == "thanks" or not self._is_done(step))
-
-    @property
-    def progress(self) -> tuple[int, int]:
-        """Number of steps that are done, and of all steps but the last, which is a page of thanks."""
-        return sum(self._is_done(step) for step in self.steps[:-1]), len(self.steps) - 1
-
-    @property
-    def runs(self) -> tuple[int, int]:
-        """Number of runs that are kept, and that are asked for."""
-        return sum(self._is_done(step) for step in self._runs.values()), len(self._runs)
-
-    @property
-    def is_finished(self) -> bool:
-        """Whether all is done, or the participant did not consent."""
-        return self.has_declined or self.step.kind == "thanks"
 
     @property
     def is_driving(self) -> bool:
@@ -193,10 +161,8 @@ class Participant:
         minimum = self.study.config.minimum_length
         if session.state == "ended" and session.after.time < minimum:
             raise ValueError(f"the run is {session.after.time:.1f} s long; runs of {minimum:g} s or more can be kept")
-        step = self.step
         path = session.keep(label)
         self._kept, self._may_undo = dict(session.kept_runs), True
-        self._append(event="kept", step=step.id, file=path.name, block=step.block, scene=self._number_of(step))
         self.resume()
         return path
 
@@ -230,16 +196,34 @@ class Participant:
         self._append(event="replaced", step=step.id, scene=max(used) + 1)
         session.next(reason="discarded")
 
-    def redo(self) -> None:
+    def redo(self) -> Path | None:
         """Drive the same scene again; a run that has begun is discarded.
 
+        Returns:
+            The path of the discarded run; None if the run had not begun.
+
         Raises:
-            ValueError: the study does not allow it.
+            ValueError: the study does not allow it, and the run is long enough to be kept.
         """
         session = self._driving("run", _PRACTICE)
-        if not self.study.config.redo and self.step.kind == "run":
+        is_short = session.state == "ended" and session.after.time < self.study.config.minimum_length
+        if not self.study.config.redo and self.step.kind == "run" and not is_short:
             raise ValueError("runs of this study cannot be driven again")
-        session.redo()
+        return session.redo()
+
+    def skip(self, step: str) -> None:
+        """Go on without doing the present step, in a preview of the study.
+
+        Raises:
+            ValueError: the present step is another one, or the last.
+        """
+        if self.step.id != step or self.is_finished:
+            raise ValueError(f"the present step is {self.step.id}, not {step}")
+        self._append(event="skipped", step=step)
+        self.record, self.rating, self._may_undo = None, None, False
+        if self.session is not None:
+            self.session.next(reason="skipped")
+        self.resume()
 
     def undo(self) -> None:
         """Take back the last run that was kept.
@@ -284,10 +268,9 @@ class Participant:
                 now=self._now,
             )
             self._kept = dict(self.session.kept_runs)
-            # The journal may hold a run that does not belong here: a practice run that was done, or a discarded one.
-            if self.is_driving and self.session.scene.episode != self._number_of(self.step):
-                self.session.next(reason="belongs to another step")
-            step = self.step  # the kept runs are known only now
+            self._leave_other_step()
+        self._log_kept_runs()
+        step = self.step  # the kept runs are known only now
         if step.kind == "ratings":
             self._resume_rating(step)
         has_runs = any(step.kind in ("run", _PRACTICE) and not self._is_done(step) for step in self.steps)
@@ -302,6 +285,23 @@ class Participant:
 
     # Internals
 
+    def _log_kept_runs(self) -> None:
+        """Store the events of kept runs that have none: the program may end between a run's file and its event."""
+        for step in self._runs.values():
+            assert step.run is not None
+            file = self._file_of_run(step.run)
+            if file is not None and file not in self._logged:
+                scene = self._number_of(step)
+                self._append(event="kept", step=step.id, file=file, block=step.block, scene=scene)
+
+    def _leave_other_step(self) -> None:
+        """Put away a run that does not belong to the present step: a practice run that is done, or a discarded one.
+
+        There is one if the program ended, or the disk was full, between the event of a step and the end of its run.
+        """
+        if self.session is not None and self.is_driving and self.session.scene.episode != self._number_of(self.step):
+            self.session.next(reason="belongs to another step")
+
     def _resume_rating(self, step: Step) -> None:
         block = self.study.config.ratings[step.block]
         if self.rating is None or self.rating.folder != self._folder.rated(step.block):
@@ -314,7 +314,8 @@ class Participant:
                 break_after=block.break_after,
             )
             self.record = None
-        if self.record is None:
+        upcoming = self.rating.upcoming
+        if self.record is None or upcoming is None or upcoming.path != self.record.path:
             self.record = self.rating.load()
         if self.record is None:
             self.rating = None
@@ -328,23 +329,6 @@ class Participant:
         step = next((step for step in runs if not self._is_done(step)), runs[-1])
         return self.study.config_of(step.block), self._number_of(step)
 
-    def _number_of(self, step: Step) -> int:
-        """Number of the scene of a run."""
-        return self.study.scene_number(step.block, self._replaced.get(step.id, step.scene))
-
-    def _file_of_run(self, run: int) -> str | None:
-        """The kept file of a run."""
-        return self._kept.get(self._number_of(self._runs[run]))
-
-    def _is_done(self, step: Step) -> bool:
-        if step.kind == "run":
-            assert step.run is not None
-            return self._file_of_run(step.run) is not None
-        if step.kind == "questions" and step.run is not None:  # a run that was driven again is asked about again
-            file = self._file_of_run(step.run)
-            return file is not None and self._asked.get(step.id) == file
-        return step.id in self._done
-
     def _require(self, step: str, kind: str) -> Step:
         """The present step, if it is the expected one: a click may arrive twice, or from an older page."""
         present = self.step
@@ -355,25 +339,14 @@ class Participant:
     def _driving(self, *kinds: str) -> Session:
         if self.session is None or self.step.kind not in kinds or self.has_declined:
             raise ValueError(f"the present step is {self.step.id}, not a run")
+        self._leave_other_step()
         return self.session
 
     def _append(self, **facts: Any) -> None:
         """Store an event, and apply it."""
-        self._log.append(time=self._time(), **facts)
+        facts = {"time": self._time()} | facts
+        self._log.append(**facts)
         self._apply(facts)
-
-    def _apply(self, event: Mapping[str, Any]) -> None:
-        kind, step = event["event"], event.get("step", "")
-        if kind == "language":
-            self.language = event["language"]
-        elif kind == "answers" and event.get("file") is not None:
-            self._asked[step] = event["file"]
-        elif kind in ("done", "answers", "consented"):
-            self._done.add(step)
-        elif kind == "replaced":
-            self._replaced[step] = event["scene"]
-        if kind in ("declined", "reconsidered", "consented"):
-            self.has_declined = kind == "declined"
 
     def _time(self) -> str:
         return f"{self._now():%Y-%m-%dT%H:%M:%SZ}"

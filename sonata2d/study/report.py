@@ -1,10 +1,10 @@
-"""The results of a study as tables: participants, runs, answers and ratings."""
+"""The results of a study as tables: participants, runs, answers, scores of questionnaires, and ratings."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from ..record.files import read_bytes, safe_stem, write_atomically
 from ..record.reader import read_episode
 from .answers import read_answers
 from .folder import ANSWERS, PERSONAL, RATED, STUDY, read_state
+from .scales import Item, scale_named
 
 Row = dict[str, Any]
 TABLES = {
@@ -27,12 +28,16 @@ TABLES = {
         "round_trip_median", "round_trip_95", "label",
     ),
     "answers": ("participant", "step", "file", "question", "item", "value", "time"),
+    "scores": ("participant", "step", "file", "table", "part", "score", "items"),
     "ratings": ("participant", "block", "file", "showing", "label", "seconds", "whole", "time"),
 }  # fmt: skip
 
 
 def save_results(out: str | Path, folder: str | Path, *, personal: bool = False) -> list[Path]:
-    """Write the results of a study as CSV tables, one row for each participant, run, answer and rating.
+    """Write the results of a study as CSV tables, one row for each participant, run, answer, score and rating.
+
+    A score is the mean of the items of a table, or of one part of a published questionnaire; opposite items are
+    reversed.
 
     Args:
         out: folder of the study.
@@ -59,18 +64,22 @@ def save_results(out: str | Path, folder: str | Path, *, personal: bool = False)
 def results_of(out: str | Path, *, personal: bool = False) -> dict[str, list[Row]]:
     """The rows of all tables, by name of the table; see `save_results`."""
     out = Path(out)
-    participants = read_state(out)["participants"]
+    state = read_state(out)
+    participants = [id for id in state["participants"] if id not in state["withdrawn"]]
     events = {id: read_answers(out / STUDY / ANSWERS / f"{safe_stem(id)}.jsonl") for id in participants}
     secret = {
         id: read_answers(out / STUDY / PERSONAL / f"{safe_stem(id)}.jsonl") if personal else [] for id in participants
     }
     runs = _run_rows(out, events)
     kept = {row["file"] for row in runs}
-    ratings = [row for id in participants for row in _rating_rows(out, id)]
+    rated = _rating_rows(out)
+    ratings = [row for id in participants for row in rated.get(id, [])]
+    answers = [row for id in participants for row in _answer_rows(id, [*events[id], *secret[id]], kept)]
     return {
         "participants": [_participant_row(id, events[id], runs, ratings) for id in participants],
         "runs": runs,
-        "answers": [row for id in participants for row in _answer_rows(id, [*events[id], *secret[id]], kept)],
+        "answers": answers,
+        "scores": _score_rows(answers, state["structure"]["config"]),
         "ratings": ratings,
     }
 
@@ -170,16 +179,46 @@ def _answer_rows(id: str, events: list[Row], kept: set[str]) -> list[Row]:
     return rows
 
 
-def _rating_rows(out: Path, id: str) -> list[Row]:
+def _score_rows(answers: Iterable[Row], config: Mapping[str, Any]) -> list[Row]:
+    """The mean of each part of each table of statements that was answered."""
+    tables = {
+        (section, entry["name"] or entry["scale"]): entry
+        for section in ("demographics", "after_run", "end")
+        for entry in config[section]
+        if "scale" in entry or entry["kind"] == "likert"
+    }
+    given: dict[tuple[Any, ...], dict[str, int]] = {}
+    for row in answers:
+        if row["item"]:
+            key = tuple(row[column] for column in ("participant", "step", "file", "question"))
+            given.setdefault(key, {})[row["item"]] = row["value"]
+    rows = []
+    for (participant, step, file, question), values in given.items():
+        section = "after_run" if step.startswith("after-run-") else step
+        points, items = _items_of(tables[section, question])
+        for part in dict.fromkeys(item.subscale for item in items):
+            answered = [item for item in items if item.subscale == part and item.name in values]
+            scores = [points + 1 - values[item.name] if item.reversed else values[item.name] for item in answered]
+            if scores:
+                row = {"participant": participant, "step": step, "file": file, "table": question, "part": part}
+                rows.append(row | {"score": round(sum(scores) / len(scores), 4), "items": len(scores)})
+    return rows
+
+
+def _items_of(entry: Mapping[str, Any]) -> tuple[int, Sequence[Item]]:
+    """Number of points, and items, of a table."""
+    if "scale" in entry:
+        scale = scale_named(entry["scale"]).part(entry["subscales"])
+        return scale.points, scale.items
+    return entry["points"], [Item(**item) for item in entry["items"]]
+
+
+def _rating_rows(out: Path) -> dict[str, list[Row]]:
+    """The ratings of each participant."""
     folder = out / RATED
-    blocks = sorted(path for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []
-    return [
-        {
-            "participant": id,
-            "block": block.name,
-            **{key: getattr(rating, key) for key in ("file", "showing", "label", "seconds", "whole", "time")},
-        }
-        for block in blocks
-        for rating in ratings_of(block)
-        if rating.rater == id
-    ]
+    rows: dict[str, list[Row]] = {}
+    for block in sorted(path for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []:
+        for rating in ratings_of(block):
+            facts = {key: getattr(rating, key) for key in ("file", "showing", "label", "seconds", "whole", "time")}
+            rows.setdefault(rating.rater, []).append({"participant": rating.rater, "block": block.name} | facts)
+    return rows

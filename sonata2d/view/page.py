@@ -15,9 +15,8 @@ from ..errors import RenderError
 from .annotations import origin, value_text
 from .draw import Layers
 from .legend import Legend, english
-from .scene_data import scene_data, states_data
+from .scene_data import UNDRAWN, legend_data, scene_data, states_data
 from .stills import write_file
-from .svg import SvgCanvas
 
 _SWITCHES = {  # layers that have a check box on the page, and its text; the legend has the same words
     "trails": english("paths"),
@@ -28,8 +27,6 @@ _SWITCHES = {  # layers that have a check box on the page, and its text; the leg
     "ids": "ids",
 }
 _LAYERS = {"gaze": "gaze", "interaction": "links", "goal": "goal", "paths": "trails", "zones": "zones"}  # of symbols
-_UNUSED = "shared"  # symbol that the page does not draw
-_SYMBOL = 20  # px, width of a symbol of the legend
 
 
 def save_page(
@@ -98,13 +95,9 @@ def _template() -> Any:
 
 def _legend(snapshots: Sequence[Snapshot]) -> list[dict[str, str]]:
     """The symbols of all layers of the page: meaning, name of the layer (empty if always visible), and drawing."""
-    entries = []
-    for entry in Legend.of(snapshots, Layers(zones=True, legend=True), paths=True).entries:
-        if entry.name != _UNUSED:
-            canvas = SvgCanvas((_SYMBOL, _SYMBOL))
-            entry.draw_at(canvas, (_SYMBOL / 2, _SYMBOL / 2), _SYMBOL - 2)
-            entries.append({"text": entry.text, "layer": _LAYERS.get(entry.name, ""), "symbol": canvas.inline()})
-    return entries
+    legend = Legend.of(snapshots, Layers(zones=True, legend=True), paths=True)
+    entries = legend_data(legend)
+    return [entry | {"layer": _LAYERS.get(entry["name"], "")} for entry in entries if entry["name"] not in UNDRAWN]
 
 
 def _switches(scene: Scene) -> list[str]:

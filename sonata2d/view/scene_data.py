@@ -20,12 +20,14 @@ from .draw import Layers, camera_for
 from .furniture import draw_furniture, half_size
 from .landmarks import draw_landmarks
 from .layers import visible_interactions
-from .legend import english, name_of
+from .legend import Legend, english, name_of
 from .palette import ACTIVITY, BLUE, DARK, FAINT, FLOOR, GOAL, HAIR, INK, PAPER, ROBOT, hex_colour, mixed, shaded
 from .room import FloorPlan, draw_room
 from .svg import SvgCanvas
 from .trails import human_tones
 
+UNDRAWN = frozenset({"shared"})  # symbols of the legend that `drawing.js` does not draw
+_SYMBOL = 20  # px, width of a symbol of the legend
 _DIGITS = 3  # decimal places of metres, seconds and radians
 _REACTIONS = {
     "ignores": "ignores the robot",
@@ -132,6 +134,16 @@ def states_data(snapshots: Sequence[Snapshot]) -> list[dict[str, Any]]:
             links = state["links"]
         states.append(state)
     return states
+
+
+def legend_data(legend: Legend) -> list[dict[str, str]]:
+    """The symbols of a legend as SVG elements, with their names and meanings."""
+    entries = []
+    for entry in legend.entries:
+        canvas = SvgCanvas((_SYMBOL, _SYMBOL))
+        entry.draw_at(canvas, (_SYMBOL / 2, _SYMBOL / 2), _SYMBOL - 2)
+        entries.append({"name": entry.name, "text": entry.text, "symbol": canvas.inline()})
+    return entries
 
 
 def _camera_of(scene: Scene) -> Camera:

@@ -30,10 +30,16 @@ class Message(BaseModel):
 
 
 class Hello(Message):
-    """The page is ready, for the first time or again."""
+    """The page is ready, for the first time or again.
+
+    Attributes:
+        protocol: version of these messages.
+        languages: of the browser, the preferred one first.
+    """
 
     type: Literal["hello"]
     protocol: int
+    languages: Annotated[list[Annotated[str, Field(max_length=40)]], Field(max_length=40)] = []
 
 
 class Language(Message):
@@ -110,6 +116,13 @@ class Tick(Message):
     dropped: Annotated[int, Field(ge=0, le=1_000_000)] = 0
 
 
+class Skip(Message):
+    """Go on without doing the step, in a preview."""
+
+    type: Literal["skip"]
+    step: Step
+
+
 class Pause(Message):
     """Stand still."""
 
@@ -182,16 +195,57 @@ class Rest(Message):
     type: Literal["rest"]
 
 
+class Overview(Message):
+    """How far are all participants."""
+
+    type: Literal["overview"]
+
+
+class Hold(Message):
+    """Stop all runs for a while, or let them go on."""
+
+    type: Literal["hold"]
+    value: bool
+
+
+class Add(Message):
+    """Make links for new participants."""
+
+    type: Literal["add"]
+    count: Annotated[int, Field(ge=1, le=1000)]
+
+
+class Look(Message):
+    """Show what a participant does now.
+
+    Attributes:
+        participant: id of the participant.
+        scene: key of the scene that the page has; empty before the first.
+    """
+
+    type: Literal["look"]
+    participant: Name
+    scene: Annotated[str, Field(max_length=120)] = ""
+
+
+class Agreement(Message):
+    """How well the ratings agree."""
+
+    type: Literal["agreement"]
+
+
 AnyMessage = Annotated[
     Hello | Language | Read | Consent | Decline | Reconsider | Answer | Tick | Pause | Stop | Keep | FinishPractice
-    | Discard | Redo | Undo | Rate | Rest,
+    | Discard | Redo | Undo | Rate | Rest | Skip,
     Field(discriminator="type"),
 ]  # fmt: skip
-_adapter: TypeAdapter[Any] = TypeAdapter(AnyMessage)
+ResearcherMessage = Annotated[Overview | Hold | Add | Look | Agreement, Field(discriminator="type")]
+_participant: TypeAdapter[Any] = TypeAdapter(AnyMessage)
+_researcher: TypeAdapter[Any] = TypeAdapter(ResearcherMessage)
 
 
-def parse_message(data: str | bytes) -> Message:
-    """A message.
+def parse_message(data: str | bytes, *, of_researcher: bool = False) -> Message:
+    """A message of a participant's page, or of the researcher's page.
 
     Raises:
         ValueError: it is none; one line.
@@ -199,7 +253,7 @@ def parse_message(data: str | bytes) -> Message:
     if len(data) > MAX_MESSAGE:
         raise ValueError(f"the message has {len(data)} bytes; up to {MAX_MESSAGE} are read")
     try:
-        message: Message = _adapter.validate_json(data)
+        message: Message = (_researcher if of_researcher else _participant).validate_json(data)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False, include_context=False)[0]
         place = ".".join(map(str, first["loc"]))

@@ -5,19 +5,24 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..core.devices import NETWORK_DEVICE, ROUND_TRIP, DeviceEvent
 from ..core.geometry import quantised
 from ..core.wording import one_line
 from ..errors import Sonata2dError
-from ..view.scene_data import scene_data, state_data, states_data
+from ..study.content import Json, shown_label
+from ..study.load import spec_of
+from ..view.draw import Layers
+from ..view.legend import Legend
+from ..view.scene_data import UNDRAWN, legend_data, scene_data, state_data, states_data
 from . import messages as m
-from .content import Json, label_json, rating_question, step_json
+from .content import label_json, step_json
 
 if TYPE_CHECKING:
     from ..collect.session import Session
+    from ..core.snapshot import Snapshot
     from ..study.participant import Participant
 
 logger = logging.getLogger(__name__)
@@ -33,12 +38,12 @@ class Seat:
     Args:
         participant: the participant.
         is_held: whether the researcher has stopped the study for a while.
+        is_preview: whether steps can be skipped.
         clock: s.
+        sleep: waits a number of s.
 
     Attributes:
-        run: number of the present run: messages about an earlier one are ignored.
         round_trip: latest round-trip time, s; None before the first.
-        seen: time of the last message.
     """
 
     def __init__(
@@ -46,15 +51,33 @@ class Seat:
         participant: Participant,
         *,
         is_held: Callable[[], bool] = lambda: False,
+        is_preview: bool = False,
         clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
     ) -> None:
-        self.participant, self._is_held, self._clock = participant, is_held, clock
-        self.run, self.shown = 1, 1
+        self.participant, self._is_held, self._is_preview, self._clock = participant, is_held, is_preview, clock
+        self._sleep = sleep
+        self._run, self.shown = 0, 1
+        self._counted: tuple[Session | None, int] = (None, 0)  # what the present number of a run belongs to
         self.round_trip: float | None = None
         self._recorded_trip: float | None = None
         self._shown_record: Any = participant.record
         self._allowance, self._filled = float(_BURST), clock()
-        self.seen = clock()
+        self._seen = clock()
+
+    @property
+    def run(self) -> int:
+        """Number of the present run: messages about an earlier one are ignored."""
+        session = self.participant.session
+        present = (session, session.number_of_runs if session else 0)
+        if present != self._counted:
+            self._counted, self._run, self._recorded_trip = present, self._run + 1, None
+        return self._run
+
+    @property
+    def idle(self) -> float:
+        """Time since the last message, s."""
+        return self._clock() - self._seen
 
     async def answer(self, message: m.Message) -> Json | None:
         """The answer to a message; None for one that needs none.
@@ -62,13 +85,13 @@ class Seat:
         What takes long, such as writing a file or generating a scene, runs in another thread, so that other
         participants do not wait for it.
         """
-        self.seen = self._clock()
+        self._seen = self._clock()
         if isinstance(message, m.Tick):
             return await self._tick(message)
         problem = ""
         try:
             await asyncio.to_thread(self._perform, message)
-        except (Sonata2dError, ValueError) as error:
+        except (Sonata2dError, ValueError, OverflowError) as error:
             problem = one_line(error, 300)
             logger.info("%s: %s", self.participant.id, problem)
         return await asyncio.to_thread(self.view, problem, whole=isinstance(message, m.Hello))
@@ -95,6 +118,8 @@ class Seat:
             "runs": participant.runs,
             "canUndo": participant.can_undo,
             "isHeld": self._is_held(),
+            "isPreview": self._is_preview,
+            "participant": participant.id,
             "problem": problem,
         }
         if participant.is_driving and participant.session is not None:
@@ -104,7 +129,7 @@ class Seat:
                 **self._driving_state(session),
                 "scene": scene_data(session.scene),
                 "before": state_data(session.before),
-                "label": label_json(session.label_spec, block, participant.language),
+                "label": label_json(shown_label(session.label_spec, block, participant.language)),
                 "undoneLabel": session.undone_label,
                 "isPractice": step.kind == "practice",
                 "minimum": config.minimum_length,
@@ -112,22 +137,35 @@ class Seat:
                 "changes": config.changes,
                 "view": config.view,
                 "context": session.config.context,
+                "legend": self._legend(session.after),
             }
         if step.kind == "ratings" and participant.record is not None and participant.rating is not None:
             if participant.record is not self._shown_record:
                 self._shown_record, self.shown = participant.record, self.shown + 1
             record, rating = participant.record, participant.rating
+            question = config.ratings[step.block].question
             view["rating"] = {
                 "shown": self.shown,
                 "scene": scene_data(record.scene()),
                 "states": states_data(list(record.snapshots())),
-                "label": rating_question(participant.study, step, participant.language),
+                "label": label_json(spec_of(question, participant.language)),
                 "done": rating.done / max(rating.total, 1),
                 "breakDue": rating.break_due,
                 "context": record.context,
                 "view": config.view,
             }
         return view
+
+    def _legend(self, snapshot: Snapshot) -> list[dict[str, str]]:
+        """The meaning of the symbols in a picture, in the participant's language."""
+        words = self.participant.study.tables[self.participant.language]
+
+        def wording(name: str, **values: object) -> str:
+            return words[f"legend.{name}"].format(**values)
+
+        layers = Layers(zones="zones" in self.participant.study.config.changes, legend=True)
+        entries = legend_data(Legend.of([snapshot], layers, wording=wording))
+        return [entry for entry in entries if entry["name"] not in UNDRAWN]
 
     # Driving
 
@@ -179,7 +217,7 @@ class Seat:
         self._filled = now
         self._allowance -= 1.0
         if self._allowance < 0.0:
-            await asyncio.sleep(-self._allowance * dt / _PACE)
+            await self._sleep(-self._allowance * dt / _PACE)
 
     def _session(self) -> Session | None:
         return self.participant.session if self.participant.is_driving else None
@@ -197,6 +235,8 @@ class Seat:
             case m.Hello():
                 if message.protocol != m.PROTOCOL:
                     raise ValueError("the page is of another version; reload it")
+                if not participant.has_chosen_language:
+                    participant.choose_language(preferred(participant.study.config.languages, message.languages))
                 if participant.session is not None:
                     _stand_still(participant.session)
             case m.Language():
@@ -218,9 +258,12 @@ class Seat:
             case m.Rest():
                 if participant.rating is not None:
                     participant.rating.take_break()
+            case m.Skip():
+                if not self._is_preview:
+                    raise ValueError("steps can be skipped in a preview only")
+                participant.skip(message.step)
             case m.Undo():
                 participant.undo()
-                self._begin_run()
             case m.Pause() | m.Stop() | m.Keep() | m.FinishPractice() | m.Discard() | m.Redo():
                 self._perform_about_run(message)
 
@@ -244,11 +287,17 @@ class Seat:
                 participant.discard()
             case m.Redo():
                 participant.redo()
-        self._begin_run()
 
-    def _begin_run(self) -> None:
-        self.run += 1
-        self._recorded_trip = None
+
+def preferred(known: Sequence[str], wanted: Iterable[str]) -> str:
+    """The first language that is known and wanted, whatever its region; the first known one if there is none.
+
+    >>> preferred(["en", "de"], ["fr", "de-AT", "en"])
+    'de'
+    """
+    by_language = {language.lower().partition("-")[0]: language for language in reversed(known)}
+    matches = (by_language.get(language.strip().lower().partition("-")[0]) for language in wanted)
+    return next(filter(None, matches), known[0])
 
 
 def _stand_still(session: Session) -> None:

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-import logging
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from ..core.locking import acquired_lock
 from ..errors import ConfigError, StudyError
+from ..study.export import unfinished_exports
 from ..study.folder import STUDY, StudyFolder
+from ..study.links import Links
 from ..study.load import Study
-from .links import Links
 from .messages import MAX_MESSAGE
-from .server import StudyServer, Takeover
-
-logger = logging.getLogger(__name__)
 
 _MAX_WAITING_CONNECTIONS = 100
 _PING = 20.0  # s, between two signs of life of an idle connection
+
+
+if TYPE_CHECKING:
+    from .server import Takeover
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +34,7 @@ class Settings:
         takeover: which of two tabs with the same link drives.
         connections: largest number of open pages.
         suffix: of episode files.
+        is_preview: whether steps can be skipped.
     """
 
     host: str = "127.0.0.1"
@@ -42,6 +44,7 @@ class Settings:
     takeover: Takeover = "newest"
     connections: int = 200
     suffix: str = ".json"
+    is_preview: bool = False
 
 
 def prepare_scenes(study: Study, advance: Callable[[int], None] = lambda step: None) -> None:
@@ -62,54 +65,61 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
     """Serve a study until the program is interrupted.
 
     Args:
-        folder: of the study.
+        folder: of the study; see `opened_folder`.
         settings: where, and to how many.
         announce: called with the links by name as soon as connections are accepted.
 
     Raises:
         ConfigError: the address cannot be used.
-        RecordError: another program serves the folder, or it cannot be written.
+        RecordError: the folder cannot be written.
         StudyError: the packages of the extra `serve` are not installed.
     """
     try:
         import uvicorn
         import websockets  # noqa: F401  uvicorn loads it only with the first web socket
+
+        from .protocol import ImpatientProtocol
+        from .server import StudyServer
     except ImportError as error:
         raise StudyError(f"{error.name} is not installed: pip install 'sonata2d[serve]'") from error
-    private = folder.out / STUDY
-    lock = acquired_lock(private / "server.lock", f"another program serves {folder.out}; stop it first")
-    try:
-        links = Links(private)
-        server = StudyServer(
-            folder,
-            links,
-            suffix=settings.suffix,
-            takeover=settings.takeover,
-            max_connections=settings.connections,
-        )
-        while len(folder.participants) < settings.participants:
-            server.new_participant()
-        listener = _listener(settings.host, settings.port)
-        host, port = listener.getsockname()[:2]
-        base = (settings.url or f"http://{host}:{port}").rstrip("/")
-        announce(
-            {"open link": f"{base}/j/{links.open}"} | {id: f"{base}/s/{token}" for id, token in links.tokens().items()}
-        )
-        config = uvicorn.Config(
-            server.app,
-            log_config=None,
-            access_log=False,  # addresses hold tokens
-            server_header=False,
-            ws="websockets-sansio",
-            ws_max_size=MAX_MESSAGE,
-            ws_ping_interval=_PING,
-            ws_ping_timeout=_PING,
-            limit_concurrency=settings.connections + _MAX_WAITING_CONNECTIONS,
-            timeout_graceful_shutdown=5,
-        )
-        uvicorn.Server(config).run(sockets=[listener])
-    finally:
-        lock.release()
+    links = Links(folder.out / STUDY)
+    server = StudyServer(
+        folder,
+        links,
+        suffix=settings.suffix,
+        takeover=settings.takeover,
+        max_connections=settings.connections,
+        url=settings.url and settings.url.rstrip("/"),
+        is_preview=settings.is_preview,
+    )
+    for path in unfinished_exports(folder.out):
+        path.unlink(missing_ok=True)
+    for id in folder.participants:
+        links.add(id)  # the program may have ended between the two, or the participant came to the window
+    while len(folder.participants) < settings.participants:
+        server.new_participant()
+    listener = _listener(settings.host, settings.port)
+    host, port = listener.getsockname()[:2]
+    base = (settings.url or f"http://{host}:{port}").rstrip("/")
+    announce(
+        {"researcher": f"{base}/r/{links.researcher}", "open link": f"{base}/j/{links.open}"}
+        | {id: f"{base}/s/{token}" for id, token in links.tokens().items()}
+    )
+    config = uvicorn.Config(
+        server.app,
+        log_config=None,
+        access_log=False,  # addresses hold tokens
+        server_header=False,
+        http=ImpatientProtocol,
+        ws="websockets-sansio",
+        ws_max_size=MAX_MESSAGE,
+        ws_ping_interval=_PING,
+        ws_ping_timeout=_PING,
+        backlog=_MAX_WAITING_CONNECTIONS,  # a burst of them is accepted at once, and must not reach the limit
+        limit_concurrency=settings.connections + _MAX_WAITING_CONNECTIONS,
+        timeout_graceful_shutdown=5,
+    )
+    uvicorn.Server(config).run(sockets=[listener])
 
 
 def _listener(host: str, port: int) -> socket.socket:
@@ -123,6 +133,7 @@ def _listener(host: str, port: int) -> socket.socket:
         listener = socket.socket(family, kind, protocol)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(address)
+        listener.listen()  # a link that is announced can be opened: connections wait until the server answers
     except OSError as error:
         raise ConfigError(f"{host}, port {port}, cannot be used: {error.strerror or error}; choose others") from None
     return listener

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from enum import StrEnum
 
 import pygame
@@ -76,7 +76,7 @@ PAD_ACTIONS: Mapping[str, Action] = {
     "hat0_y": Action.LABEL_UP, "-hat0_y": Action.LABEL_DOWN,
 }  # fmt: skip
 
-# Rows of the help page: the keys, or the key of their text; the key of what they do; and whether it changes the scenes.
+# Rows of the help page: the keys, or the key of their text; and the key of what they do.
 _HELP = (
     ("help.ahead_keys", "help.ahead"),
     ("help.turn_keys", "help.turn"),
@@ -108,9 +108,26 @@ _HELP = (
 )
 
 
-def help_rows(*, scene_changes: bool) -> list[tuple[str, str]]:
-    """Rows of the help page: default control, and what it does."""
-    rows = [row for row in _HELP if scene_changes or row != ("G", "action.scene")]
+# Texts of actions that are not named after them.
+_ACTION_TEXTS = {
+    "help.zoom": Action.ZOOM_IN, "keys.another_scene": Action.NEXT, "keys.camera": Action.VIEW,
+    "keys.scene": Action.SCENE, "keys.zones": Action.ZONES, "keys.redo": Action.REDO, "keys.discard": Action.DISCARD,
+    "keys.keep": Action.CONFIRM, "help.confirm": Action.CONFIRM, "keys.menu": Action.MENU,
+}  # fmt: skip
+
+
+def is_about(key: str, actions: Collection[Action]) -> bool:
+    """Whether a text describes one of some actions.
+
+    >>> is_about("action.scene", [Action.SCENE]), is_about("keys.camera", [Action.SCENE])
+    (True, False)
+    """
+    return (_ACTION_TEXTS.get(key) or key.removeprefix("action.")) in actions
+
+
+def help_rows(hidden: Collection[Action] = ()) -> list[tuple[str, str]]:
+    """Rows of the help page without some actions: default control, and what it does."""
+    rows = [row for row in _HELP if not is_about(row[1], hidden)]
     return [(text(keys) if keys.startswith("help.") else keys, text(meaning)) for keys, meaning in rows]
 
 

@@ -133,6 +133,7 @@ class Answer:
             hint = text("question.type_here")
             self._entry = UITextEntryLine(place, ui, initial_text=label or "", placeholder_text=hint)
             self._entry.set_text_length_limit(_MAX_LENGTH)
+            self._entry.edit_position = len(self._entry.get_text())
             ui.set_focus_set(self._entry)
         else:
             chosen = None if label is None else labels_of(spec).index(label)

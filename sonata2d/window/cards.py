@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import pygame
@@ -12,14 +13,15 @@ from pygame_gui.elements import UIButton
 from ..collect.texts import text
 from ..view.fonts import width_of, wrapped
 from ..view.palette import BLUE, FAINT, INK, PAPER, VERMILLION, Colour
-from .actions import Action
-from .answer import question_of
+from .actions import Action, is_about
+from .answer import Answer, question_of
 from .hud import Light
 from .widgets import EDGE, LARGE, SMALL, TEXT, draw_notice, line_height, natural_width, text_size, write
 
 if TYPE_CHECKING:
     from ..collect.rating import RatingSession
     from ..collect.session import Session
+    from ..core.labels import LabelSpec
 
 Buttons = Sequence[tuple[str, Action]]
 Text = tuple[str, list[str]]  # title and lines
@@ -214,9 +216,10 @@ LIGHTS: dict[str, Light] = {"waiting": "waiting", "driving": "recording", "pause
 
 _DRIVE = ("keys.driving_keys", "keys.drive")
 _HELP = ("F1", "keys.help")
-_SCENE = ("G", "keys.scene")
 _KEYS: dict[str, tuple[tuple[str, str], ...]] = {  # a key, or the key of its text; the key of its meaning
-    "waiting": (_DRIVE, ("N", "keys.another_scene"), ("V", "keys.camera"), _SCENE, ("Z", "keys.zones"), _HELP),
+    "waiting": (
+        _DRIVE, ("N", "keys.another_scene"), ("V", "keys.camera"), ("G", "keys.scene"), ("Z", "keys.zones"), _HELP,
+    ),
     "driving": (
         _DRIVE, ("Enter", "keys.end_run"), ("P", "keys.pause"), ("V", "keys.camera"), ("H", "keys.readings"), _HELP,
     ),
@@ -235,35 +238,69 @@ _MENU = {
     "menu.new_person": Action.NEW_PERSON,
     "menu.quit": Action.QUIT,
 }
-_ENDED = {"run.keep": Action.CONFIRM, "run.discard": Action.DISCARD, "run.redo": Action.REDO}
+ENDED = {"run.keep": Action.CONFIRM, "run.discard": Action.DISCARD, "run.redo": Action.REDO}
 _OUTCOMES = ("goal", "timeout", "contact", "stopped")
 
 
-def keys_of(state: str, *, scene_changes: bool) -> tuple[tuple[str, str], ...]:
-    """Keys and their functions in a state of the session, or while `typing`."""
-    shown = [pair for pair in _KEYS[state] if scene_changes or pair != _SCENE]
+def keys_of(state: str, hidden: Collection[Action] = ()) -> tuple[tuple[str, str], ...]:
+    """Keys and their functions in a state of the session, or while `typing`, without some actions."""
+    shown = [pair for pair in _KEYS[state] if not is_about(pair[1], hidden)]
     return tuple((text(key) if key == _DRIVE[0] else key, text(meaning)) for key, meaning in shown)
 
 
-def menu_buttons(hidden: Sequence[Action]) -> Buttons:
+def menu_buttons(hidden: Collection[Action]) -> Buttons:
     """Buttons of the menu without some actions."""
     return [(text(key), action) for key, action in _MENU.items() if action not in hidden]
 
 
-def ended_card(ui: pygame_gui.UIManager, scale: float, session: Session, free_height: Callable[[int, float], int],
-               top: int) -> Card:  # fmt: skip
-    """The card at the end of a run: the question is its headline."""
+@dataclass(frozen=True)
+class EndedRun:
+    """What the card at the end of a run says and asks.
+
+    Attributes:
+        title: headline.
+        buttons: text and action of each.
+        label: the question; None if the run is not asked about.
+        warning: a line that stands out.
+    """
+
+    title: str
+    buttons: Buttons
+    label: LabelSpec | None = None
+    warning: str = ""
+
+    @classmethod
+    def of(cls, session: Session, label: LabelSpec | None = None) -> EndedRun:
+        """What is asked about a run of a session: the question is the headline.
+
+        Args:
+            session: of the run.
+            label: the question in the language of the driver; by default that of the session.
+        """
+        spec, time = label or session.label_spec, session.after.time
+        return cls(
+            question_of(spec) if spec.per_run else text("run.keep_question"),
+            [(text(key), action) for key, action in ENDED.items()],
+            spec if spec.per_run else None,
+            text("run.short", time=f"{time:.1f}") if time < _SHORT_RUN else "",
+        )
+
+
+def ended_card(ui: pygame_gui.UIManager, scale: float, session: Session, ended: EndedRun, top: int) -> Card:
+    """The card at the end of a run."""
     assert session.outcome is not None
-    spec, status, time = session.label_spec, session.outcome.status, session.outcome.time
-    above = text(f"run.{status}", time=f"{time:.1f}") if status in _OUTCOMES else status
-    is_short = time < _SHORT_RUN
+    spec, status, time = ended.label, session.outcome.status, session.outcome.time
+
+    def free_height(width: int, scale: float) -> int:
+        return Answer.height_of(spec, width, scale) if spec else 0
+
     return Card(
         ui,
         scale,
-        question_of(spec) if spec.per_run else text("run.keep_question"),
-        buttons=[(text(key), action) for key, action in _ENDED.items()],
-        above=above,
-        warning=text("run.short", time=f"{time:.1f}") if is_short else "",
+        ended.title,
+        buttons=ended.buttons,
+        above=text(f"run.{status}", time=f"{time:.1f}") if status in _OUTCOMES else status,
+        warning=ended.warning,
         free_height=free_height,
         top=top,
     )

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
 
 import pygame
 
 from ..collect.session import Session
 from ..collect.texts import text
 from ..core.devices import DeviceEvent, View
+from ..core.labels import LabelSpec
 from ..errors import Sonata2dError
 from ..scenegen.scenario.config import ScenarioConfig
 from ..view.interpolation import between
@@ -16,7 +19,7 @@ from ..view.palette import GREEN, VERMILLION
 from .actions import Action
 from .answer import Answer, LabelSlider
 from .camera import SceneCamera, draw_mouse_joystick, draw_tint
-from .cards import LIGHTS, Card, keys_of, recovered_notice, state_notice
+from .cards import LIGHTS, Card, EndedRun, keys_of, recovered_notice, state_notice
 from .controls_screen import ControlsScreen
 from .hud import Hud, draw_legend
 from .input import HOTPLUG_EVENTS, InputDevices
@@ -97,6 +100,7 @@ class CollectScreen:
         view: initial view.
         scene_changes: whether the driver may change the counts of pedestrians and objects, which a study usually fixes.
         new_person: makes the screen for another driver; None if the session is for one driver.
+        hidden: further actions that the driver may not request.
     """
 
     def __init__(
@@ -108,12 +112,15 @@ class CollectScreen:
         view: View = "follow",
         scene_changes: bool = False,
         new_person: Callable[[], Screen] | None = None,
+        hidden: Iterable[Action] = (),
     ) -> None:
         self.session, self.devices, self._runs = session, devices, runs
-        self._scene_changes, self._new_person = scene_changes, new_person
+        self._new_person = new_person
+        allowed = {Action.SCENE: scene_changes, Action.NEW_PERSON: new_person is not None}
+        self._hidden = frozenset({action for action, is_allowed in allowed.items() if not is_allowed}.union(hidden))
         self._camera = SceneCamera(view)
         self._notice, self._notice_left, self._has_answer = "", 0.0, False
-        self._overlay = Overlay(session, runs, scene_changes=scene_changes, new_person=new_person is not None)
+        self._overlay = Overlay(session, runs, hidden=self._hidden, ended=self._ended_run)
         self._following: Screen | None = self
         self._stage: Stage
         self._begin_scene()
@@ -144,6 +151,8 @@ class CollectScreen:
                 self._notify(str(error))
 
     def advance(self, seconds: float) -> Screen | None:
+        if self._following is not self:  # nothing may start in the next run before its screen is on show
+            return self._following
         has_answer = self._overlay.label is not None
         if has_answer and not self._has_answer:
             self._notice_left = 0.0  # the notice may have asked for the answer
@@ -180,6 +189,11 @@ class CollectScreen:
             self.session.close()
 
     @property
+    def label_spec(self) -> LabelSpec:
+        """The question of the present run as the driver reads it."""
+        return self.session.label_spec
+
+    @property
     def card(self) -> Card | None:
         """The card on show."""
         return self._overlay.card
@@ -212,7 +226,10 @@ class CollectScreen:
             Action.REMAP: self._set_up_controls,
             Action.FULLSCREEN: pygame.display.toggle_fullscreen,
         }
-        if action in simple:
+        if action in self._hidden:
+            if action in (Action.SCENE, Action.NEXT):
+                self._notify(text("notice.fixed_scenes"))
+        elif action in simple:
             self._overlay.page = None
             try:
                 simple[action]()
@@ -231,8 +248,6 @@ class CollectScreen:
             self._following = None
         elif action is Action.NEW_PERSON and self._new_person is not None:
             self._following = self._new_person()
-        elif action is Action.SCENE and not self._scene_changes:
-            self._notify(text("notice.fixed_scenes"))
         elif action in _PAGES:
             self._toggle_page(_PAGES[action])
         elif self._camera.apply(action):
@@ -255,9 +270,7 @@ class CollectScreen:
             if self._overlay.answer is not None and label is None:
                 self._notify(text("notice.answer_first"))
                 return
-            session.keep(label)
-            self._begin_scene()
-            self._notify(" ".join(part for part in (text("notice.kept"), session.notice) if part))
+            self._keep(label)
         elif self._overlay.is_done:
             self._overlay.drive_on()
         else:
@@ -272,10 +285,25 @@ class CollectScreen:
         elif self.session.state == "ended":
             self._next("discarded")
 
+    def _keep(self, label: Any) -> None:
+        self.session.keep(label)
+        self._begin_scene()
+        self._notify(" ".join(part for part in (text("notice.kept"), self.session.notice) if part))
+
+    def _ended_run(self) -> EndedRun:
+        """What is asked about a run that ended."""
+        return EndedRun.of(self.session)
+
     def _redo(self) -> None:
-        path = self.session.redo()
+        path = self._start_again()
         self._begin_scene()
         self._notify(text("notice.redo" if path else "notice.redo_fresh"))
+
+    def _start_again(self) -> Path | None:
+        return self.session.redo()
+
+    def _take_back(self) -> None:
+        self.session.undo()
 
     def _next(self, reason: str = "another scene", config: ScenarioConfig | None = None) -> None:
         path = self.session.next(config, reason)
@@ -286,7 +314,7 @@ class CollectScreen:
 
     def _undo(self) -> None:
         self.devices.release()
-        self.session.undo()
+        self._take_back()
         self._begin_scene()
         self._overlay.label = self.session.undone_label
         self._notify(text("notice.undone"))
@@ -323,7 +351,7 @@ class CollectScreen:
         """Reset what belongs to one scene."""
         self._clock = Clock(self.session, self.devices)
         self._overlay.label = None
-        self._slider = LabelSlider(self.session.label_spec)
+        self._slider = LabelSlider(self.label_spec)
         self._slider.set(self.session.label)
 
     # Display
@@ -367,6 +395,6 @@ class CollectScreen:
             contributor=session.contributor,
             light=LIGHTS[session.state],
             question=self._slider.shown(session.label),
-            keys=keys_of("typing" if is_typing else session.state, scene_changes=self._scene_changes),
+            keys=keys_of("typing" if is_typing else session.state, self._hidden),
             notice=notice,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from typing import Any, Literal
 
 import pygame
@@ -12,7 +13,7 @@ from ..collect.texts import text
 from ..scenegen.scenario.config import ScenarioConfig
 from .actions import Action, help_rows
 from .answer import Answer, LabelSlider
-from .cards import Card, ended_card, menu_buttons
+from .cards import Card, EndedRun, ended_card, menu_buttons
 from .hud import Hud, free_area, legend_box
 from .input import HOTPLUG_EVENTS
 from .scene_panel import ScenePanel
@@ -29,8 +30,8 @@ class Overlay:
     Args:
         session: its state decides what is shown.
         runs: number of runs requested; None for no limit.
-        scene_changes: whether the driver may change the counts of pedestrians and objects.
-        new_person: whether another driver may take over.
+        hidden: actions that the driver may not request.
+        ended: what is asked about a run that ended.
 
     Attributes:
         page: page that the driver opened, shown instead of the card of the state.
@@ -40,12 +41,15 @@ class Overlay:
     """
 
     def __init__(
-        self, session: Session, runs: int | None, *, scene_changes: bool = False, new_person: bool = False
+        self,
+        session: Session,
+        runs: int | None,
+        *,
+        hidden: Collection[Action] = (),
+        ended: Callable[[], EndedRun] | None = None,
     ) -> None:
         self._session, self._runs, self._drives_on = session, runs, False
-        self._scene_changes = scene_changes
-        allowed = {Action.SCENE: scene_changes, Action.NEW_PERSON: new_person}
-        self._hidden = [action for action, is_allowed in allowed.items() if not is_allowed]
+        self._hidden, self._ended = hidden, ended or (lambda: EndedRun.of(session))
         self._label: Any = None
         self.page: Page | None = None
         self.answer: Answer | None = None
@@ -84,7 +88,7 @@ class Overlay:
         if self.page == "scene":
             self.panel = ScenePanel(ui, scale, session.config)
         elif self.page == "help":
-            rows = help_rows(scene_changes=self._scene_changes)
+            rows = help_rows(self._hidden)
             # The zones can be switched on while the help is open; the legend has its most rows then.
             end = legend_box(stage.size, session.after, zones=True, scale=scale).top
             self.card = Card(ui, scale, text("help.title"), rows, [(text("help.close"), Action.HELP)], bottom=end)
@@ -92,14 +96,10 @@ class Overlay:
             lines = [text("menu.kept", count=session.kept)]
             self.card = Card(ui, scale, text("menu.title"), lines, menu_buttons(self._hidden), stacked=True)
         elif session.state == "ended":
-            spec = session.label_spec
-
-            def free_height(width: int, scale: float) -> int:
-                return Answer.height_of(spec, width, scale) if spec.per_run else 0
-
-            self.card = ended_card(ui, scale, session, free_height, free_area(stage.surface, Hud(), scale=scale).top)
-            if spec.per_run:
-                self.answer = Answer(spec, ui, self.card.free, self.card.scale, self._label)
+            ended = self._ended()
+            self.card = ended_card(ui, scale, session, ended, free_area(stage.surface, Hud(), scale=scale).top)
+            if ended.label is not None:
+                self.answer = Answer(ended.label, ui, self.card.free, self.card.scale, self._label)
         elif self.is_done:
             buttons = [
                 (text("run.close"), Action.QUIT),

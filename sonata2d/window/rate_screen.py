@@ -12,6 +12,7 @@ from pygame_gui.elements import UIButton
 from ..collect.rating import RatingSession
 from ..collect.texts import text
 from ..core.devices import View
+from ..core.labels import LabelSpec
 from ..errors import RecordError
 from ..record.record import EpisodeRecord
 from ..view.fonts import wrapped
@@ -59,6 +60,8 @@ class RateScreen:
         session: the runs, the question and the rater.
         view: initial view.
         context: shown with runs whose file has no context.
+        label: the question in the language of the rater; by default that of the session.
+        follow: makes the screen after the last run; None to close the window then.
 
     Attributes:
         phase: `watch`, or the card on show: `start`, `break` or `end`.
@@ -69,8 +72,17 @@ class RateScreen:
         timeline: of the run; can be dragged after the run was watched.
     """
 
-    def __init__(self, session: RatingSession, *, view: View = "top", context: str | None = None) -> None:
+    def __init__(
+        self,
+        session: RatingSession,
+        *,
+        view: View = "top",
+        context: str | None = None,
+        label: LabelSpec | None = None,
+        follow: Callable[[], Screen] | None = None,
+    ) -> None:
         self.session, self._context = session, context or ""
+        self._spec, self._follow = label or session.spec, follow
         self.phase: Phase = "start"
         self.player: Player | None = None
         self.answer: Answer | None = None
@@ -80,7 +92,7 @@ class RateScreen:
         self._delay = self._seconds = self._escape_left = 0.0
         self._label: Any = None
         self.notice = ""
-        self._closing = False
+        self._following: Screen | None = self
         self._percent = percent_done(session)
         if session.done == session.total:
             self.phase = "end"
@@ -92,7 +104,7 @@ class RateScreen:
 
     def handle(self, event: pygame.Event) -> None:
         if event.type == pygame.QUIT:
-            self._closing = True
+            self._close()
         elif self.phase != "watch":
             if event.type == pygame.KEYDOWN:
                 self._press_on_card(event.key)
@@ -118,7 +130,7 @@ class RateScreen:
             words = text("player.pause" if self.player.playing else "player.play")
             if self._play_button.text != words:
                 self._play_button.set_text(words)
-        return None if self._closing else self
+        return self._following
 
     def draw(self, surface: pygame.Surface) -> None:
         if self.phase == "watch" and self._exporter is not None:
@@ -143,9 +155,9 @@ class RateScreen:
             self._leave_card()
 
     def _leave_card(self) -> None:
-        """Continue with the next run; close the window after the last one."""
+        """Continue with the next run; after the last one, continue with another screen or close the window."""
         if self.phase == "end":
-            self._close()
+            self._following = self._follow() if self._follow else None
         else:
             self.session.take_break()
             self._next()
@@ -181,11 +193,12 @@ class RateScreen:
 
     def _escape(self) -> None:
         """Close at the second press, because the key is hit easily and the answer on show would be lost."""
-        self._closing = self._escape_left > 0.0
+        if self._escape_left > 0.0:
+            self._close()
         self._escape_left, self.notice = _ESCAPE, text("rating.escape_again")
 
     def _close(self) -> None:
-        self._closing = True
+        self._following = None
 
     def _save(self) -> None:
         """Store the answer and continue; without an answer, show what is missing."""
@@ -225,10 +238,11 @@ class RateScreen:
         (width, height), s = stage.size, stage.scale
         if self.phase != "watch" or self.player is None:
             title, lines = _CARDS[self.phase](self.session)
+            title = question_of(self._spec) if self.phase == "start" else title
             self._card = Card(stage.ui, s, title, lines, [(text(_CARD_BUTTONS[self.phase]), Action.CONFIRM)])
             return
         edge = round(20 * s)
-        answer = Answer.height_of(self.session.spec, width - 2 * edge, s)
+        answer = Answer.height_of(self._spec, width - 2 * edge, s)
         bar_height = round(_LOWER * s) + answer
         self._bar = pygame.Rect(0, height - bar_height, width, bar_height)
         self._lines = self._text_lines(width - 2 * edge, height - bar_height - round(_PICTURE * height))
@@ -243,7 +257,7 @@ class RateScreen:
         self._build_buttons(row)
         self._free = pygame.Rect(edge, bar.top + round(46 * s), width - 2 * edge, answer)
         if self.player.watched:
-            self.answer = Answer(self.session.spec, stage.ui, self._free, s, self._label)
+            self.answer = Answer(self._spec, stage.ui, self._free, s, self._label)
 
     def _build_buttons(self, row: pygame.Rect) -> None:
         """Playback on the left, saving on the right, and space for the progress in between."""
@@ -267,7 +281,7 @@ class RateScreen:
         s = self._stage.scale
         context = (self._record.context if self._record else None) or self._context
         small, large = text_size(TEXT, s), text_size(LARGE, s)
-        question = [(line, large) for line in wrapped(question_of(self.session.spec), max_width, large)]
+        question = [(line, large) for line in wrapped(question_of(self._spec), max_width, large)]
         used = sum(line_height(size) for _, size in question)
         count = min(max((max_height - used) // line_height(small), 0), _MAX_LINES)
         lines = wrapped(context, max_width, small, max_lines=count) if count else []

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any
 import pytest
 
 from sonata2d.agents.controllers.teleoperation import DeviceMapping
+from sonata2d.collect import collection
 from sonata2d.collect.session import Session
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.datasets.manifest import read_manifest
@@ -223,6 +225,28 @@ def test_two_contributors_at_once_leave_a_valid_manifest(tmp_path: Path) -> None
     drive(bob)
     bob.keep()
     assert_valid(tmp_path, files=2)
+
+
+def test_a_run_that_is_kept_while_another_program_lists_the_folder_is_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, two = (open_session(tmp_path / "out", name) for name in ("p1", "p2"))
+    for session in (one, two):
+        drive(session, 5)
+        session.stop()
+    original, other = collection._read_rows, threading.Thread(target=two.keep)
+
+    def read_rows(folder: Path, known: dict[str, Any]) -> list[dict[str, Any]]:
+        rows = list(original(folder, known))
+        if not other.ident:
+            other.start()
+            other.join(0.5)  # it may finish now, or wait for its turn
+        return rows
+
+    monkeypatch.setattr(collection, "_read_rows", read_rows)
+    one.keep()
+    other.join()
+    assert_valid(tmp_path / "out", files=2)
 
 
 def test_a_temporarily_full_disk_leaves_no_gap_in_the_journal(tmp_path: Path) -> None:

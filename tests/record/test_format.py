@@ -49,7 +49,7 @@ def test_a_file_of_physics_1_is_read_and_passes_check() -> None:
 
 def test_published_pages_agree_with_the_models() -> None:
     pages: dict[Path, str] = runpy.run_path(str(GENERATOR))["pages"]()
-    assert len(pages) == 5
+    assert len(pages) == 6
     for path, text in pages.items():
         assert path.read_text("utf-8") == text, f"{path.name} is not up to date; run python docs/generate_format.py"
 

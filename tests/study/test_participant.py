@@ -15,10 +15,13 @@ from sonata2d.datasets.verification import verify
 from sonata2d.errors import ConfigError, RecordError
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.load import load_scenario
+from sonata2d.study.answers import checked_answers
+from sonata2d.study.config import QuestionConfig
 from sonata2d.study.folder import StudyFolder
 from sonata2d.study.load import load_study
 from sonata2d.study.participant import Participant
-from sonata2d.study.report import save_results
+from sonata2d.study.removal import remove_participant
+from sonata2d.study.report import _score_rows, results_of, save_results
 
 from .conftest import NOW, STUDY, WARMTH, drive, prepare, rate_all
 
@@ -68,6 +71,10 @@ def test_a_whole_study(arrive: Arrive, tmp_path: Path) -> None:
     }
     assert answers["after-run-2", "effort", ""] == "2"
     assert answers["end", "rosas", "social"] == "4"
+    scores = rows(tmp_path / "tables" / "scores.csv")
+    assert [(row["step"], row["table"], row["part"], row["score"], row["items"]) for row in scores] == [
+        ("end", "rosas", "warmth", "4.0", "6")
+    ]
     assert not any(question in ("age", "remark", "driver") for _, question, _ in answers)
     assert [row["label"] for row in rows(tmp_path / "tables" / "ratings.csv")] == ["1", "1", "1"]
 
@@ -306,6 +313,13 @@ def test_an_answer_that_does_not_fit_is_refused(arrive: Arrive, values: dict[str
     assert participant.step.id == "demographics"
 
 
+def test_a_number_without_limits_is_a_number() -> None:
+    question = QuestionConfig(name="height", kind="number", question="Your height")
+    assert checked_answers([question], {"height": 1.7}) == {"height": 1.7}
+    with pytest.raises(ValueError, match="height is 'tall'; a number is expected"):
+        checked_answers([question], {"height": "tall"})
+
+
 @pytest.mark.parametrize(
     ("value", "problem"),
     [
@@ -361,3 +375,42 @@ def test_texts_of_a_study_may_change_and_the_rest_may_not(arrive: Arrive, study_
     (tmp_path / "room.yaml").write_text("extends: empty\n")
     with pytest.raises(ConfigError, match="belongs to another study"):
         StudyFolder(tmp_path / "out", load_study(study_file))
+
+
+def test_a_score_is_a_mean_with_opposite_items_reversed() -> None:
+    config = {
+        "demographics": [],
+        "after_run": [],
+        "end": [{"name": "felt", "scale": "godspeed", "subscales": ["safety"]}],
+    }
+    base = {"participant": "p1", "step": "end", "file": None, "question": "felt"}
+    values = {"anxious-relaxed": 5, "agitated-calm": 4, "quiescent-surprised": 1}
+    answers = [base | {"item": item, "value": value} for item, value in values.items()]
+    (row,) = _score_rows(answers, config)
+    assert (row["part"], row["score"], row["items"]) == ("safety", 4.6667, 3)
+
+
+def test_a_participant_who_withdraws_is_deleted(arrive: Arrive, tmp_path: Path) -> None:
+    out, kept = tmp_path / "out", {}
+    for id in ("p1", "p1__2"):
+        participant = arrive(id)
+        prepare(participant)
+        for number in (1, 2):
+            drive(participant)
+            participant.keep(0.5)
+            participant.answer(f"after-run-{number}", {"effort": 1})
+        rate_all(participant)
+        participant.close()
+        kept[id] = {path for path in out.rglob("*") if path.is_file()} - {*kept.get("p1", ())}
+    deleted = remove_participant(out, "p1")
+    assert len(deleted) == 2 + 1 + 1 + 1 + 1  # runs, practice, answers, personal answers, ratings
+    assert verify(out, replay=True) == []
+    left = results_of(out, personal=True)
+    assert {row["participant"] for name in ("runs", "answers", "ratings") for row in left[name]} == {"p1__2"}
+    assert not any(path.exists() for path in deleted)
+    assert b'"p1"' not in (out / "run.jsonl").read_bytes()
+    with pytest.raises(ConfigError, match="no participant 'p1'; it has p1__2"):
+        remove_participant(out, "p1")
+    with pytest.raises(ConfigError, match="p1 has withdrawn from the study"):
+        arrive("p1")
+    assert [row["participant"] for row in left["participants"]] == ["p1__2"]

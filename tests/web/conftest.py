@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import shutil
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Coroutine, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,9 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.study.folder import STUDY, StudyFolder
+from sonata2d.study.links import Links
 from sonata2d.study.load import load_study
-from sonata2d.web.links import Links
+from sonata2d.web.protocol import ImpatientProtocol
 from sonata2d.web.serve import prepare_scenes
 from sonata2d.web.server import StudyServer
 
@@ -80,10 +82,13 @@ class Served:
         self.server = StudyServer(study_folder, self.links, **self._settings)
         config = uvicorn.Config(
             self.server.app, port=0, log_config=None, access_log=False, ws="websockets-sansio", ws_max_size=65_536,
+            http=ImpatientProtocol,
             timeout_graceful_shutdown=2,
         )  # fmt: skip
         self._uvicorn = uvicorn.Server(config)
-        self._thread = threading.Thread(target=self._uvicorn.run, daemon=True)
+        self._loop = asyncio.new_event_loop()
+        serving = self._uvicorn.serve()
+        self._thread = threading.Thread(target=lambda: self._loop.run_until_complete(serving), daemon=True)
         self._thread.start()
         while not self._uvicorn.started:
             time.sleep(0.01)
@@ -95,6 +100,11 @@ class Served:
         self._uvicorn.should_exit = True
         self._thread.join(20)
         assert not self._thread.is_alive()
+        self._loop.close()
+
+    def call(self, coroutine: Coroutine[Any, Any, None]) -> None:
+        """Run a coroutine in the server's event loop."""
+        asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(10)
 
     def link(self) -> str:
         """The link of a new participant."""

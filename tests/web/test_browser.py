@@ -47,7 +47,7 @@ def drive_with_keys(page: Any, ms: int = 700) -> None:
 
 
 def end(page: Any) -> None:
-    page.get_by_role("button", name="end the run").click()
+    page.get_by_role("button", name="End the run").click()
     page.wait_for_selector("#card:not([hidden])")
 
 
@@ -92,16 +92,16 @@ def test_a_whole_study(browser: Any, served: Served) -> None:
 
     drive_with_keys(page)  # kept, taken back, and kept with another answer
     end(page)
-    page.get_by_role("button", name="keep", exact=True).click()
+    page.get_by_role("button", name="Keep", exact=True).click()
     assert page.locator("#card .problem:visible").inner_text() == "Answer the question first, or discard the run."
     page.get_by_role("radio", name="kind").check()
-    page.get_by_role("button", name="keep", exact=True).click()
+    page.get_by_role("button", name="Keep", exact=True).click()
     page.wait_for_selector(_STEP)
     page.get_by_role("button", name="Undo the last keep").click()
     page.wait_for_selector("#card:not([hidden])")
     assert page.get_by_role("radio", name="kind").is_checked()
     page.get_by_role("radio", name="fair").check()
-    page.get_by_role("button", name="keep", exact=True).click()
+    page.get_by_role("button", name="Keep", exact=True).click()
     answer_effort(page, 2)
 
     page.wait_for_selector("#status.waiting")  # with the mouse; discarded, so another scene follows
@@ -115,17 +115,17 @@ def test_a_whole_study(browser: Any, served: Served) -> None:
     page.mouse.up()
     page.wait_for_timeout(150)
     end(page)
-    page.get_by_role("button", name="discard", exact=True).click()
+    page.get_by_role("button", name="Discard", exact=True).click()
     page.wait_for_selector("#status.waiting")
     drive_with_keys(page, 400)  # driven again
     page.keyboard.press("Enter")
     page.wait_for_selector("#card:not([hidden])")
-    page.get_by_role("button", name="again", exact=True).click()
+    page.get_by_role("button", name="Again", exact=True).click()
     page.wait_for_selector("#status.waiting")
     drive_with_keys(page)
     page.keyboard.press("Enter")
     page.get_by_role("radio", name="rude").check()
-    page.get_by_role("button", name="keep", exact=True).click()
+    page.get_by_role("button", name="Keep", exact=True).click()
     answer_effort(page, 3)
 
     page.wait_for_selector("#status.waiting")  # paused, and continued after the page was loaded again
@@ -137,7 +137,7 @@ def test_a_whole_study(browser: Any, served: Served) -> None:
     drive_with_keys(page, 500)
     end(page)
     page.get_by_role("radio", name="kind").check()
-    page.get_by_role("button", name="keep", exact=True).click()
+    page.get_by_role("button", name="Keep", exact=True).click()
     answer_effort(page, 4)
 
     for k in range(10):
@@ -149,7 +149,7 @@ def test_a_whole_study(browser: Any, served: Served) -> None:
     page.wait_for_selector(".table")
     go_on(page)
     assert page.locator("form > .problem").inner_text() == "Questions without an answer: 1"
-    for row in page.locator(".table .row").all():
+    for row in page.locator(".table .row:not(.head)").all():
         row.locator("input").nth(6).check()
     go_on(page)
     page.wait_for_selector("text=You have finished.")
@@ -212,7 +212,7 @@ def test_a_page_that_is_touched(browser: Any, served: Served) -> None:
     page.wait_for_timeout(500)
     send("touchEnd")
     page.wait_for_timeout(150)
-    page.get_by_role("button", name="end the run").tap()
+    page.get_by_role("button", name="End the run").tap()
     page.get_by_role("button", name="Continue", exact=True).tap()
     page.wait_for_selector("#status.waiting")
     assert page.problems == []
@@ -221,3 +221,53 @@ def test_a_page_that_is_touched(browser: Any, served: Served) -> None:
     events = [event for snapshot in read_episode(path).snapshots() for event in snapshot.events]
     assert {event.device for event in events} == {"touch", NETWORK_DEVICE, "window"}
     assert min(event.value for event in events if event.control == "drag_y") < -0.5
+
+
+def tab_to(page: Any, words: str) -> None:
+    """Move the focus with the Tab key to an element with these words, or with this label."""
+    script = """() => { const e = document.activeElement, labels = [...(e.labels || [])];
+      return [e, ...labels].map(one => one.textContent.trim()).concat(e.getAttribute("aria-label")); }"""
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        if words in page.evaluate(script):
+            return
+    raise AssertionError(f"the Tab key does not reach {words!r}")
+
+
+def test_everything_but_driving_by_keyboard_alone(browser: Any, served: Served) -> None:
+    page = opened(browser, served.link())
+    page.wait_for_selector(_STEP)
+    tab_to(page, "Continue")
+    page.keyboard.press("Enter")
+    page.get_by_text("Runs are stored.").wait_for()
+    assert page.evaluate("document.activeElement.id") == "title"  # a screen reader goes on from here
+    tab_to(page, "I am 18 or older.")
+    page.keyboard.press("Space")
+    tab_to(page, "I agree")
+    page.keyboard.press("Enter")
+    page.get_by_label("Your age").wait_for()
+    tab_to(page, "Your age")
+    page.keyboard.type("44")
+    page.keyboard.press("Enter")
+    for _ in range(2):  # the practice, and a run; the scene has the focus
+        page.wait_for_selector("#status.waiting")
+        page.keyboard.down("ArrowUp")
+        page.wait_for_selector("#status.driving")
+        page.wait_for_timeout(500)
+        page.keyboard.up("ArrowUp")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#card:not([hidden])")
+        if page.get_by_role("radio", name="fair").count():
+            page.keyboard.press("2")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#card", state="hidden")
+    page.get_by_text("Effort").wait_for()
+    tab_to(page, "1")
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#status.waiting")
+    assert page.locator("#count").inner_text() == "run 2 of 3"
+    assert page.problems == []
+    page.context.close()
+    answers = results_of(served.out)["answers"]
+    assert [(row["question"], row["value"]) for row in answers] == [("effort", 2)]

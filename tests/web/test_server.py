@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import random
+import socket
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -147,6 +149,62 @@ def test_the_server_starts_again_in_the_middle_of_a_run(served: Served) -> None:
         assert client.tick(drive["run"], 4)["ticks"] == 5
 
 
+def test_the_memory_of_participants_who_are_away_is_freed(served: Served) -> None:
+    away, here = served.link(), served.link()
+    with client_of(away) as client:
+        run = client.prepare()["drive"]["run"]
+        for number in range(3):
+            client.tick(run, number)
+    with client_of(here) as client, client_of(f"{served.url}/r/{served.links.researcher}") as researcher:
+        client.prepare()
+        researcher.ask(type="overview")
+        until = time.monotonic() + 10
+        while set(served.server.seats) != {"p002"} and time.monotonic() < until:
+            served.call(served.server.free_seats(0.0))
+        assert set(served.server.seats) == {"p002"}
+        rows = researcher.ask(type="overview")["participants"]
+        assert [row["step"] for row in rows] == ["practice-1", "practice-1"]
+    with client_of(away) as client:
+        drive = client.prepare()["drive"]
+        assert (drive["status"], drive["ticks"]) == ("paused", 3)
+        assert client.tick(drive["run"], 3)["ticks"] == 4
+
+
+def test_a_page_replaces_its_own_lost_connection(study_folder: Path) -> None:
+    served = Served(study_folder, takeover="first")
+    try:
+        link = served.link().replace("http", "ws", 1) + "/socket"
+        with connect(f"{link}?page=a") as lost, connect(f"{link}?page=a") as again, connect(f"{link}?page=b") as other:
+            assert Client(again).prepare()["drive"]["ticks"] == 0
+            for loser, code in ((lost, 4001), (other, 4002)):
+                with pytest.raises(ConnectionClosed) as caught:
+                    Client(loser).drain()
+                assert caught.value.rcvd is not None
+                assert caught.value.rcvd.code == code
+    finally:
+        served.stop()
+
+
+def test_a_connection_without_a_request_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sonata2d.web.protocol._PATIENCE", 0.3)
+    with client_of(served.link()) as client:
+        silent, half = (socket.create_connection(("127.0.0.1", served.port), timeout=10) for _ in range(2))
+        half.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n")
+        for link in (silent, half):
+            assert link.recv(1) == b""
+            link.close()
+        assert client.ask(type="hello", protocol=1)["type"] == "view"  # a page may be silent for longer
+
+
+def test_a_damaged_file_is_named_to_the_researcher(served: Served) -> None:
+    served.link()
+    path = served.out / "study" / "answers" / "p001.jsonl"
+    path.parent.mkdir()
+    path.write_text("x\n")
+    with client_of(f"{served.url}/r/{served.links.researcher}") as researcher:
+        assert "p001.jsonl, line 1" in researcher.ask(type="overview")["problem"]
+
+
 @pytest.mark.parametrize("takeover", ["newest", "first"])
 def test_of_two_pages_with_one_link_one_drives(takeover: str, study_folder: Path) -> None:
     served = Served(study_folder, takeover=takeover)
@@ -172,24 +230,17 @@ def test_of_two_pages_with_one_link_one_drives(takeover: str, study_folder: Path
 
 
 def test_a_page_cannot_drive_faster_than_time_passes(served: Served) -> None:
-    seat_time = [0.0]
+    slept: list[float] = []
+
+    async def sleep(seconds: float) -> None:
+        slept.append(seconds)
+
     with client_of(served.link()) as client:
         run = client.prepare()["drive"]["run"]
-        served.server.seats["p001"]._clock = lambda: seat_time[0]
-        served.server.seats["p001"]._filled = 0.0
-        slept: list[float] = []
-
-        async def sleep(seconds: float) -> None:
-            slept.append(seconds)
-
-        import sonata2d.web.seat as seat
-
-        original, seat.asyncio.sleep = seat.asyncio.sleep, sleep  # type: ignore[assignment]
-        try:
-            for number in range(25):
-                client.tick(run, number)
-        finally:
-            seat.asyncio.sleep = original
+        seat = served.server.seats["p001"]
+        seat._clock, seat._sleep, seat._filled = lambda: 0.0, sleep, 0.0
+        for number in range(25):
+            client.tick(run, number)
     assert [round(seconds, 3) for seconds in slept] == [round(0.1 * k / 1.1, 3) for k in range(1, 6)]
 
 

@@ -7,14 +7,12 @@ from pathlib import Path
 
 from sonata2d import web
 from sonata2d.collect.texts import languages, table
-from sonata2d.study.load import load_study
-from sonata2d.web.content import words_of
 
 FOLDER = Path(web.__file__).parent
 SOURCE = "\n".join(
     path.read_text(encoding="utf-8") for path in sorted(FOLDER.rglob("*")) if path.suffix in (".js", ".html")
 )
-KEY = re.compile(r"""["']((?:web|menu|readings|keys|run|notice|question|rating|action|player)\.\w+)["']""")
+KEY = re.compile(r"""["']((?:web|menu|readings|keys|run|notice|question|rating|action|player|researcher)\.\w+)["']""")
 
 
 def test_every_word_that_the_page_names_exists() -> None:
@@ -24,16 +22,10 @@ def test_every_word_that_the_page_names_exists() -> None:
 
 
 def test_every_word_of_the_page_is_used() -> None:
-    own = {key for key in table("en") if key.startswith("web.")}
+    own = {key for key in table("en") if key.startswith(("web.", "researcher."))}
     assert own - set(KEY.findall(SOURCE)) == set()
 
 
 def test_every_language_has_all_words_of_the_page() -> None:
-    own = {key for key in table("en") if key.startswith("web.")}
+    own = {key for key in table("en") if key.startswith(("web.", "researcher."))}
     assert all(own <= set(table(language)) for language in languages())
-
-
-def test_the_page_gets_the_words_that_it_names(study_folder: Path) -> None:
-    words = words_of(load_study(study_folder / "study.yaml"))
-    assert set(words) == {"en", "de", "zh"}
-    assert all(set(KEY.findall(SOURCE)) <= set(table) for table in words.values())

@@ -7,7 +7,8 @@ const RETRY = [300, 600, 1200, 2500, 5000];   // ms
 export class Connection {
   /** Opens a web socket; `receive` gets answers, `status` one of "open", "lost", "taken", "refused", "unknown", ... */
   constructor(url, {receive, status}) {
-    this.url = url; this.receive = receive; this.status = status;
+    // A random name lets the page replace its own connection, which the server may not know to be lost.
+    this.url = `${url}?page=${Math.random().toString(36).slice(2)}`; this.receive = receive; this.status = status;
     this.attempt = 0; this.socket = null;
     this.open();
   }

@@ -60,7 +60,7 @@ export class Drive {
 
   /** Starts or continues. */
   start() {
-    if (this.status !== "waiting" && this.status !== "paused") return;
+    if (this.isHeld || (this.status !== "waiting" && this.status !== "paused")) return;
     this.lag = 0; this.isSlow = false;
     this.status = "driving";
     this.tick();
@@ -129,7 +129,7 @@ export class Drive {
 
   // -- drawing
 
-  /** The moment on show: half a tick to two ticks behind the latest state, so that late answers do not show. */
+  /** The moment on show: one to two ticks behind the latest state, so that late answers do not show. */
   moment(seconds) {
     const behind = this.latest - 1 - this.shown, {dt} = this.data;
     if (this.status === "driving") this.shown += seconds / dt * (1 + .2 * Math.min(Math.max(behind, -3), 10));

@@ -82,7 +82,7 @@ export class Input {
       if (value) event.preventDefault();
       if (!event.repeat) this.buffer.put("keyboard", name, value, true);
     } else if (value && !event.repeat && this.isActive(event)) {
-      const action = {enter: "confirm", backspace: "discard", r: "redo", p: "pause", escape: "pause", v: "view", z: "zones",
+      const action = {enter: "confirm", backspace: "discard", r: "redo", p: "pause", escape: "pause", v: "view", z: "zones", h: "readings", f1: "help",
         "+": "zoomIn", "-": "zoomOut", pageup: "labelUp", pagedown: "labelDown"}[name] || (/^[1-9]$/.test(name) && "label" + name);
       if (action && this.act(action)) event.preventDefault();
     }
@@ -135,7 +135,8 @@ export class Input {
     const key = device + "/" + control, isPressed = value > PRESSED;
     if (!control || isPressed === this.held.has(key)) return;
     if (isPressed) this.held.add(key); else this.held.delete(key);
-    const action = {a: "confirm", b: "discard", x: "redo", back: "undo", start: "pause", right_stick: "view"}[control];
+    const action = {a: "confirm", b: "discard", x: "redo", back: "undo", start: "pause", right_stick: "view", left_stick: "readings",
+      dpad_up: "labelUp", dpad_down: "labelDown", right_trigger: "labelUp", left_trigger: "labelDown"}[control];
     if (control === "left_shoulder") this.buffer.put(device, control, +isPressed, true);
     else if (action && isPressed && this.isActive()) this.act(action);
   }

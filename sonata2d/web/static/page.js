@@ -2,22 +2,26 @@
 
 import {Connection} from "./connection.js";
 import {Drive} from "./drive.js";
-import {form, make, question} from "./questions.js";
+import {byId, filled, make, socketAddress} from "./elements.js";
+import {form, question} from "./questions.js";
 import {Watch} from "./watch.js";
 
 const PROTOCOL = 1, LABEL_STEP = .1;
-const data = JSON.parse(document.getElementById("data").textContent);
-const byId = id => document.getElementById(id);
+const data = JSON.parse(byId("data").textContent);
 let language = data.languages[0], view = null, stepOnShow = null, isWaiting = false, connection = "lost", label = null;
 
 /** A text of the page in the participant's language. */
 function t(key, values = {}) {
-  const text = (data.words[language] || {})[key] || key;
-  return text.replace(/\{(\w+)\}/g, (whole, name) => name in values ? values[name] : whole);
+  return filled((data.words[language] || {})[key] || key, values);
+}
+/** The same with a capital letter, for buttons: the tables have words that also stand within a line. */
+function capital(key) {
+  const words = t(key);
+  return words.charAt(0).toUpperCase() + words.slice(1);
 }
 const seconds = time => time.toFixed(1);
 
-const server = new Connection(location.href.replace(/^http/, "ws").replace(/[?#].*$/, "").replace(/\/$/, "") + "/socket", {
+const server = new Connection(socketAddress(), {
   receive: answer => {
     if (answer.type === "tick") { drive.answered(answer); showReadings(); return; }
     isWaiting = false;
@@ -26,7 +30,7 @@ const server = new Connection(location.href.replace(/^http/, "ws").replace(/[?#]
   },
   status: status => {
     connection = status;
-    if (status === "open") { isWaiting = false; send({type: "hello", protocol: PROTOCOL}); }
+    if (status === "open") { isWaiting = false; send({type: "hello", protocol: PROTOCOL, languages: navigator.languages.slice(0, 9)}); }
     else { drive.status = drive.run === null ? "none" : "lost"; drive.input.release(); }
     showConnection();
     if (view) showDriving();
@@ -49,7 +53,9 @@ const watch = new Watch(byId("film"), () => showWatching());
 drive.input.isActive = event => {
   if (!view || !view.drive || isWaiting) return false;
   const focus = event && event.target;
-  return !(focus && focus.closest && focus.closest("input, textarea, select, a, button, dialog"));
+  if (!focus || !focus.closest) return true;
+  if (focus.matches("input[type=radio]")) return !/^(Arrow.*| )$/.test(event.key);      // those choose another answer
+  return !focus.closest("input, textarea, select, a, button, dialog");
 };
 
 // ---- what is shown
@@ -67,6 +73,7 @@ function show(next) {
     if (drive.run !== view.drive.run || !former || !former.drive) label = view.drive.undoneLabel;
     drive.show(view.drive);
     showDriving(true);
+    if (byId("help").open) showLegend();
   } else drive.hide();
   if (isRating) { watch.show(view.rating); showRating(former); } else watch.hide();
   if (!isDriving && !isRating) showStep();
@@ -88,7 +95,12 @@ function showFrame() {
   byId("canvas").setAttribute("aria-label", t("web.picture"));
   byId("film").setAttribute("aria-label", t("web.film"));
   byId("progress").setAttribute("aria-label", t("web.progress", {done, total}));
-  byId("count").textContent = runs && view.drive ? t("readings.run_of", {number: Math.min(kept + 1, runs), count: runs}) : t("web.progress", {done, total});
+  byId("count").textContent = !view.drive ? t("web.progress", {done, total}) : view.drive.isPractice ? t("web.practice")
+    : t("readings.run_of", {number: Math.min(kept + 1, runs), count: runs});
+  byId("number").textContent = t("web.number", {id: view.participant}); byId("number").hidden = Boolean(view.drive || view.rating);
+  byId("preview").hidden = !view.isPreview || view.step.kind === "thanks";
+  byId("preview-text").textContent = t("web.preview"); byId("skip").textContent = t("web.skip");
+  byId("driving-title").textContent = byId("count").textContent; byId("watching-title").textContent = t("web.film");
   const select = byId("language");
   select.hidden = data.languages.length < 2;
   select.setAttribute("aria-label", t("web.language"));
@@ -147,23 +159,52 @@ function showDriving(isNew = false) {
   const {status} = drive, {drive: run} = view;
   byId("status").textContent = `${SIGNS[status] || ""} ${t(WORDS[status] || "readings.waiting")}`;
   byId("status").className = status;
-  byId("hint").textContent = status === "waiting" ? t(run.isPractice ? "web.practice_hint" : "web.drive_hint")
-    : drive.isHeld ? t("web.held") : drive.isSlow ? t("web.slow") : status === "paused" || status === "pausing" ? t("web.paused") : "";
+  byId("hint").textContent = drive.isHeld ? t("web.held") : status === "waiting" ? t(run.isPractice ? "web.practice_hint" : "web.drive_hint")
+    : drive.isSlow ? t("web.slow") : status === "paused" || status === "pausing" ? t("web.paused") : "";
   if (drive.notice) announce(drive.notice);
   byId("context").textContent = run.context || "";
   const buttons = [];
-  const add = (words, act, attributes = {}) => buttons.push(make("button", {onclick: act, ...attributes}, words));
-  if (status === "driving") { add(t("action.pause"), () => drive.pause()); add(t("keys.end_run"), () => drive.stop()); }
-  if (status === "paused") { add(t("menu.continue"), () => drive.start(), {class: "primary"}); add(t("keys.end_run"), () => drive.stop(), {"data-sends": true}); }
-  if (status === "waiting" && view.canUndo) add(t("menu.undo"), () => send({type: "undo"}), {"data-sends": true});
-  for (const [change, action, words] of [["view", "view", "keys.camera"], ["zones", "zones", "keys.zones"], ["zoom", "zoomIn", "action.zoom_in"], ["zoom", "zoomOut", "action.zoom_out"]]) {
-    if (run.changes.includes(change) && status !== "ended") add(t(words), () => drive.perform(action));
+  const add = (key, act, attributes = {}) => buttons.push(make("button", {onclick: act, "data-key": key, ...attributes}, capital(key)));
+  if (status === "driving") { add("action.pause", () => drive.pause()); add("keys.end_run", () => drive.stop()); }
+  if (status === "paused") { add("menu.continue", () => drive.start(), {class: "primary"}); add("keys.end_run", () => drive.stop(), {"data-sends": true}); }
+  if (status === "waiting" && view.canUndo) add("menu.undo", () => send({type: "undo"}), {"data-sends": true});
+  for (const [change, action, key] of [["view", "view", "keys.camera"], ["zones", "zones", "keys.zones"], ["zoom", "zoomIn", "action.zoom_in"], ["zoom", "zoomOut", "action.zoom_out"]]) {
+    if (run.changes.includes(change) && status !== "ended") add(key, () => drive.perform(action));
   }
+  add("keys.help", () => showHelp());
+  const focused = document.activeElement.closest("#actions button");
   byId("actions").replaceChildren(...buttons);
+  if (focused && status !== "ended") (buttons.find(button => button.dataset.key === focused.dataset.key) || byId("canvas")).focus({preventScroll: true});
   showCard(status, run);
   showFrameLabel(run, isNew);
   showReadings();
   setBusy();
+}
+
+// Keys and game-pad buttons: what is pressed, what it does, and whether the study lets participants do it.
+const KEYS = [
+  ["help.ahead_keys", "help.ahead"], ["help.turn_keys", "help.turn"], ["Q E", "help.sideways"], ["Space", "help.brake"],
+  ["help.mouse_keys", "help.mouse"], ["help.left_stick_keys", "help.left_stick"], ["help.right_stick_keys", "help.sideways"],
+  ["help.shoulder_keys", "help.brake"], ["help.confirm_keys", "help.confirm"], ["help.pause_keys", "action.pause"],
+  ["help.discard_keys", "action.discard", run => run.allowed.discard], ["help.redo_keys", "action.redo", run => run.allowed.redo],
+  ["help.undo_keys", "action.undo", run => run.allowed.undo], ["help.label_keys", "help.labels", run => run.label],
+  ["help.label_step_keys", "help.label_step", run => run.label], ["help.view_keys", "action.view", run => run.changes.includes("view")],
+  ["Z", "action.zones", run => run.changes.includes("zones")], ["+ -", "help.zoom", run => run.changes.includes("zoom")],
+  ["help.hud_keys", "action.hud"], ["F1", "help.this"],
+];
+
+/** Keys, and the meaning of symbols; the run is paused meanwhile. */
+function showHelp() {
+  if (byId("help").open) { byId("help").close(); return; }
+  drive.pause();
+  byId("help-title").textContent = t("help.title"); byId("legend-title").textContent = t("web.symbols"); byId("help-close").textContent = t("help.close");
+  const rows = KEYS.filter(([, , isAllowed]) => !isAllowed || isAllowed(view.drive));
+  byId("keys").replaceChildren(...rows.flatMap(([keys, meaning]) => [make("dt", {}, t(keys)), make("dd", {}, t(meaning))]));
+  showLegend();
+  byId("help").showModal();
+}
+function showLegend() {
+  byId("legend").replaceChildren(...view.drive.legend.map(entry => make("li", {}, make("span", {html: entry.symbol, "aria-hidden": "true"}), entry.text)));
 }
 
 /** The card of a run that ended: its question, and what to do with it. */
@@ -180,17 +221,17 @@ function showCard(status, run) {
   if (run.isPractice) {
     heading = t("web.practice_done");
     add(t("web.continue"), {type: "finish_practice", run: id}, {class: "primary", id: "confirm"});
-    add(t("keys.redo"), {type: "redo", run: id});
+    add(capital("keys.redo"), {type: "redo", run: id});
   } else {
     if (run.label && run.label.when === "run") {
       asked = question({...run.label, answer: label}, t);
       asked.addEventListener("answered", () => { label = asked.answer; asked.setProblem(""); });
     }
     heading = asked ? "" : t("run.keep_question");
-    const keep = make("button", {class: "primary", id: "confirm", "data-sends": true, onclick: () => keepRun(asked)}, t("keys.keep"));
+    const keep = make("button", {class: "primary", id: "confirm", "data-sends": true, onclick: () => keepRun(asked)}, capital("keys.keep"));
     if (!isShort) buttons.push(keep);
-    if (run.allowed.discard) add(t("keys.discard"), {type: "discard", run: id});
-    if (run.allowed.redo || isShort) add(t("keys.redo"), {type: "redo", run: id});
+    if (run.allowed.discard) add(capital("keys.discard"), {type: "discard", run: id});
+    if (run.allowed.redo || isShort) add(capital("keys.redo"), {type: "redo", run: id});
   }
   card.replaceChildren(above, ...(heading ? [make("h2", {}, heading)] : []), ...(asked && !isShort ? [asked] : []),
     ...(isShort && !run.isPractice ? [make("p", {class: "problem"}, t("web.too_short", {seconds: run.minimum}))] : []),
@@ -210,7 +251,10 @@ function showFrameLabel(run, isNew) {
   place.hidden = !spec || spec.when !== "frame" || drive.status === "ended";
   if (place.hidden || (!isNew && place.childElementCount)) return;
   const asked = question({...spec, answer: drive.given}, t);
-  asked.addEventListener("answered", () => drive.label(positionOf(asked.answer, spec)));
+  asked.addEventListener("answered", () => {
+    drive.label(positionOf(asked.answer, spec));
+    if (place.contains(document.activeElement)) byId("canvas").focus({preventScroll: true});     // keys drive again
+  });
   place.replaceChildren(asked);
   place.asked = asked;
 }
@@ -242,6 +286,10 @@ function perform(action) {
   } else if (action === "discard" || action === "redo") {
     if (status === "driving" || status === "paused") drive.stop();
     else if (status === "ended" && (run.allowed[action] || run.isPractice)) send({type: run.isPractice ? "redo" : action, run: run.run});
+  } else if (action === "readings") {
+    byId("readings").hidden = !byId("readings").hidden;
+  } else if (action === "help") {
+    showHelp();
   } else if (action === "undo") {
     if (view.canUndo && status === "waiting") send({type: "undo"});
   } else if (action.startsWith("label")) {
@@ -314,6 +362,9 @@ function showConnection() {
   setBusy();
 }
 byId("language").addEventListener("change", event => send({type: "language", language: event.target.value}));
+byId("skip").addEventListener("click", () => send({type: "skip", step: view.step.id}));
 document.addEventListener("visibilitychange", () => { if (document.hidden) drive.pause(); });
 addEventListener("blur", () => drive.pause());
 setInterval(showReadings, 100);
+// While the researcher holds all runs, nothing else tells the page when they go on.
+setInterval(() => { if (view && view.drive && drive.isHeld && !isWaiting && drive.status !== "ended") send({type: "pause", run: view.drive.run}); }, 1000);

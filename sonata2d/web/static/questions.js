@@ -1,19 +1,8 @@
 // Forms: questions, tables, and labels of runs, from native elements, so that keyboards and screen readers know them.
 
-let count = 0;
+import {make} from "./elements.js";
 
-/** An element with attributes and children; attributes that begin with "on" are listeners. */
-export function make(tag, attributes = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
-    else if (name === "html") element.innerHTML = value;      // only of Markdown that the server has rendered
-    else if (value === true) element.setAttribute(name, "");
-    else if (value !== false && value !== null && value !== undefined) element.setAttribute(name, value);
-  }
-  element.append(...children.filter(child => child !== null));
-  return element;
-}
+let count = 0;
 
 /** Radio buttons in a row: a value of `values` for each of `texts`. */
 function choices(name, values, texts, {chosen = null, changed = () => {}} = {}) {
@@ -69,7 +58,7 @@ export function question(spec, t) {
     const inputs = [...element.querySelectorAll("input[type=radio]")];
     const values = spec.kind === "yes_no" ? [true, false] : (spec.classes || []).map((_, k) => k + 1);
     const input = inputs[values.indexOf(value)];
-    if (input) { input.checked = true; input.focus(); changed(value); }
+    if (input) { input.checked = true; changed(value); }
   };
   return element;
 }
@@ -86,7 +75,7 @@ function slider(spec, id, answer, changed, t) {
   return [make("div", {class: "slider"}, make("span", {}, spec.ends[0]), input, make("span", {}, spec.ends[1])), hint];
 }
 
-/** A table with one scale for all rows; each row is a group of radio buttons. */
+/** A table with one scale for all rows; each row is a group of radio buttons. Ends that all rows share stand above them. */
 function table(spec, id, changed, t) {
   const answers = {}, points = Array.from({length: spec.points}, (_, k) => k + 1);
   const rows = spec.items.map((item, row) => {
@@ -99,12 +88,14 @@ function table(spec, id, changed, t) {
       const input = choice.firstChild, end = k === 0 ? ends[0] : k === points.length - 1 ? ends[1] : "";
       input.setAttribute("aria-label", end && !spec.labels ? `${texts[k]}: ${end}` : texts[k]);
     });
-    return make("div", {class: "row", role: "radiogroup", "aria-label": label},
-      item.text ? make("div", {class: "statement"}, item.text) : null,
-      make("div", {class: "points"}, spec.labels ? null : make("span", {class: "end"}, ends[0]), ...inputs,
-        spec.labels ? null : make("span", {class: "end"}, ends[1])));
+    const side = k => item.ends && !spec.labels ? make("span", {class: "end"}, ends[k]) : null;
+    return make("div", {class: item.ends ? "row opposites" : "row", role: "radiogroup", "aria-label": label},
+      item.text ? make("div", {class: "statement"}, item.text) : null, make("div", {class: "points"}, side(0), ...inputs, side(1)));
   });
-  return [make("div", {class: spec.labels ? "table named" : "table"}, ...rows)];
+  const head = spec.ends && !spec.labels && spec.items.some(item => !item.ends)
+    ? make("div", {class: "row head", "aria-hidden": "true"}, make("div"), make("div", {class: "ends"}, make("span", {}, spec.ends[0]), make("span", {}, spec.ends[1])))
+    : null;
+  return [make("div", {class: spec.labels ? "table named" : "table"}, head, ...rows)];
 }
 
 /** Questions with a button; `send` gets the answers by name. */

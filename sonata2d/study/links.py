@@ -68,6 +68,15 @@ class Links:
                 raise
         return self._tokens[participant]
 
+    def remove(self, participant: str) -> None:
+        """Let the link of a participant lead nowhere.
+
+        Raises:
+            RecordError: the file cannot be written.
+        """
+        if self._tokens.pop(participant, None) is not None:
+            self._write()
+
     def tokens(self) -> dict[str, str]:
         """Tokens by participant."""
         return dict(self._tokens)

@@ -1,0 +1,74 @@
+"""Export of a study as one archive."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..collect.collection import DISCARDED
+from ..datasets.manifest import CARD, CROISSANT, LOG, MANIFEST, SCENARIO, read_manifest
+from ..errors import RecordError
+from .folder import ANSWERS, LOCK, PERSONAL, RATED, STUDY, read_state
+from .report import TABLES, results_of, table_of
+
+
+def export_study(out: str | Path, file: str | Path, *, personal: bool = False) -> Path:
+    """Write all that was collected to a ZIP file: runs, ratings, answers, study file and tables of results.
+
+    Links are left out, so that nobody who gets the archive can take part as somebody else.
+
+    Args:
+        out: folder of the study; it may be served meanwhile.
+        file: the archive; replaced if it exists. Its folder is created.
+        personal: whether personal answers are included.
+
+    Returns:
+        The path of the archive.
+
+    Raises:
+        RecordError: the folder is not that of a study, a file is damaged, or the archive cannot be written.
+    """
+    out, file = Path(out), Path(file)
+    read_state(out)
+    partial = file.with_name(f".{file.name}.partial")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+            for path in _files(out, personal):
+                archive.write(path, path.relative_to(out))
+            for name, rows in results_of(out, personal=personal).items():
+                archive.writestr(f"tables/{name}.csv", table_of(TABLES[name], rows))
+        os.replace(partial, file)
+    except FileNotFoundError as error:
+        raise RecordError(f"{error.filename} was taken back during the export; export again") from error
+    except OSError as error:
+        raise RecordError(f"{file} cannot be written: {error.strerror or error}") from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return file
+
+
+def temporary_export(out: Path) -> Path:
+    """A name for an archive in the private part of a study's folder."""
+    return out / STUDY / f"export-{secrets.token_hex(4)}.zip"
+
+
+def unfinished_exports(out: Path) -> list[Path]:
+    """Archives that a program left there when it was killed; they may hold personal answers."""
+    return [*(out / STUDY).glob("export-*.zip"), *(out / STUDY).glob(".export-*.zip.partial")]
+
+
+def _files(out: Path, personal: bool) -> Iterator[Path]:
+    """The files of a study without links, locks, and runs that are being driven."""
+    if (out / MANIFEST).exists():
+        yield out / MANIFEST
+        yield from (out / row["name"] for row in read_manifest(out)["files"])
+    yield from (path for name in (SCENARIO, LOG, CARD, CROISSANT) if (path := out / name).exists())
+    folders = [out / DISCARDED, out / RATED, out / STUDY / ANSWERS]
+    folders += [out / STUDY / PERSONAL] if personal else []
+    for folder in folders:
+        yield from (path for path in sorted(folder.rglob("*")) if path.is_file() and not path.name.startswith("."))
+    yield from sorted(path for path in (out / STUDY).glob("study*") if path.name != LOCK)

@@ -1,0 +1,132 @@
+"""What one participant has done, and what comes next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ..datasets.manifest import MANIFEST, read_manifest
+from ..errors import RecordError
+from .answers import read_answers
+from .folder import StudyFolder
+from .load import Study
+from .plan import Step, steps_of
+
+
+class Progress:
+    """The steps of a participant, and which of them are done.
+
+    Args:
+        study: the study.
+        index: number of the participant, from 0.
+        events: of the participant's file of answers.
+        kept: names of the kept runs, by number of the scene.
+
+    Attributes:
+        study: the study.
+        index: number of the participant.
+        steps: all steps, in their order.
+        language: of the participant.
+        has_chosen_language: whether it is not just the first one of the study.
+        has_declined: whether the participant did not consent.
+        last_event: time of the last event, ISO 8601; empty before the first.
+    """
+
+    def __init__(
+        self, study: Study, index: int, events: Iterable[Mapping[str, Any]] = (), kept: Mapping[int, str] | None = None
+    ) -> None:
+        self.study, self.index = study, index
+        self.steps = steps_of(study.config, index)
+        self.language, self.has_chosen_language = study.config.languages[0], False
+        self.has_declined, self.last_event = False, ""
+        self._runs = {step.run: step for step in self.steps if step.kind == "run"}
+        self._kept = dict(kept or {})
+        self._done: set[str] = set()
+        self._logged: set[str] = set()  # files of kept runs that have an event
+        self._skipped: set[str] = set()
+        self._asked: dict[str, str] = {}  # file of the run that the questions of a step were answered about
+        self._replaced: dict[str, int] = {}  # scenes that replace those of runs, within their blocks
+        for event in events:
+            self._apply(event)
+
+    @property
+    def step(self) -> Step:
+        """The step to do now."""
+        return next(step for step in self.steps if step.kind == "thanks" or not self._is_done(step))
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Number of steps that are done, and of all steps but the last, which is a page of thanks."""
+        return sum(self._is_done(step) for step in self.steps[:-1]), len(self.steps) - 1
+
+    @property
+    def runs(self) -> tuple[int, int]:
+        """Number of runs that are kept, and that are asked for."""
+        return sum(self._is_done(step) for step in self._runs.values()), len(self._runs)
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether all is done, or the participant did not consent."""
+        return self.has_declined or self.step.kind == "thanks"
+
+    def _number_of(self, step: Step) -> int:
+        """Number of the scene of a run."""
+        return self.study.scene_number(step.block, self._replaced.get(step.id, step.scene))
+
+    def _file_of_run(self, run: int) -> str | None:
+        """The kept file of a run."""
+        return self._kept.get(self._number_of(self._runs[run]))
+
+    def _is_done(self, step: Step) -> bool:
+        if step.id in self._skipped:
+            return True
+        if step.kind == "run":
+            assert step.run is not None
+            return self._file_of_run(step.run) is not None
+        if step.kind == "questions" and step.run is not None:  # a run that was driven again is asked about again
+            file = self._file_of_run(step.run)
+            if file is None and self._runs[step.run].id in self._skipped:
+                return step.id in self._done
+            return file is not None and self._asked.get(step.id) == file
+        return step.id in self._done
+
+    def _apply(self, event: Mapping[str, Any]) -> None:
+        kind, step = event["event"], event.get("step", "")
+        self.last_event = event["time"]
+        if kind == "language":
+            self.language, self.has_chosen_language = event["language"], True
+        elif kind == "answers" and event.get("file") is not None:
+            self._asked[step] = event["file"]
+        elif kind in ("done", "answers", "consented"):
+            self._done.add(step)
+        elif kind == "kept":
+            self._logged.add(event["file"])
+        elif kind == "skipped":
+            self._skipped.add(step)
+        elif kind == "replaced":
+            self._replaced[step] = event["scene"]
+        if kind in ("declined", "reconsidered", "consented"):
+            self.has_declined = kind == "declined"
+
+
+def progress_of_all(folder: StudyFolder) -> tuple[dict[str, Progress], list[str]]:
+    """How far each participant is, by id, read from the files of the study; nothing is opened for writing.
+
+    Returns:
+        Those whose files can be read, and the problems of the others.
+
+    Raises:
+        RecordError: the manifest is damaged.
+    """
+    kept: dict[str, dict[int, str]] = {}
+    if (folder.out / MANIFEST).exists():
+        for row in read_manifest(folder.out)["files"]:
+            if row["seed"] == folder.study.config.seed:
+                kept.setdefault(row["contributor"], {})[int(row["episode"])] = row["name"]
+    known, problems = {}, []
+    for index, id in enumerate(folder.participants):
+        try:
+            known[id] = Progress(folder.study, index, read_answers(folder.answers_of(id)), kept.get(id))
+        except RecordError as error:
+            problems.append(str(error))
+    return known, problems

@@ -1,0 +1,22 @@
+// Elements of a page, and its texts.
+
+/** An element with attributes and children; attributes that begin with "on" are listeners. */
+export function make(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (name === "html") element.innerHTML = value;      // only of Markdown that the server has rendered
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false && value !== null && value !== undefined) element.setAttribute(name, value);
+  }
+  element.append(...children.filter(child => child !== null));
+  return element;
+}
+
+/** A text with its values filled in. */
+export const filled = (text, values) => text.replace(/\{(\w+)\}/g, (whole, name) => name in values ? values[name] : whole);
+
+export const byId = id => document.getElementById(id);
+
+/** Address of the page's web socket. */
+export const socketAddress = () => location.href.replace(/^http/, "ws").replace(/[?#].*$/, "").replace(/\/$/, "") + "/socket";

@@ -1,0 +1,149 @@
+// The researcher's page: how far participants are, what one of them does now, links, export and agreement of ratings.
+
+import {Connection} from "./connection.js";
+import {SceneDrawing, fitted, stateBetween} from "./drawing.js";
+import {byId, filled, make, socketAddress} from "./elements.js";
+
+const OVERVIEW_PERIOD = 1000, LOOK_PERIOD = 100;   // ms
+const COLUMNS = {participant: "researcher.participant", step: "researcher.step", progress: "researcher.progress", runs: "researcher.runs",
+  connection: "researcher.connection", lastEvent: "researcher.last_event", link: "researcher.link"};
+const KINDS = {page: "researcher.page", consent: "researcher.consent", questions: "researcher.questions", practice: "researcher.practice",
+  run: "researcher.run", ratings: "researcher.ratings", thanks: "researcher.thanks", declined: "researcher.declined"};
+const STATES = {driving: "readings.recording", paused: "readings.paused", ended: "readings.frozen"};
+const data = JSON.parse(byId("data").textContent), base = data.url || location.origin;
+const t = (key, values = {}) => filled(data.words[key] || key, values);
+const rows = new Map();
+let isHeld = false, watched = null, scene = "", drawing = null, before = null, latest = null, arrived = 0, isLooking = false;
+
+const server = new Connection(socketAddress(), {
+  receive: answer => {
+    if (answer.type === "overview") showOverview(answer);
+    else if (answer.type === "look") showLook(answer);
+    else if (answer.type === "agreement") showAgreement(answer.blocks);
+    byId("problem").textContent = answer.problem || ""; byId("problem").hidden = !answer.problem;
+  },
+  status: status => {
+    isLooking = false;
+    byId("connection").hidden = status === "open";
+    byId("connection").textContent = status === "open" ? "" : t("researcher.lost");
+    if (status === "open") { server.send({type: "overview"}); server.send({type: "agreement"}); }
+  },
+});
+
+// ---- participants
+
+function showOverview({participants, isHeld: held, open}) {
+  isHeld = held;
+  byId("hold").textContent = t(held ? "researcher.release" : "researcher.hold");
+  byId("hold").setAttribute("aria-pressed", held);
+  const here = participants.filter(one => one.isOpen).length, all = participants.length;
+  const finished = participants.filter(one => one.kind === "thanks").length;
+  byId("summary").textContent = held ? t("researcher.held") : t("researcher.summary", {here, all, finished});
+  byId("open").value = `${base}/j/${open}`;
+  for (const one of participants) showRow(one);
+}
+
+function showRow(one) {
+  if (!rows.has(one.id)) addRow(one);
+  const {cells, row} = rows.get(one.id), [done, total] = one.progress;
+  const now = [t(KINDS[one.kind]), ["thanks", "declined"].includes(one.kind) ? "" : `(${one.step})`];
+  if (one.isOpen && STATES[one.status]) now.push(`· ${t(STATES[one.status])}`);
+  const open = t(one.isOpen ? "researcher.online" : "researcher.offline");
+  const texts = {
+    step: now.join(" "),
+    progress: `${done} / ${total}`,
+    runs: one.runs.join(" / "),
+    connection: one.isOpen && one.roundTrip !== null ? `${open} · ${Math.round(one.roundTrip * 1000)} ms` : open,
+    lastEvent: one.lastEvent ? new Date(one.lastEvent).toLocaleString(document.documentElement.lang) : "",
+  };
+  for (const [name, text] of Object.entries(texts)) if (cells[name].textContent !== text) cells[name].textContent = text;
+  row.classList.toggle("online", one.isOpen);
+}
+
+function addRow(one) {
+  const cells = Object.fromEntries(Object.keys(COLUMNS).map(name => [name, make("td")]));
+  const choose = make("button", {"aria-pressed": "false", onclick: () => watch(one.id)}, one.id);
+  cells.participant.append(choose);
+  if (one.token) {
+    const field = make("input", {readonly: true, value: `${base}/s/${one.token}`, "aria-label": `${t("researcher.link")} ${one.id}`, onfocus: () => field.select()});
+    cells.link.append(make("span", {class: "link"}, field, copyButton(field)));
+  }
+  const row = make("tr", {}, ...Object.values(cells));
+  rows.set(one.id, {cells, row, choose});
+  byId("rows").append(row);
+}
+
+/** A button that copies a link; browsers allow it on this machine and with HTTPS only. */
+function copyButton(field) {
+  return navigator.clipboard ? make("button", {onclick: () => navigator.clipboard.writeText(field.value)}, t("researcher.copy")) : null;
+}
+
+// ---- live view
+
+function watch(id) {
+  watched = watched === id ? null : id;
+  for (const [other, {choose}] of rows) choose.setAttribute("aria-pressed", other === watched);
+  latest = null; scene = "";
+  byId("live-text").textContent = watched ? "" : t("researcher.nobody");
+  look();
+}
+
+function look() {
+  if (watched !== null && !isLooking) isLooking = server.send({type: "look", participant: watched, scene});
+}
+
+function showLook({participant, drive}) {
+  isLooking = false;
+  if (participant !== watched) { look(); return; }
+  byId("live-text").textContent = drive ? `${watched} · ${t("readings.seconds", {time: drive.state.time.toFixed(1)})}` : t("researcher.not_driving", {id: watched});
+  byId("screen").hidden = !drive;
+  if (!drive) { latest = null; scene = ""; return; }
+  if (drive.data) { scene = drive.scene; drawing = new SceneDrawing(drive.data); before = null; } else before = latest;
+  latest = drive.state; arrived = performance.now();
+}
+
+function draw(now) {
+  requestAnimationFrame(draw);
+  if (!latest) return;
+  const canvas = byId("canvas"), {width, height} = fitted(canvas);
+  if (!width || !height) return;
+  const state = stateBetween(drawing.scene, before || latest, latest, Math.min((now - arrived) / LOOK_PERIOD, 1));
+  drawing.draw(canvas.getContext("2d"), drawing.cameraOf("top", state, width, height), state, {outside: "#e2e5e9"});
+}
+
+// ---- ratings
+
+function showAgreement(blocks) {
+  byId("agreement").hidden = !blocks.length;
+  byId("blocks").replaceChildren(...blocks.map(block => {
+    const lines = block.ratings ? [t("researcher.raters", block)] : [t("researcher.no_ratings")];
+    if (block.alpha !== null) lines.push(t("researcher.alpha", {measure: block.measure, value: block.alpha.toFixed(2)}));
+    if (block.same !== null) lines.push(t("researcher.same", {percent: Math.round(100 * block.same), count: block.repeats}));
+    const disputed = block.disputed.map(({file, labels}) => make("li", {}, `${file}: ${Object.entries(labels).map(([rater, label]) => `${rater} ${label}`).join(", ")}`));
+    return make("div", {}, make("h3", {}, `${block.name}: ${block.question}`), ...lines.map(line => make("p", {}, line)),
+      ...(disputed.length ? [make("h4", {}, t("researcher.disputed")), make("ul", {}, ...disputed)] : []));
+  }));
+}
+
+// ---- the page
+
+byId("columns").append(...Object.values(COLUMNS).map(key => make("th", {scope: "col"}, t(key))));
+const TEXTS = {"live-title": "researcher.live", "live-text": "researcher.nobody", "agreement-title": "researcher.agreement", export: "researcher.export",
+  "export-personal": "researcher.export_personal", "open-label": "researcher.open_link", add: "researcher.add"};
+for (const [id, key] of Object.entries(TEXTS)) byId(id).textContent = t(key);
+byId("new").querySelector("label").textContent = t("researcher.count");
+byId("export").href = location.pathname.replace(/\/$/, "") + "/export.zip";
+byId("export-personal").href = byId("export").href + "?personal=1";
+byId("canvas").setAttribute("aria-label", t("researcher.live"));
+byId("screen").hidden = true;
+const copyOpen = copyButton(byId("open"));
+if (copyOpen) byId("open").after(copyOpen);
+byId("hold").addEventListener("click", () => server.send({type: "hold", value: !isHeld}));
+byId("new").addEventListener("submit", event => {
+  event.preventDefault();
+  server.send({type: "add", count: Number(byId("number").value)});
+});
+setInterval(() => server.send({type: "overview"}), OVERVIEW_PERIOD);
+setInterval(() => server.send({type: "agreement"}), 30 * OVERVIEW_PERIOD);
+setInterval(look, LOOK_PERIOD);
+requestAnimationFrame(draw);

@@ -1,0 +1,240 @@
+"""Several threads, a full disk, odd ids, damaged files."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import orjson
+import pytest
+
+from sonata2d.errors import ConfigError, RecordError
+from sonata2d.study.answers import AnswerLog, read_answers
+from sonata2d.study.folder import StudyFolder
+from sonata2d.study.links import Links
+from sonata2d.study.load import load_study
+from sonata2d.study.participant import Participant
+from sonata2d.study.progress import progress_of_all
+from sonata2d.study.removal import remove_participant
+from sonata2d.study.report import _score_rows, results_of
+
+from .conftest import STUDY, drive, prepare
+
+Arrive = Callable[..., Participant]
+
+
+def test_threads_that_ask_for_scenes_get_different_ones(study_file: Path) -> None:
+    for _ in range(5):
+        study = load_study(study_file)
+        with ThreadPoolExecutor(4) as pool:
+            numbers = list(pool.map(lambda k, study=study: study.scene_number(0, k), range(8)))
+        assert numbers == list(range(8))
+
+
+def test_participants_who_join_at_once_have_different_ids_and_places(study_file: Path, tmp_path: Path) -> None:
+    folder = StudyFolder(tmp_path / "out", load_study(study_file))
+    links = Links(tmp_path / "out" / "study")
+
+    def join(_: int) -> str | None:
+        id = folder.add_next(links.tokens(), 30)
+        return None if id is None else links.add(id)
+
+    with ThreadPoolExecutor(8) as pool:
+        tokens = list(pool.map(join, range(40)))
+    assert tokens.count(None) == 10
+    assert len(set(tokens)) == 31
+    again = StudyFolder(tmp_path / "out", load_study(study_file))
+    assert again.participants == folder.participants == [f"p{k:03d}" for k in range(1, 31)]
+    assert Links(tmp_path / "out" / "study").tokens() == links.tokens()
+
+
+def test_an_id_that_has_a_link_is_not_given_again(study_file: Path, tmp_path: Path) -> None:
+    folder = StudyFolder(tmp_path / "out", load_study(study_file))
+    assert folder.add_next(["p001", "p002"]) == "p003"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="file sizes are limited on POSIX systems only")
+def test_a_full_disk_leaves_no_half_line(tmp_path: Path) -> None:
+    import resource
+
+    log = AnswerLog(tmp_path / "p1.jsonl")
+    log.append(event="begun", time="t")
+    size = log.path.stat().st_size
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size + 7, limits[1]))
+    try:
+        with pytest.raises(RecordError, match="cannot be written"):
+            log.append(event="done", time="t", step="page-1")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert log.path.stat().st_size == size
+    log.append(event="done", time="t", step="page-1")
+    assert [event["event"] for event in read_answers(log.path)] == ["begun", "done"]
+
+
+@pytest.mark.parametrize("action", ["finish_practice", "discard"])
+def test_a_run_that_cannot_be_put_away_is_not_counted(
+    action: str, arrive: Arrive, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    participant = arrive()
+    if action == "finish_practice":
+        participant.read("page-1")
+        participant.consent("consent", [True, True])
+        participant.answer("demographics", {"age": 30})
+        participant.read("practice-text")
+    else:
+        prepare(participant)
+    drive(participant)
+    session = participant.session
+    assert session is not None
+
+    def fail(*_: object, **__: object) -> None:
+        raise RecordError("the disk is full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(session, "next", fail)
+        with pytest.raises(RecordError):
+            getattr(participant, action)()
+    with pytest.raises(ValueError, match="has not ended"):
+        participant.keep(0.5)
+    assert participant.runs == (0, 2)
+    drive(participant)
+    participant.keep(0.5)
+    assert participant.runs == (1, 2)
+    assert len([*(tmp_path / "out" / "discarded").iterdir()]) == (1 if action == "finish_practice" else 2)
+
+
+def test_a_kept_run_without_an_event_gets_one(arrive: Arrive, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    participant = arrive()
+    prepare(participant)
+    drive(participant)
+
+    def fail(**_: object) -> None:
+        raise RecordError("the disk is full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(participant._log, "append", fail)
+        with pytest.raises(RecordError):
+            participant.keep(0.5)
+    participant.answer("after-run-1", {"effort": 1})
+    assert [row["step"] for row in results_of(tmp_path / "out")["runs"]] == ["run-1"]
+
+
+def test_removal_spares_participants_with_similar_ids(arrive: Arrive, tmp_path: Path) -> None:
+    for id in ("p1", "p1.a"):
+        participant = arrive(id)
+        prepare(participant)
+        session = participant.session
+        assert session is not None
+        session.tick()
+        participant.close()
+    remove_participant(tmp_path / "out", "p1")
+    assert {path.name for path in (tmp_path / "out" / "journal").glob("*.jsonl")} == {"p1.a.jsonl"}
+    again = arrive("p1.a").session
+    assert again is not None
+    assert again.ticks == 1
+
+
+def test_spaces_around_an_id_do_not_count(arrive: Arrive, tmp_path: Path) -> None:
+    participant = arrive("p9 ")
+    participant.read("page-1")
+    participant.close()
+    assert arrive("p9").step.id == "consent"
+    assert [row["participant"] for row in results_of(tmp_path / "out")["participants"]] == ["p9"]
+
+
+@pytest.mark.parametrize("id", ["x" * 70, "--"])
+def test_an_id_that_cannot_rate_is_refused_at_once(id: str, arrive: Arrive) -> None:
+    with pytest.raises(ConfigError, match="is not a rater id"):
+        arrive(id)
+
+
+def test_a_damaged_file_hides_one_participant_only(arrive: Arrive, study_file: Path, tmp_path: Path) -> None:
+    arrive("p1"), arrive("p2")
+    (tmp_path / "out" / "study" / "answers" / "p1.jsonl").write_text("x\n")
+    known, problems = progress_of_all(StudyFolder(tmp_path / "out", load_study(study_file)))
+    assert list(known) == ["p2"]
+    assert "p1.jsonl, line 1" in problems[0]
+
+
+def test_questions_about_a_skipped_run_can_be_answered(arrive: Arrive) -> None:
+    participant = arrive()
+    while participant.step.id != "after-run-1":
+        participant.skip(participant.step.id)
+    participant.answer("after-run-1", {"effort": 1})
+    assert participant.step.id == "run-2"
+
+
+def test_a_large_number_is_refused(arrive: Arrive) -> None:
+    participant = arrive()
+    participant.read("page-1")
+    participant.consent("consent", [True, True])
+    for number in (10**20, 10**400):
+        with pytest.raises(ValueError, match="a number from 18 up to 120 is expected"):
+            participant.answer("demographics", {"age": number})
+
+
+def test_a_minimum_length_that_no_run_can_have(study_file: Path) -> None:
+    study_file.write_text(STUDY.replace("minimum_length: 0.5", "minimum_length: 600"))
+    with pytest.raises(
+        ConfigError, match=r"line 18: minimum_length is 600 s, but the runs of a scenario end after 60 s"
+    ):
+        load_study(study_file)
+
+
+def test_scores_of_tables_with_the_same_name_in_two_sections() -> None:
+    own = {"name": "felt", "kind": "likert", "points": 5}
+    items = [{"name": "calm"}, {"name": "tense", "reversed": True}]
+    config = {
+        "demographics": [own | {"items": [{"name": "calm", "subscale": "before"}]}],
+        "after_run": [own | {"items": items}],
+        "end": [{"name": "", "scale": "rosas", "subscales": ["warmth"]}],
+    }
+    answers = [
+        {"participant": "p1", "step": step, "file": None, "question": question, "item": item, "value": value}
+        for step, question, item, value in (
+            ("demographics", "felt", "calm", 2), ("after-run-1", "felt", "calm", 5),
+            ("after-run-1", "felt", "tense", 2), ("end", "rosas", "happy", 9),
+        )
+    ]  # fmt: skip
+    rows = [(row["step"], row["part"], row["score"], row["items"]) for row in _score_rows(answers, config)]
+    assert rows == [("demographics", "before", 2.0, 1), ("after-run-1", "", 4.5, 2), ("end", "warmth", 9.0, 1)]
+
+
+def test_dropped_ticks_outlive_undo_and_a_crash(arrive: Arrive, tmp_path: Path) -> None:
+    participant = arrive()
+    prepare(participant)
+    session = participant.session
+    assert session is not None
+    session.tick()
+    session.dropped_ticks += 7
+    drive(participant)
+    participant.keep(0.5)
+    participant.undo()
+    participant.keep(0.5)
+    assert [row["dropped_ticks"] for row in results_of(tmp_path / "out")["runs"]] == [7]
+    participant.answer("after-run-1", {"effort": 1})
+    session.tick()
+    session.dropped_ticks += 3
+    session.tick()
+    participant.close()
+    again = arrive().session
+    assert again is not None
+    assert again.dropped_ticks == 3
+
+
+def test_a_slider_names_its_ends(study_file: Path) -> None:
+    study_file.write_text(STUDY.replace("kind: text, question: Anything else", "kind: slider, question: Anything else"))
+    with pytest.raises(ConfigError, match="give the meaning of both ends"):
+        load_study(study_file)
+
+
+def test_the_lists_of_a_study_are_kept(study_file: Path, tmp_path: Path) -> None:
+    StudyFolder(tmp_path / "out", load_study(study_file)).add("p1")
+    state = orjson.loads((tmp_path / "out" / "study" / "study.json").read_bytes())
+    assert (state["participants"], state["withdrawn"], len(state["versions"])) == (["p1"], [], 1)
