@@ -72,4 +72,7 @@ def command(
     )
 
     with opened_folder(out, loaded) as folder:
-        serve(folder, settings, lambda links: show_links(links, as_json))
+        try:
+            serve(folder, settings, lambda links: show_links(links, as_json))
+        except KeyboardInterrupt:
+            note("stopped; the same command continues the study", err=True)

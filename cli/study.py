@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -96,7 +97,8 @@ def preview(file: Path, host: str, port: int, as_json: bool) -> None:
     study = load_study(file)
     with TemporaryDirectory(prefix="sonata2d-preview-") as folder:
         settings = Settings(host=host, port=port, participants=1, is_preview=True)
-        serve(StudyFolder(folder, study), settings, lambda links: show_links(links, as_json))
+        with suppress(KeyboardInterrupt):
+            serve(StudyFolder(folder, study), settings, lambda links: show_links(links, as_json))
 
 
 @command.command("results", epilog=examples("study results OUT tables", "study results OUT tables --personal"))

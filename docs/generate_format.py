@@ -18,6 +18,7 @@ from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.scenegen.scenario.people import PersonSpec
 from sonata2d.study import config as study
 from sonata2d.study.config import StudyConfig
+from sonata2d.study.report import TABLES
 from sonata2d.study.scales import scale_named, scale_names
 from sonata2d.version import FORMAT, FORMAT_VERSION
 
@@ -179,10 +180,40 @@ STUDY_SCALES = """\
 ## Published questionnaires
 
 Write `{scale: rosas}` where questions are asked; with `subscales`, the parts to ask. Items are in English, and a study
-translates them under `texts`.
+translates them under `texts`, by the names below:
+
+```yaml
+after_run:
+  - scale: rosas
+    subscales: [warmth]
+    texts:
+      de: {question: …, first: …, last: …, happy: …, feeling: …, social: …, organic: …, compassionate: …, emotional: …}
+```
+
+`question` stands above the table, `first` and `last` are the meanings of its ends. An item that is a pair of opposites
+is a list of two texts. Where a validated translation is published, use it.
 
 | name | | parts and numbers of items | points | source |
 | --- | --- | --- | --- | --- |"""
+
+
+STUDY_TABLES = """\
+## Tables of results
+
+`sonata2d study results` writes these columns. A cell without a value is empty; a text that a spreadsheet would take for
+a formula is preceded by an apostrophe.
+"""
+
+
+def _items_of(name: str) -> str:
+    """Names and texts of the items of a questionnaire."""
+    scale = scale_named(name)
+    frame = [("question", scale.question), *zip(("first", "last"), scale.ends or (), strict=False)]
+    rows = [f"| `{key}` | | {text} |" for key, text in frame]
+    for item in scale.items:
+        text = " – ".join(map(str, item.ends)) if item.ends else item.text
+        rows.append(f"| `{item.name}` | `{item.subscale}` | {text}{' (reversed)' if item.reversed else ''} |")
+    return "\n".join([f"### {name}", "| key | part | text |", "| --- | --- | --- |", *rows, ""])
 
 
 def study_page() -> str:
@@ -194,7 +225,14 @@ def study_page() -> str:
         scale = scale_named(name)
         subscales = ", ".join(f"`{part}` ({len(scale.part([part]).items)})" for part in scale.subscales)
         rows.append(f"| `{name}` | {scale.title} | {subscales} | 1 to {scale.points} | {scale.source} |")
-    return "\n".join([STUDY_INTRO, *(_settings(part) for part in [StudyConfig, *parts]), STUDY_SCALES, *rows, ""])
+    items = [_items_of(name) for name in scale_names()]
+    settings = [_settings(part) for part in [StudyConfig, *parts]]
+    return "\n".join([STUDY_INTRO, *settings, STUDY_SCALES, *rows, "", *items, STUDY_TABLES, *map(_columns_of, TABLES)])
+
+
+def _columns_of(table: str) -> str:
+    rows = [f"| `{column}` | {meaning} |" for column, meaning in TABLES[table].items()]
+    return "\n".join([f"### {table}.csv", "| column | |", "| --- | --- |", *rows, ""])
 
 
 def _is_section(kind: object) -> bool:

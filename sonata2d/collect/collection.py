@@ -74,7 +74,7 @@ class Collection:
 
     def __init__(self, folder: Path, contributor: str, settings: dict[str, Any], suffix: str = ".json") -> None:
         self.folder, self.contributor, self._suffix = folder, checked_name(contributor), suffix
-        _require_collection_folder(folder)
+        require_collection_folder(folder)
         self.journal = folder / JOURNALS / f"{safe_stem(self.contributor)}.jsonl"
         self.kept = 0
         self._lock = _lock(self.journal.with_suffix(".lock"), self.contributor)
@@ -285,7 +285,7 @@ def manifest_of_runs(rows: list[JsonDict]) -> JsonDict:
     }
 
 
-def _require_collection_folder(folder: Path) -> None:
+def require_collection_folder(folder: Path) -> None:
     """Raise RecordError unless the folder is new, empty of JSON files, or a collection."""
     if folder.exists() and not folder.is_dir():
         raise RecordError(f"{folder} is a file; choose another name for the folder")

@@ -210,7 +210,9 @@ def _responsible_ai(manifest: JsonDict) -> JsonDict:
             " seed in manifest.json."
         )
     if driven:
-        origin.append("People drove a simulated robot in the window of sonata2d, and decided which runs were kept.")
+        origin.append(
+            "People drove a simulated robot in a window or a browser with sonata2d, and decided which runs were kept."
+        )
     if recorded:
         origin.append(f"{recorded} of {listed} listed pedestrians follow recorded tracks and do not react to others.")
     biases = ["Simulated pedestrians move by a pedestrian model; real people move and react in more ways."]

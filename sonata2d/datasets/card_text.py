@@ -67,14 +67,15 @@ physics version ({physics}) give the same bytes; `sonata2d check --replay` verif
 """
 
 _COLLECTED = """\
-{count} runs of a robot among {others}, driven by {drivers} in the window of sonata2d {sonata2d}.
+{count} runs of a robot among {others}, driven by {drivers} with sonata2d {sonata2d}, in its window or in a browser.
 The drivers decided which runs were kept.
 
 ## Collection
 ```
 sonata2d collect AGAIN --contributor NAME --scenario scenario.json
 ```
-`scenario.json` beside this card contains the settings of the first run. Every run contains its own settings, the
+`scenario.json` beside this card contains the settings of the first run. Runs of a study are collected with its file,
+`--study FILE` in place of `--scenario`. Every run contains its own settings, the
 driver's commands and the device events, so that `sonata2d check --replay` verifies it (physics version {physics}).
 """
 

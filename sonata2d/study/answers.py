@@ -77,9 +77,11 @@ def _checked_value(name: str, entry: Entry, value: Any) -> Any:
     if entry.kind == "number":
         is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER
         low, high = entry.minimum, entry.maximum
+        is_number = is_number and not (entry.integer and value != int(value))
         if not is_number or (low is not None and value < low) or (high is not None and value > high):
             limits = ("" if low is None else f" from {low:g}") + ("" if high is None else f" up to {high:g}")
-            raise ValueError(f"{name} is {shown(value)}; a number{limits} is expected")
+            number = "whole number" if entry.integer else "number"
+            raise ValueError(f"{name} is {shown(value)}; a {number}{limits} is expected")
         return value if isinstance(value, int) else quantised(float(value))
     if entry.kind == "text" and isinstance(value, str):
         if len(value) > MAX_TEXT_ANSWER:

@@ -81,8 +81,10 @@ class QuestionConfig(Settings):
         labels: name of each point of a `likert` table.
         items: rows of a `likert` table.
         minimum, maximum: of a number.
+        integer: whether a number is a whole one.
         required: whether the participant has to answer.
-        personal: whether the answer is stored with the personal answers, which exports leave out.
+        personal: whether the answer is stored with the personal answers, which exports leave out; by default, those of
+            `demographics` are.
     """
 
     translated: ClassVar[tuple[str, ...]] = ("question", "classes", "ends", "labels")
@@ -97,8 +99,9 @@ class QuestionConfig(Settings):
     items: Annotated[TupleOf[Item], Field(min_length=1, max_length=60)] | None = None
     minimum: float | None = None
     maximum: float | None = None
+    integer: bool = False
     required: bool = True
-    personal: bool = False
+    personal: bool | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -128,6 +131,8 @@ class QuestionConfig(Settings):
         for key in ("minimum", "maximum"):
             if self.kind != "number" and getattr(self, key) is not None:
                 raise _problem("this key needs kind: number", key)
+        if self.kind != "number" and self.integer:
+            raise _problem("this key needs kind: number", "integer")
         if self.kind == "slider" and self.ends is None:
             raise _problem("give the meaning of both ends: [not at all, entirely]", "ends")
         if self.ends is not None and not is_table and self.kind != "slider":
@@ -161,7 +166,7 @@ class ScaleConfig(Settings):
     texts: dict[str, dict[str, str | tuple[str, str]]] = Field(default_factory=dict)
     shuffle: bool = False
     required: bool = True
-    personal: bool = False
+    personal: bool | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -242,7 +247,7 @@ class RunsConfig(Settings):
     Attributes:
         scenario: as of `PracticeConfig`; also the question asked about each run, its `label`.
         runs: number of runs.
-        text: Markdown, read before the first of them; only if the runs of a block are not shuffled with others.
+        text: Markdown, read before the first of them; not if the runs of several blocks are shuffled.
         label: translations of the question.
     """
 
@@ -264,6 +269,7 @@ class RatingConfig(Settings):
         count: number of runs to show, the first ones of the folder; by default all.
         repeats: fraction of the runs shown again, unannounced, to measure each participant's consistency.
         break_after: number of ratings after which a break is suggested.
+        view: camera, `follow` or `top`.
         text: Markdown, read before.
     """
 
@@ -275,6 +281,7 @@ class RatingConfig(Settings):
     count: Annotated[int, Field(ge=1)] | None = None
     repeats: Fraction = REPEAT_FRACTION
     break_after: Annotated[int, Field(ge=1)] = BREAK_AFTER
+    view: View = "top"
     text: Text | None = None
 
     @model_validator(mode="after")
@@ -297,7 +304,7 @@ class StudyConfig(Settings):
         texts: by language, a table of the page's own words, relative to the study file; see `collect --language`.
         pages: to read first.
         consent: what to agree to; without it, participants are not asked.
-        demographics: questions about the participant; their answers are personal.
+        demographics: questions about the participant; their answers are personal unless a question says otherwise.
         practice: runs that are not counted.
         runs: blocks of runs.
         order: of the blocks: `fixed`; `latin-square`, balanced over the participants; or `shuffled`, all runs in random
@@ -307,7 +314,7 @@ class StudyConfig(Settings):
         end: questions at the end.
         thanks: the last page.
         minimum_length: shortest run that can be kept, s.
-        view: camera at first, `follow` or `top`.
+        view: camera of the runs at first, `follow` or `top`.
         changes: what participants may change: `view`, `zoom`, `zones` (drawing of personal space).
         discard: whether participants may discard a run; another scene replaces it.
         redo: whether participants may drive a scene again instead of keeping the run.
@@ -348,6 +355,9 @@ class StudyConfig(Settings):
             raise _problem("a study has runs, ratings or both", "runs")
         for section in ("demographics", "after_run", "end"):
             _require_distinct(getattr(self, section), section)
+        for k, block in enumerate(self.runs):
+            if self.order == "shuffled" and len(self.runs) > 1 and block.text is not None:
+                raise _problem("runs of several blocks are shuffled; write the text into pages", "runs", k, "text")
         names = [block.name for block in self.ratings]
         for k, name in enumerate(names):
             if name in names[:k]:

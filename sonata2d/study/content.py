@@ -8,7 +8,7 @@ from typing import Any
 
 from ..core.labels import LabelSpec
 from .config import QuestionConfig, RunsConfig, ScaleConfig, in_language, name_of_entry
-from .plan import shuffled
+from .plan import PRACTICE_TEXT, shuffled
 from .progress import Progress
 from .scales import Item, scale_named
 
@@ -21,6 +21,8 @@ def step_content(participant: Progress) -> Json:
     content: Json = {"id": step.id, "kind": "declined" if participant.has_declined else step.kind}
     if step.title:
         content["title"] = in_language(step.title, language)
+    elif step.id == PRACTICE_TEXT:
+        content["title"] = participant.study.tables[language]["web.practice"]
     if step.text:
         content["text"] = in_language(step.text, language)
     if step.kind == "consent":
@@ -51,7 +53,7 @@ def _question(entry: QuestionConfig | ScaleConfig, participant: Progress) -> Jso
     if entry.ends is not None:
         content["ends"] = [in_language(end, language) for end in entry.ends]
     if entry.kind == "number":
-        content |= {"minimum": entry.minimum, "maximum": entry.maximum}
+        content |= {"minimum": entry.minimum, "maximum": entry.maximum, "integer": entry.integer}
     if entry.kind == "likert":
         labels = [in_language(label, language) for label in entry.labels] if entry.labels else None
         content |= {"points": entry.points, "labels": labels}

@@ -14,7 +14,7 @@ from typing import Any
 
 import orjson
 
-from ..collect.collection import checked_name
+from ..collect.collection import checked_name, require_collection_folder
 from ..collect.rating import checked_rater
 from ..core.locking import acquired_lock
 from ..core.wording import counted
@@ -42,7 +42,7 @@ class StudyFolder:
 
     Raises:
         ConfigError: the folder belongs to a study with other steps, scenes or questions.
-        RecordError: the folder cannot be read or written.
+        RecordError: the folder holds something else, or cannot be read or written.
     """
 
     def __init__(self, out: str | Path, study: Study) -> None:
@@ -52,6 +52,7 @@ class StudyFolder:
         self._versions: list[str] = []
         state = self.out / STUDY / _STATE
         structure = structure_of(study)
+        require_collection_folder(self.out)
         try:
             self.out.mkdir(parents=True, exist_ok=True)
             (self.out / STUDY).mkdir(mode=0o700, exist_ok=True)  # answers and links are for its owner only
@@ -74,6 +75,11 @@ class StudyFolder:
             copy = self.out / STUDY / f"study-{study.sha256[:8]}{study.path.suffix}"
             write_atomically(copy, read_bytes(study.path))
             self._write_state()
+
+    @property
+    def present(self) -> list[str]:
+        """Ids of the participants who have not withdrawn."""
+        return [id for id in self.participants if id not in self.withdrawn]
 
     def add(self, participant: str) -> int:
         """Add a participant, unless the id is known.
@@ -171,8 +177,9 @@ def locked(out: str | Path) -> Iterator[None]:
     """Hold the lock of a study, so that programs take turns.
 
     Raises:
-        RecordError: another program holds it, or the folder cannot be written.
+        RecordError: another program holds it, or the folder holds something else or cannot be written.
     """
+    require_collection_folder(Path(out))
     try:
         (Path(out) / STUDY).mkdir(mode=0o700, parents=True, exist_ok=True)  # links and answers are for its owner only
     except OSError as error:

@@ -138,7 +138,11 @@ class Participant(Progress):
         """
         present = self._require(step, "questions")
         answers = checked_answers(present.entries, values)
-        personal = {name_of_entry(entry) for entry in present.entries if entry.personal or present.is_personal}
+        personal = {
+            name_of_entry(entry)
+            for entry in present.entries
+            if (present.is_personal if entry.personal is None else entry.personal)
+        }
         facts: dict[str, Any] = {"event": "answers", "step": step}
         if present.run is not None:
             facts["file"] = self._file_of_run(present.run)
@@ -209,7 +213,10 @@ class Participant(Progress):
         is_short = session.state == "ended" and session.after.time < self.study.config.minimum_length
         if not self.study.config.redo and self.step.kind == "run" and not is_short:
             raise ValueError("runs of this study cannot be driven again")
-        return session.redo()
+        path = session.redo()
+        if path is not None:
+            self._append(event="redone", step=self.step.id, file=path.name)
+        return path
 
     def skip(self, step: str) -> None:
         """Go on without doing the present step, in a preview of the study.
@@ -273,6 +280,8 @@ class Participant(Progress):
         step = self.step  # the kept runs are known only now
         if step.kind == "ratings":
             self._resume_rating(step)
+        if step.kind == "thanks" and not self.has_finished:
+            self._append(event="finished")
         has_runs = any(step.kind in ("run", _PRACTICE) and not self._is_done(step) for step in self.steps)
         if not has_runs and not self.can_undo:
             self.close()

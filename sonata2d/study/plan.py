@@ -9,6 +9,7 @@ from typing import Literal
 from .config import QuestionConfig, ScaleConfig, StudyConfig, Text
 from .load import order_key
 
+PRACTICE_TEXT = "practice-text"  # id of the page before the practice
 StepKind = Literal["page", "consent", "questions", "practice", "run", "ratings", "thanks"]
 
 
@@ -25,7 +26,7 @@ class Step:
         run: number of a run or a practice run, from 0, or of the run that questions are about.
         block: number of the block of runs or ratings.
         scene: number of the scene within its block.
-        is_personal: whether all answers are personal.
+        is_personal: whether answers are personal by default.
     """
 
     id: str
@@ -58,7 +59,7 @@ def steps_of(config: StudyConfig, index: int) -> list[Step]:
     practice = config.practice
     if practice is not None:
         if practice.text is not None:
-            steps.append(Step("practice-text", "page", text=practice.text))
+            steps.append(Step(PRACTICE_TEXT, "page", text=practice.text))
         steps += [
             Step(f"practice-{k + 1}", "practice", run=k, block=len(config.runs), scene=k) for k in range(practice.runs)
         ]

@@ -29,6 +29,7 @@ class Progress:
         language: of the participant.
         has_chosen_language: whether it is not just the first one of the study.
         has_declined: whether the participant did not consent.
+        has_finished: whether the end of the study is stored.
         last_event: time of the last event, ISO 8601; empty before the first.
     """
 
@@ -38,7 +39,7 @@ class Progress:
         self.study, self.index = study, index
         self.steps = steps_of(study.config, index)
         self.language, self.has_chosen_language = study.config.languages[0], False
-        self.has_declined, self.last_event = False, ""
+        self.has_declined, self.has_finished, self.last_event = False, False, ""
         self._runs = {step.run: step for step in self.steps if step.kind == "run"}
         self._kept = dict(kept or {})
         self._done: set[str] = set()
@@ -105,6 +106,8 @@ class Progress:
             self._skipped.add(step)
         elif kind == "replaced":
             self._replaced[step] = event["scene"]
+        elif kind in ("finished", "undone"):
+            self.has_finished = kind == "finished"
         if kind in ("declined", "reconsidered", "consented"):
             self.has_declined = kind == "declined"
 

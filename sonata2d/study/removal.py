@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ..collect.collection import Collection
 from ..collect.rating import path_for
+from ..datasets.manifest import METRICS
 from ..errors import ConfigError, RecordError
 from ..record.files import safe_stem
 from .export import unfinished_exports
@@ -16,7 +17,8 @@ from .links import Links
 def remove_participant(out: str | Path, id: str) -> list[Path]:
     """Delete the runs, ratings and answers of a participant, and the link.
 
-    The id stays in the list of participants, because the orders of the others follow from it. What was exported before
+    The id stays in the list of participants, because the orders of the others follow from it. Metrics that were stored
+    in the folder are deleted, as they name the runs; `sonata2d evaluate` computes them again. What was exported before
     is not changed.
 
     Args:
@@ -44,7 +46,7 @@ def remove_participant(out: str | Path, id: str) -> list[Path]:
         blocks = sorted(path for path in (out / RATED).glob("*") if path.is_dir())
         others = [path_for(block, id) for block in blocks]
         others += [out / STUDY / name / f"{safe_stem(id)}.jsonl" for name in (ANSWERS, PERSONAL)]
-        others += unfinished_exports(out)
+        others += [collection.journal.with_suffix(".lock"), out / METRICS, *unfinished_exports(out)]
         try:
             for path in others:
                 if path.exists():

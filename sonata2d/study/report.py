@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +22,65 @@ from .folder import ANSWERS, PERSONAL, RATED, STUDY, read_state
 from .scales import Item, scale_named
 
 Row = dict[str, Any]
-TABLES = {
-    "participants": ("participant", "language", "begun", "consented", "last_event", "runs", "ratings"),
-    "runs": (
-        "participant", "order", "step", "scenario", "scene", "file", "outcome", "seconds", "dropped_ticks",
-        "round_trip_median", "round_trip_95", "label",
-    ),
-    "answers": ("participant", "step", "file", "question", "item", "value", "time"),
-    "scores": ("participant", "step", "file", "table", "part", "score", "items"),
-    "ratings": ("participant", "block", "file", "showing", "label", "seconds", "whole", "time"),
-}  # fmt: skip
+TABLES = {  # meaning of each column
+    "participants": {
+        "participant": "id",
+        "language": "that the participant reads",
+        "state": "`not begun` (the link was never opened), `begun`, `declined` (no consent) or `finished`",
+        "last_step": "step of the last event, as in `sonata2d study check`",
+        "begun": "time at which the link was opened first (UTC, as all times)",
+        "consented": "time of the consent",
+        "finished": "time at which the last step was done",
+        "last_event": "time of the last event",
+        "runs": "number of kept runs",
+        "ratings": "number of ratings",
+    },
+    "runs": {
+        "participant": "id",
+        "order": "number of the run, from 1, in the order in which the participant drove them",
+        "step": "such as `run-3`",
+        "scenario": "name of the scenario",
+        "scene": "number of the scene; the block of runs is its quotient by 10 000",
+        "file": "name of the episode file",
+        "outcome": "as in the episode file",
+        "seconds": "duration of the run in simulated time, s",
+        "attempts": "runs that were begun for this step: the kept one, and those that were discarded or driven again",
+        "dropped_ticks": "ticks of real time that were not simulated, because the page or the window was too slow",
+        "round_trip_median": "median of the round trip between page and server, s; empty in the window",
+        "round_trip_95": "its 95th percentile, s",
+        "label": "answer to the scenario's question about the run: 1 for yes and 0 for no; number of the class, from 1;"
+        " fraction from 0 to 1 of a slider; text",
+    },
+    "answers": {
+        "participant": "id",
+        "step": "`demographics`, `end`, or such as `after-run-3`",
+        "file": "the run that the answer is about",
+        "question": "name of the question",
+        "item": "row of a table; empty for other questions",
+        "value": "as `label` of a run; of a table the point, from 1 to the number of points, also of reversed items; a "
+        "number as it was given",
+        "time": "of the answer",
+    },
+    "scores": {
+        "participant": "id",
+        "step": "as of an answer",
+        "file": "as of an answer",
+        "table": "name of the table of statements, or of the published questionnaire",
+        "part": "of the questionnaire; empty for a table without parts",
+        "score": "mean of the answered items, in points; reversed items count as `points + 1 - value`",
+        "items": "number of answered items",
+    },
+    "ratings": {
+        "participant": "id",
+        "block": "name of the block of ratings",
+        "file": "the rated episode file",
+        "showing": "1 for the first rating of a file, 2 for the hidden repeat",
+        "label": "as `label` of a run",
+        "seconds": "playing time before the answer, s",
+        "whole": "1 if the run was watched to its end",
+        "time": "of the rating",
+    },
+}
 
 
 def save_results(out: str | Path, folder: str | Path, *, personal: bool = False) -> list[Path]:
@@ -84,7 +134,7 @@ def results_of(out: str | Path, *, personal: bool = False) -> dict[str, list[Row
     }
 
 
-def table_of(columns: Sequence[str], rows: Iterable[Row]) -> bytes:
+def table_of(columns: Collection[str], rows: Iterable[Row]) -> bytes:
     """A table as CSV in UTF-8.
 
     A text that a spreadsheet would take for a formula is preceded by an apostrophe.
@@ -106,13 +156,25 @@ def _cell(value: Any) -> Any:
 
 
 def _participant_row(id: str, events: list[Row], runs: list[Row], ratings: list[Row]) -> Row:
-    consented = [event["time"] for event in events if event["event"] == "consented"]
-    languages = [event["language"] for event in events if "language" in event]
+    consented, finished, steps, languages = None, None, [], []
+    state = "begun" if events else "not begun"
+    for event in events:
+        kind = event["event"]
+        steps += [event["step"]] if "step" in event else []
+        languages += [event["language"]] if "language" in event else []
+        consented = event["time"] if kind == "consented" else consented
+        if kind in ("finished", "undone"):
+            finished = event["time"] if kind == "finished" else None
+        if kind in ("declined", "reconsidered", "consented"):
+            state = "declined" if kind == "declined" else "begun"
     return {
         "participant": id,
         "language": languages[-1] if languages else None,
+        "state": "finished" if finished else state,
+        "last_step": steps[-1] if steps else None,
         "begun": events[0]["time"] if events else None,
-        "consented": consented[-1] if consented else None,
+        "consented": consented,
+        "finished": finished,
         "last_event": events[-1]["time"] if events else None,
         "runs": sum(row["participant"] == id for row in runs),
         "ratings": sum(row["participant"] == id for row in ratings),
@@ -128,19 +190,22 @@ def _run_rows(out: Path, events: dict[str, list[Row]]) -> list[Row]:
     rows = []
     for id, lines in events.items():
         kept = {event["file"]: event for event in lines if event["event"] == "kept"}
+        repeated = Counter(event["step"] for event in lines if event["event"] in ("replaced", "redone"))
         files = [name for name, row in listed.items() if row["contributor"] == id]
         for order, name in enumerate(sorted(files), start=1):  # names of one participant begin with the time
             record = read_episode(out / name)
+            step = kept.get(name, {}).get("step")
             trips = record.round_trips[np.isfinite(record.round_trips)]
             row = {
                 "participant": id,
                 "order": order,
-                "step": kept.get(name, {}).get("step"),
+                "step": step,
                 "scenario": record.scene().name,
                 "scene": record.episode,
                 "file": name,
                 "outcome": record.outcome.status,
                 "seconds": round(float(record.states.time[-1]), 4),
+                "attempts": 1 + repeated[step],
                 "dropped_ticks": dropped.get(name),
                 "round_trip_median": round(float(np.median(trips)), 4) if len(trips) else None,
                 "round_trip_95": round(float(np.percentile(trips, 95)), 4) if len(trips) else None,

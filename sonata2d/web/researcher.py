@@ -74,7 +74,9 @@ class Researcher:
             "open": server.links.open,
             "problem": one_line("; ".join(self._problems), 300),
             "participants": [
-                self._row(index, id, tokens.get(id)) for index, id in enumerate(server.folder.participants)
+                self._row(index, id, tokens.get(id))
+                for index, id in enumerate(server.folder.participants)
+                if id not in server.folder.withdrawn
             ],
         }
 

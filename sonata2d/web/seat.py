@@ -132,6 +132,7 @@ class Seat:
                 "label": label_json(shown_label(session.label_spec, block, participant.language)),
                 "undoneLabel": session.undone_label,
                 "isPractice": step.kind == "practice",
+                "isHolonomic": session.scene.robot.kinematics == "holonomic",
                 "minimum": config.minimum_length,
                 "allowed": {key: getattr(config, key) for key in ("discard", "redo", "undo")},
                 "changes": config.changes,
@@ -143,16 +144,16 @@ class Seat:
             if participant.record is not self._shown_record:
                 self._shown_record, self.shown = participant.record, self.shown + 1
             record, rating = participant.record, participant.rating
-            question = config.ratings[step.block].question
+            rated = config.ratings[step.block]
             view["rating"] = {
                 "shown": self.shown,
                 "scene": scene_data(record.scene()),
                 "states": states_data(list(record.snapshots())),
-                "label": label_json(spec_of(question, participant.language)),
+                "label": label_json(spec_of(rated.question, participant.language)),
                 "done": rating.done / max(rating.total, 1),
                 "breakDue": rating.break_due,
                 "context": record.context,
-                "view": config.view,
+                "view": rated.view,
             }
         return view
 

@@ -94,7 +94,7 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
     )
     for path in unfinished_exports(folder.out):
         path.unlink(missing_ok=True)
-    for id in folder.participants:
+    for id in folder.present:
         links.add(id)  # the program may have ended between the two, or the participant came to the window
     while len(folder.participants) < settings.participants:
         server.new_participant()

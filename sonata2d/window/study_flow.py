@@ -57,11 +57,11 @@ class StudyFlow:
     def _rate_screen(self) -> RateScreen:
         participant = self.participant
         assert participant.rating is not None
-        question = participant.study.config.ratings[participant.step.block].question
+        block = participant.study.config.ratings[participant.step.block]
         return RateScreen(
             participant.rating,
-            view=participant.study.config.view,
-            label=replace(participant.rating.spec, **_texts_of(spec_of(question, participant.language))),
+            view=block.view,
+            label=replace(participant.rating.spec, **_texts_of(spec_of(block.question, participant.language))),
             follow=self._after_ratings,
         )
 

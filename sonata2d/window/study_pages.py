@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -251,6 +252,7 @@ class Asked:
         spec: the question as that of a label; a number is asked for as a text.
         required: whether it has to be answered.
         limits: of a number; None for other kinds.
+        is_integer: whether a number is a whole one.
     """
 
     name: str
@@ -259,6 +261,7 @@ class Asked:
     spec: LabelSpec
     required: bool
     limits: tuple[float | None, float | None] | None = None
+    is_integer: bool = False
 
     def value_of(self, label: Any) -> Any:
         """The answer as the study stores it.
@@ -273,9 +276,11 @@ class Asked:
             number = float(str(label).replace(",", "."))
         except ValueError:
             number = float("nan")
-        if not (low is None or number >= low) or not (high is None or number <= high) or number != number:
+        is_within = (low is None or number >= low) and (high is None or number <= high)
+        if not is_within or not math.isfinite(number) or (self.is_integer and not number.is_integer()):
+            key = "web.whole_number" if self.is_integer else "web.wrong_number"
             limits = {"low": "…" if low is None else f"{low:g}", "high": "…" if high is None else f"{high:g}"}
-            raise ValueError(text("web.wrong_number", **limits))
+            raise ValueError(text(key, **limits))
         return int(number) if number.is_integer() else number
 
 
@@ -288,7 +293,7 @@ def asked_in(questions: list[Json]) -> Iterator[Asked]:
             more: dict[str, Any] = {key: tuple(question[key]) for key in ("classes", "ends") if question.get(key)}
             limits = (question["minimum"], question["maximum"]) if question["kind"] == "number" else None
             spec = LabelSpec(kind=kind, name=name, question=words, **more)
-            yield Asked(name, None, "", spec, required, limits)
+            yield Asked(name, None, "", spec, required, limits, bool(question.get("integer")))
             continue
         for item in question["items"]:
             ends = item["ends"] or question.get("ends") or ("", "")

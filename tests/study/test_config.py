@@ -38,6 +38,16 @@ from .conftest import STUDY
         ("title: Passing", "languages: [fr]\ntitle: Passing", "line 1: languages: sonata2d has no words in 'fr'"),
         ("title: Passing people", "title: {de: Hallo}", "line 1: title: the text in the language 'en' is missing"),
         ("title: Passing people", "title: {en: Hi, de: Hallo}", "line 1: title.de: 'de' is not among the languages"),
+        (
+            "runs: 2}",
+            "runs: 2, text: Go}\n  - {scenario: empty}\norder: shuffled",
+            "line 10: runs.0.text: runs of",
+        ),
+        (
+            "kind: classes, classes: 5",
+            "kind: yes_no, integer: true",
+            "line 12: after_run.0.integer: this key needs",
+        ),
         ("title: Passing people", "title: ''", "line 1: title: the text in the language 'en' is missing"),
     ],
 )
@@ -46,6 +56,15 @@ def test_an_error_names_line_key_value_and_remedy(study_file: Path, before: str,
     with pytest.raises(ConfigError) as caught:
         load_study(study_file)
     assert f"study.yaml, {problem}" in str(caught.value)
+
+
+def test_an_error_in_a_row_of_a_table_names_the_row(tmp_path: Path) -> None:
+    start = "title: {en: A, de: B}\nlanguages: [en, de]\nruns: [{scenario: empty}]\nend:\n"
+    table = "  - name: felt\n    kind: likert\n    question: {en: C, de: D}\n    items:\n"
+    items = "      calm: {en: calm, de: ruhig}\n      fast: fast\n"
+    (tmp_path / "study.yaml").write_text(start + table + items)
+    with pytest.raises(ConfigError, match=r"line 10: end\.0\.items\.fast: a text of a study in several languages"):
+        load_study(tmp_path / "study.yaml")
 
 
 def test_a_study_needs_something_to_do(tmp_path: Path) -> None:

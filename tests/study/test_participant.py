@@ -13,6 +13,7 @@ from sonata2d.agents.controllers.teleoperation import DEFAULT_MAPPINGS
 from sonata2d.collect.session import Session
 from sonata2d.datasets.verification import verify
 from sonata2d.errors import ConfigError, RecordError
+from sonata2d.metrics import evaluate
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.load import load_scenario
 from sonata2d.study.answers import checked_answers
@@ -402,8 +403,12 @@ def test_a_participant_who_withdraws_is_deleted(arrive: Arrive, tmp_path: Path) 
         rate_all(participant)
         participant.close()
         kept[id] = {path for path in out.rglob("*") if path.is_file()} - {*kept.get("p1", ())}
+    evaluate([out]).save_metrics()
+    assert b"p1__2026" in (out / "metrics.json").read_bytes()
     deleted = remove_participant(out, "p1")
-    assert len(deleted) == 2 + 1 + 1 + 1 + 1  # runs, practice, answers, personal answers, ratings
+    # runs, practice, answers, personal answers, ratings; the lock of the runs, and metrics, which name them
+    assert len(deleted) == 2 + 1 + 1 + 1 + 1 + 1 + 1
+    assert not any(b"p1__2026" in path.read_bytes() for path in out.rglob("*") if path.is_file())
     assert verify(out, replay=True) == []
     left = results_of(out, personal=True)
     assert {row["participant"] for name in ("runs", "answers", "ratings") for row in left[name]} == {"p1__2"}

@@ -13,7 +13,7 @@ import pytest
 
 from sonata2d.errors import ConfigError, RecordError
 from sonata2d.study.answers import AnswerLog, read_answers
-from sonata2d.study.folder import StudyFolder
+from sonata2d.study.folder import StudyFolder, opened_folder
 from sonata2d.study.links import Links
 from sonata2d.study.load import load_study
 from sonata2d.study.participant import Participant
@@ -21,7 +21,7 @@ from sonata2d.study.progress import progress_of_all
 from sonata2d.study.removal import remove_participant
 from sonata2d.study.report import _score_rows, results_of
 
-from .conftest import STUDY, drive, prepare
+from .conftest import STUDY, WARMTH, drive, prepare, rate_all
 
 Arrive = Callable[..., Participant]
 
@@ -232,6 +232,69 @@ def test_a_slider_names_its_ends(study_file: Path) -> None:
     study_file.write_text(STUDY.replace("kind: text, question: Anything else", "kind: slider, question: Anything else"))
     with pytest.raises(ConfigError, match="give the meaning of both ends"):
         load_study(study_file)
+
+
+def test_a_folder_with_something_else_is_refused(study_file: Path, recorded: Path, tmp_path: Path) -> None:
+    study = load_study(study_file)
+    with pytest.raises(RecordError, match="holds a generated data set"), opened_folder(recorded, study):
+        pass
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "a.json").write_text("{}")
+    with pytest.raises(RecordError, match=r"holds JSON files but no manifest\.json"):
+        StudyFolder(tmp_path / "notes", study)
+    assert not (recorded / "study").exists()
+    assert not (tmp_path / "notes" / "study").exists()
+
+
+def test_a_question_says_whether_its_answer_is_personal(arrive: Arrive, study_file: Path, tmp_path: Path) -> None:
+    study_file.write_text(study_file.read_text().replace("maximum: 120", "maximum: 120, personal: false"))
+    participant = arrive()
+    prepare(participant)
+    answers = {row["question"]: row["value"] for row in results_of(tmp_path / "out")["answers"]}
+    assert answers == {"age": 30}
+    assert "remark" in {row["question"] for row in results_of(tmp_path / "out", personal=True)["answers"]}
+
+
+def test_a_whole_number(arrive: Arrive, study_file: Path) -> None:
+    study_file.write_text(study_file.read_text().replace("maximum: 120", "maximum: 120, integer: true"))
+    participant = arrive()
+    participant.read("page-1")
+    participant.consent("consent", [True, True])
+    with pytest.raises(ValueError, match=r"age is 30\.5; a whole number from 18 up to 120 is expected"):
+        participant.answer("demographics", {"age": 30.5})
+    participant.answer("demographics", {"age": 30.0})
+
+
+def test_the_state_of_a_participant_and_the_attempts_of_a_run(arrive: Arrive, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+
+    def states() -> list[tuple[str, str]]:
+        return [(row["state"], row["last_step"]) for row in results_of(out)["participants"]]
+
+    participant = arrive()
+    participant.read("page-1")
+    participant.decline("consent")
+    assert states() == [("declined", "consent")]
+    participant.reconsider()
+    participant.close()
+    participant = arrive("p2")
+    prepare(participant)
+    drive(participant)
+    participant.redo()
+    drive(participant)
+    participant.discard()
+    for number in (1, 2):
+        drive(participant)
+        participant.keep(0.5)
+        participant.answer(f"after-run-{number}", {"effort": 1})
+    rate_all(participant)
+    assert states() == [("begun", "consent"), ("begun", "ratings-polite")]
+    participant.answer("end", {"rosas": WARMTH})
+    assert states()[1] == ("finished", "end")
+    assert {row["step"]: row["attempts"] for row in results_of(out)["runs"]} == {"run-1": 3, "run-2": 1}
+    folder = StudyFolder(out, load_study(tmp_path / "study.yaml"))
+    folder.add_next()
+    assert states()[2] == ("not begun", None)
 
 
 def test_the_lists_of_a_study_are_kept(study_file: Path, tmp_path: Path) -> None:

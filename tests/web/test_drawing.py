@@ -20,8 +20,8 @@ from .test_browser import opened
 
 STUDY = """\
 title: Drawing
-view: {view}
-ratings: [{{name: one, folder: one.json, question: {{name: polite, kind: yes_no, question: Polite}}}}]
+ratings:
+  - {{name: one, folder: one.json, view: {view}, question: {{name: polite, kind: yes_no, question: Polite}}}}
 """
 
 

@@ -62,6 +62,8 @@ def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str]
     """
     known: list[int | str] = []
     for key in keys:
+        if isinstance(settings, dict) and isinstance(key, int) and key not in settings and key < len(settings):
+            key = list(settings)[key]  # a mapping that was converted to a list
         is_item = isinstance(settings, list | tuple) and isinstance(key, int) and key < len(settings)
         if is_item or (isinstance(settings, dict) and key in settings):
             known.append(key)

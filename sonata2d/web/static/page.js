@@ -94,8 +94,9 @@ function showFrame() {
   byId("progress").max = total; byId("progress").value = done;
   byId("canvas").setAttribute("aria-label", t("web.picture"));
   byId("film").setAttribute("aria-label", t("web.film"));
-  byId("progress").setAttribute("aria-label", t("web.progress", {done, total}));
-  byId("count").textContent = !view.drive ? t("web.progress", {done, total}) : view.drive.isPractice ? t("web.practice")
+  const place = view.step.kind === "thanks" ? "" : t("web.progress", {number: Math.min(done + 1, total), total});
+  byId("progress").setAttribute("aria-label", place || t("rating.thanks"));
+  byId("count").textContent = !view.drive ? place : view.drive.isPractice ? t("web.practice")
     : t("readings.run_of", {number: Math.min(kept + 1, runs), count: runs});
   byId("number").textContent = t("web.number", {id: view.participant}); byId("number").hidden = Boolean(view.drive || view.rating);
   byId("preview").hidden = !view.isPreview || view.step.kind === "thanks";
@@ -166,7 +167,7 @@ function showDriving(isNew = false) {
   const buttons = [];
   const add = (key, act, attributes = {}) => buttons.push(make("button", {onclick: act, "data-key": key, ...attributes}, capital(key)));
   if (status === "driving") { add("action.pause", () => drive.pause()); add("keys.end_run", () => drive.stop()); }
-  if (status === "paused") { add("menu.continue", () => drive.start(), {class: "primary"}); add("keys.end_run", () => drive.stop(), {"data-sends": true}); }
+  if (status === "paused" && !drive.isHeld) { add("menu.continue", () => drive.start(), {class: "primary"}); add("keys.end_run", () => drive.stop(), {"data-sends": true}); }
   if (status === "waiting" && view.canUndo) add("menu.undo", () => send({type: "undo"}), {"data-sends": true});
   for (const [change, action, key] of [["view", "view", "keys.camera"], ["zones", "zones", "keys.zones"], ["zoom", "zoomIn", "action.zoom_in"], ["zoom", "zoomOut", "action.zoom_out"]]) {
     if (run.changes.includes(change) && status !== "ended") add(key, () => drive.perform(action));
@@ -181,11 +182,13 @@ function showDriving(isNew = false) {
   setBusy();
 }
 
+const hasPad = () => Boolean(navigator.getGamepads) && navigator.getGamepads().some(Boolean);
+
 // Keys and game-pad buttons: what is pressed, what it does, and whether the study lets participants do it.
 const KEYS = [
-  ["help.ahead_keys", "help.ahead"], ["help.turn_keys", "help.turn"], ["Q E", "help.sideways"], ["Space", "help.brake"],
-  ["help.mouse_keys", "help.mouse"], ["help.left_stick_keys", "help.left_stick"], ["help.right_stick_keys", "help.sideways"],
-  ["help.shoulder_keys", "help.brake"], ["help.confirm_keys", "help.confirm"], ["help.pause_keys", "action.pause"],
+  ["help.ahead_keys", "help.ahead"], ["help.turn_keys", "help.turn"], ["Q E", "help.sideways", run => run.isHolonomic], ["Space", "help.brake"],
+  ["help.mouse_keys", "help.mouse"], ["help.left_stick_keys", "help.left_stick", hasPad],
+  ["help.right_stick_keys", "help.sideways", run => run.isHolonomic && hasPad()], ["help.shoulder_keys", "help.brake", hasPad], ["help.confirm_keys", "help.confirm"], ["help.pause_keys", "action.pause"],
   ["help.discard_keys", "action.discard", run => run.allowed.discard], ["help.redo_keys", "action.redo", run => run.allowed.redo],
   ["help.undo_keys", "action.undo", run => run.allowed.undo], ["help.label_keys", "help.labels", run => run.label],
   ["help.label_step_keys", "help.label_step", run => run.label], ["help.view_keys", "action.view", run => run.changes.includes("view")],

@@ -32,7 +32,7 @@ export function question(spec, t) {
   } else {
     const isNumber = spec.kind === "number";
     const field = make(isNumber ? "input" : "textarea", isNumber
-      ? {type: "number", id, min: spec.minimum, max: spec.maximum, step: "any", inputmode: "decimal"}
+      ? {type: "number", id, min: spec.minimum, max: spec.maximum, step: spec.integer ? 1 : "any", inputmode: spec.integer ? "numeric" : "decimal"}
       : {id, rows: 2, maxlength: 5000});
     if (answer !== null) field.value = answer;
     field.addEventListener("input", () => {
@@ -108,8 +108,8 @@ export function form(specs, t, send, text) {
       const isMissing = one.spec.required !== false && !one.isAnswered();
       const {minimum: low, maximum: high} = one.spec, value = one.answer;
       const isWrong = one.spec.kind === "number" && value !== null
-        && (Number.isNaN(value) || (low != null && value < low) || (high != null && value > high));
-      one.setProblem(isMissing ? t("web.required") : isWrong ? t("web.wrong_number", {low: low ?? "…", high: high ?? "…"}) : "");
+        && (Number.isNaN(value) || (one.spec.integer && !Number.isInteger(value)) || (low != null && value < low) || (high != null && value > high));
+      one.setProblem(isMissing ? t("web.required") : isWrong ? t(one.spec.integer ? "web.whole_number" : "web.wrong_number", {low: low ?? "…", high: high ?? "…"}) : "");
       return isMissing || isWrong;
     });
     summary.hidden = !missing.length;
