@@ -81,7 +81,7 @@ _HELP = (
     ("help.ahead_keys", "help.ahead"),
     ("help.turn_keys", "help.turn"),
     ("Q E", "help.sideways"),
-    ("Space", "help.brake"),
+    ("player.space_key", "help.brake"),
     ("help.mouse_keys", "help.mouse"),
     ("help.left_stick_keys", "help.left_stick"),
     ("help.right_stick_keys", "help.sideways"),

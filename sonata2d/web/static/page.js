@@ -186,7 +186,7 @@ const hasPad = () => Boolean(navigator.getGamepads) && navigator.getGamepads().s
 
 // Keys and game-pad buttons: what is pressed, what it does, and whether the study lets participants do it.
 const KEYS = [
-  ["help.ahead_keys", "help.ahead"], ["help.turn_keys", "help.turn"], ["Q E", "help.sideways", run => run.isHolonomic], ["Space", "help.brake"],
+  ["help.ahead_keys", "help.ahead"], ["help.turn_keys", "help.turn"], ["Q E", "help.sideways", run => run.isHolonomic], ["player.space_key", "help.brake"],
   ["help.mouse_keys", "help.mouse"], ["help.left_stick_keys", "help.left_stick", hasPad],
   ["help.right_stick_keys", "help.sideways", run => run.isHolonomic && hasPad()], ["help.shoulder_keys", "help.brake", hasPad], ["help.confirm_keys", "help.confirm"], ["help.pause_keys", "action.pause"],
   ["help.discard_keys", "action.discard", run => run.allowed.discard], ["help.redo_keys", "action.redo", run => run.allowed.redo],
