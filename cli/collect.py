@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,7 +81,10 @@ def command(
     if (out is None) == (rate is None):
         problem = "both were given; " if out is not None else ""
         raise click.UsageError(f"{problem}give either a folder OUT to drive, or --rate DIR|FILE to rate recorded runs")
+    from sonata2d.collect.session import warm_up
     from sonata2d.collect.texts import choose_language
+    from sonata2d.errors import SceneError
+    from sonata2d.scenegen.generator import generate
     from sonata2d.scenegen.scenario.load import load_scenario
     from sonata2d.window.name_screen import NameScreen
     from sonata2d.window.stage import Stage
@@ -90,6 +94,9 @@ def command(
         _take_part(study, out, contributor, episode_suffix(compress), size, as_json)
         return
     config = load_scenario(scenario)
+    if rate is None:
+        with suppress(SceneError):  # the session tries further scenes
+            warm_up(generate(config, seed))
     rating: list[RateScreen] = []
 
     def first_screen(name: str) -> Screen:
@@ -140,6 +147,7 @@ def _take_part(
     from sonata2d.window.study_flow import StudyFlow
 
     study = load_study(file)
+    study.warm_up()
     participants: list[Participant] = []
 
     with opened_folder(out, study) as folder:

@@ -54,11 +54,12 @@ def command(
     """
     from sonata2d.study.folder import opened_folder
     from sonata2d.study.load import load_study
-    from sonata2d.web.serve import Settings, prepare_scenes, serve
+    from sonata2d.web.serve import Settings, serve
 
     loaded = load_study(study)
-    with progress(sum(block.runs for block in loaded.config.runs), "scene") as advance:
-        prepare_scenes(loaded, advance)
+    with progress(loaded.number_of_scenes, "scene") as advance:
+        loaded.check_scenes(advance)
+    loaded.warm_up()
     for warning in loaded.config.untranslated():
         note(f"warning: {warning}", err=True)
     settings = Settings(

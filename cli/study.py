@@ -50,11 +50,8 @@ def check(file: Path, participant: int, as_json: bool) -> None:
 
     study = load_study(file)
     steps = steps_of(study.config, participant - 1)
-    scenes = [step for step in steps if step.kind in ("run", "practice")]
-    with progress(len(scenes), "scene") as advance:
-        for step in scenes:
-            study.scene_number(step.block, step.scene)
-            advance(1)
+    with progress(study.number_of_scenes, "scene") as advance:
+        study.check_scenes(advance)
     warnings = study.config.untranslated()
     if as_json:
         show_json({"steps": [_step_row(study, step) for step in steps], "warnings": warnings})
@@ -95,6 +92,7 @@ def preview(file: Path, host: str, port: int, as_json: bool) -> None:
     from sonata2d.web.serve import Settings, serve
 
     study = load_study(file)
+    study.warm_up()
     with TemporaryDirectory(prefix="sonata2d-preview-") as folder:
         settings = Settings(host=host, port=port, participants=1, is_preview=True)
         with suppress(KeyboardInterrupt):

@@ -14,6 +14,7 @@ from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, STOP, DeviceMap
 from ..core.devices import NETWORK_DEVICE, DeviceEvent
 from ..core.geometry import Twist
 from ..core.labels import LABEL_DEVICE, LabelSpec
+from ..core.navigation import FreeSpace
 from ..core.scene import Scene
 from ..core.snapshot import Outcome, Snapshot
 from ..errors import RecordError, SceneError, Sonata2dError
@@ -32,6 +33,17 @@ State = Literal["waiting", "driving", "paused", "ended"]
 Schedule = Callable[[Mapping[int, str]], tuple[ScenarioConfig, int]]
 """Chooses the next scene: from the file names of the kept runs, by number of their scene, its settings and number."""
 MAXIMUM_SCENE_ATTEMPTS = 20  # consecutive scenes that cannot be generated before it is an error
+
+
+def warm_up(scene: Scene) -> None:
+    """Compile or load what the simulation of a scene needs, so that a driver does not wait for it.
+
+    After an installation this takes up to a minute; otherwise it takes some milliseconds.
+    """
+    FreeSpace(scene.outline, scene.barriers, scene.robot.radius).warm_up()  # some of its kernels are used rarely
+    episode = Episode(scene, Teleoperation(), observers=[EpisodeRecorder()])
+    for _ in range(2):  # the second one has a past
+        episode.step()
 
 
 class Session:

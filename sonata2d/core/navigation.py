@@ -105,6 +105,16 @@ class FreeSpace:
         lengths, _ = self._search(np.array([start], dtype=float), goal)
         return float(lengths[0])
 
+    def warm_up(self) -> None:
+        """Call each kernel of this class once, so that none is compiled or loaded later."""
+        corner = self.outline[:1]
+        self._built_graph()
+        self.is_free(corner)
+        self.is_clear(corner, corner)
+        self.is_free_at(corner[0])
+        self.nearest_free(corner[0])
+        self.distance(corner[0], corner[0])
+
     def _search(self, points: Array, goal: Point) -> tuple[Array, Array]:
         """The shortest paths from points (P, 2) to a goal: their lengths (P,), and the path (K, 2) of the last one."""
         lengths = np.empty(len(points))

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from ..collect.session import warm_up
 from ..collect.texts import languages, read_table, table
 from ..core.labels import LabelSpec
 from ..datasets.manifest import files_of
@@ -68,6 +69,40 @@ class Study:
                 start = numbers[-1] + 1 if numbers else block * SCENES_PER_BLOCK
                 numbers.append(self._next_number(block, start))
             return numbers[k]
+
+    @property
+    def number_of_scenes(self) -> int:
+        """Number of different scenes, those of the practice included."""
+        return sum(self._scenes_of_blocks)
+
+    @property
+    def _scenes_of_blocks(self) -> list[int]:
+        """Number of scenes of each block of runs, and of the practice."""
+        practice = self.config.practice
+        return [block.runs for block in self.config.runs] + ([practice.runs] if practice else [])
+
+    def check_scenes(self, advance: Callable[[int], None] = lambda count: None) -> None:
+        """Generate each scene once, so that no participant meets one that cannot be generated.
+
+        Args:
+            advance: called with the number of scenes that were generated since the last call.
+
+        Raises:
+            SceneError: too many scenes in a row cannot be generated.
+        """
+        for block, runs in enumerate(self._scenes_of_blocks):
+            for k in range(runs):
+                self.scene_number(block, k)
+                advance(1)
+
+    def warm_up(self) -> None:
+        """Compile or load what the simulation of each scenario needs, so that no participant waits for it.
+
+        Raises:
+            SceneError: too many scenes in a row cannot be generated.
+        """
+        for block in range(len(self._scenes_of_blocks)):
+            warm_up(generate(self.config_of(block), self.config.seed, self.scene_number(block, 0)))
 
     def config_of(self, block: int) -> ScenarioConfig:
         """Scenario of a block of runs; the one after the last block is the practice."""

@@ -11,12 +11,10 @@ from ..errors import ConfigError, StudyError
 from ..study.export import unfinished_exports
 from ..study.folder import STUDY, StudyFolder
 from ..study.links import Links
-from ..study.load import Study
 from .messages import MAX_MESSAGE
 
 _MAX_WAITING_CONNECTIONS = 100
 _PING = 20.0  # s, between two signs of life of an idle connection
-
 
 if TYPE_CHECKING:
     from .server import Takeover
@@ -45,20 +43,6 @@ class Settings:
     connections: int = 200
     suffix: str = ".json"
     is_preview: bool = False
-
-
-def prepare_scenes(study: Study, advance: Callable[[int], None] = lambda step: None) -> None:
-    """Generate each scene of a study once, so that no participant meets one that cannot be generated.
-
-    Raises:
-        SceneError: too many scenes of a scenario fail.
-    """
-    for block, settings in enumerate(study.config.runs):
-        for k in range(settings.runs):
-            study.scene_number(block, k)
-            advance(1)
-    if study.config.practice is not None:
-        study.scene_number(len(study.scenarios), study.config.practice.runs - 1)
 
 
 def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str, str]], None]) -> None:

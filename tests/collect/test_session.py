@@ -19,6 +19,7 @@ import pytest
 from sonata2d.agents.controllers.teleoperation import DeviceMapping
 from sonata2d.collect import collection
 from sonata2d.collect.session import Session
+from sonata2d.core.compiled import IS_COMPILED
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.datasets.manifest import read_manifest
 from sonata2d.datasets.verification import verify
@@ -558,3 +559,35 @@ def test_new_mappings_apply_before_the_run_begins(tmp_path: Path) -> None:
 def last_speed(session: Session) -> float:
     """Forward speed of the last command, m/s."""
     return session._episode.past[-1].command.vx
+
+
+@pytest.mark.skipif(not IS_COMPILED, reason="kernels are interpreted")
+def test_nothing_is_compiled_or_loaded_while_a_person_drives(tmp_path: Path) -> None:
+    program = f"""
+        import gc
+        from pathlib import Path
+
+        from numba.core.registry import CPUDispatcher
+
+        from sonata2d.collect.session import Session, warm_up
+        from sonata2d.core.devices import DeviceEvent
+        from sonata2d.scenegen.generator import generate
+        from sonata2d.scenegen.scenario.load import load_scenario
+
+        def ready():
+            return sum(len(one.overloads) for one in gc.get_objects() if isinstance(one, CPUDispatcher))
+
+        for scenario in ("lively", "crowded-hall"):
+            config = load_scenario(scenario)
+            warm_up(generate(config, 0))
+            before = ready()
+            session = Session(Path({str(tmp_path)!r}) / scenario, "zoe", config)
+            session.tick((DeviceEvent("keyboard", "w", 1.0),))
+            for _ in range(100):
+                session.tick()
+            session.stop()
+            session.keep()
+            print(before > 0, ready() - before)
+    """
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "0"] * 2

@@ -18,7 +18,6 @@ from sonata2d.study.folder import STUDY, StudyFolder
 from sonata2d.study.links import Links
 from sonata2d.study.load import load_study
 from sonata2d.web.protocol import ImpatientProtocol
-from sonata2d.web.serve import prepare_scenes
 from sonata2d.web.server import StudyServer
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -75,7 +74,7 @@ class Served:
         import uvicorn
 
         study = load_study(self.folder / "study.yaml")
-        prepare_scenes(study)
+        study.check_scenes()
         self.out = self.folder / "out"
         study_folder = StudyFolder(self.out, study)
         self.links = Links(self.out / STUDY)
