@@ -12,9 +12,8 @@ from pydantic_core import PydanticCustomError
 from ..collect.rating import BREAK_AFTER, REPEAT_FRACTION
 from ..core.devices import View
 from ..scenegen.scenario.base import Fraction, Settings, TupleOf
-from .scales import Item, Scale, scale_named, scale_names
+from .scales import Item, Scale, Text, scale_named, scale_names
 
-Text = str | dict[str, str]  # in one language, or by language
 Texts = TupleOf[Text]
 QuestionKind = Literal["yes_no", "classes", "slider", "text", "number", "likert"]
 Order = Literal["fixed", "shuffled", "latin-square"]

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from .config import QuestionConfig, ScaleConfig, StudyConfig, Text
+from .config import QuestionConfig, ScaleConfig, StudyConfig
 from .load import order_key
+from .scales import Text
 
 PRACTICE_TEXT = "practice-text"  # id of the page before the practice
 StepKind = Literal["page", "consent", "questions", "practice", "run", "ratings", "thanks"]

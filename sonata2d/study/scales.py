@@ -6,13 +6,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, Any, ClassVar
+
+from pydantic import BeforeValidator
+from pydantic_core import PydanticCustomError
 
 from ..scenegen.scenario.base import Settings
 from ..scenegen.scenario.parse import parse_settings
 
 _FOLDER = Path(__file__).with_name("scales")
 _FRAME = ("question", "first", "last")  # texts of a scale besides its items
+
+
+def _require_whole_texts(value: Any) -> Any:
+    """Find texts that YAML has cut at a comma: the rest of such a text is a key without a value."""
+    if isinstance(value, dict) and None in value.values():
+        name = next(name for name, text in value.items() if text is None)
+        hint = "has no text; a text with a comma needs quotes within braces"
+        raise PydanticCustomError("text", "{name} {hint}", {"name": repr(name), "hint": hint})
+    return value
+
+
+Text = Annotated[str | dict[str, str], BeforeValidator(_require_whole_texts)]
+"""A text in one language, or by language."""
 
 
 class Item(Settings):
@@ -29,8 +45,8 @@ class Item(Settings):
     translated: ClassVar[tuple[str, ...]] = ("text", "ends")
 
     name: str
-    text: str | dict[str, str] = ""
-    ends: tuple[str | dict[str, str], str | dict[str, str]] | None = None
+    text: Text = ""
+    ends: tuple[Text, Text] | None = None
     reversed: bool = False
     subscale: str = ""
 

@@ -48,6 +48,11 @@ from .conftest import STUDY
             "kind: yes_no, integer: true",
             "line 12: after_run.0.integer: this key needs",
         ),
+        (
+            "title: Passing people",
+            "title: {en: Hi, all}",
+            "line 1: title: 'all' has no text; a text with a comma needs quotes within braces",
+        ),
         ("title: Passing people", "title: ''", "line 1: title: the text in the language 'en' is missing"),
     ],
 )
