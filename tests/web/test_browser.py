@@ -97,7 +97,7 @@ def test_a_whole_study(browser: Any, served: Served) -> None:
     page.get_by_role("radio", name="kind").check()
     page.get_by_role("button", name="Keep", exact=True).click()
     page.wait_for_selector(_STEP)
-    page.get_by_role("button", name="Undo the last keep").click()
+    page.get_by_role("button", name="Take back the last run").click()
     page.wait_for_selector("#card:not([hidden])")
     assert page.get_by_role("radio", name="kind").is_checked()
     page.get_by_role("radio", name="fair").check()

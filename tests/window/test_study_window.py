@@ -156,7 +156,7 @@ def test_a_whole_study(arrive: Callable[..., Person], tmp_path: Path) -> None:
     assert isinstance(screen_of(person), StudyDriveScreen)
     person.press(pygame.K_1, ENTER)
     assert isinstance(screen_of(person), QuestionsScreen)
-    person.push("Undo the last keep")
+    person.push("Take back the last run")
     screen = screen_of(person)
     assert isinstance(screen, StudyDriveScreen)
     assert screen.answer is not None
