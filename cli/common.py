@@ -105,7 +105,7 @@ language_option = click.option(
     "--language",
     metavar="NAME|FILE",
     default="en",
-    help="Words of the window: en, de, zh, or your own table (TOML).",
+    help="Words of the window: en, de, es, zh, or your own table (TOML).",
 )
 
 

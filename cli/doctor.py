@@ -34,6 +34,7 @@ MODULES = {"pygame-ce": "pygame", "PyYAML": "yaml"}  # where the name is not tha
 EXTRAS = {  # name of the extra, what it adds, its modules
     "films": ("video", "gif and mp4", "imageio_ffmpeg", "PIL"),
     "plots": ("plots", "the picture of evaluate", "matplotlib"),
+    "studies": ("serve", "studies in a browser", "starlette", "uvicorn", "websockets"),
     "parquet": ("parquet", "export and import of parquet", "pyarrow"),
 }
 DIGEST = "3dcddaf2304adde27c62b89cc09cb797"  # of the frames of the trial episode, the same on every machine

@@ -63,6 +63,8 @@ def check(file: Path, participant: int, as_json: bool) -> None:
 
 def _step_row(study: Study, step: Step) -> dict[str, Any]:
     """One step of a participant as text."""
+    from sonata2d.collect.rating import plan_showings
+    from sonata2d.core.wording import counted
     from sonata2d.study.config import in_language, name_of_entry
 
     what = ""
@@ -71,7 +73,9 @@ def _step_row(study: Study, step: Step) -> dict[str, Any]:
     elif step.kind in ("run", "practice"):
         what = f"{study.config_of(step.block).name}, scene {study.scene_number(step.block, step.scene)}"
     elif step.kind == "ratings":
-        what = f"{len(study.rated[step.block])} runs of {study.config.ratings[step.block].folder}"
+        files, block = study.rated[step.block], study.config.ratings[step.block]
+        repeats = len(plan_showings(files, block.repeats)) - len(files)
+        what = f"{counted(len(files), 'run')} of {block.folder}, {repeats or 'none'} of them twice"
     else:
         what = in_language(step.title, study.config.languages[0])
     return {"step": step.id, "text": f"{_KINDS[step.kind]}{': ' if what else ''}{what}"}
@@ -107,16 +111,18 @@ def preview(file: Path, host: str, port: int, as_json: bool) -> None:
 def results(out: Path, folder: Path, personal: bool, as_json: bool) -> None:
     """Write the results of a study as tables.
 
-    FOLDER gets participants.csv, runs.csv, answers.csv, scores.csv (of published questionnaires) and ratings.csv.
+    FOLDER gets participants.csv, runs.csv, answers.csv, scores.csv (means of tables of statements, and of the parts of
+    published questionnaires) and ratings.csv.
     Answers about runs that were driven again are left out.
     """
+    from sonata2d.core.wording import counted
     from sonata2d.study.report import save_results
 
-    paths = save_results(out, folder, personal=personal)
+    counts = save_results(out, folder, personal=personal)
     if as_json:
-        show_json([str(path) for path in paths])
+        show_json([str(path) for path in counts])
     else:
-        show_table((path.name, f"{len(path.read_bytes().splitlines()) - 1} rows") for path in paths)
+        show_table((path.name, counted(rows, "row")) for path, rows in counts.items())
 
 
 @command.command("remove", epilog=examples("study remove OUT p007"))

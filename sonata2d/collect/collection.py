@@ -123,6 +123,10 @@ class Collection:
         """Write a run that ended to the folder of discarded runs; otherwise as `keep`."""
         return self._write(self.folder / DISCARDED, recorder, when, announce)
 
+    def has_kept(self, name: str) -> bool:
+        """Whether a kept run has this file name."""
+        return bool(name) and (self.folder / name).exists()
+
     def contains(self, name: str) -> bool:
         """Whether a kept or discarded run has this file name."""
         return any((place / name).exists() for place in (self.folder, self.folder / DISCARDED))
@@ -132,6 +136,17 @@ class Collection:
         """Whether this session has kept a run."""
         return bool(self._kept_paths)
 
+    @property
+    def last_kept(self) -> Path:
+        """Path of the run that this session kept last.
+
+        Raises:
+            ValueError: this session has kept no run.
+        """
+        if not self._kept_paths:
+            raise ValueError("nothing was kept in this session")
+        return self._kept_paths[-1]
+
     def undo(self) -> Path:
         """Move the run that this session kept last to the discarded runs, and return its new path.
 
@@ -139,9 +154,7 @@ class Collection:
             ValueError: this session has kept no run.
             RecordError: the file cannot be moved.
         """
-        if not self._kept_paths:
-            raise ValueError("nothing was kept in this session")
-        path = self._kept_paths[-1]
+        path = self.last_kept
         new_path = self.folder / DISCARDED / path.name
         try:
             new_path.parent.mkdir(exist_ok=True)
@@ -321,6 +334,8 @@ def _read_rows(folder: Path, known: dict[str, JsonDict]) -> Iterator[JsonDict]:
         row = known.get(path.name)
         try:
             yield row if row is not None and row["bytes"] == path.stat().st_size else _read_row(path)
+        except FileNotFoundError:
+            continue  # another contributor has taken the run back
         except RecordError as error:
             logger.warning("%s; the file is omitted from the manifest", error)
 

@@ -25,7 +25,7 @@ from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, TickInput, controller_info_of, outcome_at
 from ..version import PHYSICS_VERSION
 from .collection import Collection
-from .journal import Journal, OpenRun, read_journal
+from .journal import UNDONE, Journal, OpenRun, read_journal
 
 logger = logging.getLogger(__name__)
 
@@ -295,13 +295,20 @@ class Session:
         """
         if self.ticks:
             raise ValueError("another run has begun; end it before taking back the last one")
-        path = self._collection.undo()
-        self._collection.log(event="undone", at=self._time(), file=path.name)
-        record = read_episode(path)
+        record = read_episode(self._collection.last_kept)
         ticks = [TickInput(frame.command, frame.label, frame.snapshot.events) for frame in record.frames()]
         header = self._header(record.scene(), record.scene().settings or {}, record.controller_info.settings or {})
-        self._journal.begin(header)
-        self._restore(OpenRun(header, ticks, record.snapshot(-1).events, [], self._kept_dropped.get(path.name, 0)))
+        name, waiting = record.path.name, (self.scene, self._run_config)
+        # The journal is complete before the file moves, and does not count before: a crash loses or doubles no run.
+        self._journal.begin(header | {UNDONE: name})
+        self._restore(OpenRun(header, ticks, record.snapshot(-1).events, [], self._kept_dropped.get(name, 0)))
+        self._journal.sync()
+        try:
+            path = self._collection.undo()
+        except RecordError:
+            self._begin(*waiting)
+            raise
+        self._collection.log(event="undone", at=self._time(), file=name)
         self.undone_label = record.label
         return path
 
@@ -374,6 +381,8 @@ class Session:
             # A crash after the episode file was written and before the journal was deleted leaves a completed run.
             if run is None or any(self._collection.contains(name) for name in run.file_names):
                 return False
+            if self._collection.has_kept(run.header.get(UNDONE, "")):
+                return False  # a crash came before the run was taken back
             if run.header["physics"] != PHYSICS_VERSION:
                 raise RecordError(f"it is of physics version {run.header['physics']}, this is {PHYSICS_VERSION}")
             self._journal.resume(len(run.ticks))

@@ -31,6 +31,12 @@ def clearance(snapshot: Snapshot) -> float:
     return float(clearances(snapshot).min()) if len(snapshot.humans) else math.inf
 
 
+def touched_kind(snapshot: Snapshot) -> str | None:
+    """What the robot touches: `human`, `object` or `wall`, the first of these; None for nothing."""
+    touched = {contact.kind for contact in snapshot.contacts}
+    return next((kind for kind in ("human", "object", "wall") if kind in touched), None)
+
+
 def obstacle_clearance(snapshot: Snapshot) -> float:
     """Gap between the robot and the nearest wall or piece of furniture, m; infinite without obstacles."""
     barriers = snapshot.scene.barriers

@@ -34,6 +34,7 @@ from ..record.files import safe_texts
 from ..registry import did_you_mean
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
+from . import driving
 from .catalogue import headline_metrics, select_metrics
 from .definition import Metric
 from .measurement import Evaluation, Measured, comparison_rows, comparison_table, measure_files, save_metrics
@@ -344,6 +345,8 @@ def evaluate(
     with shared as pool:
         sources = _sources(given, configs, root, episodes, seed, pool, bar, folder)
         evaluations = _measured(sources, pool, bar, rerun=rerun, resamples=resamples)
+    if not metrics:  # of runs that people drove in a browser, how late they saw the world
+        selected += tuple(metric for metric in driving.METRICS if any(one.values(metric.name) for one in evaluations))
     comparison = Comparison(sources, evaluations, selected, is_selected=bool(metrics))
     if out is not None:
         write_json(root / COMPARISON, comparison.to_json())

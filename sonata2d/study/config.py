@@ -78,7 +78,8 @@ class QuestionConfig(Settings):
         ends: meaning of the two ends of a slider, or of the first and last point of a `likert` table.
         points: number of points of a `likert` table, 2 to 11; the answer is 1 to `points`.
         labels: name of each point of a `likert` table.
-        items: rows of a `likert` table.
+        items: rows of a `likert` table by name: a statement, `{text: …, reversed: true}`, or `{ends: [bad, good]}`,
+            a pair of opposites; see `Item`.
         minimum, maximum: of a number.
         integer: whether a number is a whole one.
         required: whether the participant has to answer.
@@ -112,7 +113,8 @@ class QuestionConfig(Settings):
         if isinstance(count, int) and not isinstance(count, bool):
             values = values | {"classes": tuple(str(k) for k in range(1, min(count, 21) + 1))}
         if isinstance(items, dict):  # {calm: The robot was calm.}
-            values = values | {"items": [{"name": name, "text": text} for name, text in items.items()]}
+            rows = [row if _is_item(row) else {"text": row} for row in items.values()]
+            values = values | {"items": [{"name": name} | row for name, row in zip(items, rows, strict=True)]}
         return values
 
     @model_validator(mode="after")
@@ -266,7 +268,8 @@ class RatingConfig(Settings):
         folder: data set, or episode file, relative to the study file.
         question: the question; of kind `yes_no`, `classes`, `slider` or `text`.
         count: number of runs to show, the first ones of the folder; by default all.
-        repeats: fraction of the runs shown again, unannounced, to measure each participant's consistency.
+        repeats: fraction of the runs shown again, unannounced, to measure each participant's consistency. At least five
+            others are between the two showings, so fewer than six runs have no repeats; `study check` names the number.
         break_after: number of ratings after which a break is suggested.
         view: camera, `follow` or `top`.
         text: Markdown, read before.
@@ -319,7 +322,8 @@ class StudyConfig(Settings):
         redo: whether participants may drive a scene again instead of keeping the run.
         undo: whether participants may take back the last kept run until the next one begins, or the program ends.
         seed: of the scenes, and of random orders.
-        participants: largest number of participants that the open link admits.
+        participants: number of participants, those with links of their own included, at which the open link admits no
+            more.
     """
 
     translated: ClassVar[tuple[str, ...]] = ("title",)
@@ -416,8 +420,13 @@ def texts_in(settings: Settings, path: Path = ()) -> Iterator[tuple[Path, Text]]
             where = place if k is None else (*place, k)
             if isinstance(item, Settings):
                 yield from texts_in(item, where)
-            elif name in translated and item is not None:
-                yield where, item
+            elif name in translated and item is not None and not (item == "" and isinstance(settings, Item)):
+                yield where, item  # an item that is a pair of opposites needs no text
+
+
+def _is_item(row: Any) -> bool:
+    """Whether a row of a table has settings, rather than one text, or one for each language."""
+    return isinstance(row, dict) and not {"text", "ends"}.isdisjoint(row)
 
 
 def _require_name(name: str, path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..collect.collection import DISCARDED
 from ..datasets.manifest import CARD, CROISSANT, LOG, MANIFEST, SCENARIO, read_manifest
 from ..errors import RecordError
-from .folder import ANSWERS, LOCK, PERSONAL, RATED, STUDY, read_state
+from .folder import ANSWERS, LOCK, PERSONAL, RATED, STUDY, read_state, require_outside
 from .report import TABLES, results_of, table_of
 
 
@@ -29,10 +29,17 @@ def export_study(out: str | Path, file: str | Path, *, personal: bool = False) -
         The path of the archive.
 
     Raises:
+        ConfigError: the archive would be in the folder of the study.
         RecordError: the folder is not that of a study, a file is damaged, or the archive cannot be written.
     """
     out, file = Path(out), Path(file)
     read_state(out)
+    require_outside(out, file)
+    return write_archive(out, file, personal=personal)
+
+
+def write_archive(out: Path, file: Path, *, personal: bool) -> Path:
+    """`export_study` without a check of the place: the server writes temporary archives beside the data."""
     partial = file.with_name(f".{file.name}.partial")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)

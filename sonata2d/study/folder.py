@@ -15,13 +15,14 @@ from typing import Any
 import orjson
 
 from ..collect.collection import checked_name, require_collection_folder
-from ..collect.rating import checked_rater
+from ..collect.rating import checked_rater, ratings_of
+from ..core.labels import LabelSpec
 from ..core.locking import acquired_lock
-from ..core.wording import counted
+from ..core.wording import counted, shown
 from ..errors import ConfigError, RecordError
 from ..record.files import read_bytes, safe_stem, sha256_of, write_atomically
 from .config import texts_in
-from .load import Study
+from .load import Study, spec_of
 
 STUDY, ANSWERS, PERSONAL, RATED = "study", "answers", "personal", "rated"
 LOCK = "study.lock"
@@ -61,10 +62,11 @@ class StudyFolder:
         if state.exists():
             stored = _read_state(state)
             if stored["structure"] != structure:
+                people, change = len(stored["participants"]), _difference(stored["structure"], structure)
                 raise ConfigError(
-                    f"{self.out} belongs to another study, or to an earlier version of it with other steps, scenes or"
-                    f" questions ({counted(len(stored['participants']), 'participant')}); texts may change, the rest"
-                    " may not: choose another folder"
+                    f"{self.out} belongs to another study, or to an earlier version of it"
+                    f" ({counted(people, 'participant')}): {change};"
+                    " texts of the study file may change, but no steps, scenes or questions: choose another folder"
                 )
             self.participants, self._versions = stored["participants"], stored["versions"]
             self.withdrawn = stored["withdrawn"]
@@ -140,6 +142,18 @@ class StudyFolder:
         """The folder with copies of the runs that a block of ratings is about, and with the ratings."""
         return self.out / RATED / self.study.config.ratings[block].name
 
+    def rating_spec(self, block: int) -> LabelSpec:
+        """The question of a block of ratings in the first language, as files hold it.
+
+        It is that of the first rating: if the study corrects the wording later, the ratings still belong together.
+        """
+        spec = spec_of(self.study.config.ratings[block].question, self.study.config.languages[0])
+        for rating in ratings_of(self.rated(block)):
+            other = rating.spec
+            if (other.name, other.kind, len(other.classes)) == (spec.name, spec.kind, len(spec.classes)):
+                return other
+        return spec
+
     def _copy_rated(self) -> None:
         """Copy the recorded runs to be rated, so that the folder has all that the ratings are about."""
         for k, files in enumerate(self.study.rated):
@@ -189,6 +203,30 @@ def locked(out: str | Path) -> Iterator[None]:
         yield
     finally:
         lock.release()
+
+
+def require_outside(out: str | Path, path: str | Path) -> None:
+    """Require that a result is not stored in the folder of a study: it would outlive a participant's removal.
+
+    Raises:
+        ConfigError: the path is in the folder.
+    """
+    if Path(path).resolve().is_relative_to(Path(out).resolve()):
+        raise ConfigError(
+            f"{path} is in the folder of the study, whose files are the data only; choose a place outside"
+        )
+
+
+def _difference(a: Any, b: Any, keys: tuple[str, ...] = ()) -> str:
+    """The first key at which two structures differ, and the values there."""
+    if isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
+        a, b = dict(enumerate(a)), dict(enumerate(b))
+    if isinstance(a, dict) and isinstance(b, dict):
+        for key in dict.fromkeys((*a, *b)):
+            if a.get(key) != b.get(key):
+                return _difference(a.get(key), b.get(key), (*keys, str(key)))
+    place = ".".join(key for key in keys if key != "config")
+    return f"{place} was {shown(a)} and is {shown(b)}"
 
 
 def structure_of(study: Study) -> dict[str, Any]:

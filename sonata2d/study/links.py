@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import secrets
+import threading
 from pathlib import Path
 
 import orjson
@@ -36,10 +37,11 @@ class Links:
         self._path = folder / _FILE
         self.researcher, self.open = secrets.token_urlsafe(_BYTES), secrets.token_urlsafe(_BYTES)
         self._tokens: dict[str, str] = {}  # by participant
+        self._lock = threading.Lock()  # the threads of a server take turns
         if self._path.exists():
             self._read()
         else:
-            self._write()
+            self._write({})
 
     def participant_of(self, token: str) -> str | None:
         """Id of the participant that a token belongs to; None for an unknown token."""
@@ -59,14 +61,10 @@ class Links:
         Raises:
             RecordError: the file cannot be written.
         """
-        if participant not in self._tokens:
-            self._tokens[participant] = secrets.token_urlsafe(_BYTES)
-            try:
-                self._write()
-            except RecordError:
-                del self._tokens[participant]
-                raise
-        return self._tokens[participant]
+        with self._lock:
+            if participant not in self._tokens:
+                self._write(self._tokens | {participant: secrets.token_urlsafe(_BYTES)})
+            return self._tokens[participant]
 
     def remove(self, participant: str) -> None:
         """Let the link of a participant lead nowhere.
@@ -74,8 +72,9 @@ class Links:
         Raises:
             RecordError: the file cannot be written.
         """
-        if self._tokens.pop(participant, None) is not None:
-            self._write()
+        with self._lock:
+            if participant in self._tokens:
+                self._write({id: token for id, token in self._tokens.items() if id != participant})
 
     def tokens(self) -> dict[str, str]:
         """Tokens by participant."""
@@ -90,9 +89,11 @@ class Links:
             raise RecordError(f"{self._path} is damaged: {error}; restore it, or delete it for new links") from error
         self._index()
 
-    def _write(self) -> None:
-        state = {"researcher": self.researcher, "open": self.open, "participants": self._tokens}
+    def _write(self, tokens: dict[str, str]) -> None:
+        """Store the tokens of the participants, then use them."""
+        state = {"researcher": self.researcher, "open": self.open, "participants": tokens}
         write_atomically(self._path, orjson.dumps(state, option=orjson.OPT_INDENT_2))
+        self._tokens = tokens
         self._index()
 
     def _index(self) -> None:

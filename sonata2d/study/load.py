@@ -63,8 +63,10 @@ class Study:
         Raises:
             SceneError: too many scenes in a row cannot be generated.
         """
-        with self._lock:  # participants of a server share the study
-            numbers = self._numbers.setdefault(block, [])
+        numbers = self._numbers.setdefault(block, [])
+        if k < len(numbers):  # without waiting for a scene that another participant needs
+            return numbers[k]
+        with self._lock:
             while len(numbers) <= k:
                 start = numbers[-1] + 1 if numbers else block * SCENES_PER_BLOCK
                 numbers.append(self._next_number(block, start))

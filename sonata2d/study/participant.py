@@ -17,12 +17,12 @@ from ..scenegen.scenario.config import ScenarioConfig
 from .answers import AnswerLog, checked_answers
 from .config import name_of_entry
 from .folder import StudyFolder
-from .load import spec_of
 from .plan import Step
 from .progress import Progress
 
 logger = logging.getLogger(__name__)
 
+_MAX_EVENTS = 5000  # of one participant
 _PRACTICE = "practice"  # why a run is not kept
 
 
@@ -91,6 +91,7 @@ class Participant(Progress):
         if language not in self.study.config.languages:
             raise ValueError(f"the study has no language {language!r}")
         if language != self.language:
+            self._require_room()
             self._append(event="language", language=language)
 
     def read(self, step: str) -> None:
@@ -118,6 +119,7 @@ class Participant(Progress):
     def decline(self, step: str) -> None:
         """Do not take part; the participant can change their mind later."""
         self._require(step, "consent")
+        self._require_room()
         self._append(event="declined", step=step)
 
     def reconsider(self) -> None:
@@ -194,6 +196,7 @@ class Participant(Progress):
             raise ValueError("runs of this study cannot be discarded")
         if not session.ticks:
             raise ValueError("no run has begun")
+        self._require_room()
         step = self.step
         block = [other for other in self._runs.values() if other.block == step.block]
         used = [scene for other in block for scene in (other.scene, self._replaced.get(other.id, 0))]
@@ -213,6 +216,7 @@ class Participant(Progress):
         is_short = session.state == "ended" and session.after.time < self.study.config.minimum_length
         if not self.study.config.redo and self.step.kind == "run" and not is_short:
             raise ValueError("runs of this study cannot be driven again")
+        self._require_room()
         path = session.redo()
         if path is not None:
             self._append(event="redone", step=self.step.id, file=path.name)
@@ -240,9 +244,12 @@ class Participant(Progress):
         """
         if self.session is None or not self.can_undo:
             raise ValueError("the last run cannot be taken back")
-        self.session.undo()
+        self._require_room()
+        try:
+            self.session.undo()
+        finally:
+            self._kept = dict(self.session.kept_runs)
         self._may_undo = False
-        self._kept = dict(self.session.kept_runs)
         self._append(event="undone")
 
     def rate(self, label: Any, *, seconds: float, whole: bool) -> None:
@@ -317,7 +324,7 @@ class Participant(Progress):
             self.rating = RatingSession(
                 self._folder.rated(step.block),
                 self.id,
-                spec_of(block.question, self.study.config.languages[0]),
+                self._folder.rating_spec(step.block),
                 seed=self.study.config.seed,
                 repeats=block.repeats,
                 break_after=block.break_after,
@@ -344,6 +351,11 @@ class Participant(Progress):
         if present.id != step or present.kind != kind or (self.has_declined and kind != "consent"):
             raise ValueError(f"the present step is {present.id}, not {step}")
         return present
+
+    def _require_room(self) -> None:
+        """Limit what can be repeated for ever: each time writes a line, or a file."""
+        if len(self._log.lines) >= _MAX_EVENTS:
+            raise ValueError(f"the participant has done {_MAX_EVENTS} things, which is the limit")
 
     def _driving(self, *kinds: str) -> Session:
         if self.session is None or self.step.kind not in kinds or self.has_declined:

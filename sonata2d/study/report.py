@@ -18,7 +18,7 @@ from ..errors import RecordError
 from ..record.files import read_bytes, safe_stem, write_atomically
 from ..record.reader import read_episode
 from .answers import read_answers
-from .folder import ANSWERS, PERSONAL, RATED, STUDY, read_state
+from .folder import ANSWERS, PERSONAL, RATED, STUDY, read_state, require_outside
 from .scales import Item, scale_named
 
 Row = dict[str, Any]
@@ -83,7 +83,7 @@ TABLES = {  # meaning of each column
 }
 
 
-def save_results(out: str | Path, folder: str | Path, *, personal: bool = False) -> list[Path]:
+def save_results(out: str | Path, folder: str | Path, *, personal: bool = False) -> dict[Path, int]:
     """Write the results of a study as CSV tables, one row for each participant, run, answer, score and rating.
 
     A score is the mean of the items of a table, or of one part of a published questionnaire; opposite items are
@@ -95,20 +95,24 @@ def save_results(out: str | Path, folder: str | Path, *, personal: bool = False)
         personal: whether personal answers are included.
 
     Returns:
-        The paths of the tables.
+        Number of rows by path of the table.
 
     Raises:
+        ConfigError: the tables would be in the folder of the study.
         RecordError: the folder is not that of a study, a file is damaged, or a table cannot be written.
     """
-    paths = []
+    counts = {}
+    read_state(out)
+    require_outside(out, folder)
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordError(f"{folder} cannot be written: {error.strerror or error}") from error
     for name, rows in results_of(out, personal=personal).items():
-        paths.append(Path(folder) / f"{name}.csv")
-        write_atomically(paths[-1], table_of(TABLES[name], rows))
-    return paths
+        path = Path(folder) / f"{name}.csv"
+        write_atomically(path, table_of(TABLES[name], rows))
+        counts[path] = len(rows)
+    return counts
 
 
 def results_of(out: str | Path, *, personal: bool = False) -> dict[str, list[Row]]:
@@ -120,13 +124,14 @@ def results_of(out: str | Path, *, personal: bool = False) -> dict[str, list[Row
     secret = {
         id: read_answers(out / STUDY / PERSONAL / f"{safe_stem(id)}.jsonl") if personal else [] for id in participants
     }
+    language = state["structure"]["config"]["languages"][0]
     runs = _run_rows(out, events)
     kept = {row["file"] for row in runs}
     rated = _rating_rows(out)
     ratings = [row for id in participants for row in rated.get(id, [])]
     answers = [row for id in participants for row in _answer_rows(id, [*events[id], *secret[id]], kept)]
     return {
-        "participants": [_participant_row(id, events[id], runs, ratings) for id in participants],
+        "participants": [_participant_row(id, language, events[id], runs, ratings) for id in participants],
         "runs": runs,
         "answers": answers,
         "scores": _score_rows(answers, state["structure"]["config"]),
@@ -150,12 +155,13 @@ def table_of(columns: Collection[str], rows: Iterable[Row]) -> bytes:
 def _cell(value: Any) -> Any:
     if isinstance(value, bool):
         return int(value)
-    if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r"):
-        return f"'{value}"
+    if isinstance(value, str):
+        value = value.replace("\r\n", "\n").replace("\r", "\n")  # would begin a row
+        return f"'{value}" if value[:1] in ("=", "+", "-", "@", "\t", "\n") else value
     return "" if value is None else value
 
 
-def _participant_row(id: str, events: list[Row], runs: list[Row], ratings: list[Row]) -> Row:
+def _participant_row(id: str, first_language: str, events: list[Row], runs: list[Row], ratings: list[Row]) -> Row:
     consented, finished, steps, languages = None, None, [], []
     state = "begun" if events else "not begun"
     for event in events:
@@ -169,7 +175,7 @@ def _participant_row(id: str, events: list[Row], runs: list[Row], ratings: list[
             state = "declined" if kind == "declined" else "begun"
     return {
         "participant": id,
-        "language": languages[-1] if languages else None,
+        "language": languages[-1] if languages else first_language if events else None,
         "state": "finished" if finished else state,
         "last_step": steps[-1] if steps else None,
         "begun": events[0]["time"] if events else None,
@@ -275,7 +281,7 @@ def _items_of(entry: Mapping[str, Any]) -> tuple[int, Sequence[Item]]:
     if "scale" in entry:
         scale = scale_named(entry["scale"]).part(entry["subscales"])
         return scale.points, scale.items
-    return entry["points"], [Item(**item) for item in entry["items"]]
+    return entry["points"], [Item.model_construct(**item) for item in entry["items"]]  # the structure has no texts
 
 
 def _rating_rows(out: Path) -> dict[str, list[Row]]:

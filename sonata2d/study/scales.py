@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..scenegen.scenario.base import Settings
@@ -18,8 +18,16 @@ _FOLDER = Path(__file__).with_name("scales")
 _FRAME = ("question", "first", "last")  # texts of a scale besides its items
 
 
-def _require_whole_texts(value: Any) -> Any:
-    """Find texts that YAML has cut at a comma: the rest of such a text is a key without a value."""
+def _as_written(value: Any) -> Any:
+    """A text that YAML has read as something else: numbers become text again, truth values are refused.
+
+    The rest of a text that YAML has cut at a comma is a key without a value.
+    """
+    for text in value.values() if isinstance(value, dict) else [value]:
+        if isinstance(text, bool):
+            raise PydanticCustomError("text", "yes, no, on, off, true and false are texts in quotes only")
+    if isinstance(value, int | float):
+        return str(value)
     if isinstance(value, dict) and None in value.values():
         name = next(name for name, text in value.items() if text is None)
         hint = "has no text; a text with a comma needs quotes within braces"
@@ -27,7 +35,7 @@ def _require_whole_texts(value: Any) -> Any:
     return value
 
 
-Text = Annotated[str | dict[str, str], BeforeValidator(_require_whole_texts)]
+Text = Annotated[str | dict[str, str], BeforeValidator(_as_written)]
 """A text in one language, or by language."""
 
 
@@ -49,6 +57,14 @@ class Item(Settings):
     ends: tuple[Text, Text] | None = None
     reversed: bool = False
     subscale: str = ""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not self.name:
+            raise PydanticCustomError("item", "an item needs a name")
+        if not self.text and self.ends is None:
+            raise PydanticCustomError("item", "an item needs a text, or the two ends of a pair of opposites")
+        return self
 
 
 @dataclass(frozen=True, slots=True)

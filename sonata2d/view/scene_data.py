@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..core.humans import ACTIVITIES
-from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, obstacle_clearance
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, obstacle_clearance, touched_kind
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from .brush import Brush
@@ -117,7 +117,7 @@ def state_data(snapshot: Snapshot) -> dict[str, Any]:
         "robot": _robot_row(snapshot),
         "people": _human_rows(snapshot),
         "links": [(link.src, link.dst) for link in visible_interactions(snapshot)],
-        "touches": bool(snapshot.contacts),
+        "touches": touched_kind(snapshot),
         "clearance": _number(_clearance(snapshot)),
     }
 

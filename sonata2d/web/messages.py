@@ -1,8 +1,7 @@
 """What a page may send: one JSON object per message, checked before anything else looks at it.
 
 The page drives the simulation: it asks for each tick by number, with the device events since the last one, and gets the
-next state. A message that arrives twice changes nothing. Nothing here depends on a network, so that the same messages
-could be answered by a worker in the page.
+next state. A message that arrives twice changes nothing. Nothing here depends on a network.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from ..core.wording import one_line
 PROTOCOL = 1
 MAX_MESSAGE = 65_536  # bytes
 MAX_EVENTS = 64  # of one tick: each control at most once
+REFUSED, FAILED = "refused", "failed"  # kinds of problems: of a message, and of the server
 _DEVICES = r"^(keyboard|mouse|touch|pad[0-7]|label)$"
 
 Name = Annotated[str, Field(min_length=1, max_length=80)]

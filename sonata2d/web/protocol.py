@@ -1,13 +1,15 @@
-"""HTTP connections that do not wait for ever for a request."""
+"""Connections that are closed when nothing comes from, or goes to, the other side."""
 
 from __future__ import annotations
 
 import asyncio
+import logging
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-_PATIENCE = 10.0  # s, until a connection without a complete request is closed
+_PATIENCE = 10.0  # s
 
 
 class ImpatientProtocol(H11Protocol):
@@ -17,7 +19,7 @@ class ImpatientProtocol(H11Protocol):
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
-        self._limit = self.loop.call_later(_PATIENCE, self._close_if_silent)
+        self._wait_for_request()
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._stop()
@@ -27,11 +29,33 @@ class ImpatientProtocol(H11Protocol):
         self._stop()
         super().handle_websocket_upgrade(event)
 
+    def on_response_complete(self) -> None:
+        self._wait_for_request()  # before the next request, which may have arrived
+        super().on_response_complete()
+
+    def _wait_for_request(self) -> None:
+        self._stop()
+        self._limit = self.loop.call_later(_PATIENCE, self._close_if_silent)
+
     def _close_if_silent(self) -> None:
         request: Any = self.cycle  # None before the first one
-        if request is None and not self.transport.is_closing():
+        if (request is None or request.response_complete) and not self.transport.is_closing():
             self.transport.close()
 
     def _stop(self) -> None:
         if self._limit is not None:
             self._limit.cancel()
+
+
+class ImpatientSocket(WebSocketsSansIOProtocol):
+    """Ends web sockets whose other side does not read what was sent before the end."""
+
+    async def run_asgi(self) -> None:
+        await super().run_asgi()
+        self.loop.call_later(_PATIENCE, self.transport.abort)
+
+
+def without_traceback(record: logging.LogRecord) -> bool:
+    """A filter of a log: uvicorn writes a traceback where a page sends what is no text."""
+    record.exc_info = None
+    return True

@@ -10,7 +10,6 @@ from ..collect.rating import ratings_of
 from ..core.wording import one_line
 from ..errors import Sonata2dError
 from ..study.content import Json
-from ..study.load import spec_of
 from ..study.progress import Progress, progress_of_all
 from ..view.scene_data import scene_data, state_data
 from . import messages as m
@@ -121,7 +120,7 @@ class Researcher:
         """How well the ratings of each block agree."""
         folder, blocks = self._server.folder, []
         for k, block in enumerate(folder.study.config.ratings):
-            spec = spec_of(block.question, folder.study.config.languages[0])
+            spec = folder.rating_spec(k)
             found = agreement_of([rating for rating in ratings_of(folder.rated(k)) if rating.spec == spec], spec)
             repeated = [rater for rater in found.within if rater.repeats]
             count = sum(rater.repeats for rater in repeated)

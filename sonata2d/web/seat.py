@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import secrets
+import threading
 import time
 from collections.abc import Awaitable, Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -29,6 +31,7 @@ logger = logging.getLogger(__name__)
 
 _BURST = 20  # ticks that a page may catch up at once, after its connection stood still
 _PACE = 1.1  # largest speed of a run, as a multiple of real time
+_FIRST_NUMBERS = 2**30  # of runs and of runs to rate
 _SMALLEST_CHANGE = 0.001  # s, of the round-trip time: smaller ones are not recorded
 
 
@@ -57,7 +60,9 @@ class Seat:
     ) -> None:
         self.participant, self._is_held, self._is_preview, self._clock = participant, is_held, is_preview, clock
         self._sleep = sleep
-        self._run, self.shown = 0, 1
+        # A page that was open before the server started again must not take another run for the one that it shows.
+        self._run = self.shown = secrets.randbelow(_FIRST_NUMBERS)
+        self._counting = threading.Lock()
         self._counted: tuple[Session | None, int] = (None, 0)  # what the present number of a run belongs to
         self.round_trip: float | None = None
         self._recorded_trip: float | None = None
@@ -70,9 +75,10 @@ class Seat:
         """Number of the present run: messages about an earlier one are ignored."""
         session = self.participant.session
         present = (session, session.number_of_runs if session else 0)
-        if present != self._counted:
-            self._counted, self._run, self._recorded_trip = present, self._run + 1, None
-        return self._run
+        with self._counting:  # the researcher's page asks, too
+            if present != self._counted:
+                self._counted, self._run, self._recorded_trip = present, self._run + 1, None
+            return self._run
 
     @property
     def idle(self) -> float:
@@ -88,27 +94,33 @@ class Seat:
         self._seen = self._clock()
         if isinstance(message, m.Tick):
             return await self._tick(message)
-        problem = ""
+        problem, kind = "", ""
         try:
             await asyncio.to_thread(self._perform, message)
-        except (Sonata2dError, ValueError, OverflowError) as error:
-            problem = one_line(error, 300)
+        except (ValueError, OverflowError) as error:
+            problem, kind = one_line(error, 300), m.REFUSED
             logger.info("%s: %s", self.participant.id, problem)
-        return await asyncio.to_thread(self.view, problem, whole=isinstance(message, m.Hello))
+        except Sonata2dError as error:  # paths of the server are for the researcher
+            problem, kind = "the server cannot do this at present", m.FAILED
+            logger.error("%s: %s", self.participant.id, one_line(error, 300))
+        return await asyncio.to_thread(self.view, problem, kind, whole=isinstance(message, m.Hello))
 
     async def leave(self) -> None:
         """Pause the run, because the page was closed."""
         if self.participant.session is not None:
             await asyncio.to_thread(_stand_still, self.participant.session)
 
-    def view(self, problem: str = "", *, whole: bool = False) -> Json:
-        """All that the page shows.
+    def view(self, problem: str = "", kind: str = "", *, whole: bool = False) -> Json:
+        """All that the page shows. A run that is driven stands still, because the page forgets what is pressed.
 
         Args:
             problem: why the last message had no effect; empty if it had.
+            kind: of the problem.
             whole: whether the page has nothing yet.
         """
         participant = self.participant
+        if participant.session is not None:
+            _stand_still(participant.session)
         config, step = participant.study.config, participant.step
         view: Json = {
             "type": "view",
@@ -121,6 +133,7 @@ class Seat:
             "isPreview": self._is_preview,
             "participant": participant.id,
             "problem": problem,
+            "problemKind": kind,
         }
         if participant.is_driving and participant.session is not None:
             session = participant.session
@@ -138,6 +151,7 @@ class Seat:
                 "changes": config.changes,
                 "view": config.view,
                 "context": session.config.context,
+                "isRestarted": bool(session.notice) and not session.ticks,
                 "legend": self._legend(session.after),
             }
         if step.kind == "ratings" and participant.record is not None and participant.rating is not None:
@@ -207,7 +221,7 @@ class Seat:
             "state": state_data(session.after),
             "outcome": session.outcome.status if session.outcome else None,
             "given": session.label,
-            "notice": session.journal_error or "",
+            "isUnsaved": session.journal_error is not None,
             "isHeld": self._is_held(),
         }
 
@@ -238,8 +252,6 @@ class Seat:
                     raise ValueError("the page is of another version; reload it")
                 if not participant.has_chosen_language:
                     participant.choose_language(preferred(participant.study.config.languages, message.languages))
-                if participant.session is not None:
-                    _stand_still(participant.session)
             case m.Language():
                 participant.choose_language(message.language)
             case m.Read():
@@ -275,8 +287,7 @@ class Seat:
         participant = self.participant
         match message:
             case m.Pause():
-                _stand_still(session)
-                return
+                return  # the view stands still
             case m.Stop():
                 session.stop()
                 return

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from ..errors import ConfigError, StudyError
 from ..study.export import unfinished_exports
@@ -17,6 +19,9 @@ _MAX_WAITING_CONNECTIONS = 100
 _PING = 20.0  # s, between two signs of life of an idle connection
 
 if TYPE_CHECKING:
+    import uvicorn
+    from starlette.types import ASGIApp
+
     from .server import Takeover
 
 
@@ -62,10 +67,10 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
         import uvicorn
         import websockets  # noqa: F401  uvicorn loads it only with the first web socket
 
-        from .protocol import ImpatientProtocol
         from .server import StudyServer
     except ImportError as error:
         raise StudyError(f"{error.name} is not installed: pip install 'sonata2d[serve]'") from error
+    _check_url(settings.url)
     links = Links(folder.out / STUDY)
     server = StudyServer(
         folder,
@@ -80,30 +85,73 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
         path.unlink(missing_ok=True)
     for id in folder.present:
         links.add(id)  # the program may have ended between the two, or the participant came to the window
-    while len(folder.participants) < settings.participants:
+    while len(folder.present) < settings.participants:
         server.new_participant()
     listener = _listener(settings.host, settings.port)
     host, port = listener.getsockname()[:2]
-    base = (settings.url or f"http://{host}:{port}").rstrip("/")
+    host = _reachable(host)
+    base = (settings.url or f"http://{f'[{host}]' if ':' in host else host}:{port}").rstrip("/")
     announce(
         {"researcher": f"{base}/r/{links.researcher}", "open link": f"{base}/j/{links.open}"}
         | {id: f"{base}/s/{token}" for id, token in links.tokens().items()}
     )
-    config = uvicorn.Config(
-        server.app,
-        log_config=None,
-        access_log=False,  # addresses hold tokens
-        server_header=False,
-        http=ImpatientProtocol,
-        ws="websockets-sansio",
-        ws_max_size=MAX_MESSAGE,
-        ws_ping_interval=_PING,
-        ws_ping_timeout=_PING,
-        backlog=_MAX_WAITING_CONNECTIONS,  # a burst of them is accepted at once, and must not reach the limit
-        limit_concurrency=settings.connections + _MAX_WAITING_CONNECTIONS,
-        timeout_graceful_shutdown=5,
-    )
-    uvicorn.Server(config).run(sockets=[listener])
+    uvicorn.Server(server_config(server.app, settings.connections)).run(sockets=[listener])
+
+
+def server_config(app: ASGIApp, connections: int, **options: Any) -> uvicorn.Config:
+    """The configuration of uvicorn for a study: limits of connections, messages and times.
+
+    Args:
+        app: of the study.
+        connections: largest number of open pages.
+        options: further ones of `uvicorn.Config`.
+    """
+    import uvicorn
+
+    from .protocol import ImpatientProtocol, ImpatientSocket, without_traceback
+
+    logging.getLogger("uvicorn.error").addFilter(without_traceback)
+    settings: dict[str, Any] = {
+        "log_config": None,
+        "access_log": False,  # addresses hold tokens
+        "server_header": False,
+        "http": ImpatientProtocol,
+        "ws": ImpatientSocket,
+        "ws_max_size": MAX_MESSAGE,
+        "ws_ping_interval": _PING,
+        "ws_ping_timeout": _PING,
+        "backlog": _MAX_WAITING_CONNECTIONS,  # a burst of them is accepted at once, and must not reach the limit
+        "limit_concurrency": connections + _MAX_WAITING_CONNECTIONS,
+        "timeout_graceful_shutdown": 5,
+    }
+    return uvicorn.Config(app, **(settings | options))
+
+
+def _check_url(url: str | None) -> None:
+    """Require a whole address without a folder.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    parts = urlsplit(url or "http://localhost")
+    if parts.scheme not in ("http", "https") or not parts.netloc:
+        raise ConfigError(f"--url {url} is no whole address; write https://study.example.org")
+    if parts.path.strip("/") or parts.query or parts.fragment:
+        raise ConfigError(
+            f"--url {url} leads into a folder; links are at the top of a host name: https://{parts.netloc}"
+        )
+
+
+def _reachable(host: str) -> str:
+    """An address by which other machines reach this one, if the server listens at all of them."""
+    if host not in ("0.0.0.0", "::"):
+        return host
+    with socket.socket(socket.AF_INET if host == "0.0.0.0" else socket.AF_INET6, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1" if host == "0.0.0.0" else "2001:db8::1", 9))  # sends nothing: UDP
+        except OSError:
+            return socket.gethostname()
+        return str(probe.getsockname()[0])
 
 
 def _listener(host: str, port: int) -> socket.socket:
@@ -119,5 +167,7 @@ def _listener(host: str, port: int) -> socket.socket:
         listener.bind(address)
         listener.listen()  # a link that is announced can be opened: connections wait until the server answers
     except OSError as error:
-        raise ConfigError(f"{host}, port {port}, cannot be used: {error.strerror or error}; choose others") from None
+        raise ConfigError(
+            f"{host}, port {port}, cannot be used: {error.strerror or error}; choose another --host or --port"
+        ) from None
     return listener

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Collection
 from contextlib import asynccontextmanager, suppress
 from functools import cache, partial
 from importlib.resources import files
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 from urllib.parse import urlsplit
 
 import orjson
@@ -23,30 +23,32 @@ from starlette.types import ASGIApp, Message as AsgiMessage, Receive, Scope, Sen
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
-from ..core.wording import described
+from ..core.wording import described, one_line
 from ..errors import Sonata2dError
 from ..study.config import in_language
 from ..study.content import Json
-from ..study.export import export_study, temporary_export
+from ..study.export import temporary_export, write_archive
 from ..study.folder import StudyFolder
 from ..study.links import Links
 from ..study.participant import Participant
-from .messages import Message, parse_message
+from .messages import FAILED, REFUSED, Message, parse_message
 from .researcher import Researcher
 from .seat import Seat, preferred
 
 logger = logging.getLogger(__name__)
 
+T = TypeVar("T")
 Takeover = Literal["newest", "first"]
 
 # The stick on a touch screen works like a dragged mouse.
 MAPPINGS = dict(DEFAULT_MAPPINGS) | {
     "touch": DeviceMapping(DEFAULT_MAPPINGS["mouse"].controls, DEFAULT_MAPPINGS["mouse"].dead_zone)
 }
-TAKEN_OVER, REFUSED, UNKNOWN, TOO_MANY_MISTAKES, FULL = 4001, 4002, 4003, 4004, 4005  # codes of closed web sockets
+TAKEN_OVER, OCCUPIED, UNKNOWN, TOO_MANY_MISTAKES, FULL = 4001, 4002, 4003, 4004, 4005  # codes of closed web sockets
 MAX_MISTAKES = 20  # messages of one connection that cannot be read
 _AWAY, _SWEEP = 600.0, 60.0  # s: without a page, after which a participant's memory is freed; between two looks
 _IDLE = 900.0  # s without a message, after which a connection is closed
+_PATIENCE = 30.0  # s, until a page has to read what was sent before
 _STATIC = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 _HEADERS = {
     "Content-Security-Policy": (
@@ -93,12 +95,11 @@ class StudyServer:
         self._suffix, self._takeover, self._max_connections = suffix, takeover, max_connections
         self.is_held = False
         self.seats: dict[str, Seat] = {}
-        self._sockets: dict[str, WebSocket] = {}
-        self._pages: dict[str, str] = {}  # random names of the pages that have the sockets
+        self._pages: dict[str, _Page] = {}  # open pages by id of the participant
         self._locks: dict[str, asyncio.Lock] = {}
         self._open = 0
         self._words, self._url, self._is_preview = folder.study.tables, url, is_preview
-        self._researcher = Researcher(self)
+        self._researcher, self._has_warned = Researcher(self), False
         routes = [
             Route("/", self._front),
             Route("/static/{name}", self._static),
@@ -109,29 +110,31 @@ class StudyServer:
             Route("/r/{token}/export.zip", self._export),
             WebSocketRoute("/r/{token}/socket", self._researcher_socket),
         ]
-        app = Starlette(routes=routes, lifespan=self._lifespan)
+        app = Starlette(routes=routes, lifespan=self._lifespan, exception_handlers={404: self._unknown_address})
         self.app: ASGIApp = _Guarded(app)
 
     @property
     def connected(self) -> Collection[str]:
         """Ids of the participants who have the page open."""
-        return self._sockets.keys()
+        return self._pages.keys()
 
     # Pages
 
     async def _front(self, request: Request) -> Response:
-        return _page("front.html")
+        language, words = self._words_for(request)
+        title = in_language(self.folder.study.config.title, language)
+        return _page("front.html", language=language, title=title, text=words["web.front"])
 
     async def _static(self, request: Request) -> Response:
         content = _static_file(str(request.path_params["name"]))
         if content is None:
-            return _not_found()
+            return self._not_found(request)
         data, kind = content
         return Response(data, media_type=kind, headers={"Cache-Control": "no-cache"})
 
     async def _study_page(self, request: Request) -> Response:
         if self.links.participant_of(str(request.path_params["token"])) is None:
-            return _not_found()
+            return self._not_found(request)
         study = self.folder.study
         data = {"words": self._words, "languages": study.config.languages, "title": study.config.title}
         return _page("study.html", language=study.config.languages[0], data=data)
@@ -139,19 +142,45 @@ class StudyServer:
     async def _join(self, request: Request) -> Response:
         """The open link: a page with a button first, because programs that preview links would become participants."""
         if not self.links.is_open(str(request.path_params["token"])):
-            return _not_found()
+            return self._not_found(request)
         config = self.folder.study.config
-        wanted = (part.partition(";")[0] for part in request.headers.get("accept-language", "").split(","))
-        language = preferred(config.languages, wanted)
-        words, title = self._words[language], in_language(config.title, language)
+        language, words = self._words_for(request)
+        title = in_language(config.title, language)
         if request.method == "GET":
             return _page("join.html", language=language, words=words, title=title)
-        if not _is_same_origin(request):
+        if not self._is_same_origin(request):
             return Response("Forbidden", 403)
         token = await run_in_threadpool(self.new_participant, config.participants)
         if token is None:
             return _page("join.html", 403, language=language, words=words, title=title, is_full=True)
         return RedirectResponse(f"../s/{token}", 303, headers={"Cache-Control": "no-store"})
+
+    async def _unknown_address(self, request: Request, error: Exception) -> Response:
+        return self._not_found(request)
+
+    def _not_found(self, request: Request) -> Response:
+        language, words = self._words_for(request)
+        title, text = words["web.unknown_title"], words["web.unknown"]
+        return _page("front.html", 404, language=language, title=title, text=text)
+
+    def _is_same_origin(self, connection: HTTPConnection) -> bool:
+        """Whether a request comes from a page of this server; programs that are no browsers send no origin."""
+        origin, host = connection.headers.get("origin"), connection.headers.get("host")
+        known = {host, urlsplit(self._url or "").netloc}
+        if origin is None or urlsplit(origin).netloc in known:
+            return True
+        if not self._has_warned:
+            self._has_warned = True
+            hint = "a proxy in front of the server has to pass the Host header on; or start the server with --url"
+            names = (one_line(name, 100) for name in (origin, host))
+            logger.warning("a page of %s asked %s, and was refused: %s", *names, hint)
+        return False
+
+    def _words_for(self, request: Request) -> tuple[str, dict[str, str]]:
+        """The language of the study that the browser prefers, and the page's words in it."""
+        wanted = (part.partition(";")[0] for part in request.headers.get("accept-language", "").split(","))
+        language = preferred(self.folder.study.config.languages, wanted)
+        return language, self._words[language]
 
     def new_participant(self, limit: int | None = None) -> str | None:
         """Add a participant with the next free id, such as `p001`; returns the token.
@@ -170,54 +199,55 @@ class StudyServer:
     async def _socket(self, socket: WebSocket) -> None:
         """A page of a participant: its messages are answered until it leaves."""
         id = self.links.participant_of(str(socket.path_params["token"]))
-        if not _is_same_origin(socket):
+        if not self._is_same_origin(socket):
             await socket.close(UNKNOWN)
             return
         await socket.accept()
+        # a page that reconnects may replace its own lost connection
+        page = _Page(socket, socket.query_params.get("page", "")[:40])
         if id is None:
-            await socket.close(UNKNOWN)
+            await page.close(UNKNOWN)
             return
         if self._open >= self._max_connections:
-            await socket.close(FULL)
+            await page.close(FULL)
             return
         self._open += 1
         try:
-            if not await self._take_place(id, socket):
+            if not await self._take_place(id, page):
                 return
             async with self._locks.setdefault(id, asyncio.Lock()):  # the former page is answered to the end
-                if self._sockets.get(id) is socket:
-                    await self._serve(id, socket)
+                if not page.is_replaced:
+                    await self._serve(id, page)
         finally:
             self._open -= 1
-            if self._sockets.get(id) is socket:
-                del self._sockets[id]
+            if self._pages.get(id) is page:
+                del self._pages[id]
 
-    async def _take_place(self, id: str, socket: WebSocket) -> bool:
+    async def _take_place(self, id: str, page: _Page) -> bool:
         """Make a page the one of its participant; False if another one keeps the place."""
-        former = self._sockets.get(id)
-        page = socket.query_params.get("page", "")[:40]  # a page that reconnects may replace its own lost connection
-        if former is not None:
-            is_other = not page or page != self._pages.get(id)
-            if self._takeover == "first" and is_other and former.client_state is WebSocketState.CONNECTED:
-                await socket.close(REFUSED)
-                return False
-            self._sockets[id] = socket
-            with suppress(RuntimeError, WebSocketDisconnect):
-                await former.close(TAKEN_OVER)
-        self._sockets[id], self._pages[id] = socket, page
+        former = self._pages.get(id)
+        if former is None:
+            self._pages[id] = page
+            return True
+        is_other = not page.name or page.name != former.name
+        if self._takeover == "first" and is_other and former.socket.client_state is WebSocketState.CONNECTED:
+            await page.close(OCCUPIED)
+            return False
+        self._pages[id] = page
+        await former.replace()
         return True
 
-    async def _serve(self, id: str, socket: WebSocket) -> None:
+    async def _serve(self, id: str, page: _Page) -> None:
         """Answer the messages of a page until it leaves or another one takes its place."""
         try:
             seat = await self._seat_of(id)
         except Sonata2dError as error:
             logger.error("%s: %s", id, error)
-            await _send(socket, {"type": "error", "problem": str(error)})
-            await socket.close(1011)
+            await page.send({"type": "error", "problem": "the server cannot read its files", "problemKind": FAILED})
+            await page.close(1011)
             return
         try:
-            await _converse(socket, parse_message, seat.answer, until=lambda: self._sockets.get(id) is not socket)
+            await page.converse(parse_message, seat.answer)
         finally:
             with suppress(Sonata2dError):
                 await seat.leave()
@@ -263,27 +293,27 @@ class StudyServer:
 
     async def _researcher_page(self, request: Request) -> Response:
         if not self.links.is_researcher(str(request.path_params["token"])):
-            return _not_found()
+            return self._not_found(request)
         config = self.folder.study.config
         language = config.languages[0]
         data = {"words": self._words[language], "title": in_language(config.title, language), "url": self._url}
         return _page("researcher.html", language=language, data=data)
 
     async def _researcher_socket(self, socket: WebSocket) -> None:
-        if not _is_same_origin(socket) or not self.links.is_researcher(str(socket.path_params["token"])):
+        if not self._is_same_origin(socket) or not self.links.is_researcher(str(socket.path_params["token"])):
             await socket.close(UNKNOWN)
             return
         await socket.accept()
-        await _converse(socket, partial(parse_message, of_researcher=True), self._researcher.answer)
+        await _Page(socket).converse(partial(parse_message, of_researcher=True), self._researcher.answer)
 
     async def _export(self, request: Request) -> Response:
         """All that was collected, as a ZIP file."""
         if not self.links.is_researcher(str(request.path_params["token"])):
-            return _not_found()
+            return self._not_found(request)
         file = temporary_export(self.folder.out)
         personal = request.query_params.get("personal") == "1"
         try:
-            await run_in_threadpool(export_study, self.folder.out, file, personal=personal)
+            await run_in_threadpool(write_archive, self.folder.out, file, personal=personal)
         except Sonata2dError as error:
             return Response(str(error), 500, media_type="text/plain")
         name = f"{self.folder.out.resolve().name}{'-personal' if personal else ''}.zip"
@@ -338,56 +368,83 @@ def _shown_path(scope: Scope) -> str:
     return "/".join(part if k != 2 else "…" for k, part in enumerate(str(scope.get("path", "")).split("/")))[:80]
 
 
+class _Page:
+    """An open page: a web socket whose messages are answered one after the other.
+
+    Args:
+        socket: accepted.
+        name: random name that the page chose.
+
+    Attributes:
+        is_replaced: whether another page has the place of this one.
+    """
+
+    def __init__(self, socket: WebSocket, name: str = "") -> None:
+        self.socket, self.name, self.is_replaced = socket, name, False
+        self._waiting: asyncio.Timeout | None = None
+
+    async def converse(
+        self, parse: Callable[[str | bytes], Message], answer: Callable[[Message], Awaitable[Json | None]]
+    ) -> None:
+        """Answer messages until the page leaves, reads nothing for a while, or is replaced."""
+        mistakes = 0
+        while not self.is_replaced:
+            data = await self._within(_IDLE, _received(self.socket))
+            if data is None:
+                return
+            try:
+                message = parse(data)
+            except ValueError as error:
+                mistakes += 1
+                reply: Json | None = {"type": "error", "problem": str(error), "problemKind": REFUSED}
+            else:
+                reply = await answer(message)
+            if reply is not None and not await self.send(reply):
+                return
+            if mistakes >= MAX_MISTAKES:
+                await self.close(TOO_MANY_MISTAKES)
+                return
+
+    async def send(self, answer: Json) -> bool:
+        """Send an answer; False if the page does not read it."""
+        text = orjson.dumps(answer, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+        return await self._within(_PATIENCE, _sent(self.socket.send_text(text))) is True
+
+    async def close(self, code: int) -> None:
+        """Close the web socket with a code, of which a page that reads nothing does not learn."""
+        with suppress(TimeoutError, WebSocketDisconnect, RuntimeError):
+            await asyncio.wait_for(self.socket.close(code), 1.0)
+
+    async def replace(self) -> None:
+        """End the page, because another one takes its place."""
+        self.is_replaced = True
+        await self.close(TAKEN_OVER)
+        if self._waiting is not None:  # for a page that is gone
+            with suppress(RuntimeError):  # the time is over at this moment
+                self._waiting.reschedule(asyncio.get_running_loop().time())
+
+    async def _within(self, seconds: float, transfer: Awaitable[T]) -> T | None:
+        """What the network gives within a time; None if it gives nothing, or the page leaves or is replaced."""
+        try:
+            async with asyncio.timeout(seconds) as self._waiting:
+                return await transfer
+        except (TimeoutError, WebSocketDisconnect, RuntimeError):
+            return None
+        finally:
+            self._waiting = None
+
+
+async def _sent(sending: Awaitable[None]) -> bool:
+    await sending
+    return True
+
+
 async def _received(socket: WebSocket) -> str | bytes:
     message = await socket.receive()
     if message["type"] == "websocket.disconnect":
         raise WebSocketDisconnect(message.get("code", 1000))
     text = message.get("text")
     return text if text is not None else message.get("bytes") or b""
-
-
-async def _converse(
-    socket: WebSocket,
-    parse: Callable[[str | bytes], Message],
-    answer: Callable[[Message], Awaitable[Json | None]],
-    until: Callable[[], bool] = lambda: False,
-) -> None:
-    """Answer the messages of a page, one after the other, until it leaves or `until` is true."""
-    mistakes = 0
-    while not until():
-        try:
-            data = await asyncio.wait_for(_received(socket), _IDLE)
-        except (WebSocketDisconnect, TimeoutError, RuntimeError):
-            return  # the page was closed, or its connection is lost
-        try:
-            message = parse(data)
-        except ValueError as error:
-            mistakes += 1
-            reply: Json | None = {"type": "error", "problem": str(error)}
-        else:
-            reply = await answer(message)
-        try:
-            if reply is not None:
-                await _send(socket, reply)
-            if mistakes >= MAX_MISTAKES:
-                await socket.close(TOO_MANY_MISTAKES)
-                return
-        except (WebSocketDisconnect, RuntimeError):
-            return
-
-
-async def _send(socket: WebSocket, answer: Json) -> None:
-    await socket.send_text(orjson.dumps(answer, option=orjson.OPT_SERIALIZE_NUMPY).decode())
-
-
-def _is_same_origin(connection: HTTPConnection) -> bool:
-    """Whether a request comes from a page of this server; programs that are no browsers send no origin."""
-    origin = connection.headers.get("origin")
-    return origin is None or urlsplit(origin).netloc == connection.headers.get("host")
-
-
-def _not_found() -> Response:
-    return _page("unknown.html", 404)
 
 
 def _page(name: str, status: int = 200, **values: Any) -> Response:

@@ -12,7 +12,7 @@ import pygame
 
 from ..collect.texts import text
 from ..core.geometry import Point
-from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, touched_kind
 from ..core.snapshot import Snapshot
 from ..view.camera import MIN_SIDE, Camera
 from ..view.canvas import PixelCanvas, put
@@ -340,8 +340,7 @@ def _draw_clearance(pen: Pen, snapshot: Snapshot, place: tuple[int, int], right:
 
 def clearance_words(snapshot: Snapshot) -> str:
     """What the robot touches, pedestrians first; else the distance to the nearest pedestrian."""
-    touched = {contact.kind for contact in snapshot.contacts}
-    kind = next((kind for kind in ("human", "object", "wall") if kind in touched), None)
+    kind = touched_kind(snapshot)
     if kind is not None:
         return text(f"readings.touching_{kind}")
     nearest = _nearest(snapshot)

@@ -591,3 +591,70 @@ def test_nothing_is_compiled_or_loaded_while_a_person_drives(tmp_path: Path) -> 
     """
     done = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["True", "0"] * 2
+
+
+@pytest.mark.parametrize("is_moved", [False, True])
+def test_a_crash_while_a_run_is_taken_back_loses_and_doubles_nothing(
+    is_moved: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = open_session(tmp_path)
+    drive(session)
+    path = session.keep()
+    move = collection.Collection.undo
+
+    def crash(self: collection.Collection) -> Path:
+        if is_moved:
+            move(self)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(collection.Collection, "undo", crash)
+        with pytest.raises(KeyboardInterrupt):
+            session.undo()
+    abandon(session)
+    again = open_session(tmp_path)
+    assert (again.state, again.kept, path.exists()) == (("ended", 0, False) if is_moved else ("waiting", 1, True))
+    if is_moved:
+        again.keep()
+    again.close()
+    assert_valid(tmp_path, files=1)
+
+
+def test_a_run_that_cannot_be_taken_back_stays_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = open_session(tmp_path)
+    drive(session)
+    path = session.keep()
+    scene = session.scene
+
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("sonata2d.collect.collection.os.replace", fail)
+        with pytest.raises(RecordError, match="cannot be moved"):
+            session.undo()
+    assert (session.state, session.scene, session.kept, path.exists()) == ("waiting", scene, 1, True)
+    session.undo()
+    assert session.state == "ended"
+    session.close()
+
+
+def test_a_run_that_another_driver_takes_back_meanwhile_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = open_session(tmp_path, "ada")
+    drive(other)
+    path = other.keep()
+    session = open_session(tmp_path)
+    drive(session)
+    stat = Path.stat
+
+    def vanish(self: Path, **options: Any) -> os.stat_result:
+        if self == path and os.path.lexists(path):
+            os.rename(path, tmp_path / "taken-back")
+        return stat(self, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "stat", vanish)
+        kept = session.keep()
+    assert [file["name"] for file in read_manifest(tmp_path)["files"]] == [kept.name]

@@ -38,7 +38,7 @@ def out(arrive: Arrive, tmp_path: Path) -> Path:
 
 
 def test_results(out: Path, tmp_path: Path) -> None:
-    assert "runs.csv          1 rows\n" in run("study", "results", out, tmp_path / "tables").output
+    assert "runs.csv          1 row\n" in run("study", "results", out, tmp_path / "tables").output
     paths = json.loads(run("study", "results", out, tmp_path / "tables", "--personal", "--json").stdout)
     assert {Path(path).name for path in paths} == {
         "participants.csv", "runs.csv", "answers.csv", "scores.csv", "ratings.csv"
@@ -52,7 +52,9 @@ def test_export(out: Path, tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "study.zip") as archive:
         assert not any(b"left-handed" in archive.read(name) for name in archive.namelist())
     assert not [*tmp_path.glob("*.partial")]
-    assert "cannot be written" in run("study", "export", out, out, code=1).output
+    assert "cannot be written" in run("study", "export", out, tmp_path, code=1).output
+    for command in ("export", "results"):  # it would outlive the removal of a participant
+        assert "choose a place outside" in run("study", command, out, out / "x", code=1).output
 
 
 def test_remove(out: Path) -> None:

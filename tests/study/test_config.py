@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from sonata2d_cli.main import main
 
 from sonata2d.errors import ConfigError
-from sonata2d.study.config import StudyConfig
+from sonata2d.study.config import QuestionConfig, StudyConfig
 from sonata2d.study.load import load_study
 from sonata2d.study.plan import latin_square_row, run_order, shuffled, steps_of
 from sonata2d.study.scales import scale_named, scale_names
@@ -221,8 +221,63 @@ def test_the_command_shows_the_steps(study_file: Path, capsys: pytest.CaptureFix
     result = CliRunner().invoke(main, ["study", "check", str(study_file)])
     assert result.exit_code == 0, result.output
     assert "run-2           drives: room, scene 1\n" in result.stdout
-    assert "ratings-polite  rates: 3 runs of recorded\n" in result.stdout
+    assert "ratings-polite  rates: 3 runs of recorded, none of them twice\n" in result.stdout
     study_file.write_text(STUDY.replace("rosas", "rosa"))
     result = CliRunner().invoke(main, ["study", "check", str(study_file)])
     assert result.exit_code != 0
     assert "line 17" in result.output
+
+
+def test_rows_of_a_table_can_be_reversed_or_pairs_of_opposites(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text(
+        "title: T\nlanguages: [en, de]\ntitle: {en: A, de: B}\nruns: [{scenario: empty}]\nend:\n".replace(
+            "title: T\n", ""
+        )
+        + "  - name: felt\n    kind: likert\n    question: {en: C, de: D}\n    items:\n"
+        "      calm: {en: calm, de: ruhig}\n      tense: {text: {en: tense, de: angespannt}, reversed: true}\n"
+        "      pair: {ends: [{en: bad, de: schlecht}, {en: good, de: gut}]}\n"
+    )
+    (table,) = load_study(tmp_path / "study.yaml").config.end
+    assert isinstance(table, QuestionConfig)
+    assert table.items is not None
+    assert [(item.name, item.reversed, item.ends is not None) for item in table.items] == [
+        ("calm", False, False), ("tense", True, False), ("pair", False, True)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (
+            "classes: [yes, no]",
+            "line 3: demographics.0.classes.0: yes, no, on, off, true and false are texts in quotes",
+        ),
+        ("items: {a: {reversed: true, ends: [b, c]}, '': d}", "an item needs a name"),
+        ("items: [{name: a}]", "an item needs a text, or the two ends of a pair of opposites"),
+    ],
+)
+def test_what_yaml_reads_otherwise_is_explained(text: str, problem: str, tmp_path: Path) -> None:
+    kind = "likert" if "items" in text else "classes"
+    question = f"demographics:\n  - {{name: q, kind: {kind}, question: Q, {text}}}\n"
+    (tmp_path / "study.yaml").write_text(f"title: 2026\n{question}runs: [{{scenario: empty}}]\n")
+    with pytest.raises(ConfigError) as caught:
+        load_study(tmp_path / "study.yaml")
+    assert problem in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (
+            "question: a: b",
+            "line 1: mapping values are not allowed here; correct the indentation, or put a text with a",
+        ),
+        ("runs:\n\t- a", "line 2: found character '\\t' that cannot start any token; indent with spaces"),
+        ("title: {en: a: b}", "line 1: expected ',' or '}', but got ':'; put a text with a colon in quotes"),
+    ],
+)
+def test_errors_of_yaml_name_a_remedy(text: str, problem: str, tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_study(tmp_path / "study.yaml")
+    assert problem in str(caught.value)

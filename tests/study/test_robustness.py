@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 import signal
 from collections.abc import Callable
@@ -19,7 +21,7 @@ from sonata2d.study.load import load_study
 from sonata2d.study.participant import Participant
 from sonata2d.study.progress import progress_of_all
 from sonata2d.study.removal import remove_participant
-from sonata2d.study.report import _score_rows, results_of
+from sonata2d.study.report import _score_rows, results_of, save_results
 
 from .conftest import STUDY, WARMTH, drive, prepare, rate_all
 
@@ -301,3 +303,60 @@ def test_the_lists_of_a_study_are_kept(study_file: Path, tmp_path: Path) -> None
     StudyFolder(tmp_path / "out", load_study(study_file)).add("p1")
     state = orjson.loads((tmp_path / "out" / "study" / "study.json").read_bytes())
     assert (state["participants"], state["withdrawn"], len(state["versions"])) == (["p1"], [], 1)
+
+
+def test_links_that_are_added_at_once_are_all_stored(tmp_path: Path) -> None:
+    for round in range(10):
+        links = Links(tmp_path)
+        with ThreadPoolExecutor(8) as pool:
+            list(pool.map(links.add, [f"r{round}p{k}" for k in range(8)]))
+        assert Links(tmp_path).tokens() == links.tokens()
+
+
+def test_ratings_outlast_a_correction_of_the_question(arrive: Arrive, study_file: Path, tmp_path: Path) -> None:
+    participant = arrive()
+    prepare(participant)
+    for step in [step for step in participant.steps if step.id.startswith(("run-", "after-run-", "block-"))]:
+        participant.skip(step.id)
+    participant.rate(True, seconds=1.0, whole=True)
+    participant.close()
+    study_file.write_text(study_file.read_text().replace("Was it polite", "Was the robot polite"))
+    again = arrive()
+    assert again.rating is not None
+    assert again.rating.done == 1
+    assert again.rating.spec.question == "Was it polite"  # as the files have it; pages show the correction
+    rate_all(again)
+    assert len(results_of(tmp_path / "out")["ratings"]) == 3
+
+
+def test_what_can_be_repeated_has_a_limit(arrive: Arrive, monkeypatch: pytest.MonkeyPatch) -> None:
+    participant = arrive()
+    prepare(participant)
+    monkeypatch.setattr("sonata2d.study.participant._MAX_EVENTS", len(participant._log.lines) + 2)
+    for _ in range(2):
+        drive(participant)
+        participant.redo()
+    drive(participant)
+    with pytest.raises(ValueError, match="which is the limit"):
+        participant.redo()
+    participant.keep(0.5)  # what goes on is not limited
+
+
+def test_a_line_break_begins_no_row_of_a_table(arrive: Arrive, tmp_path: Path) -> None:
+    participant = arrive()
+    participant.read("page-1")
+    participant.consent("consent", [True, True])
+    participant.answer("demographics", {"age": 30, "remark": "one\r=HYPERLINK(1)\r\nthree"})
+    out = tmp_path / "out"
+    counts = save_results(out, tmp_path / "tables", personal=True)
+    text = (tmp_path / "tables" / "answers.csv").read_bytes().decode()
+    assert '"one\n=HYPERLINK(1)\nthree"' in text
+    assert counts[tmp_path / "tables" / "answers.csv"] == len(list(csv.reader(io.StringIO(text)))) - 1
+    assert results_of(out)["participants"][0]["language"] == "en"
+
+
+def test_a_change_of_a_study_is_named(study_file: Path, tmp_path: Path) -> None:
+    StudyFolder(tmp_path / "out", load_study(study_file))
+    study_file.write_text(study_file.read_text().replace("minimum_length: 0.5", "minimum_length: 1.5"))
+    with pytest.raises(ConfigError, match=r"minimum_length was 0\.5 and is 1\.5; texts of the study file may change"):
+        StudyFolder(tmp_path / "out", load_study(study_file))

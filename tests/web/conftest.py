@@ -17,7 +17,7 @@ import sonata2d as s2
 from sonata2d.study.folder import STUDY, StudyFolder
 from sonata2d.study.links import Links
 from sonata2d.study.load import load_study
-from sonata2d.web.protocol import ImpatientProtocol
+from sonata2d.web.serve import server_config
 from sonata2d.web.server import StudyServer
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -79,12 +79,7 @@ class Served:
         study_folder = StudyFolder(self.out, study)
         self.links = Links(self.out / STUDY)
         self.server = StudyServer(study_folder, self.links, **self._settings)
-        config = uvicorn.Config(
-            self.server.app, port=0, log_config=None, access_log=False, ws="websockets-sansio", ws_max_size=65_536,
-            http=ImpatientProtocol,
-            timeout_graceful_shutdown=2,
-        )  # fmt: skip
-        self._uvicorn = uvicorn.Server(config)
+        self._uvicorn = uvicorn.Server(server_config(self.server.app, 200, port=0, timeout_graceful_shutdown=2))
         self._loop = asyncio.new_event_loop()
         serving = self._uvicorn.serve()
         self._thread = threading.Thread(target=lambda: self._loop.run_until_complete(serving), daemon=True)

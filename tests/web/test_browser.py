@@ -257,6 +257,9 @@ def test_everything_but_driving_by_keyboard_alone(browser: Any, served: Served) 
         page.keyboard.up("ArrowUp")
         page.keyboard.press("Enter")
         page.wait_for_selector("#card:not([hidden])")
+        page.keyboard.press("Enter")  # just after the end, it could be meant for the run
+        page.wait_for_timeout(600)
+        assert page.locator("#card").is_visible()
         if page.get_by_role("radio", name="fair").count():
             page.keyboard.press("2")
         page.keyboard.press("Enter")

@@ -231,6 +231,7 @@ def test_a_game_pad_drives(browser: Any, served: Served) -> None:
         page.evaluate(f"pad.buttons[0] = {{value: {int(pressed == 'true')}, pressed: {pressed}}}")
         page.wait_for_timeout(200)
     page.wait_for_selector("#card:not([hidden])")
+    page.wait_for_timeout(600)  # a button that is pressed at once could be meant for the run
     page.evaluate("pad.buttons[0] = {value: 1, pressed: true}")
     page.wait_for_selector("#status.waiting")
     context.close()

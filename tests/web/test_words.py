@@ -10,9 +10,10 @@ from sonata2d.collect.texts import languages, table
 
 FOLDER = Path(web.__file__).parent
 SOURCE = "\n".join(
-    path.read_text(encoding="utf-8") for path in sorted(FOLDER.rglob("*")) if path.suffix in (".js", ".html")
+    path.read_text(encoding="utf-8") for path in sorted(FOLDER.rglob("*")) if path.suffix in (".js", ".html", ".py")
 )
-KEY = re.compile(r"""["']((?:web|menu|readings|keys|run|notice|question|rating|action|player|researcher)\.\w+)["']""")
+SECTIONS = "web|menu|readings|keys|run|notice|question|rating|action|player|researcher|help|legend"
+KEY = re.compile(rf"""["']((?:{SECTIONS})\.(?!html)\w+)["']""")
 
 
 def test_every_word_that_the_page_names_exists() -> None:

@@ -18,7 +18,8 @@ from sonata2d.view.legend import TEXTS
 FOLDER = Path(window.__file__).parent
 MODULES = sorted(path for path in FOLDER.glob("*.py") if path.name not in ("texts.py", "profiles.py"))
 ENGLISH = texts.table("en")
-NAMES_OF = [FOLDER.parent / path for path in ("core/labels.py", "view/legend.py")]  # values of keys, beside the window
+NAMED_IN = ("core/labels.py", "core/proxemics.py", "view/legend.py")
+NAMES_OF = [FOLDER.parent / path for path in NAMED_IN]  # values of keys, beside the window
 SECTION = re.compile(r"[a-z]+\.")  # at the start of a key
 WORDS = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}|^[A-Z][a-z]{2,}")
 NO_WORDS = {

@@ -26,6 +26,12 @@ from ...core.wording import one_line, shown
 from ...errors import ConfigError
 
 _MAX_BYTES_WITH_LINES = 200_000
+_HINTS = {  # by a part of an error of PyYAML
+    "got '?'": "; put a text with a question mark in quotes",  # which ends a text within braces
+    "got ':'": "; put a text with a colon in quotes",
+    "mapping values are not allowed": "; correct the indentation, or put a text with a colon in quotes",
+    "found character '\\t'": "; indent with spaces",
+}
 _TOO_DEEP = f"values are nested more than {MAX_SCENARIO_DEPTH} deep"
 _TOO_MANY = f"a mapping has more than {MAX_SCENARIO_KEYS} keys"
 
@@ -55,8 +61,7 @@ def parse_settings(path: Path, kind: str = "scenario") -> dict[str, Any]:
             json.dumps(content, ensure_ascii=False, skipkeys=True, default=str).encode()
     except yaml.MarkedYAMLError as error:
         line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        # in braces, YAML 1.1 ends a text at a question mark, at which most questions end
-        hint = "; put a text with a question mark in quotes" if "got '?'" in str(error.problem) else ""
+        hint = next((hint for part, hint in _HINTS.items() if part in str(error.problem)), "")
         raise ConfigError(f"{path.name}{line}: {error.problem}{hint}") from None
     except json.JSONDecodeError as error:
         raise ConfigError(f"{path.name}, line {error.lineno}: {error.msg}") from None

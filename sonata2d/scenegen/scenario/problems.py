@@ -17,6 +17,13 @@ else:
     ModelMetaclass = type(BaseModel)
 
 
+_MESSAGES = {  # by type of the error, in place of messages that name types of Python
+    "tuple_type": "Input should be a list: [first, second]",
+    "model_type": "Input should have keys: {key: value}",
+    "dict_type": "Input should have keys: {key: value}",
+}
+
+
 class OneLineErrors(ModelMetaclass):
     """Metaclass of settings: their constructors raise ConfigError in place of pydantic's ValidationError."""
 
@@ -50,7 +57,8 @@ def problem_of(settings: dict[str, Any], error: ValidationError) -> tuple[list[i
     places = (_follow(settings, other["loc"])[0] for other in others)
     further = sorted({".".join(map(str, place)) for place in places if place[: len(keys)] != keys})
     more = f" (and more in {one_line(', '.join(further), 100)})" if further else ""
-    return keys, f"{key_path}{one_line(first['msg'], 300)}{got}{hint}{more}"
+    message = _MESSAGES.get(first["type"], first["msg"]).replace("Tuple should", "List should")
+    return keys, f"{key_path}{one_line(message, 300)}{got}{hint}{more}"
 
 
 def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str], Any]:

@@ -1,5 +1,4 @@
-// The connection to the server. A worker that runs the simulation in the page could take its place: it would get the
-// same messages from `send`, and pass the same answers to `receive`.
+// The connection to the server. Nothing else in the page knows how messages travel.
 
 const FINAL = {4001: "taken", 4002: "refused", 4003: "unknown", 4004: "mistakes"};   // no use in trying again
 const RETRY = [300, 600, 1200, 2500, 5000];   // ms
@@ -15,8 +14,11 @@ export class Connection {
 
   open() {
     const socket = this.socket = new WebSocket(this.url);
-    socket.onopen = () => { this.attempt = 0; this.status("open"); };
-    socket.onmessage = event => { if (socket === this.socket) this.receive(JSON.parse(event.data)); };
+    socket.onopen = () => this.status("open");
+    socket.onmessage = event => {
+      this.attempt = 0;      // a server that is full accepts a connection before it closes it
+      if (socket === this.socket) this.receive(JSON.parse(event.data));
+    };
     socket.onclose = event => {
       if (socket !== this.socket) return;
       this.status(FINAL[event.code] || "lost");

@@ -31,7 +31,7 @@ export class Drive {
     if (drive.ticks && drive.status === "driving") this.states.set(drive.ticks - 1, drive.before);
     this.sent = this.latest = this.shown = drive.ticks;
     this.sentAt = new Map(); this.lag = 0; this.dropped = 0; this.roundTrip = null; this.isSlow = false;
-    this.input.buffer.forget(); this.queue = [];
+    this.input.buffer.forget(); this.labelEvent = null;
     this.status = "none";
     this.update(drive);
   }
@@ -49,10 +49,10 @@ export class Drive {
     this.update(answer);
   }
 
-  update({status, outcome, given, notice, isHeld}) {
+  update({status, outcome, given, isUnsaved, isHeld}) {
     const former = this.status;
     if (former === "pausing" && status === "driving") return;   // the answer to a tick before the pause
-    this.outcome = outcome; this.given = given; this.notice = notice; this.isHeld = isHeld;
+    this.outcome = outcome; this.given = given; this.isUnsaved = isUnsaved; this.isHeld = isHeld;
     this.status = status;
     if (status === "ended") this.input.release();
     if (status !== former) this.changed();
@@ -82,7 +82,7 @@ export class Drive {
     this.send({type: "stop", run: this.run});
   }
 
-  label(position) { this.queue.push({device: "label", control: "value", value: position}); }
+  label(position) { this.labelEvent = {device: "label", control: "value", value: position}; }
 
   perform(action) {
     const allowed = {view: "view", zoomIn: "zoom", zoomOut: "zoom", zones: "zones"}[action];
@@ -102,7 +102,7 @@ export class Drive {
     if (this.run === null) return;
     this.input.pads();
     if (this.status === "driving") this.advance(seconds);
-    else if ((this.status === "waiting" || this.status === "paused") && this.input.isDriving()) this.start();
+    else if ((this.status === "waiting" || this.status === "paused") && this.input.isActive() && this.input.isDriving()) this.start();
     this.draw(seconds);
   }
 
@@ -119,8 +119,8 @@ export class Drive {
   }
 
   tick() {
-    const events = [...this.input.poll(), ...this.queue];
-    this.queue = [];
+    const events = [...this.input.poll(), ...(this.labelEvent ? [this.labelEvent] : [])];
+    this.labelEvent = null;
     const isSent = this.send({type: "tick", run: this.run, number: this.sent, events, round_trip: this.roundTrip, dropped: this.dropped});
     if (!isSent) return;
     this.sentAt.set(this.sent, performance.now());
@@ -157,6 +157,7 @@ export class Drive {
   /** Where the goal is, if it is out of the picture. */
   drawGoalArrow(pen, camera, {robot}) {
     const [x, y] = this.data.goal, place = toPixels(camera, x, y), {width, height} = camera, edge = 26;
+    this.isGoalBelow = place[1] > .6 * height;
     if (place[0] > 0 && place[0] < width && place[1] > 0 && place[1] < height) return;
     const middle = toPixels(camera, robot.x, robot.y), dx = place[0] - middle[0], dy = place[1] - middle[1];
     const limits = [dx > 0 ? (width - edge - middle[0]) / dx : dx < 0 ? (edge - middle[0]) / dx : Infinity,

@@ -5,6 +5,7 @@ const RADIUS = .22;              // drag for a full deflection, as a fraction of
 const DEAD_ZONE = {mouse: .08, touch: .08, pad: .1}, CENTRED = .25, PRESSED = .55;
 const DRIVING_KEYS = ["w", "a", "s", "d", "q", "e", "up", "down", "left", "right", "space"];
 const KEY_NAMES = {" ": "space", ArrowUp: "up", ArrowDown: "down", ArrowLeft: "left", ArrowRight: "right"};
+const LETTER_CODES = {KeyW: "w", KeyA: "a", KeyS: "s", KeyD: "d", KeyQ: "q", KeyE: "e"};   // for other alphabets
 const PAD_AXES = ["left_x", "left_y", "right_x", "right_y"];
 const PAD_BUTTONS = ["a", "b", "x", "y", "left_shoulder", "right_shoulder", "left_trigger", "right_trigger", "back", "start",
   "left_stick", "right_stick", "dpad_up", "dpad_down", "dpad_left", "dpad_right"];   // of the standard mapping
@@ -60,6 +61,7 @@ export class Input {
     this.isActive = () => true;   // whether keys drive, rather than move through the page
     this.ignored = new Set();     // controls of pads that were deflected when all controls were released
     this.held = new Set();        // buttons of pads
+    this.pressed = new Map();     // names of the keys that are pressed, by their place on the keyboard
     addEventListener("keydown", event => this.key(event, 1));
     addEventListener("keyup", event => this.key(event, 0));
     addEventListener("blur", () => this.release());
@@ -67,12 +69,21 @@ export class Input {
       canvas.addEventListener(type, event => this.pointer(event));
     }
     canvas.addEventListener("contextmenu", event => event.preventDefault());
+    canvas.addEventListener("wheel", event => {
+      if (this.isActive() && event.deltaY && this.act(event.deltaY < 0 ? "labelUp" : "labelDown")) event.preventDefault();
+    }, {passive: false});
+    addEventListener("gamepaddisconnected", event => this.losePad(event.gamepad));
   }
 
   // -- keyboard
 
   key(event, value) {
-    const name = KEY_NAMES[event.key] || event.key.toLowerCase();
+    if (!event.key || (value && event.isComposing)) return;
+    if (event.key === "Meta" && value) this.release();      // macOS does not report keys that are released meanwhile
+    let name = KEY_NAMES[event.key] || event.key.toLowerCase();
+    if (!/^[\x20-\x7f]+$/.test(name) || event.key === "Process") name = LETTER_CODES[event.code] || name;
+    if (value) this.pressed.set(event.code, name);
+    else { name = this.pressed.get(event.code) || name; this.pressed.delete(event.code); }   // Shift may have changed it
     if (value && (event.ctrlKey || event.altKey || event.metaKey)) {
       if (event.ctrlKey && name === "z" && this.isActive()) { event.preventDefault(); this.act("undo"); }
       return;
@@ -96,6 +107,7 @@ export class Input {
     if (event.type === "pointerdown") {
       if (this.stick || event.button !== 0 || !this.isActive()) return;
       event.preventDefault();
+      this.canvas.focus({preventScroll: true});      // keys drive, too
       this.canvas.setPointerCapture(event.pointerId);
       this.stick = {id: event.pointerId, device, anchor: at, position: at, radius: Math.max(RADIUS * Math.min(box.width, box.height), 40)};
     } else if (!this.stick || this.stick.id !== event.pointerId) {
@@ -116,12 +128,20 @@ export class Input {
   // -- game pads
 
   pads() {
-    const pads = navigator.getGamepads ? [...navigator.getGamepads()].filter(Boolean).slice(0, 8) : [];
-    pads.forEach((pad, slot) => {
-      const isStandard = pad.mapping === "standard", device = "pad" + slot;
+    const pads = navigator.getGamepads ? [...navigator.getGamepads()].filter(pad => pad && pad.index < 8) : [];
+    pads.forEach(pad => {
+      const isStandard = pad.mapping === "standard", device = "pad" + pad.index;
       pad.axes.forEach((value, k) => this.axis(device, isStandard ? PAD_AXES[k] : "axis" + k, value));
       pad.buttons.forEach((button, k) => this.button(device, isStandard ? PAD_BUTTONS[k] : "button" + k, button.value));
     });
+  }
+
+  /** A pad that is gone drives no more. */
+  losePad({index, id}) {
+    const own = key => key.startsWith(`pad${index}/`);
+    for (const key of this.buffer.values.keys()) if (own(key)) this.buffer.put(...key.split("/"), 0);
+    for (const keys of [this.ignored, this.held]) for (const key of [...keys]) if (own(key)) keys.delete(key);
+    this.act("padLost", id);
   }
 
   axis(device, control, value) {

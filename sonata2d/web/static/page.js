@@ -7,8 +7,12 @@ import {form, question} from "./questions.js";
 import {Watch} from "./watch.js";
 
 const PROTOCOL = 1, LABEL_STEP = .1;
+const TOUCHED = {human: "readings.touching_human", object: "readings.touching_object", wall: "readings.touching_wall"};
+const PAUSE_OF_CARD = 500;     // ms, in which keys that were pressed to drive do not answer the card
+const PROBLEMS = {refused: "web.not_possible", failed: "web.server_failed"};
 const data = JSON.parse(byId("data").textContent);
 let language = data.languages[0], view = null, stepOnShow = null, isWaiting = false, connection = "lost", label = null;
+let notice = "";      // about a device, until the run goes on
 
 /** A text of the page in the participant's language. */
 function t(key, values = {}) {
@@ -25,7 +29,7 @@ const server = new Connection(socketAddress(), {
   receive: answer => {
     if (answer.type === "tick") { drive.answered(answer); showReadings(); return; }
     isWaiting = false;
-    if (answer.type === "error") { announce(answer.problem); setBusy(); return; }
+    if (answer.type === "error") { announce(t(PROBLEMS[answer.problemKind])); setBusy(); return; }
     show(answer);
   },
   status: status => {
@@ -48,10 +52,10 @@ function setBusy() {
   for (const button of document.querySelectorAll("button[data-sends]")) button.disabled = isWaiting || connection !== "open";
 }
 
-const drive = new Drive(byId("canvas"), {send, changed: () => showDriving(), act: action => perform(action)});
+const drive = new Drive(byId("canvas"), {send, changed: () => showDriving(), act: (action, device) => perform(action, device)});
 const watch = new Watch(byId("film"), () => showWatching());
 drive.input.isActive = event => {
-  if (!view || !view.drive || isWaiting) return false;
+  if (!view || !view.drive || isWaiting || byId("help").open) return false;
   const focus = event && event.target;
   if (!focus || !focus.closest) return true;
   if (focus.matches("input[type=radio]")) return !/^(Arrow.*| )$/.test(event.key);      // those choose another answer
@@ -83,7 +87,7 @@ function show(next) {
     (isDriving ? byId("canvas") : isRating ? byId("film") : byId("title")).focus({preventScroll: true});
   }
   stepOnShow = key;
-  announce(view.problem || "");
+  announce(view.problemKind ? t(PROBLEMS[view.problemKind]) : isDriving && view.drive.isRestarted ? t("web.restarted") : notice);
   setBusy();
 }
 
@@ -122,7 +126,9 @@ function showStep() {
   if (step.kind === "page") parts.push(next(t("web.continue"), () => send({type: "read", step: step.id})));
   if (step.kind === "consent") parts.push(consent(step, next));
   if (step.kind === "questions") {
-    const element = form(step.questions, t, values => send({type: "answer", step: step.id, values}), t("web.continue"));
+    const former = stepOnShow !== null && stepOnShow.startsWith(`${step.id}/`) ? place.querySelector("form") : null;
+    const given = former ? former.answers() : {};      // of another language
+    const element = form(step.questions, t, values => send({type: "answer", step: step.id, values}), t("web.continue"), given);
     element.querySelector("button[type=submit]").dataset.sends = "";
     parts.push(element);
   }
@@ -160,9 +166,10 @@ function showDriving(isNew = false) {
   const {status} = drive, {drive: run} = view;
   byId("status").textContent = `${SIGNS[status] || ""} ${t(WORDS[status] || "readings.waiting")}`;
   byId("status").className = status;
-  byId("hint").textContent = drive.isHeld ? t("web.held") : status === "waiting" ? t(run.isPractice ? "web.practice_hint" : "web.drive_hint")
+  byId("hint").textContent = drive.isHeld ? t("web.held") : status === "waiting" ? t(!run.isPractice ? "web.drive_hint" : isTouched ? "web.practice_touch" : "web.practice_hint")
     : drive.isSlow ? t("web.slow") : status === "paused" || status === "pausing" ? t("web.paused") : "";
-  if (drive.notice) announce(drive.notice);
+  if (notice && status === "driving") { notice = ""; announce(""); }
+  if (drive.isUnsaved) announce(t("web.unsaved"));
   byId("context").textContent = run.context || "";
   const buttons = [];
   const add = (key, act, attributes = {}) => buttons.push(make("button", {onclick: act, "data-key": key, ...attributes}, capital(key)));
@@ -170,7 +177,7 @@ function showDriving(isNew = false) {
   if (status === "paused" && !drive.isHeld) { add("menu.continue", () => drive.start(), {class: "primary"}); add("keys.end_run", () => drive.stop(), {"data-sends": true}); }
   if (status === "waiting" && view.canUndo) add("menu.undo", () => send({type: "undo"}), {"data-sends": true});
   for (const [change, action, key] of [["view", "view", "keys.camera"], ["zones", "zones", "keys.zones"], ["zoom", "zoomIn", "action.zoom_in"], ["zoom", "zoomOut", "action.zoom_out"]]) {
-    if (run.changes.includes(change) && status !== "ended") add(key, () => drive.perform(action));
+    if (run.changes.includes(change) && status !== "ended") add(key, () => { drive.perform(action); focusPicture(); });
   }
   add("keys.help", () => showHelp());
   const focused = document.activeElement.closest("#actions button");
@@ -182,6 +189,10 @@ function showDriving(isNew = false) {
   setBusy();
 }
 
+/** Lets keys drive again, after a button was clicked. */
+const focusPicture = () => byId("canvas").focus({preventScroll: true});
+
+const isTouched = matchMedia("(pointer: coarse)").matches;      // a phone or a tablet
 const hasPad = () => Boolean(navigator.getGamepads) && navigator.getGamepads().some(Boolean);
 
 // Keys and game-pad buttons: what is pressed, what it does, and whether the study lets participants do it.
@@ -201,7 +212,7 @@ function showHelp() {
   if (byId("help").open) { byId("help").close(); return; }
   drive.pause();
   byId("help-title").textContent = t("help.title"); byId("legend-title").textContent = t("web.symbols"); byId("help-close").textContent = t("help.close");
-  const rows = KEYS.filter(([, , isAllowed]) => !isAllowed || isAllowed(view.drive));
+  const rows = isTouched ? [["web.touch", "help.mouse"]] : KEYS.filter(([, , isAllowed]) => !isAllowed || isAllowed(view.drive));
   byId("keys").replaceChildren(...rows.flatMap(([keys, meaning]) => [make("dt", {}, t(keys)), make("dd", {}, t(meaning))]));
   showLegend();
   byId("help").showModal();
@@ -214,11 +225,13 @@ function showLegend() {
 function showCard(status, run) {
   const card = byId("card");
   if (status !== "ended") { card.hidden = true; card.replaceChildren(); return; }
-  if (!card.hidden && card.dataset.run === String(run.run)) return;
-  card.dataset.run = run.run; card.hidden = false;
+  const key = `${run.run}/${language}`;
+  if (!card.hidden && card.dataset.key === key) return;
+  if (card.hidden) card.shownAt = performance.now();
+  card.dataset.key = key; card.hidden = false;
   const time = drive.states.get(drive.latest).time, isShort = time < run.minimum;
   const above = make("p", {class: "above"}, t(`run.${drive.outcome || "stopped"}`, {time: seconds(time)}));
-  const buttons = [], id = run.run;
+  const buttons = [], explained = [], id = run.run;
   const add = (words, message, attributes = {}) => buttons.push(make("button", {"data-sends": true, onclick: () => send(message), ...attributes}, words));
   let asked = null, heading;
   if (run.isPractice) {
@@ -230,15 +243,17 @@ function showCard(status, run) {
       asked = question({...run.label, answer: label}, t);
       asked.addEventListener("answered", () => { label = asked.answer; asked.setProblem(""); });
     }
-    heading = asked ? "" : t("run.keep_question");
+    heading = asked || isShort ? "" : t("run.keep_question");
     const keep = make("button", {class: "primary", id: "confirm", "data-sends": true, onclick: () => keepRun(asked)}, capital("keys.keep"));
     if (!isShort) buttons.push(keep);
     if (run.allowed.discard) add(capital("keys.discard"), {type: "discard", run: id});
     if (run.allowed.redo || isShort) add(capital("keys.redo"), {type: "redo", run: id});
+    if (run.allowed.discard) explained.push(make("p", {class: "hint"}, t("web.about_discard")));
+    if (run.allowed.redo || isShort) explained.push(make("p", {class: "hint"}, t("web.about_redo")));
   }
   card.replaceChildren(above, ...(heading ? [make("h2", {}, heading)] : []), ...(asked && !isShort ? [asked] : []),
     ...(isShort && !run.isPractice ? [make("p", {class: "problem"}, t("web.too_short", {seconds: run.minimum}))] : []),
-    make("div", {class: "buttons"}, ...buttons));
+    make("div", {class: "buttons"}, ...buttons), ...explained);
   card.asked = asked;
   const first = card.querySelector("input, button");
   if (first) first.focus({preventScroll: true});
@@ -256,7 +271,7 @@ function showFrameLabel(run, isNew) {
   const asked = question({...spec, answer: drive.given}, t);
   asked.addEventListener("answered", () => {
     drive.label(positionOf(asked.answer, spec));
-    if (place.contains(document.activeElement)) byId("canvas").focus({preventScroll: true});     // keys drive again
+    if (place.contains(document.activeElement)) focusPicture();
   });
   place.replaceChildren(asked);
   place.asked = asked;
@@ -269,26 +284,32 @@ function positionOf(answer, spec) {
 function showReadings() {
   if (!view || !view.drive || !drive.now) return;
   const {time, speed, goal, nearest, touches} = drive.readings();
+  byId("hint").classList.toggle("above", drive.isGoalBelow);
   byId("time").textContent = t("readings.seconds", {time: seconds(time)});
   byId("speed").textContent = t("readings.speed", {speed: seconds(speed)});
   byId("goal").textContent = t("readings.goal", {distance: seconds(goal)});
-  byId("nearest").textContent = nearest === null ? t("readings.nobody") : t("readings.nearest", {distance: seconds(Math.max(nearest, 0))});
+  byId("nearest").textContent = touches ? t(TOUCHED[touches]) : nearest === null ? t("readings.nobody")
+    : t("readings.nearest", {distance: seconds(Math.max(nearest, 0))});
   byId("nearest").className = touches ? "touching" : nearest !== null && nearest < 1.2 ? "near" : "";
 }
 
 /** Actions of keys and game pads; true if there is one. */
-function perform(action) {
+function perform(action, device) {
   if (!view || !view.drive || isWaiting) return false;
   const {status} = drive, {drive: run} = view, card = byId("card");
   if (action === "confirm") {
     if (status === "driving") drive.stop();
     else if (status === "waiting" || status === "paused") drive.start();
-    else if (status === "ended" && byId("confirm")) byId("confirm").click();
+    else if (status === "ended" && byId("confirm") && performance.now() - card.shownAt > PAUSE_OF_CARD) byId("confirm").click();
   } else if (action === "pause") {
     if (status === "driving") drive.pause(); else if (status === "paused") drive.start(); else return false;
   } else if (action === "discard" || action === "redo") {
     if (status === "driving" || status === "paused") drive.stop();
     else if (status === "ended" && (run.allowed[action] || run.isPractice)) send({type: run.isPractice ? "redo" : action, run: run.run});
+  } else if (action === "padLost") {
+    drive.pause();
+    notice = t("notice.pad_lost", {device});
+    announce(notice);
   } else if (action === "readings") {
     byId("readings").hidden = !byId("readings").hidden;
   } else if (action === "help") {
@@ -324,7 +345,9 @@ function showRating(former) {
   byId("rated").textContent = t("rating.progress", {percent: Math.round(100 * rating.done), rater: ""}).replace(/[·\s]+$/, "");
   const isNew = !former || !former.rating || former.rating.shown !== rating.shown || former.language !== language;
   if (isNew) {
-    const asked = question(rating.label, t), place = byId("rating");
+    const place = byId("rating"), isSame = former && former.rating && former.rating.shown === rating.shown;
+    const asked = question({...rating.label, answer: isSame ? place.asked.answer : null}, t);
+    place.asked = asked;
     const save = make("button", {class: "primary", id: "save", "data-sends": true, onclick: () => {
       if (!watch.isWhole) { announce(t("rating.watch_to_end")); return; }
       if (!asked.isAnswered()) { asked.setProblem(t("rating.answer_first")); return; }
@@ -332,14 +355,17 @@ function showRating(former) {
     }}, t("rating.save"));
     asked.addEventListener("answered", () => asked.setProblem(""));
     place.replaceChildren(asked, save);
+    if (former && former.rating) byId("film").focus({preventScroll: true});
     byId("film-buttons").replaceChildren(
       make("button", {id: "play", onclick: () => watch.play(!watch.isPlaying)}, ""),
       make("button", {onclick: () => watch.again()}, t("rating.again")));
   }
   if (rating.breakDue && byId("break").hidden) {
     byId("break").hidden = false; watch.isPlaying = false;
-    byId("break").replaceChildren(make("h2", {}, t("rating.break")), make("p", {}, t("rating.break_line")),
-      make("button", {class: "primary", onclick: () => { byId("break").hidden = true; send({type: "rest"}); watch.play(true); }}, t("web.continue")));
+    const goOn = () => { byId("break").hidden = true; send({type: "rest"}); watch.play(true); byId("film").focus({preventScroll: true}); };
+    byId("break").replaceChildren(make("h2", {id: "break-title"}, t("rating.break")), make("p", {}, t("rating.break_line")),
+      make("button", {class: "primary", onclick: goOn}, t("web.continue")));
+    byId("break").querySelector("button").focus({preventScroll: true});
   }
   showWatching();
 }
@@ -364,6 +390,15 @@ function showConnection() {
   byId("connection").textContent = words ? t(words) : "";
   setBusy();
 }
+// Keys that are held, or were pressed to drive, press no button and choose no answer.
+byId("card").addEventListener("keydown", event => {
+  const isAnswer = /^(Enter| |Arrow.*)$/.test(event.key);
+  if (isAnswer && (event.repeat || performance.now() - byId("card").shownAt < PAUSE_OF_CARD)) event.preventDefault();
+});
+addEventListener("keydown", event => {      // on pages with questions; while driving, `Input` does it
+  const isUndo = event.ctrlKey && event.key.toLowerCase() === "z" && !event.target.closest("textarea, input[type=number]");
+  if (isUndo && view && !view.drive && view.canUndo && !isWaiting) { event.preventDefault(); send({type: "undo"}); }
+});
 byId("language").addEventListener("change", event => send({type: "language", language: event.target.value}));
 byId("skip").addEventListener("click", () => send({type: "skip", step: view.step.id}));
 document.addEventListener("visibilitychange", () => { if (document.hidden) drive.pause(); });

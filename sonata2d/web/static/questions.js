@@ -21,7 +21,7 @@ export function question(spec, t) {
   const title = [make("span", {}, spec.question || spec.name), spec.required === false ? make("span", {class: "optional"}, ` (${t("web.optional")})`) : null];
   let body;
   if (spec.kind === "likert") {
-    body = table(spec, id, value => changed(value), t);
+    body = table(spec, id, answer || {}, value => changed(value));
   } else if (spec.kind === "yes_no") {
     body = [make("div", {class: "choices"}, ...choices(id, [true, false], [t("question.yes"), t("question.no")], {chosen: answer, changed}))];
   } else if (spec.kind === "classes") {
@@ -43,6 +43,7 @@ export function question(spec, t) {
   }
   const isField = spec.kind === "number" || spec.kind === "text";
   const problem = make("p", {class: "problem", id: `${id}-problem`, hidden: true});
+  if (isField) body[0].setAttribute("aria-describedby", problem.id);
   const element = isField
     ? make("div", {class: "question"}, make("label", {for: id}, ...title), ...body, problem)
     : make("fieldset", {class: "question", "aria-describedby": problem.id}, make("legend", {}, ...title), ...body, problem);
@@ -53,6 +54,13 @@ export function question(spec, t) {
   element.setProblem = text => {
     problem.hidden = !text; problem.textContent = text;
     element.classList.toggle("wrong", Boolean(text));
+    if (isField) body[0].setAttribute("aria-invalid", Boolean(text));
+    for (const row of rowsOf(element)) row.classList.toggle("missing", Boolean(text) && !row.querySelector("input:checked"));
+  };
+  element.focusProblem = () => {
+    const row = rowsOf(element).find(one => !one.querySelector("input:checked"));
+    const first = (row || element).querySelector("input, textarea");
+    if (first) first.focus();
   };
   element.choose = value => {      // as if it had been clicked
     const inputs = [...element.querySelectorAll("input[type=radio]")];
@@ -62,6 +70,9 @@ export function question(spec, t) {
   };
   return element;
 }
+
+/** Rows of a table of statements, without its head. */
+const rowsOf = element => [...element.querySelectorAll(".row[role=radiogroup]")];
 
 /** A range without a value until it is touched. */
 function slider(spec, id, answer, changed, t) {
@@ -76,14 +87,14 @@ function slider(spec, id, answer, changed, t) {
 }
 
 /** A table with one scale for all rows; each row is a group of radio buttons. Ends that all rows share stand above them. */
-function table(spec, id, changed, t) {
-  const answers = {}, points = Array.from({length: spec.points}, (_, k) => k + 1);
+function table(spec, id, given, changed) {
+  const answers = {...given}, points = Array.from({length: spec.points}, (_, k) => k + 1);
   const rows = spec.items.map((item, row) => {
     const name = `${id}-${row}`, ends = item.ends || spec.ends || ["", ""];
     const label = item.text || `${ends[0]} – ${ends[1]}`;
     const set = value => { answers[item.name] = value; changed({...answers}); };
     const texts = points.map(k => spec.labels ? spec.labels[k - 1] : String(k));
-    const inputs = choices(name, points, texts, {changed: set});
+    const inputs = choices(name, points, texts, {chosen: answers[item.name] ?? null, changed: set});
     inputs.forEach((choice, k) => {
       const input = choice.firstChild, end = k === 0 ? ends[0] : k === points.length - 1 ? ends[1] : "";
       input.setAttribute("aria-label", end && !spec.labels ? `${texts[k]}: ${end}` : texts[k]);
@@ -99,8 +110,9 @@ function table(spec, id, changed, t) {
 }
 
 /** Questions with a button; `send` gets the answers by name. */
-export function form(specs, t, send, text) {
-  const questions = specs.map(spec => question(spec, t));
+export function form(specs, t, send, text, given = {}) {
+  const questions = specs.map(spec => question({...spec, answer: given[spec.name] ?? null}, t));
+  for (const one of questions) one.addEventListener("answered", () => { if (one.isAnswered()) one.setProblem(""); });
   const summary = make("p", {class: "problem", role: "alert", hidden: true});
   const element = make("form", {novalidate: true, onsubmit: event => {
     event.preventDefault();
@@ -115,11 +127,11 @@ export function form(specs, t, send, text) {
     summary.hidden = !missing.length;
     if (missing.length) {
       summary.textContent = t("web.missing", {count: missing.length});
-      const first = missing[0].querySelector("input:not(:checked), textarea");
-      if (first) first.focus();
+      missing[0].focusProblem();
       return;
     }
-    send(Object.fromEntries(questions.filter(one => one.answer !== null).map(one => [one.spec.name, one.answer])));
+    send(element.answers());
   }}, ...questions, summary, make("button", {class: "primary", type: "submit"}, text));
+  element.answers = () => Object.fromEntries(questions.filter(one => one.answer !== null).map(one => [one.spec.name, one.answer]));
   return element;
 }

@@ -13,14 +13,16 @@ const STATES = {driving: "readings.recording", paused: "readings.paused", ended:
 const data = JSON.parse(byId("data").textContent), base = data.url || location.origin;
 const t = (key, values = {}) => filled(data.words[key] || key, values);
 const rows = new Map();
+const problems = {files: "", request: ""};    // that of a request stays until the next click
 let isHeld = false, watched = null, scene = "", drawing = null, before = null, latest = null, arrived = 0, isLooking = false;
 
 const server = new Connection(socketAddress(), {
   receive: answer => {
-    if (answer.type === "overview") showOverview(answer);
+    if (answer.type === "overview") { showOverview(answer); problems.files = answer.problem; }
     else if (answer.type === "look") showLook(answer);
     else if (answer.type === "agreement") showAgreement(answer.blocks);
-    byId("problem").textContent = answer.problem || ""; byId("problem").hidden = !answer.problem;
+    else if (answer.type === "problem") { problems.request = answer.problem; isLooking = false; }
+    showProblems();
   },
   status: status => {
     isLooking = false;
@@ -29,6 +31,14 @@ const server = new Connection(socketAddress(), {
     if (status === "open") { server.send({type: "overview"}); server.send({type: "agreement"}); }
   },
 });
+
+function showProblems() {
+  const words = Object.values(problems).filter(Boolean).join(" ");
+  byId("problem").textContent = words; byId("problem").hidden = !words;
+}
+
+/** Sends what the researcher clicked. */
+function order(message) { problems.request = ""; server.send(message); }
 
 // ---- participants
 
@@ -46,7 +56,8 @@ function showOverview({participants, isHeld: held, open}) {
 function showRow(one) {
   if (!rows.has(one.id)) addRow(one);
   const {cells, row} = rows.get(one.id), [done, total] = one.progress;
-  const now = [t(KINDS[one.kind]), ["thanks", "declined"].includes(one.kind) ? "" : `(${one.step})`];
+  const now = one.lastEvent || one.isOpen ? [t(KINDS[one.kind]), ["thanks", "declined"].includes(one.kind) ? "" : `(${one.step})`]
+    : [t("researcher.not_begun")];
   if (one.isOpen && STATES[one.status]) now.push(`· ${t(STATES[one.status])}`);
   const open = t(one.isOpen ? "researcher.online" : "researcher.offline");
   const texts = {
@@ -75,7 +86,13 @@ function addRow(one) {
 
 /** A button that copies a link; browsers allow it on this machine and with HTTPS only. */
 function copyButton(field) {
-  return navigator.clipboard ? make("button", {onclick: () => navigator.clipboard.writeText(field.value)}, t("researcher.copy")) : null;
+  if (!navigator.clipboard) return null;
+  const button = make("button", {onclick: async () => {
+    await navigator.clipboard.writeText(field.value);
+    button.textContent = t("researcher.copied");
+    setTimeout(() => { button.textContent = t("researcher.copy"); }, 2000);
+  }}, t("researcher.copy"));
+  return button;
 }
 
 // ---- live view
@@ -138,10 +155,10 @@ byId("canvas").setAttribute("aria-label", t("researcher.live"));
 byId("screen").hidden = true;
 const copyOpen = copyButton(byId("open"));
 if (copyOpen) byId("open").after(copyOpen);
-byId("hold").addEventListener("click", () => server.send({type: "hold", value: !isHeld}));
+byId("hold").addEventListener("click", () => order({type: "hold", value: !isHeld}));
 byId("new").addEventListener("submit", event => {
   event.preventDefault();
-  server.send({type: "add", count: Number(byId("number").value)});
+  order({type: "add", count: Number(byId("number").value)});
 });
 setInterval(() => server.send({type: "overview"}), OVERVIEW_PERIOD);
 setInterval(() => server.send({type: "agreement"}), 30 * OVERVIEW_PERIOD);

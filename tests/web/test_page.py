@@ -1,0 +1,149 @@
+"""What keys, pads, buttons and languages do on the page besides driving."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from sonata2d.record.reader import read_episode
+
+from .conftest import Served
+from .test_browser import drive_with_keys, end, go_on, opened, practise, prepare
+from .test_robustness import GAME_PAD
+
+
+def session_of(served: Served, id: str = "p001") -> Any:
+    session = served.server.seats[id].participant.session
+    assert session is not None
+    return session
+
+
+def test_keys_drive_after_a_click_on_a_button(browser: Any, served: Served) -> None:
+    page = opened(browser, served.link())
+    prepare(page)
+    for name in ("Camera", "Zoom in"):
+        page.get_by_role("button", name=name).click()
+        page.keyboard.down("w")
+        page.wait_for_selector("#status.driving")
+        page.wait_for_timeout(400)
+        assert page.evaluate("document.activeElement.id") == "canvas"
+        page.keyboard.up("w")
+    page.get_by_role("button", name="Help").click()
+    page.wait_for_selector("#help[open]")
+    page.keyboard.press("w")  # behind the help, no key drives
+    page.get_by_role("button", name="Close").click()
+    page.wait_for_selector("#status.paused")
+    ticks = session_of(served).ticks
+    page.wait_for_timeout(300)
+    assert session_of(served).ticks == ticks
+    assert page.problems == []
+    page.context.close()
+
+
+def test_keys_of_other_alphabets_drive(browser: Any, served: Served) -> None:
+    page = opened(browser, served.link())
+    prepare(page)
+    page.locator("#canvas").focus()
+    event = "new KeyboardEvent('{}', {{key: '{}', code: 'KeyW', bubbles: true}})"
+    page.evaluate("event => dispatchEvent(" + event.format("keydown", "ц") + ")", None)
+    page.wait_for_selector("#status.driving")
+    page.wait_for_timeout(300)
+    page.evaluate("event => dispatchEvent(" + event.format("keyup", "Ц") + ")", None)
+    page.wait_for_timeout(300)
+    events = [(e.control, e.value) for tick in session_of(served)._episode.past for e in tick.events]
+    assert [event for event in events if event[0] == "w"] == [("w", 1.0), ("w", 0.0)]
+    page.context.close()
+
+
+def test_a_pad_that_is_gone_drives_no_more(browser: Any, served: Served) -> None:
+    context = browser.new_context(viewport={"width": 1000, "height": 760})
+    context.add_init_script(GAME_PAD)
+    page = context.new_page()
+    page.set_default_timeout(15_000)
+    page.goto(served.link())
+    prepare(page)
+    page.evaluate("pad.axes = [0.2, -0.9, 0, 0]")
+    page.wait_for_selector("#status.driving")
+    page.wait_for_timeout(400)
+    page.evaluate("""() => {
+      const lost = window.pad;
+      navigator.getGamepads = () => [null];
+      dispatchEvent(Object.assign(new Event("gamepaddisconnected"), {gamepad: lost}));
+    }""")
+    page.wait_for_selector("#status.paused")
+    page.get_by_text("was disconnected and the robot stands still").wait_for()
+    ticks = session_of(served).ticks
+    page.wait_for_timeout(400)
+    assert session_of(served).ticks == ticks
+    context.close()
+
+
+def test_keys_that_are_held_do_not_answer_the_card(browser: Any, served: Served) -> None:
+    page = opened(browser, served.link())
+    prepare(page)
+    practise(page)
+    drive_with_keys(page)
+    for _ in range(4):  # held: the browser repeats the key
+        page.keyboard.down("Enter")
+        page.wait_for_timeout(60)
+    page.keyboard.up("Enter")
+    page.keyboard.press("Space")  # the brake, just after the end
+    page.keyboard.press("ArrowDown")
+    assert page.locator("#card").is_visible()
+    assert page.locator("#card input:checked").count() == 0
+    page.wait_for_timeout(600)
+    page.get_by_role("radio", name="fair").focus()
+    page.keyboard.press("Space")
+    page.keyboard.press("Enter")
+    page.get_by_text("Effort").wait_for()
+    page.keyboard.press("Control+z")
+    page.wait_for_selector("#card:not([hidden])")
+    page.context.close()
+
+
+def test_answers_outlast_a_change_of_language(browser: Any, served: Served) -> None:
+    page = opened(browser, served.link())
+    prepare(page)
+    practise(page)
+    drive_with_keys(page)
+    end(page)
+    page.get_by_role("radio", name="fair").check()
+    page.locator("#language").select_option("de")
+    page.get_by_role("radio", name="gut").wait_for()
+    assert page.get_by_role("radio", name="gut").is_checked()
+    page.get_by_role("button", name="Behalten").click()
+    page.get_by_text("Mühe").wait_for()
+    page.get_by_role("radio", name="4", exact=True).check()
+    page.locator("#language").select_option("en")
+    page.get_by_text("Effort").wait_for()
+    assert page.get_by_role("radio", name="4", exact=True).is_checked()
+    go_on(page)
+    page.wait_for_selector("#status.waiting")
+    assert page.problems == []
+    page.context.close()
+
+
+def test_a_label_that_is_moved_before_the_start_is_the_first_one(browser: Any, study_folder: Path) -> None:
+    (study_folder / "room.yaml").write_text("extends: empty\nlabel: {kind: slider, question: How is it, when: frame}\n")
+    text = (study_folder / "study.yaml").read_text(encoding="utf-8")
+    block = text[text.index("    label:\n") : text.index("after_run:")]
+    label = "    label: {question: {en: How, de: Wie, zh: 如何}, ends: {en: [a, b], de: [a, b], zh: [a, b]}}\n"
+    (study_folder / "study.yaml").write_text(text.replace(block, label), encoding="utf-8")
+    served = Served(study_folder)
+    try:
+        page = opened(browser, served.link())
+        prepare(page)
+        practise(page)
+        slider = page.locator("#while input[type=range]")
+        for k in range(100):  # as while it is dragged
+            slider.evaluate("(input, k) => { input.value = k / 100; input.dispatchEvent(new Event('input')); }", k)
+        drive_with_keys(page, 500)
+        end(page)
+        page.get_by_role("button", name="Keep", exact=True).click()
+        page.get_by_text("Effort").wait_for()
+        assert page.problems == []
+        page.context.close()
+    finally:
+        served.stop()
+    (path,) = served.out.glob("p001__*.json")
+    assert {frame.label["label"] for frame in read_episode(path).frames()} == {0.99}
