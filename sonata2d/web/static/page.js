@@ -245,9 +245,10 @@ function showCard(status, run) {
     }
     heading = asked || isShort ? "" : t("run.keep_question");
     const keep = make("button", {class: "primary", id: "confirm", "data-sends": true, onclick: () => keepRun(asked)}, capital("keys.keep"));
-    if (!isShort) buttons.push(keep);
+    const redo = attributes => add(capital("keys.redo"), {type: "redo", run: id}, attributes);
+    if (isShort) redo({class: "primary", id: "confirm"}); else buttons.push(keep);
     if (run.allowed.discard) add(capital("keys.discard"), {type: "discard", run: id});
-    if (run.allowed.redo || isShort) add(capital("keys.redo"), {type: "redo", run: id});
+    if (run.allowed.redo && !isShort) redo({});
     if (run.allowed.discard) explained.push(make("p", {class: "hint"}, t("web.about_discard")));
     if (run.allowed.redo || isShort) explained.push(make("p", {class: "hint"}, t("web.about_redo")));
   }
