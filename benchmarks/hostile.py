@@ -70,9 +70,9 @@ def value(rng: random.Random, depth: int = 0) -> Any:
     return rng.choice(kinds)()
 
 
-def out_of_turn(rng: random.Random) -> str:
-    """A message that could be right at another moment."""
-    run, number = rng.randrange(4), rng.choice([0, 1, 2, 3, 50, 10**9])
+def out_of_turn(rng: random.Random, run: int) -> str:
+    """A message that could be right at another moment; most are about the present run."""
+    run, number = rng.choice([run, run, run, run - 1, 1]), rng.choice([0, 1, 2, 3, 50, 10**9])
     event = {"device": rng.choice(["keyboard", "touch", "label"]), "control": rng.choice(["w", "value"]), "value": 1.0}
     return json.dumps(
         rng.choice(
@@ -92,11 +92,11 @@ def out_of_turn(rng: random.Random) -> str:
     )
 
 
-def message(rng: random.Random) -> str | bytes:
+def message(rng: random.Random, run: int) -> str | bytes:
     """A message of a web socket."""
     kind = rng.random()
     if kind > 0.5:
-        return out_of_turn(rng)
+        return out_of_turn(rng, run)
     if kind < 0.2:
         return rng.randbytes(rng.randrange(300))
     if kind < 0.23:
@@ -125,15 +125,18 @@ def request(rng: random.Random, tokens: list[str]) -> tuple[str, str, dict[str, 
 
 async def attack_socket(url: str, rng: random.Random, count: int, seen: Counter[str]) -> None:
     """Messages with a participant's token."""
-    done = 0
+    done, run = 0, 1
     while done < count:
         try:
             async with websockets.connect(url, max_size=None) as link:
                 for _ in range(rng.randrange(1, 40)):
-                    await link.send(message(rng))
+                    data = message(rng, run)
+                    is_text = isinstance(data, str) or rng.random() < 0.1  # bytes that are no text, sent as text
+                    await link.send(data, text=is_text)
                     done += 1
                     if rng.random() < 0.5:
                         answer = json.loads(await asyncio.wait_for(link.recv(), 5))
+                        run = (answer.get("drive") or answer).get("run", run)
                         seen[f"answer: {answer['type']}"] += 1
         except (websockets.ConnectionClosed, TimeoutError) as error:
             code = error.rcvd.code if isinstance(error, websockets.ConnectionClosed) and error.rcvd else "-"

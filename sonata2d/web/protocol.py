@@ -8,6 +8,7 @@ from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.exceptions import InvalidState
 
 _PATIENCE = 10.0  # s
 
@@ -48,7 +49,13 @@ class ImpatientProtocol(H11Protocol):
 
 
 class ImpatientSocket(WebSocketsSansIOProtocol):
-    """Ends web sockets whose other side does not read what was sent before the end."""
+    """Ends web sockets whose other side does not read what was sent before the end, or goes on after an error."""
+
+    def data_received(self, data: bytes) -> None:
+        try:
+            super().data_received(data)
+        except InvalidState:  # uvicorn closes at the first frame that is no text, and does not expect a second one
+            self.transport.abort()
 
     async def run_asgi(self) -> None:
         await super().run_asgi()

@@ -244,18 +244,18 @@ def test_a_page_cannot_drive_faster_than_time_passes(served: Served) -> None:
     assert [round(seconds, 3) for seconds in slept] == [round(0.1 * k / 1.1, 3) for k in range(1, 6)]
 
 
-def hostile_messages(rng: random.Random) -> Iterator[str | bytes]:
-    """Messages that no page sends."""
+def hostile_messages(rng: random.Random, run: int) -> Iterator[str | bytes]:
+    """Messages that no page sends, some of them about a participant's first run."""
     yield from ("", "null", "[]", "{}", "{", '"tick"', "\x00", b"\xff\xfe", '{"type": "tick"}', '{"type": "close"}')
     yield '{"type":"hello","protocol":99}'
     yield '{"type":"answer","step":"demographics","values":' + '{"a":' * 5000 + "1" + "}" * 5001
     yield json.dumps({"type": "read", "step": "../../etc/passwd"})
-    yield json.dumps({"type": "keep", "run": 1, "label": "x" * 5000})
+    yield json.dumps({"type": "keep", "run": run, "label": "x" * 5000})
     yield json.dumps({"type": "rate", "shown": 1, "label": True, "seconds": 1e300, "whole": True})
     while True:
         yield rng.randbytes(rng.randrange(200))
         yield json.dumps(
-            {"type": rng.choice(["tick", "keep", "undo", "rate", "answer"]), "run": rng.choice([1, -1, 1e9])}
+            {"type": rng.choice(["tick", "keep", "undo", "rate", "answer"]), "run": rng.choice([run, -1, 1e9])}
         )
         event = {
             "device": rng.choice(["keyboard", "network", "window", "../x"]),
@@ -263,7 +263,7 @@ def hostile_messages(rng: random.Random) -> Iterator[str | bytes]:
             "value": rng.uniform(-2, 2),
         }
         yield json.dumps(
-            {"type": "tick", "run": 1, "number": rng.randrange(-1, 3), "events": [event] * rng.randrange(80)}
+            {"type": "tick", "run": run, "number": rng.randrange(-1, 3), "events": [event] * rng.randrange(80)}
         )
 
 
@@ -271,8 +271,9 @@ def test_hostile_messages_disturb_nobody(
     served: Served, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     """The long version of this test is benchmarks/hostile.py."""
-    messages = hostile_messages(random.Random(1))
     attacked, other = served.link(), served.link()
+    with client_of(attacked) as attacker:
+        messages = hostile_messages(random.Random(1), attacker.prepare()["drive"]["run"])
     with client_of(other) as client:
         run, number = client.prepare()["drive"]["run"], 0
         sent = 0
