@@ -151,7 +151,7 @@ class Seat:
                 "changes": config.changes,
                 "view": config.view,
                 "context": session.config.context,
-                "isRestarted": bool(session.notice) and not session.ticks,
+                "isRestarted": bool(session.notice) and session.number_of_runs == 1 and not session.ticks,
                 "legend": self._legend(session.after),
             }
         if step.kind == "ratings" and participant.record is not None and participant.rating is not None:
