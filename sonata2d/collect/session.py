@@ -304,6 +304,8 @@ class Session:
         self._restore(OpenRun(header, ticks, record.snapshot(-1).events, [], self._kept_dropped.get(name, 0)))
         self._journal.sync()
         try:
+            if self.journal_error is not None:
+                raise RecordError(f"the last run cannot be taken back: {self.journal_error}")
             path = self._collection.undo()
         except RecordError:
             self._begin(*waiting)

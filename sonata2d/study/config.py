@@ -113,6 +113,9 @@ class QuestionConfig(Settings):
         if isinstance(count, int) and not isinstance(count, bool):
             values = values | {"classes": tuple(str(k) for k in range(1, min(count, 21) + 1))}
         if isinstance(items, dict):  # {calm: The robot was calm.}
+            for name, row in items.items():
+                if row is None:
+                    raise _problem(f"{name!r} has no text; a text with a comma needs quotes within braces", "items")
             rows = [row if _is_item(row) else {"text": row} for row in items.values()]
             values = values | {"items": [{"name": name} | row for name, row in zip(items, rows, strict=True)]}
         return values
@@ -426,7 +429,7 @@ def texts_in(settings: Settings, path: Path = ()) -> Iterator[tuple[Path, Text]]
 
 def _is_item(row: Any) -> bool:
     """Whether a row of a table has settings, rather than one text, or one for each language."""
-    return isinstance(row, dict) and not {"text", "ends"}.isdisjoint(row)
+    return isinstance(row, dict) and not Item.model_fields.keys().isdisjoint(row)
 
 
 def _require_name(name: str, path: Path) -> None:

@@ -122,7 +122,7 @@ class StudyFolder:
             RecordError: the folder cannot be written.
         """
         with self._adding:
-            if limit is not None and len(self.participants) >= limit:
+            if limit is not None and len(self.present) >= limit:
                 return None
             number = len(self.participants) + 1
             while (id := f"p{number:03d}") in self.participants or id in taken:

@@ -19,15 +19,15 @@ _FRAME = ("question", "first", "last")  # texts of a scale besides its items
 
 
 def _as_written(value: Any) -> Any:
-    """A text that YAML has read as something else: numbers become text again, truth values are refused.
+    """Refuse texts that YAML has read as something else.
 
     The rest of a text that YAML has cut at a comma is a key without a value.
     """
     for text in value.values() if isinstance(value, dict) else [value]:
         if isinstance(text, bool):
             raise PydanticCustomError("text", "yes, no, on, off, true and false are texts in quotes only")
-    if isinstance(value, int | float):
-        return str(value)
+        if isinstance(text, int | float):
+            raise PydanticCustomError("text", "a number is a text in quotes only")
     if isinstance(value, dict) and None in value.values():
         name = next(name for name, text in value.items() if text is None)
         hint = "has no text; a text with a comma needs quotes within braces"

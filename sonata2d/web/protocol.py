@@ -64,5 +64,6 @@ class ImpatientSocket(WebSocketsSansIOProtocol):
 
 def without_traceback(record: logging.LogRecord) -> bool:
     """A filter of a log: uvicorn writes a traceback where a page sends what is no text."""
-    record.exc_info = None
+    if record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError):
+        record.exc_info = None
     return True

@@ -133,7 +133,10 @@ def _check_url(url: str | None) -> None:
     Raises:
         ConfigError: it is none.
     """
-    parts = urlsplit(url or "http://localhost")
+    try:
+        parts = urlsplit(url or "http://localhost")
+    except ValueError as error:
+        raise ConfigError(f"--url {url} is no address: {error}") from None
     if parts.scheme not in ("http", "https") or not parts.netloc:
         raise ConfigError(f"--url {url} is no whole address; write https://study.example.org")
     if parts.path.strip("/") or parts.query or parts.fragment:

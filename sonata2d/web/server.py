@@ -166,8 +166,8 @@ class StudyServer:
     def _is_same_origin(self, connection: HTTPConnection) -> bool:
         """Whether a request comes from a page of this server; programs that are no browsers send no origin."""
         origin, host = connection.headers.get("origin"), connection.headers.get("host")
-        known = {host, urlsplit(self._url or "").netloc}
-        if origin is None or urlsplit(origin).netloc in known:
+        known = {host, urlsplit(self._url).netloc.lower() if self._url else host}
+        if origin is None or urlsplit(origin).netloc in known - {"", None}:
             return True
         if not self._has_warned:
             self._has_warned = True

@@ -18,6 +18,7 @@ import pytest
 
 from sonata2d.agents.controllers.teleoperation import DeviceMapping
 from sonata2d.collect import collection
+from sonata2d.collect.journal import Journal
 from sonata2d.collect.session import Session
 from sonata2d.core.compiled import IS_COMPILED
 from sonata2d.core.devices import DeviceEvent
@@ -658,3 +659,36 @@ def test_a_run_that_another_driver_takes_back_meanwhile_is_left_out(
         patch.setattr(Path, "stat", vanish)
         kept = session.keep()
     assert [file["name"] for file in read_manifest(tmp_path)["files"]] == [kept.name]
+
+
+def test_a_run_is_not_taken_back_without_a_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = open_session(tmp_path)
+    drive(session)
+    path = session.keep()
+
+    def fail(self: Journal) -> None:
+        self.failure = "the journal cannot be written: No space left on device"
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Journal, "sync", fail)
+        with pytest.raises(RecordError, match="cannot be taken back: the journal cannot be written"):
+            session.undo()
+    assert (session.state, session.kept, path.exists()) == ("waiting", 1, True)
+
+
+def test_a_run_is_taken_back_although_the_manifest_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = open_session(tmp_path)
+    drive(session)
+    path = session.keep()
+
+    def fail(*_: object) -> None:
+        raise RecordError("manifest.json cannot be written")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(collection.Collection, "_write_manifest", fail)
+        assert session.undo().exists()
+    assert (session.state, session.kept, path.exists(), dict(session.kept_runs)) == ("ended", 0, False, {})
+    again = session.keep()
+    assert [file["name"] for file in read_manifest(tmp_path)["files"]] == [again.name]

@@ -253,13 +253,19 @@ def test_rows_of_a_table_can_be_reversed_or_pairs_of_opposites(tmp_path: Path) -
             "line 3: demographics.0.classes.0: yes, no, on, off, true and false are texts in quotes",
         ),
         ("items: {a: {reversed: true, ends: [b, c]}, '': d}", "an item needs a name"),
+        ("classes: [1.50, 2]", "line 3: demographics.0.classes.0: a number is a text in quotes only"),
+        (
+            "items: {calm: The robot, was calm}",
+            "'was calm' has no text; a text with a comma needs quotes within braces",
+        ),
+        ("items: {calm: {reversed: true}}", "an item needs a text, or the two ends of a pair of opposites"),
         ("items: [{name: a}]", "an item needs a text, or the two ends of a pair of opposites"),
     ],
 )
 def test_what_yaml_reads_otherwise_is_explained(text: str, problem: str, tmp_path: Path) -> None:
     kind = "likert" if "items" in text else "classes"
     question = f"demographics:\n  - {{name: q, kind: {kind}, question: Q, {text}}}\n"
-    (tmp_path / "study.yaml").write_text(f"title: 2026\n{question}runs: [{{scenario: empty}}]\n")
+    (tmp_path / "study.yaml").write_text(f"title: T\n{question}runs: [{{scenario: empty}}]\n")
     with pytest.raises(ConfigError) as caught:
         load_study(tmp_path / "study.yaml")
     assert problem in str(caught.value)

@@ -8,6 +8,7 @@ from typing import Any
 from sonata2d.record.reader import read_episode
 
 from .conftest import Served
+from .proxy import Proxy
 from .test_browser import drive_with_keys, end, go_on, opened, practise, prepare
 from .test_robustness import GAME_PAD
 
@@ -71,7 +72,7 @@ def test_a_pad_that_is_gone_drives_no_more(browser: Any, served: Served) -> None
       dispatchEvent(Object.assign(new Event("gamepaddisconnected"), {gamepad: lost}));
     }""")
     page.wait_for_selector("#status.paused")
-    page.get_by_text("was disconnected and the robot stands still").wait_for()
+    page.get_by_text("test was disconnected and the robot stands still").wait_for()
     ticks = session_of(served).ticks
     page.wait_for_timeout(400)
     assert session_of(served).ticks == ticks
@@ -147,3 +148,33 @@ def test_a_label_that_is_moved_before_the_start_is_the_first_one(browser: Any, s
         served.stop()
     (path,) = served.out.glob("p001__*.json")
     assert {frame.label["label"] for frame in read_episode(path).frames()} == {0.99}
+
+
+def test_a_language_that_is_chosen_while_driving_pauses_the_run(browser: Any, served: Served) -> None:
+    token = served.link().rpartition("/")[2]
+    with Proxy(served.port, delay=0.2) as proxy:  # ticks are on their way when the message is sent
+        page = opened(browser, f"http://127.0.0.1:{proxy.port}/s/{token}")
+        prepare(page)
+        page.locator("#canvas").focus()
+        page.keyboard.down("w")
+        page.wait_for_selector("#status.driving")
+        page.wait_for_timeout(800)
+        page.locator("#language").select_option("de")
+        page.wait_for_selector("#status.paused")
+        page.keyboard.up("w")
+        page.wait_for_timeout(500)
+        session = session_of(served)
+        ticks = session.ticks
+        page.wait_for_timeout(300)
+        assert (session.state, session.ticks) == ("paused", ticks)
+        page.locator("#canvas").focus()
+        page.keyboard.down("a")
+        page.wait_for_selector("#status.driving")
+        page.wait_for_timeout(600)
+        page.keyboard.up("a")
+        page.wait_for_timeout(600)
+        assert page.problems == []
+        page.context.close()
+    events = [(e.control, e.value) for tick in session._episode.past for e in tick.events]
+    assert [value for control, value in events if control == "w"] == [1.0, 0.0]
+    assert [value for control, value in events if control == "a"] == [1.0, 0.0]

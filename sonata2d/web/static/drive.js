@@ -10,9 +10,9 @@ const OUTSIDE = "#e2e5e9";
 
 export class Drive {
   /** `send` sends a message; `changed` is called when status or readings change; `act` with actions of the page. */
-  constructor(canvas, {send, changed, act}) {
-    this.canvas = canvas; this.pen = canvas.getContext("2d"); this.send = send; this.changed = changed;
-    this.input = new Input(canvas, action => this.perform(action) || act(action));
+  constructor(canvas, {send, changed, act, isBlocked}) {
+    this.canvas = canvas; this.pen = canvas.getContext("2d"); this.send = send; this.changed = changed; this.isBlocked = isBlocked;
+    this.input = new Input(canvas, (action, value) => this.perform(action) || act(action, value));
     this.view = "follow"; this.zoom = 1; this.zones = false; this.changes = [];
     this.status = "none"; this.run = null; this.states = new Map(); this.last = null; this.isSlow = false;
     requestAnimationFrame(now => this.frame(now));
@@ -31,7 +31,8 @@ export class Drive {
     if (drive.ticks && drive.status === "driving") this.states.set(drive.ticks - 1, drive.before);
     this.sent = this.latest = this.shown = drive.ticks;
     this.sentAt = new Map(); this.lag = 0; this.dropped = 0; this.roundTrip = null; this.isSlow = false;
-    this.input.buffer.forget(); this.labelEvent = null;
+    this.input.buffer.forget();
+    if (isNew) this.waitingLabel = null;
     this.status = "none";
     this.update(drive);
   }
@@ -50,12 +51,12 @@ export class Drive {
   }
 
   update({status, outcome, given, isUnsaved, isHeld}) {
-    const former = this.status;
+    const former = this.status, wasUnsaved = this.isUnsaved;
     if (former === "pausing" && status === "driving") return;   // the answer to a tick before the pause
     this.outcome = outcome; this.given = given; this.isUnsaved = isUnsaved; this.isHeld = isHeld;
     this.status = status;
     if (status === "ended") this.input.release();
-    if (status !== former) this.changed();
+    if (status !== former || isUnsaved !== wasUnsaved) this.changed();
   }
 
   /** Starts or continues. */
@@ -82,7 +83,8 @@ export class Drive {
     this.send({type: "stop", run: this.run});
   }
 
-  label(position) { this.labelEvent = {device: "label", control: "value", value: position}; }
+  /** Gives an answer, at a position between 0 and 1, with the next tick. */
+  label(position, answer) { this.waitingLabel = {answer, event: {device: "label", control: "value", value: position}}; }
 
   perform(action) {
     const allowed = {view: "view", zoomIn: "zoom", zoomOut: "zoom", zones: "zones"}[action];
@@ -108,6 +110,7 @@ export class Drive {
 
   advance(seconds) {
     const {dt} = this.data;
+    if (this.isBlocked()) return;      // the answer to a message tells which tick comes next
     this.lag += seconds;
     for (let k = 0; k < MAX_TICKS && this.lag >= dt; k++) {
       if (this.sent - this.latest >= MAX_UNANSWERED) { this.pause(true); return; }
@@ -119,10 +122,10 @@ export class Drive {
   }
 
   tick() {
-    const events = [...this.input.poll(), ...(this.labelEvent ? [this.labelEvent] : [])];
-    this.labelEvent = null;
+    const events = [...this.input.poll(), ...(this.waitingLabel ? [this.waitingLabel.event] : [])];
     const isSent = this.send({type: "tick", run: this.run, number: this.sent, events, round_trip: this.roundTrip, dropped: this.dropped});
     if (!isSent) return;
+    this.waitingLabel = null;
     this.sentAt.set(this.sent, performance.now());
     this.sent++; this.dropped = 0; this.roundTrip = null;
   }

@@ -5,7 +5,7 @@ const RADIUS = .22;              // drag for a full deflection, as a fraction of
 const DEAD_ZONE = {mouse: .08, touch: .08, pad: .1}, CENTRED = .25, PRESSED = .55;
 const DRIVING_KEYS = ["w", "a", "s", "d", "q", "e", "up", "down", "left", "right", "space"];
 const KEY_NAMES = {" ": "space", ArrowUp: "up", ArrowDown: "down", ArrowLeft: "left", ArrowRight: "right"};
-const LETTER_CODES = {KeyW: "w", KeyA: "a", KeyS: "s", KeyD: "d", KeyQ: "q", KeyE: "e"};   // for other alphabets
+const WHEEL_STEP = 100;          // of a mouse wheel, for one step of a label
 const PAD_AXES = ["left_x", "left_y", "right_x", "right_y"];
 const PAD_BUTTONS = ["a", "b", "x", "y", "left_shoulder", "right_shoulder", "left_trigger", "right_trigger", "back", "start",
   "left_stick", "right_stick", "dpad_up", "dpad_down", "dpad_left", "dpad_right"];   // of the standard mapping
@@ -61,6 +61,7 @@ export class Input {
     this.isActive = () => true;   // whether keys drive, rather than move through the page
     this.ignored = new Set();     // controls of pads that were deflected when all controls were released
     this.held = new Set();        // buttons of pads
+    this.turned = 0;              // of the mouse wheel, since the last step
     this.pressed = new Map();     // names of the keys that are pressed, by their place on the keyboard
     addEventListener("keydown", event => this.key(event, 1));
     addEventListener("keyup", event => this.key(event, 0));
@@ -69,9 +70,7 @@ export class Input {
       canvas.addEventListener(type, event => this.pointer(event));
     }
     canvas.addEventListener("contextmenu", event => event.preventDefault());
-    canvas.addEventListener("wheel", event => {
-      if (this.isActive() && event.deltaY && this.act(event.deltaY < 0 ? "labelUp" : "labelDown")) event.preventDefault();
-    }, {passive: false});
+    canvas.addEventListener("wheel", event => this.wheel(event), {passive: false});
     addEventListener("gamepaddisconnected", event => this.losePad(event.gamepad));
   }
 
@@ -81,9 +80,13 @@ export class Input {
     if (!event.key || (value && event.isComposing)) return;
     if (event.key === "Meta" && value) this.release();      // macOS does not report keys that are released meanwhile
     let name = KEY_NAMES[event.key] || event.key.toLowerCase();
-    if (!/^[\x20-\x7f]+$/.test(name) || event.key === "Process") name = LETTER_CODES[event.code] || name;
-    if (value) this.pressed.set(event.code, name);
-    else { name = this.pressed.get(event.code) || name; this.pressed.delete(event.code); }   // Shift may have changed it
+    if (!/^[\x20-\x7f]+$/.test(name) || event.key === "Process") {      // of another alphabet
+      const letter = /^Key([A-Z])$/.exec(event.code);
+      if (letter) name = letter[1].toLowerCase();
+    }
+    const place = event.code || event.key.toLowerCase();
+    if (value) this.pressed.set(place, name);
+    else { name = this.pressed.get(place) || name; this.pressed.delete(place); }   // Shift may have changed it
     if (value && (event.ctrlKey || event.altKey || event.metaKey)) {
       if (event.ctrlKey && name === "z" && this.isActive()) { event.preventDefault(); this.act("undo"); }
       return;
@@ -123,6 +126,15 @@ export class Input {
     const {anchor, position, radius} = this.stick, clip = value => Math.min(Math.max(value, -1), 1);
     this.buffer.put(this.stick.device, "drag_x", clip((position[0] - anchor[0]) / radius));
     this.buffer.put(this.stick.device, "drag_y", clip((position[1] - anchor[1]) / radius));
+  }
+
+  wheel(event) {
+    if (event.ctrlKey || !this.isActive()) return;      // with Ctrl, the browser zooms
+    this.turned += event.deltaMode ? Math.sign(event.deltaY) * WHEEL_STEP : event.deltaY;
+    if (Math.abs(this.turned) < WHEEL_STEP) return;
+    const isUsed = this.act(this.turned < 0 ? "labelUp" : "labelDown");
+    this.turned = 0;
+    if (isUsed) event.preventDefault();
   }
 
   // -- game pads

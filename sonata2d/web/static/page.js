@@ -12,7 +12,7 @@ const PAUSE_OF_CARD = 500;     // ms, in which keys that were pressed to drive d
 const PROBLEMS = {refused: "web.not_possible", failed: "web.server_failed"};
 const data = JSON.parse(byId("data").textContent);
 let language = data.languages[0], view = null, stepOnShow = null, isWaiting = false, connection = "lost", label = null;
-let notice = "";      // about a device, until the run goes on
+let problem = "", notice = "";      // of the last message; about a device, until the run goes on
 
 /** A text of the page in the participant's language. */
 function t(key, values = {}) {
@@ -29,7 +29,7 @@ const server = new Connection(socketAddress(), {
   receive: answer => {
     if (answer.type === "tick") { drive.answered(answer); showReadings(); return; }
     isWaiting = false;
-    if (answer.type === "error") { announce(t(PROBLEMS[answer.problemKind])); setBusy(); return; }
+    if (answer.type === "error") { report(t(PROBLEMS[answer.problemKind])); setBusy(); return; }
     show(answer);
   },
   status: status => {
@@ -52,7 +52,7 @@ function setBusy() {
   for (const button of document.querySelectorAll("button[data-sends]")) button.disabled = isWaiting || connection !== "open";
 }
 
-const drive = new Drive(byId("canvas"), {send, changed: () => showDriving(), act: (action, device) => perform(action, device)});
+const drive = new Drive(byId("canvas"), {send, changed: () => showDriving(), act: (action, device) => perform(action, device), isBlocked: () => isWaiting});
 const watch = new Watch(byId("film"), () => showWatching());
 drive.input.isActive = event => {
   if (!view || !view.drive || isWaiting || byId("help").open) return false;
@@ -87,7 +87,7 @@ function show(next) {
     (isDriving ? byId("canvas") : isRating ? byId("film") : byId("title")).focus({preventScroll: true});
   }
   stepOnShow = key;
-  announce(view.problemKind ? t(PROBLEMS[view.problemKind]) : isDriving && view.drive.isRestarted ? t("web.restarted") : notice);
+  report(view.problemKind ? t(PROBLEMS[view.problemKind]) : "");
   setBusy();
 }
 
@@ -168,8 +168,8 @@ function showDriving(isNew = false) {
   byId("status").className = status;
   byId("hint").textContent = drive.isHeld ? t("web.held") : status === "waiting" ? t(!run.isPractice ? "web.drive_hint" : isTouched ? "web.practice_touch" : "web.practice_hint")
     : drive.isSlow ? t("web.slow") : status === "paused" || status === "pausing" ? t("web.paused") : "";
-  if (notice && status === "driving") { notice = ""; announce(""); }
-  if (drive.isUnsaved) announce(t("web.unsaved"));
+  if (status === "driving") notice = "";
+  report(problem);
   byId("context").textContent = run.context || "";
   const buttons = [];
   const add = (key, act, attributes = {}) => buttons.push(make("button", {onclick: act, "data-key": key, ...attributes}, capital(key)));
@@ -269,9 +269,9 @@ function showFrameLabel(run, isNew) {
   const place = byId("while"), spec = run.label;
   place.hidden = !spec || spec.when !== "frame" || drive.status === "ended";
   if (place.hidden || (!isNew && place.childElementCount)) return;
-  const asked = question({...spec, answer: drive.given}, t);
+  const asked = question({...spec, answer: drive.waitingLabel ? drive.waitingLabel.answer : drive.given}, t);
   asked.addEventListener("answered", () => {
-    drive.label(positionOf(asked.answer, spec));
+    drive.label(positionOf(asked.answer, spec), asked.answer);
     if (place.contains(document.activeElement)) focusPicture();
   });
   place.replaceChildren(asked);
@@ -310,7 +310,7 @@ function perform(action, device) {
   } else if (action === "padLost") {
     drive.pause();
     notice = t("notice.pad_lost", {device});
-    announce(notice);
+    report("");
   } else if (action === "readings") {
     byId("readings").hidden = !byId("readings").hidden;
   } else if (action === "help") {
@@ -350,7 +350,7 @@ function showRating(former) {
     const asked = question({...rating.label, answer: isSame ? place.asked.answer : null}, t);
     place.asked = asked;
     const save = make("button", {class: "primary", id: "save", "data-sends": true, onclick: () => {
-      if (!watch.isWhole) { announce(t("rating.watch_to_end")); return; }
+      if (!watch.isWhole) { report(t("rating.watch_to_end")); return; }
       if (!asked.isAnswered()) { asked.setProblem(t("rating.answer_first")); return; }
       send({type: "rate", shown: rating.shown, label: asked.answer, seconds: Math.round(watch.seconds * 100) / 100, whole: watch.isWhole});
     }}, t("rating.save"));
@@ -382,8 +382,14 @@ function showWatching() {
 
 // ---- connection, language, help
 
-function announce(words) {
-  byId("problem").textContent = words; byId("problem").hidden = !words;
+/** Shows a problem of the last message; without one, what else the participant should know. */
+function report(words) {
+  problem = words;
+  const isDriving = view && view.drive;
+  const shown = problem || (isDriving && view.drive.isRestarted && drive.status === "waiting" ? t("web.restarted")
+    : isDriving && drive.isUnsaved ? t("web.unsaved") : notice);
+  if (byId("problem").textContent !== shown) byId("problem").textContent = shown;
+  byId("problem").hidden = !shown;
 }
 function showConnection() {
   const words = {lost: "web.lost", taken: "web.taken", refused: "web.refused", unknown: "web.unknown", mistakes: "web.mistakes"}[connection];
@@ -393,8 +399,8 @@ function showConnection() {
 }
 // Keys that are held, or were pressed to drive, press no button and choose no answer.
 byId("card").addEventListener("keydown", event => {
-  const isAnswer = /^(Enter| |Arrow.*)$/.test(event.key);
-  if (isAnswer && (event.repeat || performance.now() - byId("card").shownAt < PAUSE_OF_CARD)) event.preventDefault();
+  const isRecent = performance.now() - byId("card").shownAt < PAUSE_OF_CARD;
+  if ((isRecent && event.key.startsWith("Arrow")) || ((isRecent || event.repeat) && ["Enter", " "].includes(event.key))) event.preventDefault();
 });
 addEventListener("keydown", event => {      // on pages with questions; while driving, `Input` does it
   const isUndo = event.ctrlKey && event.key.toLowerCase() === "z" && !event.target.closest("textarea, input[type=number]");
