@@ -10,7 +10,7 @@ from sonata2d.record.reader import read_episode
 from .conftest import Served
 from .proxy import Proxy
 from .test_browser import drive_with_keys, end, go_on, opened, practise, prepare
-from .test_robustness import GAME_PAD
+from .test_robustness import driven_by_a_pad
 
 
 def session_of(served: Served, id: str = "p001") -> Any:
@@ -57,14 +57,7 @@ def test_keys_of_other_alphabets_drive(browser: Any, served: Served) -> None:
 
 
 def test_a_pad_that_is_gone_drives_no_more(browser: Any, served: Served) -> None:
-    context = browser.new_context(viewport={"width": 1000, "height": 760})
-    context.add_init_script(GAME_PAD)
-    page = context.new_page()
-    page.set_default_timeout(15_000)
-    page.goto(served.link())
-    prepare(page)
-    page.evaluate("pad.axes = [0.2, -0.9, 0, 0]")
-    page.wait_for_selector("#status.driving")
+    page = driven_by_a_pad(browser, served.link())
     page.wait_for_timeout(400)
     page.evaluate("""() => {
       const lost = window.pad;
@@ -76,7 +69,7 @@ def test_a_pad_that_is_gone_drives_no_more(browser: Any, served: Served) -> None
     ticks = session_of(served).ticks
     page.wait_for_timeout(400)
     assert session_of(served).ticks == ticks
-    context.close()
+    page.context.close()
 
 
 def test_keys_that_are_held_do_not_answer_the_card(browser: Any, served: Served) -> None:

@@ -215,15 +215,21 @@ navigator.getGamepads = () => [window.pad];
 """
 
 
-def test_a_game_pad_drives(browser: Any, served: Served) -> None:
+def driven_by_a_pad(browser: Any, link: str) -> Any:
+    """A page on which a game pad drives ahead."""
     context = browser.new_context(viewport={"width": 1000, "height": 760})
     context.add_init_script(GAME_PAD)
     page = context.new_page()
     page.set_default_timeout(15_000)
-    page.goto(served.link())
+    page.goto(link)
     prepare(page)
     page.evaluate("pad.axes = [0.2, -0.9, 0, 0]")
     page.wait_for_selector("#status.driving")
+    return page
+
+
+def test_a_game_pad_drives(browser: Any, served: Served) -> None:
+    page = driven_by_a_pad(browser, served.link())
     page.wait_for_timeout(500)
     page.evaluate("pad.axes = [0, 0, 0, 0]")
     page.wait_for_timeout(200)
@@ -234,7 +240,7 @@ def test_a_game_pad_drives(browser: Any, served: Served) -> None:
     page.wait_for_timeout(600)  # a button that is pressed at once could be meant for the run
     page.evaluate("pad.buttons[0] = {value: 1, pressed: true}")
     page.wait_for_selector("#status.waiting")
-    context.close()
+    page.context.close()
     (path,) = (served.out / "discarded").iterdir()
     events = [event for row in presses(path) for event in row]
     assert {device for device, _, _ in events} == {"pad0", "window"}
