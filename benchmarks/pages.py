@@ -18,12 +18,13 @@ import sys
 import tempfile
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
 import sonata2d as s2
 
+SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 HEIGHTS = {360: 740, 768: 1024, 1440: 900}
 STUDY = """\
 title: {de: Ein Roboter unter Menschen, zh: 人群中的机器人}
@@ -178,9 +179,9 @@ def walk(page: Page, recorder: Recorder, prefix: str) -> None:
 def record_all(browser: Browser, links: dict[str, str], widths: list[int], recorder: Recorder) -> None:
     """Record all pages in all widths, languages and colour schemes."""
 
-    def opened(link: str, width: int, scheme: str, locale: str = "de-DE") -> Page:
-        size: Any = {"width": width, "height": HEIGHTS.get(width, 900)}
-        context = browser.new_context(viewport=size, color_scheme=scheme, locale=locale, bypass_csp=True)  # type: ignore[arg-type]
+    def opened(link: str, width: int, scheme: Literal["light", "dark"], locale: str = "de-DE") -> Page:
+        size = ViewportSize(width=width, height=HEIGHTS.get(width, 900))
+        context = browser.new_context(viewport=size, color_scheme=scheme, locale=locale, bypass_csp=True)
         page = context.new_page()
         page.set_default_timeout(20_000)
         page.on("pageerror", lambda error: recorder.violations.update(["error in the page"]))
@@ -188,11 +189,11 @@ def record_all(browser: Browser, links: dict[str, str], widths: list[int], recor
         return page
 
     tokens = iter([link for name, link in links.items() if name.startswith("p")])
-    for width, locale, scheme in itertools.product(widths, ("de-DE", "zh-CN"), ("light", "dark")):
+    for width, locale, scheme in itertools.product(widths, ("de-DE", "zh-CN"), SCHEMES):
         page = opened(next(tokens), width, scheme, locale)
         walk(page, recorder, f"{locale[:2]}-{width}-{scheme}")
         page.context.close()
-    for width, scheme in itertools.product(widths, ("light", "dark")):
+    for width, scheme in itertools.product(widths, SCHEMES):
         for name in ("researcher", "open link"):
             page = opened(links[name], width, scheme)
             page.wait_for_timeout(1500)

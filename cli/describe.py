@@ -129,18 +129,15 @@ def _delay_rows(folder: Path, files: list[dict[str, Any]]) -> Rows:
 
     found = {}
     for file in files:
-        times = read_episode(folder / file["name"]).round_trips
-        times = times[np.isfinite(times)]
-        if len(times):
-            found[file["name"]] = float(np.median(times)), float(np.percentile(times, 95))
+        summary = read_episode(folder / file["name"]).round_trip_summary()
+        if summary is not None:
+            found[file["name"]] = summary
     if not found:
         return []
     medians, percentiles = np.array(list(found.values())).T
     slowest = max(found, key=lambda name: found[name])
-    summary = f"median {np.median(medians):.3f} s, 95th percentile {np.median(percentiles):.3f} s"
-    return [
-        ("round trip", f"{summary} (medians of {len(found)} runs); slowest run {found[slowest][0]:.3f} s, {slowest}")
-    ]
+    words = f"median {np.median(medians):.3f} s, 95th percentile {np.median(percentiles):.3f} s"
+    return [("round trip", f"{words} (medians of {len(found)} runs); slowest run {found[slowest][0]:.3f} s, {slowest}")]
 
 
 def _measured(scene: Scene, name: Unmeasured, text: str) -> str:

@@ -164,13 +164,13 @@ class Collection:
         # The run is taken back: what fails from here on is only a warning.
         self._kept_paths.pop()
         self._rows.pop(path.name, None)
+        self.kept -= 1
         try:
             sync_folder(new_path.parent)
             sync_folder(path.parent)
             self._rows = self._write_manifest(self._rows)
         except (OSError, RecordError) as error:
             logger.warning("%s; the next run writes the manifest again", error)
-            self.kept = len([row for row in self._rows.values() if row["contributor"] == self.contributor])
         return new_path
 
     def forget(self) -> list[Path]:

@@ -30,7 +30,7 @@ from ..sim.episode import TickInput
 logger = logging.getLogger(__name__)
 
 HEADER_KEYS = {"settings", "seed", "episode", "physics", "controller", "contributor"}
-UNDONE = "undone"  # in the header: name of the kept file whose run is taken back
+UNDONE = "undone"  # key of the header: name of the kept file that the run was taken from
 
 
 @dataclass(frozen=True, slots=True)

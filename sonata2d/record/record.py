@@ -258,6 +258,11 @@ class EpisodeRecord(Drawable):
             values.append(value)
         return np.array(values)
 
+    def round_trip_summary(self) -> tuple[float, float] | None:
+        """Median and 95th percentile of the known `round_trips`, s; None if none is known."""
+        times = self.round_trips[np.isfinite(self.round_trips)]
+        return (float(np.median(times)), float(np.percentile(times, 95))) if len(times) else None
+
     def counts(self) -> JsonDict:
         """Return the contacts, and the commands beyond the robot's limits, as a manifest holds them.
 

@@ -39,7 +39,7 @@ def export_study(out: str | Path, file: str | Path, *, personal: bool = False) -
 
 
 def write_archive(out: Path, file: Path, *, personal: bool) -> Path:
-    """`export_study` without a check of the place: the server writes temporary archives beside the data."""
+    """Write the archive of `export_study` to any path; the server writes temporary ones to the folder of the study."""
     partial = file.with_name(f".{file.name}.partial")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -7,7 +7,7 @@ personal answers, so that they can be kept elsewhere, or deleted, without touchi
 from __future__ import annotations
 
 import threading
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 import orjson
 
 from ..collect.collection import checked_name, require_collection_folder
-from ..collect.rating import checked_rater, ratings_of
+from ..collect.rating import Rating, checked_rater
 from ..core.labels import LabelSpec
 from ..core.locking import acquired_lock
 from ..core.wording import counted, shown
@@ -142,13 +142,17 @@ class StudyFolder:
         """The folder with copies of the runs that a block of ratings is about, and with the ratings."""
         return self.out / RATED / self.study.config.ratings[block].name
 
-    def rating_spec(self, block: int) -> LabelSpec:
+    def rating_spec(self, block: int, ratings: Iterable[Rating]) -> LabelSpec:
         """The question of a block of ratings in the first language, as files hold it.
 
         It is that of the first rating: if the study corrects the wording later, the ratings still belong together.
+
+        Args:
+            block: number of the block.
+            ratings: those of its runs, of all participants.
         """
         spec = spec_of(self.study.config.ratings[block].question, self.study.config.languages[0])
-        for rating in ratings_of(self.rated(block)):
+        for rating in ratings:
             other = rating.spec
             if (other.name, other.kind, len(other.classes)) == (spec.name, spec.kind, len(spec.classes)):
                 return other
@@ -213,7 +217,7 @@ def require_outside(out: str | Path, path: str | Path) -> None:
     """
     if Path(path).resolve().is_relative_to(Path(out).resolve()):
         raise ConfigError(
-            f"{path} is in the folder of the study, whose files are the data only; choose a place outside"
+            f"{path} is in the folder of the study, which holds its data only; choose a path outside of it"
         )
 
 

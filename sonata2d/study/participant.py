@@ -10,7 +10,7 @@ from typing import Any
 
 from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
 from ..collect.collection import checked_name
-from ..collect.rating import RatingSession
+from ..collect.rating import RatingSession, ratings_of
 from ..collect.session import Session
 from ..record.record import EpisodeRecord
 from ..scenegen.scenario.config import ScenarioConfig
@@ -321,10 +321,11 @@ class Participant(Progress):
     def _resume_rating(self, step: Step) -> None:
         block = self.study.config.ratings[step.block]
         if self.rating is None or self.rating.folder != self._folder.rated(step.block):
+            folder = self._folder.rated(step.block)
             self.rating = RatingSession(
-                self._folder.rated(step.block),
+                folder,
                 self.id,
-                self._folder.rating_spec(step.block),
+                self._folder.rating_spec(step.block, ratings_of(folder)),
                 seed=self.study.config.seed,
                 repeats=block.repeats,
                 break_after=block.break_after,

@@ -9,7 +9,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import orjson
 
 from ..collect.rating import ratings_of
@@ -101,14 +100,13 @@ def save_results(out: str | Path, folder: str | Path, *, personal: bool = False)
         ConfigError: the tables would be in the folder of the study.
         RecordError: the folder is not that of a study, a file is damaged, or a table cannot be written.
     """
-    counts = {}
-    read_state(out)
+    counts, tables = {}, results_of(out, personal=personal)
     require_outside(out, folder)
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordError(f"{folder} cannot be written: {error.strerror or error}") from error
-    for name, rows in results_of(out, personal=personal).items():
+    for name, rows in tables.items():
         path = Path(folder) / f"{name}.csv"
         write_atomically(path, table_of(TABLES[name], rows))
         counts[path] = len(rows)
@@ -201,7 +199,7 @@ def _run_rows(out: Path, events: dict[str, list[Row]]) -> list[Row]:
         for order, name in enumerate(sorted(files), start=1):  # names of one participant begin with the time
             record = read_episode(out / name)
             step = kept.get(name, {}).get("step")
-            trips = record.round_trips[np.isfinite(record.round_trips)]
+            median, percentile = record.round_trip_summary() or (None, None)
             row = {
                 "participant": id,
                 "order": order,
@@ -213,8 +211,8 @@ def _run_rows(out: Path, events: dict[str, list[Row]]) -> list[Row]:
                 "seconds": round(float(record.states.time[-1]), 4),
                 "attempts": 1 + repeated[step],
                 "dropped_ticks": dropped.get(name),
-                "round_trip_median": round(float(np.median(trips)), 4) if len(trips) else None,
-                "round_trip_95": round(float(np.percentile(trips, 95)), 4) if len(trips) else None,
+                "round_trip_median": None if median is None else round(median, 4),
+                "round_trip_95": None if percentile is None else round(percentile, 4),
                 "label": record.label if isinstance(record.label, str | int | float | None) else str(record.label),
             }
             rows.append(row)

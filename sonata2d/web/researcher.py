@@ -120,8 +120,9 @@ class Researcher:
         """How well the ratings of each block agree."""
         folder, blocks = self._server.folder, []
         for k, block in enumerate(folder.study.config.ratings):
-            spec = folder.rating_spec(k)
-            found = agreement_of([rating for rating in ratings_of(folder.rated(k)) if rating.spec == spec], spec)
+            ratings = ratings_of(folder.rated(k))
+            spec = folder.rating_spec(k, ratings)
+            found = agreement_of([rating for rating in ratings if rating.spec == spec], spec)
             repeated = [rater for rater in found.within if rater.repeats]
             count = sum(rater.repeats for rater in repeated)
             blocks.append(

@@ -16,6 +16,8 @@ from ..study.links import Links
 from .messages import MAX_MESSAGE
 
 _MAX_WAITING_CONNECTIONS = 100
+# Addresses at which a server listens in all networks, and an address outside: of the blocks reserved for documentation.
+_ALL_NETWORKS = {"0.0.0.0": (socket.AF_INET, "192.0.2.1"), "::": (socket.AF_INET6, "2001:db8::1")}
 _PING = 20.0  # s, between two signs of life of an idle connection
 
 if TYPE_CHECKING:
@@ -147,11 +149,12 @@ def _check_url(url: str | None) -> None:
 
 def _reachable(host: str) -> str:
     """An address by which other machines reach this one, if the server listens at all of them."""
-    if host not in ("0.0.0.0", "::"):
+    if host not in _ALL_NETWORKS:
         return host
-    with socket.socket(socket.AF_INET if host == "0.0.0.0" else socket.AF_INET6, socket.SOCK_DGRAM) as probe:
+    family, elsewhere = _ALL_NETWORKS[host]
+    with socket.socket(family, socket.SOCK_DGRAM) as probe:
         try:
-            probe.connect(("192.0.2.1" if host == "0.0.0.0" else "2001:db8::1", 9))  # sends nothing: UDP
+            probe.connect((elsewhere, 9))  # chooses a network, and sends nothing
         except OSError:
             return socket.gethostname()
         return str(probe.getsockname()[0])

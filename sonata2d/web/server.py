@@ -95,10 +95,11 @@ class StudyServer:
         self._suffix, self._takeover, self._max_connections = suffix, takeover, max_connections
         self.is_held = False
         self.seats: dict[str, Seat] = {}
-        self._pages: dict[str, _Page] = {}  # open pages by id of the participant
+        self._pages: dict[str, _Connection] = {}  # open pages by id of the participant
         self._locks: dict[str, asyncio.Lock] = {}
         self._open = 0
         self._words, self._url, self._is_preview = folder.study.tables, url, is_preview
+        self._public_host = urlsplit(url).netloc.lower() if url else None
         self._researcher, self._has_warned = Researcher(self), False
         routes = [
             Route("/", self._front),
@@ -166,8 +167,10 @@ class StudyServer:
     def _is_same_origin(self, connection: HTTPConnection) -> bool:
         """Whether a request comes from a page of this server; programs that are no browsers send no origin."""
         origin, host = connection.headers.get("origin"), connection.headers.get("host")
-        known = {host, urlsplit(self._url).netloc.lower() if self._url else host}
-        if origin is None or urlsplit(origin).netloc in known - {"", None}:
+        if origin is None:
+            return True
+        site = urlsplit(origin).netloc
+        if site and site in (host, self._public_host):
             return True
         if not self._has_warned:
             self._has_warned = True
@@ -204,7 +207,7 @@ class StudyServer:
             return
         await socket.accept()
         # a page that reconnects may replace its own lost connection
-        page = _Page(socket, socket.query_params.get("page", "")[:40])
+        page = _Connection(socket, socket.query_params.get("page", "")[:40])
         if id is None:
             await page.close(UNKNOWN)
             return
@@ -223,7 +226,7 @@ class StudyServer:
             if self._pages.get(id) is page:
                 del self._pages[id]
 
-    async def _take_place(self, id: str, page: _Page) -> bool:
+    async def _take_place(self, id: str, page: _Connection) -> bool:
         """Make a page the one of its participant; False if another one keeps the place."""
         former = self._pages.get(id)
         if former is None:
@@ -237,7 +240,7 @@ class StudyServer:
         await former.replace()
         return True
 
-    async def _serve(self, id: str, page: _Page) -> None:
+    async def _serve(self, id: str, page: _Connection) -> None:
         """Answer the messages of a page until it leaves or another one takes its place."""
         try:
             seat = await self._seat_of(id)
@@ -304,7 +307,7 @@ class StudyServer:
             await socket.close(UNKNOWN)
             return
         await socket.accept()
-        await _Page(socket).converse(partial(parse_message, of_researcher=True), self._researcher.answer)
+        await _Connection(socket).converse(partial(parse_message, of_researcher=True), self._researcher.answer)
 
     async def _export(self, request: Request) -> Response:
         """All that was collected, as a ZIP file."""
@@ -368,8 +371,8 @@ def _shown_path(scope: Scope) -> str:
     return "/".join(part if k != 2 else "…" for k, part in enumerate(str(scope.get("path", "")).split("/")))[:80]
 
 
-class _Page:
-    """An open page: a web socket whose messages are answered one after the other.
+class _Connection:
+    """The connection to an open page, whose messages are answered one after the other.
 
     Args:
         socket: accepted.

@@ -54,7 +54,7 @@ def test_export(out: Path, tmp_path: Path) -> None:
     assert not [*tmp_path.glob("*.partial")]
     assert "cannot be written" in run("study", "export", out, tmp_path, code=1).output
     for command in ("export", "results"):  # it would outlive the removal of a participant
-        assert "choose a place outside" in run("study", command, out, out / "x", code=1).output
+        assert "choose a path outside" in run("study", command, out, out / "x", code=1).output
 
 
 def test_remove(out: Path) -> None:

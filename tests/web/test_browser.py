@@ -74,6 +74,14 @@ def practise(page: Any) -> None:
     page.wait_for_selector("#status.waiting")
 
 
+def at_first_run(browser: Any, link: str) -> Any:
+    """A page that waits for the first run, after the practice."""
+    page = opened(browser, link)
+    prepare(page)
+    practise(page)
+    return page
+
+
 def answer_effort(page: Any, effort: int) -> None:
     page.wait_for_selector(_STEP)
     page.get_by_role("radio", name=str(effort), exact=True).check()

@@ -1,4 +1,4 @@
-"""Connections that stand still, are replaced, or send what no page sends; and what pages are told of problems."""
+"""Connections that are stalled, replaced or hostile, and the messages about problems that pages receive."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from sonata2d.record.reader import read_episode
 
 from .conftest import Served
 from .proxy import Proxy
-from .test_browser import drive_with_keys, end, go_on, opened, practise, prepare
+from .test_browser import at_first_run, drive_with_keys, end, go_on, opened, prepare
 from .test_robustness import driven_by_a_pad
 
 
@@ -73,9 +73,7 @@ def test_a_pad_that_is_gone_drives_no_more(browser: Any, served: Served) -> None
 
 
 def test_keys_that_are_held_do_not_answer_the_card(browser: Any, served: Served) -> None:
-    page = opened(browser, served.link())
-    prepare(page)
-    practise(page)
+    page = at_first_run(browser, served.link())
     drive_with_keys(page)
     for _ in range(4):  # held: the browser repeats the key
         page.keyboard.down("Enter")
@@ -96,9 +94,7 @@ def test_keys_that_are_held_do_not_answer_the_card(browser: Any, served: Served)
 
 
 def test_answers_outlast_a_change_of_language(browser: Any, served: Served) -> None:
-    page = opened(browser, served.link())
-    prepare(page)
-    practise(page)
+    page = at_first_run(browser, served.link())
     drive_with_keys(page)
     end(page)
     page.get_by_role("radio", name="fair").check()
@@ -125,9 +121,7 @@ def test_a_label_that_is_moved_before_the_start_is_the_first_one(browser: Any, s
     (study_folder / "study.yaml").write_text(text.replace(block, label), encoding="utf-8")
     served = Served(study_folder)
     try:
-        page = opened(browser, served.link())
-        prepare(page)
-        practise(page)
+        page = at_first_run(browser, served.link())
         slider = page.locator("#while input[type=range]")
         for k in range(100):  # as while it is dragged
             slider.evaluate("(input, k) => { input.value = k / 100; input.dispatchEvent(new Event('input')); }", k)

@@ -25,7 +25,7 @@ from sonata2d.record.reader import read_episode
 
 from .conftest import Served
 from .proxy import Proxy
-from .test_browser import drive_with_keys, end, opened, practise, prepare
+from .test_browser import at_first_run, drive_with_keys, end, opened, prepare
 from .test_server import client_of
 
 FRAME_ROOM = "extends: empty\nlabel: {kind: classes, classes: [bad, fair, good], question: How is it, when: frame}\n"
@@ -85,9 +85,7 @@ def test_a_bad_connection_loses_no_tick_and_doubles_none(served: Served) -> None
 def test_a_page_with_a_slow_connection(browser: Any, served: Served) -> None:
     token = served.link().rpartition("/")[2]
     with Proxy(served.port, delay=0.06, jitter=0.06, loss=0.02) as proxy:
-        page = opened(browser, f"http://127.0.0.1:{proxy.port}/s/{token}")
-        prepare(page)
-        practise(page)
+        page = at_first_run(browser, f"http://127.0.0.1:{proxy.port}/s/{token}")
         drive_with_keys(page, 1500)
         proxy.cut()
         page.get_by_text("The connection is lost. Trying again …").wait_for()
@@ -152,9 +150,7 @@ def server_process(folder: Path, port: int) -> Iterator[tuple[subprocess.Popen[s
 def test_a_killed_server_goes_on_where_it_was(browser: Any, study_folder: Path) -> None:
     with server_process(study_folder, 0) as (process, links):
         port = int(re.findall(r":(\d+)/", links["p001"])[0])
-        page = opened(browser, links["p001"])
-        prepare(page)
-        practise(page)
+        page = at_first_run(browser, links["p001"])
         drive_with_keys(page, 800)
         page.keyboard.down("w")
         page.wait_for_timeout(200)
@@ -178,9 +174,7 @@ def test_labels_are_given_while_driving(browser: Any, study_folder: Path) -> Non
     (study_folder / "room.yaml").write_text(FRAME_ROOM)
     served = Served(study_folder)
     try:
-        page = opened(browser, served.link())
-        prepare(page)
-        practise(page)
+        page = at_first_run(browser, served.link())
         page.locator("#canvas").focus()
         page.keyboard.down("w")
         page.wait_for_selector("#status.driving")

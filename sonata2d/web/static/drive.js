@@ -110,7 +110,7 @@ export class Drive {
 
   advance(seconds) {
     const {dt} = this.data;
-    if (this.isBlocked()) return;      // the answer to a message tells which tick comes next
+    if (this.isBlocked()) return;      // the answer that the page waits for has the number of the next tick
     this.lag += seconds;
     for (let k = 0; k < MAX_TICKS && this.lag >= dt; k++) {
       if (this.sent - this.latest >= MAX_UNANSWERED) { this.pause(true); return; }

@@ -221,6 +221,9 @@ function showLegend() {
   byId("legend").replaceChildren(...view.drive.legend.map(entry => make("li", {}, make("span", {html: entry.symbol, "aria-hidden": "true"}), entry.text)));
 }
 
+/** Whether the card appeared so lately that a key may have been pressed to drive. */
+const isCardNew = () => performance.now() - byId("card").shownAt < PAUSE_OF_CARD;
+
 /** The card of a run that ended: its question, and what to do with it. */
 function showCard(status, run) {
   const card = byId("card");
@@ -301,7 +304,7 @@ function perform(action, device) {
   if (action === "confirm") {
     if (status === "driving") drive.stop();
     else if (status === "waiting" || status === "paused") drive.start();
-    else if (status === "ended" && byId("confirm") && performance.now() - card.shownAt > PAUSE_OF_CARD) byId("confirm").click();
+    else if (status === "ended" && byId("confirm") && !isCardNew()) byId("confirm").click();
   } else if (action === "pause") {
     if (status === "driving") drive.pause(); else if (status === "paused") drive.start(); else return false;
   } else if (action === "discard" || action === "redo") {
@@ -399,8 +402,8 @@ function showConnection() {
 }
 // Keys that are held, or were pressed to drive, press no button and choose no answer.
 byId("card").addEventListener("keydown", event => {
-  const isRecent = performance.now() - byId("card").shownAt < PAUSE_OF_CARD;
-  if ((isRecent && event.key.startsWith("Arrow")) || ((isRecent || event.repeat) && ["Enter", " "].includes(event.key))) event.preventDefault();
+  const isPress = ["Enter", " "].includes(event.key);
+  if (isCardNew() ? isPress || event.key.startsWith("Arrow") : isPress && event.repeat) event.preventDefault();
 });
 addEventListener("keydown", event => {      // on pages with questions; while driving, `Input` does it
   const isUndo = event.ctrlKey && event.key.toLowerCase() === "z" && !event.target.closest("textarea, input[type=number]");
