@@ -63,8 +63,13 @@ def reraise(error: BaseException) -> None:
 
 
 def interruption_in(error: BaseException) -> KeyboardInterrupt | None:
-    """The interruption that an error is or wraps: a signal during compiled code makes a SystemError of Python."""
-    found = error.__cause__ if isinstance(error, SystemError) else error
+    """The interruption that an error is or wraps.
+
+    A signal during compiled code makes a SystemError of Python, and one more in each of its callers that is compiled.
+    """
+    found: BaseException | None = error
+    while isinstance(found, SystemError):
+        found = found.__cause__
     return found if isinstance(found, KeyboardInterrupt) else None
 
 

@@ -7,13 +7,17 @@ import pytest
 from sonata2d.core.interruption import interruption_in, reraise
 
 
-def test_an_interruption_of_compiled_code_is_found_in_the_error_of_python() -> None:
+@pytest.mark.parametrize("depth", [1, 2, 3])
+def test_an_interruption_of_compiled_code_is_found_in_the_errors_of_python(depth: int) -> None:
     stop = KeyboardInterrupt()
-    wrapping = SystemError("returned a result with an exception set")
-    wrapping.__cause__ = stop
-    assert interruption_in(wrapping) is stop
+    error: BaseException = stop
+    for _ in range(depth):  # one for each compiled caller
+        wrapping = SystemError("returned a result with an exception set")
+        wrapping.__cause__ = error
+        error = wrapping
+    assert interruption_in(error) is stop
     with pytest.raises(KeyboardInterrupt):
-        reraise(wrapping)
+        reraise(error)
 
 
 @pytest.mark.parametrize("error", [SystemError("of an extension"), SystemExit(0), GeneratorExit(), ValueError("no")])
