@@ -147,10 +147,10 @@ def _take_part(
     from sonata2d.window.study_flow import StudyFlow
 
     study = load_study(file)
-    study.warm_up()
     participants: list[Participant] = []
 
     with opened_folder(out, study) as folder:
+        study.warm_up()
 
         def first_screen(name: str) -> Screen:
             devices = InputDevices()

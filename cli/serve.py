@@ -59,7 +59,6 @@ def command(
     loaded = load_study(study)
     with progress(loaded.number_of_scenes, "scene") as advance:
         loaded.check_scenes(advance)
-    loaded.warm_up()
     for warning in loaded.config.untranslated():
         note(f"warning: {warning}", err=True)
     settings = Settings(
@@ -73,6 +72,7 @@ def command(
     )
 
     with opened_folder(out, loaded) as folder:
+        loaded.warm_up()  # may take half a minute, so after everything that can be refused
         try:
             serve(folder, settings, lambda links: show_links(links, as_json))
         except KeyboardInterrupt:

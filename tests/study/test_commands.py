@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 from sonata2d_cli.main import main
 
 from sonata2d.study.folder import opened_folder
-from sonata2d.study.load import load_study
+from sonata2d.study.load import Study, load_study
 from sonata2d.study.participant import Participant
 
 from .conftest import drive, prepare
@@ -67,7 +67,8 @@ def test_remove(out: Path) -> None:
     assert "no participant 'p2'" in run("study", "remove", out, "p2", "--yes", code=1).output
 
 
-def test_two_programs_do_not_use_a_study_at_once(out: Path, study_file: Path) -> None:
+def test_two_programs_do_not_use_a_study_at_once(out: Path, study_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Study, "warm_up", lambda self: pytest.fail("compiles before the folder is refused"))
     lines = (
         ["serve", study_file, out],
         ["collect", out, "--study", study_file],
