@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 import click
 
-from sonata2d.core.interruption import THREAD_GRACE, forget, interrupt
+from sonata2d.core.interruption import THREAD_GRACE, check, forget, interrupt
 from sonata2d.core.wording import one_line, shown
 from sonata2d.registry import Registry
 
@@ -204,6 +204,11 @@ def raising_interruptions() -> Iterator[None]:
     before = {number: signal.signal(number, stop) for number in numbers}
     try:
         yield
+    except click.exceptions.Exit:
+        raise
+    except Exception:
+        check()  # a library may have turned what the signal raised into an error of its own
+        raise
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -46,7 +46,7 @@ def forget() -> None:
 
 
 def reraise(error: BaseException) -> None:
-    """Raise an error again if it is an interruption: Ctrl-C, SIGTERM or a stop request.
+    """Raise an error again if it is an interruption, or follows one: Ctrl-C, SIGTERM or a stop request.
 
     Everything else that the code of others (controllers, pedestrian models, plug-ins) raises is an error of that code:
     also `SystemExit`, which would end a batch with exit code 0, and a `KeyboardInterrupt` where signals are ignored.
@@ -58,6 +58,8 @@ def reraise(error: BaseException) -> None:
     """
     interruption = interruption_in(error)
     is_in_main = threading.current_thread() is threading.main_thread()  # other threads receive no signals
+    if is_in_main and _received is not None:  # pydantic and others turn it into an error of their own
+        raise _received
     if interruption is not None and ((is_in_main and not _ignores_signals) or _is_stop_requested() or _received):
         raise interruption
 

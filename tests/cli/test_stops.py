@@ -31,6 +31,57 @@ def test_a_stopped_batch_says_how_to_resume(here: Path, number: signal.Signals, 
     assert b'"outcome":"interrupted"' in (here / "out/run.jsonl").read_bytes()
 
 
+WRAPPING = """
+import os, signal, sys
+import sonata2d as s2
+class Wrapping(s2.Controller):
+    def act(self, snapshot):
+        try:
+            if snapshot.tick == 3 and snapshot.scene.episode == 2:
+                os.kill(os.getpid(), {signal})
+                for _ in range(1000):
+                    pass
+        except BaseException as error:
+            raise ValueError("as libraries do") from error
+        return s2.Twist()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+@pytest.mark.parametrize(("number", "word"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")])
+def test_an_interruption_that_a_library_turns_into_an_error_stops_the_batch(
+    here: Path, number: signal.Signals, word: str
+) -> None:
+    (here / "wrapping.py").write_text(WRAPPING.format(signal=int(number)))
+    done = run_alone("generate out --scenario quick.yaml --controller ./wrapping.py:Wrapping --episodes 9 --workers 1")
+    assert done.returncode == 128 + number
+    assert one_line(done.stderr).startswith(f"{word}; complete episodes are in out")
+    assert not (here / "out/failed").exists()
+
+
+WRAPPED_IN_SETTINGS = """
+import os, signal
+from sonata2d.errors import ConfigError
+from sonata2d.scenegen.scenario import load
+def stopped(*arguments):
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+        for _ in range(1000):
+            pass
+    except BaseException as error:
+        raise ConfigError("as pydantic does") from error
+load.parse_settings = stopped
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+def test_an_interruption_that_the_check_of_a_scenario_turns_into_an_error_stops_the_command(here: Path) -> None:
+    with started("run --scenario quick.yaml -o run.json", preparation=WRAPPED_IN_SETTINGS) as process:
+        _, output = process.communicate(timeout=100)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert one_line(output) == "terminated"
+
+
 IN_FINALIZER = """
 import os, signal
 import sonata2d as s2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sonata2d.core.interruption import interruption_in, reraise
+from sonata2d.core.interruption import forget, interrupt, interruption_in, reraise
 
 
 @pytest.mark.parametrize("depth", [1, 2, 3])
@@ -24,3 +24,16 @@ def test_an_interruption_of_compiled_code_is_found_in_the_errors_of_python(depth
 def test_other_errors_are_no_interruptions(error: BaseException) -> None:
     assert interruption_in(error) is None
     reraise(error)
+
+
+def test_errors_that_follow_a_signal_are_interruptions() -> None:
+    stop = KeyboardInterrupt()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            interrupt(stop)
+        with pytest.raises(KeyboardInterrupt) as raised:
+            reraise(ValueError("of a library"))
+        assert raised.value is stop
+    finally:
+        forget()
+    reraise(ValueError("of a library"))
