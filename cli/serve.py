@@ -72,7 +72,6 @@ def command(
     )
 
     with opened_folder(out, loaded) as folder:
-        loaded.warm_up()  # may take half a minute, so after everything that can be refused
         try:
             serve(folder, settings, lambda links: show_links(links, as_json))
         except KeyboardInterrupt:

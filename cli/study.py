@@ -96,7 +96,6 @@ def preview(file: Path, host: str, port: int, as_json: bool) -> None:
     from sonata2d.web.serve import Settings, serve
 
     study = load_study(file)
-    study.warm_up()
     with TemporaryDirectory(prefix="sonata2d-preview-") as folder:
         settings = Settings(host=host, port=port, participants=1, is_preview=True)
         with suppress(KeyboardInterrupt):

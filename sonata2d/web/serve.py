@@ -63,6 +63,7 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
     Raises:
         ConfigError: the address cannot be used.
         RecordError: the folder cannot be written.
+        SceneError: too many scenes in a row cannot be generated.
         StudyError: the packages of the extra `serve` are not installed.
     """
     try:
@@ -89,15 +90,16 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
         links.add(id)  # the program may have ended between the two, or the participant came to the window
     while len(folder.present) < settings.participants:
         server.new_participant()
-    listener = _listener(settings.host, settings.port)
-    host, port = listener.getsockname()[:2]
-    host = _reachable(host)
-    base = (settings.url or f"http://{f'[{host}]' if ':' in host else host}:{port}").rstrip("/")
-    announce(
-        {"researcher": f"{base}/r/{links.researcher}", "open link": f"{base}/j/{links.open}"}
-        | {id: f"{base}/s/{token}" for id, token in links.tokens().items()}
-    )
-    uvicorn.Server(server_config(server.app, settings.connections)).run(sockets=[listener])
+    with _listener(settings.host, settings.port) as listener:
+        folder.study.warm_up()  # may take half a minute, so after everything that can be refused
+        host, port = listener.getsockname()[:2]
+        host = _reachable(host)
+        base = (settings.url or f"http://{f'[{host}]' if ':' in host else host}:{port}").rstrip("/")
+        announce(
+            {"researcher": f"{base}/r/{links.researcher}", "open link": f"{base}/j/{links.open}"}
+            | {id: f"{base}/s/{token}" for id, token in links.tokens().items()}
+        )
+        uvicorn.Server(server_config(server.app, settings.connections)).run(sockets=[listener])
 
 
 def server_config(app: ASGIApp, connections: int, **options: Any) -> uvicorn.Config:

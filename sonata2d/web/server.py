@@ -330,7 +330,10 @@ class StudyServer:
     @asynccontextmanager
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
         sweeping = asyncio.create_task(self._free_idle_seats())
-        yield
+        try:
+            yield
+        except asyncio.CancelledError:  # a second Ctrl+C; the journals keep the runs that are being driven
+            return
         sweeping.cancel()
         for seat in self.seats.values():
             await run_in_threadpool(self._close, seat)

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -132,15 +133,16 @@ def test_a_closed_tab_stops_the_robot_and_keeps_the_journal(browser: Any, served
 def server_process(folder: Path, port: int) -> Iterator[tuple[subprocess.Popen[str], dict[str, str]]]:
     """`sonata2d serve` in a process of its own, and its links."""
     command = f"-m sonata2d_cli serve study.yaml out --port {port} --participants 1 --json"
-    process = subprocess.Popen([sys.executable, *command.split()], cwd=folder, stdout=subprocess.PIPE, text=True)
+    words, pipe = [sys.executable, *command.split()], subprocess.PIPE
+    process = subprocess.Popen(words, cwd=folder, stdout=pipe, stderr=pipe, text=True)
     try:
         assert process.stdout is not None
-        words = ""
-        while not words.rstrip().endswith("}"):
+        printed = ""
+        while not printed.rstrip().endswith("}"):
             line = process.stdout.readline()
             assert line, "the server has ended"
-            words += line
-        yield process, json.loads(words)
+            printed += line
+        yield process, json.loads(printed)
     finally:
         process.kill()
         process.communicate()
@@ -168,6 +170,21 @@ def test_a_killed_server_goes_on_where_it_was(browser: Any, study_folder: Path) 
     (path,) = (study_folder / "out").glob("p001__*.json")
     assert read_episode(path).states.time[-1] > 1.0
     assert verify(study_folder / "out", replay=True, rerun=True) == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+def test_ctrl_c_twice_stops_the_server_without_a_traceback(study_folder: Path) -> None:
+    with server_process(study_folder, 0) as (process, links):
+        with urlopen(links["p001"]) as answer:  # it serves
+            assert answer.status == 200
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.01)  # else they are one signal
+        process.send_signal(signal.SIGINT)
+        process.wait(30)
+        assert process.stderr is not None
+        lines = process.stderr.read().splitlines()
+    assert "Traceback (most recent call last):" not in lines
+    assert lines[-1] in ("stopped; the same command continues the study", "interrupted")  # if it had nearly ended
 
 
 def test_labels_are_given_while_driving(browser: Any, study_folder: Path) -> None:
