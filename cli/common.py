@@ -179,7 +179,8 @@ def raising_interruptions() -> Iterator[None]:
     """Raise `Terminated` on SIGTERM, so that work in progress ends in an orderly way, as on Ctrl-C.
 
     Both wait for the end of an import, because some extension modules crash if an exception is raised while they are
-    loaded, and until pymunk has freed a world, where cffi would print the exception and go on.
+    loaded, and until pymunk has freed a world, where cffi would print the exception and go on. An error that follows a
+    signal is raised as that interruption, because libraries make errors of their own of it.
     """
     deadline = math.inf
 
@@ -204,10 +205,8 @@ def raising_interruptions() -> Iterator[None]:
     before = {number: signal.signal(number, stop) for number in numbers}
     try:
         yield
-    except click.exceptions.Exit:
-        raise
-    except Exception:
-        check()  # a library may have turned what the signal raised into an error of its own
+    except BaseException:
+        check()
         raise
     finally:
         for number, handler in before.items():
@@ -229,6 +228,7 @@ def _is_delicate(frame: FrameType | None) -> bool:
 
 def exit_interrupted(error: KeyboardInterrupt, hint: str = "") -> NoReturn:
     """Say that the command was interrupted, and exit with the code that shells expect: 128 plus the signal."""
+    forget()
     is_terminated = isinstance(error, Terminated)
     click.echo(f"\n{'terminated' if is_terminated else 'interrupted'}{hint}", err=True)
     raise click.exceptions.Exit(128 + (signal.SIGTERM if is_terminated else signal.SIGINT)) from None

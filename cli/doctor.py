@@ -18,6 +18,7 @@ from pathlib import Path
 
 import click
 
+from sonata2d.core import interruption
 from sonata2d.core.wording import one_line
 from sonata2d.errors import PluginWarning, Sonata2dError
 from sonata2d.registry import Registry
@@ -147,6 +148,7 @@ def _run(check: Callable[[], Finding]) -> Finding:
     try:
         return check()
     except Exception as error:
+        interruption.reraise(error)
         return False, _reason(error)
 
 

@@ -72,7 +72,5 @@ def command(
     )
 
     with opened_folder(out, loaded) as folder:
-        try:
-            serve(folder, settings, lambda links: show_links(links, as_json))
-        except KeyboardInterrupt:
-            note("stopped; the same command continues the study", err=True)
+        serve(folder, settings, lambda links: show_links(links, as_json))
+    note("stopped; the same command continues the study", err=True)

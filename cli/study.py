@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -98,8 +97,7 @@ def preview(file: Path, host: str, port: int, as_json: bool) -> None:
     study = load_study(file)
     with TemporaryDirectory(prefix="sonata2d-preview-") as folder:
         settings = Settings(host=host, port=port, participants=1, is_preview=True)
-        with suppress(KeyboardInterrupt):
-            serve(StudyFolder(folder, study), settings, lambda links: show_links(links, as_json))
+        serve(StudyFolder(folder, study), settings, lambda links: show_links(links, as_json))
 
 
 @command.command("results", epilog=examples("study results OUT tables", "study results OUT tables --personal"))

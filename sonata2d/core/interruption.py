@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any, NoReturn, TextIO
 
+_MAX_DEPTH = 10  # of compiled functions that call each other
 THREAD_GRACE = 1.0  # s, that a process waits at its end for threads that a controller has left running
 
 _is_stop_requested: Callable[[], bool] = lambda: False  # noqa: E731
@@ -58,7 +59,7 @@ def reraise(error: BaseException) -> None:
     """
     interruption = interruption_in(error)
     is_in_main = threading.current_thread() is threading.main_thread()  # other threads receive no signals
-    if is_in_main and _received is not None:  # pydantic and others turn it into an error of their own
+    if is_in_main and _received is not None:  # pydantic and others make it an error of their own
         raise _received
     if interruption is not None and ((is_in_main and not _ignores_signals) or _is_stop_requested() or _received):
         raise interruption
@@ -70,7 +71,9 @@ def interruption_in(error: BaseException) -> KeyboardInterrupt | None:
     A signal during compiled code makes a SystemError of Python, and one more in each of its callers that is compiled.
     """
     found: BaseException | None = error
-    while isinstance(found, SystemError):
+    for _ in range(_MAX_DEPTH):  # causes may form a circle
+        if not isinstance(found, SystemError):
+            break
         found = found.__cause__
     return found if isinstance(found, KeyboardInterrupt) else None
 

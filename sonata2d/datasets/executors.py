@@ -379,5 +379,6 @@ def _own_results(call: Call, items: Iterable[Any]) -> Iterator[Any]:
     """Results of the calling process, item by item."""
     function: Callable[[Any], Any] = applied(call.set_up)
     for item in items:
-        interruption.check()
-        yield applied(function, item)
+        result = applied(function, item)
+        interruption.check()  # otherwise what a library made of the interruption is taken for a result
+        yield result

@@ -63,7 +63,10 @@ class ImpatientSocket(WebSocketsSansIOProtocol):
 
 
 def without_traceback(record: logging.LogRecord) -> bool:
-    """A filter of a log: uvicorn writes a traceback where a page sends what is no text."""
-    if record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError):
+    """A filter of a log: uvicorn writes tracebacks where a page sends what is no text, and where it stops a request."""
+    error = record.exc_info[1] if record.exc_info else None
+    if isinstance(error, UnicodeDecodeError):
         record.exc_info = None
+    if isinstance(error, asyncio.CancelledError):
+        record.msg, record.args, record.exc_info = "a request was not answered, because the server stops", (), None
     return True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import socket
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -53,7 +54,7 @@ class Settings:
 
 
 def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str, str]], None]) -> None:
-    """Serve a study until the program is interrupted.
+    """Serve a study until the program is interrupted; returns then.
 
     Args:
         folder: of the study; see `opened_folder`.
@@ -64,6 +65,7 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
         ConfigError: the address cannot be used.
         RecordError: the folder cannot be written.
         SceneError: too many scenes in a row cannot be generated.
+        KeyboardInterrupt: the program was interrupted before the links were announced.
         StudyError: the packages of the extra `serve` are not installed.
     """
     try:
@@ -99,7 +101,8 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
             {"researcher": f"{base}/r/{links.researcher}", "open link": f"{base}/j/{links.open}"}
             | {id: f"{base}/s/{token}" for id, token in links.tokens().items()}
         )
-        uvicorn.Server(server_config(server.app, settings.connections)).run(sockets=[listener])
+        with suppress(KeyboardInterrupt):  # uvicorn raises the signal that stopped it again
+            uvicorn.Server(server_config(server.app, settings.connections)).run(sockets=[listener])
 
 
 def server_config(app: ASGIApp, connections: int, **options: Any) -> uvicorn.Config:
@@ -170,10 +173,12 @@ def _listener(host: str, port: int) -> socket.socket:
     """
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        listener = socket.socket(family, kind, protocol)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(address)
-        listener.listen()  # a link that is announced can be opened: connections wait until the server answers
+        with ExitStack() as on_failure:
+            listener = on_failure.enter_context(socket.socket(family, kind, protocol))
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind(address)
+            listener.listen()  # a link that is announced can be opened: connections wait until the server answers
+            on_failure.pop_all()
     except OSError as error:
         raise ConfigError(
             f"{host}, port {port}, cannot be used: {error.strerror or error}; choose another --host or --port"

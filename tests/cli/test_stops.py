@@ -59,10 +59,9 @@ def test_an_interruption_that_a_library_turns_into_an_error_stops_the_batch(
     assert not (here / "out/failed").exists()
 
 
-WRAPPED_IN_SETTINGS = """
-import os, signal
+WRAPPED = """
+import importlib, os, signal
 from sonata2d.errors import ConfigError
-from sonata2d.scenegen.scenario import load
 def stopped(*arguments):
     try:
         os.kill(os.getpid(), signal.SIGTERM)
@@ -70,13 +69,24 @@ def stopped(*arguments):
             pass
     except BaseException as error:
         raise ConfigError("as pydantic does") from error
-load.parse_settings = stopped
+setattr(importlib.import_module({module!r}), {name!r}, stopped)
 """
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
-def test_an_interruption_that_the_check_of_a_scenario_turns_into_an_error_stops_the_command(here: Path) -> None:
-    with started("run --scenario quick.yaml -o run.json", preparation=WRAPPED_IN_SETTINGS) as process:
+@pytest.mark.parametrize(
+    ("line", "module", "name"),
+    [
+        ("run --scenario quick.yaml -o again.json", "sonata2d.scenegen.scenario.load", "parse_settings"),
+        ("check run.json --replay", "sonata2d.datasets.replay", "generate"),
+        ("doctor", "sonata2d_cli.doctor", "_trial_episode"),
+    ],
+)
+def test_an_interruption_that_a_library_turns_into_an_error_is_no_fault_of_a_file(
+    sonata2d: Run, line: str, module: str, name: str
+) -> None:
+    sonata2d("run --scenario quick.yaml -o run.json")
+    with started(line, preparation=WRAPPED.format(module=module, name=name)) as process:
         _, output = process.communicate(timeout=100)
     assert process.returncode == 128 + signal.SIGTERM
     assert one_line(output) == "terminated"

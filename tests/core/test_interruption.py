@@ -26,6 +26,12 @@ def test_other_errors_are_no_interruptions(error: BaseException) -> None:
     reraise(error)
 
 
+def test_errors_that_cause_themselves_are_no_interruptions() -> None:
+    error = SystemError("of an extension")
+    error.__cause__ = error
+    assert interruption_in(error) is None
+
+
 def test_errors_that_follow_a_signal_are_interruptions() -> None:
     stop = KeyboardInterrupt()
     try:

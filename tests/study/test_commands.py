@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import socket
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -77,6 +80,32 @@ def test_two_programs_do_not_use_a_study_at_once(out: Path, study_file: Path, mo
     with opened_folder(out, load_study(study_file)):
         for words in lines:
             assert f"another program uses {out}; stop it first" in run(*words, code=1).output
+
+
+@pytest.mark.parametrize("words", [["serve"], ["study", "preview"]])
+def test_an_address_is_refused_before_the_simulation_is_compiled(
+    words: list[str], study_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Study, "warm_up", lambda self: pytest.fail("compiles before the address is refused"))
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        out = [tmp_path / "out"] if words == ["serve"] else []
+        assert f"port {port}, cannot be used" in run(*words, study_file, *out, "--port", str(port), code=1).output
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+@pytest.mark.parametrize("words", [["serve"], ["study", "preview"]])
+def test_a_server_that_is_interrupted_before_it_serves_has_not_served(
+    words: list[str], study_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def terminated(study: Study) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        for _ in range(1000):
+            pass
+
+    monkeypatch.setattr(Study, "warm_up", terminated)
+    out = [tmp_path / "out"] if words == ["serve"] else []
+    assert "terminated" in run(*words, study_file, *out, "--port", "0", code=128 + signal.SIGTERM).output
 
 
 @pytest.mark.parametrize("option", [("--runs", "3"), ("--scenario", "empty"), ("--rate", "recorded"), ("--seed", "1")])

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 import socket
+import threading
 import time
 from contextlib import suppress
+from http.client import HTTPException
 from pathlib import Path
 
 import pytest
@@ -83,6 +85,31 @@ def test_bytes_that_are_no_text_leave_no_traceback(
         raw.close()
     captured = capfd.readouterr()
     assert "Traceback" not in captured.err + captured.out + caplog.text
+
+
+def test_a_request_that_the_server_stops_leaves_no_traceback(
+    study_folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    has_begun = threading.Event()
+
+    def slow_archive(*_: object, **__: object) -> None:
+        has_begun.set()
+        time.sleep(3)  # longer than the server waits for it
+
+    monkeypatch.setattr("sonata2d.web.server.write_archive", slow_archive)
+    served = Served(study_folder)
+
+    def download() -> None:
+        with suppress(OSError, HTTPException):
+            fetch(f"{served.url}/r/{served.links.researcher}/export.zip")
+
+    downloading = threading.Thread(target=download)
+    downloading.start()
+    has_begun.wait()
+    served.stop()
+    downloading.join()
+    assert "a request was not answered, because the server stops" in caplog.messages
+    assert "Traceback" not in caplog.text
 
 
 def test_numbers_of_runs_are_new_after_a_restart(served: Served) -> None:

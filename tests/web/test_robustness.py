@@ -140,7 +140,7 @@ def server_process(folder: Path, port: int) -> Iterator[tuple[subprocess.Popen[s
         printed = ""
         while not printed.rstrip().endswith("}"):
             line = process.stdout.readline()
-            assert line, "the server has ended"
+            assert line, process.communicate()[1]
             printed += line
         yield process, json.loads(printed)
     finally:
