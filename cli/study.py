@@ -98,6 +98,7 @@ def preview(file: Path, host: str, port: int, as_json: bool) -> None:
     with TemporaryDirectory(prefix="sonata2d-preview-") as folder:
         settings = Settings(host=host, port=port, participants=1, is_preview=True)
         serve(StudyFolder(folder, study), settings, lambda links: show_links(links, as_json))
+    note("stopped; what was collected is deleted", err=True)
 
 
 @command.command("results", epilog=examples("study results OUT tables", "study results OUT tables --personal"))

@@ -6,6 +6,7 @@ personal answers, so that they can be kept elsewhere, or deleted, without touchi
 
 from __future__ import annotations
 
+import shutil
 import threading
 from collections.abc import Container, Iterable, Iterator
 from contextlib import contextmanager
@@ -59,15 +60,18 @@ class StudyFolder:
             (self.out / STUDY).mkdir(mode=0o700, exist_ok=True)  # answers and links are for its owner only
         except OSError as error:
             raise RecordError(f"{self.out} cannot be written: {error.strerror or error}") from error
-        if state.exists():
-            stored = _read_state(state)
-            if stored["structure"] != structure:
+        stored = _read_state(state) if state.exists() else None
+        if stored is not None and stored["structure"] != structure:
+            if stored["participants"]:
                 people, change = len(stored["participants"]), _difference(stored["structure"], structure)
                 raise ConfigError(
                     f"{self.out} belongs to another study, or to an earlier version of it"
                     f" ({counted(people, 'participant')}): {change};"
                     " texts of the study file may change, but no steps, scenes or questions: choose another folder"
                 )
+            self._remove_rated()  # nobody has come yet: the folder is begun anew
+            stored = None
+        if stored is not None:
             self.participants, self._versions = stored["participants"], stored["versions"]
             self.withdrawn = stored["withdrawn"]
         self._structure, self._adding = structure, threading.RLock()
@@ -172,6 +176,15 @@ class StudyFolder:
                         raise ConfigError(f"{path} is not the run that {folder} has ratings of; choose another folder")
             except OSError as error:
                 raise RecordError(f"{folder} cannot be written: {error.strerror or error}") from error
+
+    def _remove_rated(self) -> None:
+        """Delete the copies of the runs to be rated."""
+        try:
+            shutil.rmtree(self.out / RATED)
+        except FileNotFoundError:
+            pass
+        except OSError as error:
+            raise RecordError(f"{self.out / RATED} cannot be deleted: {error.strerror or error}") from error
 
     def _write_state(self) -> None:
         lists = {"versions": self._versions, "participants": self.participants, "withdrawn": self.withdrawn}

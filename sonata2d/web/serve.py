@@ -90,10 +90,10 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
         path.unlink(missing_ok=True)
     for id in folder.present:
         links.add(id)  # the program may have ended between the two, or the participant came to the window
-    while len(folder.present) < settings.participants:
-        server.new_participant()
     with _listener(settings.host, settings.port) as listener:
         folder.study.warm_up()  # may take half a minute, so after everything that can be refused
+        while len(folder.present) < settings.participants:
+            server.new_participant()
         host, port = listener.getsockname()[:2]
         host = _reachable(host)
         base = (settings.url or f"http://{f'[{host}]' if ':' in host else host}:{port}").rstrip("/")

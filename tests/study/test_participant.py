@@ -378,6 +378,18 @@ def test_texts_of_a_study_may_change_and_the_rest_may_not(arrive: Arrive, study_
         StudyFolder(tmp_path / "out", load_study(study_file))
 
 
+def test_a_study_may_change_until_somebody_comes(arrive: Arrive, study_file: Path, tmp_path: Path) -> None:
+    StudyFolder(tmp_path / "out", load_study(study_file))
+    assert len([*(tmp_path / "out/rated/polite").glob("0*.json")]) == 3
+    study_file.write_text(STUDY.replace("count: 3", "count: 1"))
+    (tmp_path / "room.yaml").write_text("extends: empty\n")
+    arrive().read("page-1")
+    assert len([*(tmp_path / "out/rated/polite").glob("0*.json")]) == 1
+    study_file.write_text(STUDY)
+    with pytest.raises(ConfigError, match="belongs to another study"):
+        StudyFolder(tmp_path / "out", load_study(study_file))
+
+
 def test_a_score_is_a_mean_with_opposite_items_reversed() -> None:
     config = {
         "demographics": [],

@@ -356,7 +356,7 @@ def test_a_line_break_begins_no_row_of_a_table(arrive: Arrive, tmp_path: Path) -
 
 
 def test_a_change_of_a_study_is_named(study_file: Path, tmp_path: Path) -> None:
-    StudyFolder(tmp_path / "out", load_study(study_file))
+    StudyFolder(tmp_path / "out", load_study(study_file)).add("p1")
     study_file.write_text(study_file.read_text().replace("minimum_length: 0.5", "minimum_length: 1.5"))
     with pytest.raises(ConfigError, match=r"minimum_length was 0\.5 and is 1\.5; texts of the study file may change"):
         StudyFolder(tmp_path / "out", load_study(study_file))
