@@ -18,8 +18,6 @@ import os
 import random
 import socket
 import string
-import subprocess
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -29,6 +27,7 @@ from typing import Any
 from urllib.parse import quote, urlsplit
 
 import websockets
+from study_server import served_study
 
 from sonata2d.datasets.verification import verify
 
@@ -258,25 +257,14 @@ def main() -> None:
         folder = Path(name)
         (folder / "study.yaml").write_text(STUDY)
         log = folder / "server.log"
-        command = "-m sonata2d_cli serve study.yaml out --port 0 --participants 3 --json"
-        with log.open("w") as errors:
-            server = subprocess.Popen(
-                [sys.executable, *command.split()], cwd=folder, stdout=subprocess.PIPE, stderr=errors, text=True,
-                env=os.environ | {"HOME": name},
-            )  # fmt: skip
-        assert server.stdout
-        text = ""
-        while not text.rstrip().endswith("}"):
-            text += server.stdout.readline()
-        try:
-            links = json.loads(text)
+        with (
+            log.open("w") as errors,
+            served_study(folder, 3, log=errors, env=os.environ | {"HOME": name}) as (server, links),
+        ):
             result = asyncio.run(attack(links, options.count, options.seed))
             result["is_alive"] = server.poll() is None
             result["answers afterwards"] = [status_of(links["p003"]) for _ in range(50)].count(200)
             result["open files afterwards"] = len(os.listdir(f"/proc/{server.pid}/fd"))
-        finally:
-            server.terminate()
-            server.communicate()
         words = log.read_text()
         result["log_lines"] = len(words.splitlines())
         result["tracebacks"] = words.count("Traceback")

@@ -13,7 +13,6 @@ import argparse
 import itertools
 import json
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections import Counter
@@ -21,6 +20,7 @@ from pathlib import Path
 from typing import Literal
 
 from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
+from study_server import served_study
 
 import sonata2d as s2
 
@@ -215,25 +215,10 @@ def main() -> None:
         (study.parent / "room.yaml").write_text(ROOM)
         scenario = s2.load_scenario("sonata-2020").changed(rules={"time_limit": 3.0})
         s2.generate_dataset(study.parent / "recorded", scenario, "straight-to-goal", episodes=1, workers=1)
-        words = f"-m sonata2d_cli serve {study} {name}/out --port 0 --json --participants {4 * len(options.widths)}"
-        server: subprocess.Popen[str] = subprocess.Popen(
-            [sys.executable, *words.split()], stdout=subprocess.PIPE, text=True
-        )
-        assert server.stdout
-        try:
-            text = ""
-            while not text.rstrip().endswith("}"):
-                line = server.stdout.readline()
-                if not line:
-                    raise SystemExit("the server did not start")
-                text += line
-            with sync_playwright() as playwright:
-                browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-                record_all(browser, json.loads(text), options.widths, recorder)
-                browser.close()
-        finally:
-            server.terminate()
-            server.wait()
+        with served_study(study.parent, 4 * len(options.widths)) as (_, links), sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+            record_all(browser, links, options.widths, recorder)
+            browser.close()
     print(json.dumps({"states": recorder.states, "violations": recorder.violations}, indent=2))
 
 

@@ -15,7 +15,6 @@ import json
 import os
 import random
 import re
-import subprocess
 import sys
 import tempfile
 import time
@@ -26,6 +25,7 @@ from typing import Any
 
 import numpy as np
 import websockets
+from study_server import served_study
 
 from sonata2d.datasets.verification import verify
 
@@ -154,22 +154,11 @@ def measure(folder: Path, participants: int, delay: float, minutes: float) -> di
     """Serve a study for a time; returns the figures."""
     (folder / "study.yaml").write_text(STUDY)
     out = folder / f"out-{delay:g}"
-    command = [sys.executable, "-m", "sonata2d_cli", "serve", str(folder / "study.yaml"), str(out), "--port", "0"]
-    server = subprocess.Popen(
-        [*command, "--participants", str(participants), "--json"], stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert server.stdout
-        text = ""
-        while not text.rstrip().endswith("}"):
-            text += server.stdout.readline()
-        links = [link for name, link in json.loads(text).items() if name.startswith("p")]
+    with served_study(folder, participants, out=out.name) as (server, by_name):
+        links = [link for name, link in by_name.items() if name.startswith("p")]
         before, memory_before = usage(server.pid)
         pages = asyncio.run(drive_all(links, delay / 1000, 60 * minutes))
         after, memory = usage(server.pid)
-    finally:
-        server.terminate()
-        server.wait(30)
     ticks, dropped = sum(page.ticks for page in pages), sum(page.dropped for page in pages)
     trips = np.array([trip for page in pages for trip in page.round_trips])
     problems = verify(out, replay=True, rerun=True)

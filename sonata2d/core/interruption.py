@@ -13,7 +13,12 @@ from typing import Any, NoReturn, TextIO
 _MAX_DEPTH = 10  # of compiled functions that call each other
 THREAD_GRACE = 1.0  # s, that a process waits at its end for threads that a controller has left running
 
-_is_stop_requested: Callable[[], bool] = lambda: False  # noqa: E731
+
+def _not_requested() -> bool:
+    return False
+
+
+_is_stop_requested: Callable[[], bool] = _not_requested
 _ignores_signals = False
 _received: KeyboardInterrupt | None = None
 

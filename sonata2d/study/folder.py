@@ -69,7 +69,7 @@ class StudyFolder:
                     f" ({counted(people, 'participant')}): {change};"
                     " texts of the study file may change, but no steps, scenes or questions: choose another folder"
                 )
-            self._remove_rated()  # nobody has come yet: the folder is begun anew
+            self._remove_rated()  # without participants, the folder can take another study
             stored = None
         if stored is not None:
             self.participants, self._versions = stored["participants"], stored["versions"]

@@ -375,7 +375,7 @@ def _shown_path(scope: Scope) -> str:
 
 
 class _Connection:
-    """The connection to an open page, whose messages are answered one after the other.
+    """The connection to an open page. Its messages are answered in order, one at a time.
 
     Args:
         socket: accepted.
