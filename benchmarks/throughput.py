@@ -25,7 +25,7 @@ from typing import Any
 from unittest.mock import patch
 
 import sonata2d as s2
-from sonata2d.core.compiled import BACKEND
+from sonata2d.core.compiled.kernel import BACKEND
 from sonata2d.testing.benchmark import FRAMES, crowded_room, engine_steps, run_episode, shortest
 
 PEOPLE = (5, 10, 20, 50, 100, 200, 500, 1000)

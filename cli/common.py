@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 import click
 
-from sonata2d.core.interruption import THREAD_GRACE, check, forget, interrupt
+from sonata2d.core.files.interruption import THREAD_GRACE, check, forget, interrupt
 from sonata2d.core.wording import one_line, shown
 from sonata2d.registry import Registry
 
@@ -32,7 +32,7 @@ class _PathType(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, str) and "://" in value:
-            from sonata2d.core.locations import location
+            from sonata2d.core.files.locations import location
 
             try:
                 return location(value)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import click
 
-from sonata2d.core import interruption
+from sonata2d.core.files import interruption
 from sonata2d.core.wording import one_line
 from sonata2d.errors import PluginWarning, Sonata2dError
 from sonata2d.registry import Registry
@@ -158,15 +158,15 @@ def _reason(error: Exception) -> str:
 
 def _kernels() -> Finding:
     """How the compiled part of the simulation runs, and where its machine code is kept."""
-    from sonata2d.core import compiled
+    from sonata2d.core.compiled import kernel as compiled
 
     if not compiled.IS_COMPILED:
         return None, compiled.BACKEND
-    from sonata2d.core import kernel_cache
+    from sonata2d.core.compiled import cache as kernel_cache
 
     folder = kernel_cache.writable_folder()
     if folder is None:
-        tried = ", ".join(map(str, kernel_cache.folders()))
+        tried = kernel_cache.cache_folder() or "no home folder"
         return None, f"{compiled.BACKEND}, anew in each process: not writable: {tried}; set NUMBA_CACHE_DIR"
     return True, f"{compiled.BACKEND}; machine code in {folder}"
 

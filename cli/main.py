@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 
 import click
 
-from sonata2d.core.interruption import exits_raised, interruption_in
+from sonata2d.core.files.interruption import exits_raised, interruption_in
 from sonata2d.core.wording import described, one_line
 from sonata2d.errors import Sonata2dError
 

@@ -60,7 +60,7 @@ frames.
 - Readers refuse a newer version and ignore unknown keys. `format` is `{FORMAT}`.
 - A file is validated once, when it is read: the schema, and what a schema cannot say (ids and references, activities,
   columns, answers to the question, a row for each person). `read_episode` refuses an invalid file with one line;
-  `sonata2d check` lists everything that is wrong. `sonata2d/core/limits.py` holds the limits on sizes and counts.
+  `sonata2d check` lists everything that is wrong. `sonata2d/core/files/limits.py` holds the limits on sizes and counts.
 - Activities: {", ".join(f"{number} {name}" for number, name in enumerate(ACTIVITIES))}; -1 not present.
   A person is `standing`, or does whatever it stands for, from when it begins to brake, up to 1 s before it is at rest.
 - `sonata2d check` also requires people and robot to be inside the room, and outlines to overlap by {

@@ -19,8 +19,8 @@ from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from .core import interruption
 from .core.code_hash import code_sha256
+from .core.files import interruption
 from .core.wording import described, shown
 from .errors import ConfigError, ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
 

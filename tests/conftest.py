@@ -11,7 +11,7 @@ import hypothesis
 import numpy as np
 import pytest
 
-from sonata2d.core import compiled
+from sonata2d.core.compiled import kernel as compiled
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
 from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
 from sonata2d.core.portable_math import Array, IntArray
@@ -28,7 +28,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background jo
 def compilation_is_announced() -> None:
     """Processes that compile during a test say nothing, because tests compare what commands print."""
     if compiled.IS_COMPILED:
-        from sonata2d.core import kernel_cache
+        from sonata2d.core.compiled import cache as kernel_cache
 
         folder = kernel_cache.writable_folder()
         if folder is not None:

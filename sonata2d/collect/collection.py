@@ -14,9 +14,9 @@ from typing import Any
 import orjson
 from filelock import FileLock, Timeout
 
+from ..core.files.locking import acquired_lock
+from ..core.files.whole_file import sync_folder
 from ..core.geometry import PRECISION
-from ..core.locking import acquired_lock
-from ..core.whole_file import sync_folder
 from ..core.wording import shown
 from ..datasets.card import write_manifest_and_card
 from ..datasets.manifest import (

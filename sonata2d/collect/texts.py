@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..core.reading import read_at_most
+from ..core.files.reading import read_at_most
 from ..errors import ConfigError
 from ..registry import did_you_mean
 

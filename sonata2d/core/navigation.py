@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .compiled.packing import Packed
 from .geometry import Barriers, Point
-from .packing import Packed
 from .portable_math import Array, BoolArray
 from .vectors import X, Y
 from .visibility import (

@@ -6,10 +6,8 @@ import math
 
 import numpy as np
 
-from .compiled import kernel, subroutine
-from .geometry import MAX_MAGNITUDE, Disc, Pose, Rectangle, Shape
-from .portable_math import Array
-from .scalar import (
+from .compiled.kernel import kernel, subroutine
+from .compiled.scalar import (
     ALONG_X,
     ALONG_Y,
     END_X,
@@ -28,6 +26,8 @@ from .scalar import (
     quantised,
     unit_vector,
 )
+from .geometry import MAX_MAGNITUDE, Disc, Pose, Rectangle, Shape
+from .portable_math import Array
 from .vectors import X, Y
 
 # Columns of an outline for kernels, after the position of its centre: its heading, half its length and width, radius of

@@ -10,8 +10,8 @@ Source: Farina et al., Walking ahead: the headed social force model, PLoS ONE 12
 
 from __future__ import annotations
 
-from .compiled import subroutine
-from .scalar import Vector, clipped, exp
+from .compiled.kernel import subroutine
+from .compiled.scalar import Vector, clipped, exp
 
 BODY_TURN = 2.1  # rad/s, maximum turn rate of a body
 LATERAL_ACCELERATION = 1.2  # m/s^2, maximum of a walker; recorded ones exceed 0.8 to 1.0 in 1 % of the time

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .compiled import kernel, subroutine
-from .packing import Floats2, Ints2, Packed, unpack
-from .portable_math import PI, Array, BoolArray, IntArray, unit_vectors
-from .scalar import (
+from .compiled.kernel import kernel, subroutine
+from .compiled.packing import Floats2, Ints2, Packed, unpack
+from .compiled.scalar import (
     END_X,
     END_Y,
     RADIUS,
@@ -26,6 +25,7 @@ from .scalar import (
     to_line,
     towards,
 )
+from .portable_math import PI, Array, BoolArray, IntArray, unit_vectors
 from .vectors import X, Y
 
 TOLERANCE = 1e-6  # m, by which a clearance may be missed

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..core.locations import location
+from ..core.files.locations import location
 from ..core.notebook import Advance
 from ..errors import DatasetWarning, RecordError
 from ..record.files import read_bytes, read_stored, read_text, write_atomically

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, SupportsIndex, overload
 
 import orjson
 
-from ..core.locations import file_names, location
+from ..core.files.locations import file_names, location
 from ..errors import InvalidFileError, RecordError
 from ..record.files import file_exists, file_stem, read_bytes, sha256_of
 from ..record.layout import JsonDict

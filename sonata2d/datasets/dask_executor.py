@@ -11,8 +11,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
-from ..core import interruption
 from ..core.arguments import whole_number
+from ..core.files import interruption
 from ..core.wording import described, shown
 from ..errors import WorkerError
 

@@ -12,9 +12,9 @@ from typing import Any, SupportsIndex, get_args, overload
 
 from ..core.arguments import whole_number
 from ..core.drawable import Drawing, display
-from ..core.locations import location
+from ..core.files.locations import location
+from ..core.files.optional import optional
 from ..core.notebook import ProgressBar
-from ..core.optional import optional
 from ..core.snapshot import Status
 from ..core.wording import counted, shown
 from ..errors import RecordError

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource
-from ..core import interruption
+from ..core.files import interruption
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
 from ..core.wording import described, one_line, text_of

@@ -16,8 +16,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol, Self, TypeVar
 
-from ..core import interruption
 from ..core.arguments import whole_number
+from ..core.files import interruption
 from ..core.wording import described, shown
 from ..errors import WorkerError
 from .processes import ENDED, STOP_GRACE, Processes

@@ -19,7 +19,7 @@ from typing import Any, get_args
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource, is_built_in, source_hashes
 from ..core.arguments import whole_number
-from ..core.locations import file_names, location
+from ..core.files.locations import file_names, location
 from ..core.notebook import Advance, ProgressBar, bar_of
 from ..core.snapshot import Status
 from ..core.wording import shown

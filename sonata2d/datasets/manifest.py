@@ -16,10 +16,10 @@ from uuid import uuid4
 
 import orjson
 
+from ..core.files.locations import file_names, is_remote
+from ..core.files.whole_file import TEMPORARY_PREFIX
 from ..core.geometry import PRECISION
-from ..core.locations import file_names, is_remote
 from ..core.snapshot import ControllerInfo, Status
-from ..core.whole_file import TEMPORARY_PREFIX
 from ..core.wording import shown
 from ..errors import DatasetWarning, NewerFormatError, RecordError
 from ..record.canonical import parse_header, to_json_value

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.locations import is_remote, location
+from ..core.files.locations import is_remote, location
 from ..core.notebook import Advance
 from ..errors import RecordError
 from ..record.files import read_bytes, safe_text, write_atomically

@@ -15,8 +15,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ..core.files.locations import location
 from ..core.geometry import quantised
-from ..core.locations import location
 from ..core.notebook import Advance
 from ..core.portable_math import PI
 from ..core.vectors import wrap_angle

@@ -20,8 +20,8 @@ from multiprocessing.synchronize import Event
 from multiprocessing.util import Finalize
 from typing import Any
 
-from ..core import interruption
-from ..core.locations import is_remote
+from ..core.files import interruption
+from ..core.files.locations import is_remote
 from ..errors import PluginWarning, WorkerError
 from . import tasks
 from .tasks import Answer, Call, marked, origin, run_task

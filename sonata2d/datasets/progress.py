@@ -11,7 +11,7 @@ from typing import Any
 
 import orjson
 
-from ..core.locations import is_remote
+from ..core.files.locations import is_remote
 from ..errors import RecordError, Sonata2dError
 from ..record.canonical import to_json_value
 from ..record.files import read_stored, write_atomically

@@ -11,8 +11,8 @@ import orjson
 
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import is_installed, load_controller
-from ..core import interruption
 from ..core.devices import DeviceEvent
+from ..core.files import interruption
 from ..core.geometry import Twist
 from ..core.snapshot import Observer, Snapshot
 from ..errors import ConfigError, ControllerError, RecordError, SceneError

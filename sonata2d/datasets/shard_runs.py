@@ -12,7 +12,7 @@ from itertools import count
 from pathlib import Path
 from typing import Self
 
-from ..core.locations import file_names
+from ..core.files.locations import file_names
 from ..errors import NewerFormatError, RecordError
 from ..record.files import file_suffix, read_stored, sha256_of
 from ..record.layout import JsonDict

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import SupportsIndex, TypeVar, overload
 from uuid import uuid4
 
-from ..core.locations import file_names
+from ..core.files.locations import file_names
 from ..errors import RecordError
 from ..record.layout import JsonDict
 from ..record.shard_file import SHARD_SUFFIX, member_names, shard_manifest_path

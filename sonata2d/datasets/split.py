@@ -11,7 +11,7 @@ from pathlib import Path
 
 import orjson
 
-from ..core.locations import location
+from ..core.files.locations import location
 from ..core.notebook import Advance
 from ..errors import RecordError
 from ..record.layout import JsonDict, scene_to_json

@@ -7,9 +7,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from ..core.locations import file_names, is_remote
-from ..core.locking import acquired_lock
-from ..core.whole_file import TEMPORARY_PREFIX
+from ..core.files.locations import file_names, is_remote
+from ..core.files.locking import acquired_lock
+from ..core.files.whole_file import TEMPORARY_PREFIX
 from ..core.wording import shown
 from ..errors import RecordError
 from ..record.files import SUFFIXES, file_suffix

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.arguments import whole_number
-from ..core.optional import optional
+from ..core.files.optional import optional
 from ..core.rng import RandomStream
 from ..core.wording import shown
 from ..errors import DatasetWarning, RecordError

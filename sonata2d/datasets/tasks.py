@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any, Literal
 from uuid import uuid4
 
-from ..core import interruption
-from ..core.locations import is_remote, put_content
-from ..core.whole_file import TEMPORARY_PREFIX
+from ..core.files import interruption
+from ..core.files.locations import is_remote, put_content
+from ..core.files.whole_file import TEMPORARY_PREFIX
 from ..core.wording import described
 from ..errors import WorkerError
 from ..record.layout import software_versions

@@ -11,8 +11,8 @@ from functools import partial
 from pathlib import Path
 
 from ..agents.controllers.loading import is_installed, load_controller, source_hashes
-from ..core import interruption
-from ..core.locations import location
+from ..core.files import interruption
+from ..core.files.locations import location
 from ..core.notebook import Advance
 from ..core.wording import described
 from ..errors import ControllerError, ControllerWarning

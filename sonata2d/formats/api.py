@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..core.locations import is_remote, location, make_folder
+from ..core.files.locations import is_remote, location, make_folder
 from ..datasets.dataset import Dataset
 from ..datasets.executors import Workers, parallel_map, shared_workers
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of

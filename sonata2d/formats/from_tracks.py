@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 from ..core.entities import Human
+from ..core.files.limits import MAX_PERSON_SPEED, MAX_YAML_BYTES
 from ..core.geometry import Barriers, Point, Pose, quantised
-from ..core.limits import MAX_PERSON_SPEED, MAX_YAML_BYTES
 from ..core.portable_math import Array
 from ..errors import ConfigError, RecordError
 from ..record.files import write_atomically

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import orjson
 
-from ..core.archives import read_npz
-from ..core.limits import MAX_FILE_BYTES
+from ..core.files.archives import read_npz
+from ..core.files.limits import MAX_FILE_BYTES
 from ..record.files import read_bytes
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord

@@ -11,8 +11,8 @@ import numpy as np
 import orjson
 
 from ..core.entities import Furniture
+from ..core.files.limits import MAX_GRID_CELLS, MAX_PERSON_SPEED
 from ..core.geometry import Disc, Shape, inside_polygon
-from ..core.limits import MAX_GRID_CELLS, MAX_PERSON_SPEED
 from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
 from ..errors import RecordError, UnsuitableEpisode

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.files.limits import MAX_CELLS, MAX_CELLS_PER_OBSERVATION, MAX_CELLS_WITHOUT_RATIO
 from ..core.geometry import PRECISION
-from ..core.limits import MAX_CELLS, MAX_CELLS_PER_OBSERVATION, MAX_CELLS_WITHOUT_RATIO
 from ..core.portable_math import Array, IntArray
 from ..core.vectors import wrap_angles
 from ..record.layout import JsonDict

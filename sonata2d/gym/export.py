@@ -10,8 +10,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from ..core.files.whole_file import whole_file
 from ..core.portable_math import Array
-from ..core.whole_file import whole_file
 from ..core.wording import shown
 from ..learning.fixed_point import LARGEST_VALUE, LARGEST_WEIGHT
 from .description import describe, environment_of

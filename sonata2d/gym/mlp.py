@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.archives import read_npz, write_npz
-from ..core.compiled import kernel
-from ..core.limits import MAX_WEIGHTS_BYTES
+from ..core.compiled.kernel import kernel
+from ..core.compiled.scalar import exp
+from ..core.files.archives import read_npz, write_npz
+from ..core.files.limits import MAX_WEIGHTS_BYTES
 from ..core.portable_math import Array
-from ..core.scalar import exp
 from ..core.wording import one_line
 from ..errors import ControllerError, RecordError
 from ..learning.fixed_point import LARGEST_VALUE, UNIT, product, round_weights

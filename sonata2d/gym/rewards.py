@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from inspect import signature
 from typing import Any, Protocol
 
-from ..core.compiled import kernel
+from ..core.compiled.kernel import kernel
+from ..core.compiled.scalar import length, to_shoulder_line
 from ..core.humans import BODY_X, BODY_Y, X, Y
 from ..core.portable_math import Array
-from ..core.scalar import length, to_shoulder_line
 from ..core.snapshot import Outcome, Snapshot
 from ..core.wording import shown
 from ..registry import did_you_mean

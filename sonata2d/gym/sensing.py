@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from ..core.compiled import kernel, subroutine
+from ..core.compiled.kernel import kernel, subroutine
+from ..core.compiled.scalar import length
 from ..core.portable_math import Array, BoolArray
-from ..core.scalar import length
 from .observation import HUMAN, OBJECT
 
 _X, _Y, _COS, _SIN = (list(HUMAN).index(name) for name in ("x", "y", "cos", "sin"))

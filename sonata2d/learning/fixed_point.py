@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.compiled import kernel, subroutine
+from ..core.compiled.kernel import kernel, subroutine
 from ..core.portable_math import Array, exp_of
 
 UNIT, LARGEST_VALUE = 1.0 / (1 << 14), 64.0  # of values: 20 bits

@@ -15,9 +15,9 @@ from typing import Protocol
 
 import numpy as np
 
-from ..core.compiled import kernel
+from ..core.compiled.kernel import kernel
+from ..core.compiled.scalar import exp
 from ..core.portable_math import Array, BoolArray, IntArray
-from ..core.scalar import exp
 from .fixed_point import SLOPE, activate, leaky_relu, product, round_weights, rounded, tanh
 from .weights import Weights, layer_count
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..core.archives import read_npz, write_npz
-from ..core.limits import MAX_WEIGHTS_BYTES
+from ..core.files.archives import read_npz, write_npz
+from ..core.files.limits import MAX_WEIGHTS_BYTES
 from ..core.portable_math import Array
 from ..core.wording import one_line
 from ..errors import ControllerError, RecordError

@@ -19,9 +19,9 @@ from typing import Any, cast, overload
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import ControllerSource
 from ..core.arguments import whole_number
-from ..core.locations import is_location, location, make_folder
+from ..core.files.locations import is_location, location, make_folder
+from ..core.files.optional import optional
 from ..core.notebook import ProgressBar, bar_of
-from ..core.optional import optional
 from ..core.wording import counted, shown
 from ..datasets.dataset import Dataset
 from ..datasets.executors import Workers, shared_workers

@@ -13,7 +13,7 @@ from typing import Any
 
 import orjson
 
-from ..core import interruption
+from ..core.files import interruption
 from ..core.notebook import Advance
 from ..core.wording import counted, described, one_line
 from ..datasets.executors import Workers, parallel_map, shared_workers

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from jinja2 import Environment, PackageLoader
 
-from ..core.locations import location
+from ..core.files.locations import location
 from ..core.notebook import Advance
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ..errors import RenderError

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.locations import location
+from ..core.files.locations import location
+from ..core.files.whole_file import whole_file
 from ..core.portable_math import Array
-from ..core.whole_file import whole_file
 from ..errors import RenderError
 from .definition import ARROWS, Metric
 from .measurement import Evaluation

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import orjson
 
+from ..core.files.limits import MAX_DEPTH
 from ..core.geometry import quantised
-from ..core.limits import MAX_DEPTH
 from ..core.portable_math import Array
 from ..errors import RecordError
 

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import zstandard
 
-from ..core.limits import MAX_FILE_BYTES, MAX_UNPACKED_RATIO, MAX_UNPACKED_WITHOUT_RATIO
-from ..core.locations import is_remote, put_content
-from ..core.reading import read_at_most, require_readable
-from ..core.whole_file import whole_file
+from ..core.files.limits import MAX_FILE_BYTES, MAX_UNPACKED_RATIO, MAX_UNPACKED_WITHOUT_RATIO
+from ..core.files.locations import is_remote, put_content
+from ..core.files.reading import read_at_most, require_readable
+from ..core.files.whole_file import whole_file
 from ..errors import RecordError
 from .shard_file import is_member, member_exists, read_member
 

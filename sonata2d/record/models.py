@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
 
 from ..core.entities import Behaviour, EndsOn, Formation, Kinematics, Reaction
+from ..core.files.limits import MAX_COUNT, MAX_ID, MAX_SUBSTEPS
 from ..core.geometry import MAX_MAGNITUDE
-from ..core.limits import MAX_COUNT, MAX_ID, MAX_SUBSTEPS
 from ..core.snapshot import Status
 from ..version import FORMAT, FORMAT_VERSION
 

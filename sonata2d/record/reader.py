@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import orjson
 
+from ..core.files.limits import MAX_FILE_BYTES
+from ..core.files.locations import is_remote, location
 from ..core.humans import frozen
-from ..core.limits import MAX_FILE_BYTES
-from ..core.locations import is_remote, location
 from ..core.portable_math import Array, BoolArray
 from ..core.snapshot import Outcome
 from ..core.wording import shown

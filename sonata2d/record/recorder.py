@@ -10,10 +10,10 @@ from typing import Any, Self
 import numpy as np
 import orjson
 
+from ..core.files.locations import location
 from ..core.geometry import PRECISION, quantised
 from ..core.humans import ACTIVITIES
 from ..core.labels import LabelSpec
-from ..core.locations import location
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
 from ..core.wording import counted

@@ -19,8 +19,8 @@ from typing import NamedTuple, Self
 
 import orjson
 
-from ..core.locations import content_of, is_remote, put_file, version_of
-from ..core.whole_file import sync_folder
+from ..core.files.locations import content_of, is_remote, put_file, version_of
+from ..core.files.whole_file import sync_folder
 from ..errors import RecordError
 
 SHARD_SUFFIX = ".tar"

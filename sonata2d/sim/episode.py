@@ -10,9 +10,9 @@ from typing import Any
 
 from ..agents.controllers.base import Controller, External, Regenerate, Stop, recorded_path, require_controller
 from ..agents.pedestrians.crowd import Crowd
-from ..core import interruption
 from ..core.devices import DeviceEvent, ImageRequest
 from ..core.drawable import Drawable, Drawing
+from ..core.files import interruption
 from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, Snapshot, Status

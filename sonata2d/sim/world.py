@@ -16,7 +16,8 @@ from typing import Literal
 import numpy as np
 import pymunk
 
-from ..core.compiled import say_if_slow
+from ..core.compiled.kernel import say_if_slow
+from ..core.compiled.packing import Packed
 from ..core.devices import DeviceEvent
 from ..core.entities import Furniture, Human
 from ..core.geometry import Disc, Edge, Point, Twist
@@ -32,7 +33,6 @@ from ..core.humans import (
     frozen,
     initial_activities,
 )
-from ..core.packing import Packed
 from ..core.scene import Scene
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State

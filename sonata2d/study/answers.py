@@ -11,8 +11,8 @@ from typing import Any
 
 import orjson
 
+from ..core.files.whole_file import sync_folder
 from ..core.geometry import quantised
-from ..core.whole_file import sync_folder
 from ..core.wording import shown
 from ..errors import RecordError
 from ..record.files import read_bytes

@@ -17,8 +17,8 @@ import orjson
 
 from ..collect.collection import checked_name, require_collection_folder
 from ..collect.rating import Rating, checked_rater
+from ..core.files.locking import acquired_lock
 from ..core.labels import LabelSpec
-from ..core.locking import acquired_lock
 from ..core.wording import counted, shown
 from ..errors import ConfigError, RecordError
 from ..record.files import read_bytes, safe_stem, sha256_of, write_atomically

@@ -23,10 +23,10 @@ from pymunk._chipmunk_cffi import lib
 from ..agents.controllers.base import Controller
 from ..agents.controllers.reactive import StraightToGoal
 from ..core.arguments import whole_number
-from ..core.compiled import BACKEND
+from ..core.compiled.kernel import BACKEND
+from ..core.files.optional import optional
+from ..core.files.whole_file import whole_file
 from ..core.notebook import Advance
-from ..core.optional import optional
-from ..core.whole_file import whole_file
 from ..datasets.dataset import Dataset
 from ..datasets.executors import Workers
 from ..datasets.generate import generate_dataset

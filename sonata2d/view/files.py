@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..core.locations import location
+from ..core.files.locations import location
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
 from .draw import Layers

@@ -13,11 +13,11 @@ from typing import Any
 
 import pygame
 
-from ..core.locations import location
+from ..core.files.locations import location
+from ..core.files.whole_file import whole_file
 from ..core.notebook import Advance, ProgressBar
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from ..core.whole_file import whole_file
 from ..errors import RenderError
 from .camera import DEFAULT_SIDE
 from .draw import Layers

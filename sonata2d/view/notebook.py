@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.drawable import Drawing
-from ..core.locations import location
+from ..core.files.locations import location
 from ..core.notebook import notebook_shell
 from ..errors import RenderError
 from .draw import Layers, picture

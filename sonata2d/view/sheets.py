@@ -12,7 +12,7 @@ import pygame
 from jinja2 import Environment, PackageLoader
 
 from ..core.drawable import Drawing
-from ..core.locations import location
+from ..core.files.locations import location
 from ..core.notebook import ProgressBar, bar_of
 from ..errors import RenderError
 from .annotations import TEXT

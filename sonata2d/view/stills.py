@@ -14,10 +14,10 @@ import numpy as np
 import pygame
 
 from ..core.devices import View
-from ..core.locations import location
+from ..core.files.locations import location
+from ..core.files.whole_file import whole_file
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot, snapshot_of as snapshot_of
-from ..core.whole_file import whole_file
 from ..errors import RenderError
 from .annotations import STRIP, TEXT, draw_strip, origin, summary
 from .brush import Brush

@@ -9,9 +9,9 @@ from xml.etree import ElementTree
 
 import pygame
 
+from ..core.files.whole_file import whole_file
 from ..core.geometry import Point
 from ..core.portable_math import Array
-from ..core.whole_file import whole_file
 from ..errors import RenderError
 from .fonts import EM, FAMILY, font, printable, width_of
 from .palette import Colour, hex_colour

@@ -11,8 +11,8 @@ import pygame
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import load_controller
 from ..collect.texts import text
-from ..core import interruption
 from ..core.devices import View
+from ..core.files import interruption
 from ..core.snapshot import Snapshot
 from ..errors import SceneError, Sonata2dError
 from ..scenegen.generator import generate

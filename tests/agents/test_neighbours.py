@@ -10,10 +10,10 @@ import pytest
 from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.agents.pedestrians.models.base import Walkers
 from sonata2d.agents.pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE, find_neighbours
-from sonata2d.core.compiled import kernel
+from sonata2d.core.compiled.kernel import kernel
+from sonata2d.core.compiled.packing import pack, unpack
 from sonata2d.core.entities import Group, Human
 from sonata2d.core.geometry import Pose
-from sonata2d.core.packing import pack, unpack
 from sonata2d.core.portable_math import Array, BoolArray, IntArray
 from sonata2d.registry import PEDESTRIAN_MODELS
 from sonata2d.sim.world import World

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from sonata2d_cli import doctor, main
 from sonata2d_cli.main import COMMANDS
 
-from sonata2d.core import compiled
+from sonata2d.core.compiled import kernel as compiled
 from sonata2d.datasets.generate import KEEPABLE
 from sonata2d.errors import ControllerWarning
 from sonata2d.version import PHYSICS_VERSION
@@ -205,7 +205,7 @@ def test_doctor_fails_where_an_installed_package_cannot_be_imported(monkeypatch:
 
 @pytest.mark.skipif(not compiled.IS_COMPILED, reason="kernels are interpreted")
 def test_doctor_says_where_machine_code_is_kept(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from sonata2d.core import kernel_cache
+    from sonata2d.core.compiled import cache as kernel_cache
 
     monkeypatch.setattr(kernel_cache, "writable_folder", lambda: tmp_path)
     monkeypatch.setattr(doctor, "trial_digest", lambda: (doctor.DIGEST, 1))

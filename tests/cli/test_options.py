@@ -13,7 +13,7 @@ import pytest
 from sonata2d_cli import main
 from sonata2d_cli.main import COMMANDS
 
-from sonata2d.core import compiled
+from sonata2d.core.compiled import kernel as compiled
 
 from .conftest import Run, one_line
 

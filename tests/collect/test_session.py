@@ -20,7 +20,7 @@ from sonata2d.agents.controllers.teleoperation import DeviceMapping
 from sonata2d.collect import collection
 from sonata2d.collect.journal import Journal
 from sonata2d.collect.session import Session
-from sonata2d.core.compiled import IS_COMPILED
+from sonata2d.core.compiled.kernel import IS_COMPILED
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.datasets.manifest import read_manifest
 from sonata2d.datasets.verification import verify

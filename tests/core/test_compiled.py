@@ -24,21 +24,22 @@ import numpy as np
 import pytest
 
 import sonata2d
-from sonata2d.core import compiled, interruption
-from sonata2d.core.compiled import kernel, subroutine
+from sonata2d.core.compiled import kernel as compiled
+from sonata2d.core.compiled.kernel import kernel, subroutine
+from sonata2d.core.files import interruption
 from sonata2d.errors import KernelError
 
 compiled_only = pytest.mark.skipif(not compiled.IS_COMPILED, reason="kernels are interpreted")
 if compiled.IS_COMPILED:
     import numba
 
-    from sonata2d.core import kernel_cache, kernel_key
+    from sonata2d.core.compiled import cache as kernel_cache, key as kernel_key
 
-    CACHED = kernel_cache.folders, kernel_cache.writable_folder
+    CACHED = kernel_cache.cache_folder, kernel_cache.writable_folder
 
 PACKAGE = Path(sonata2d.__file__).parent
 ONE_LINE = re.compile(
-    r"sonata2d is compiled for this processor, once per installed copy and feature; this may take a minute \.\.\.\n"
+    r"sonata2d is compiled for this processor, once per version and feature; this may take a minute \.\.\.\n"
 )
 WAITING = "another process compiles sonata2d; waiting for it ...\n"
 
@@ -57,7 +58,7 @@ PLUGIN = {
     ),
     "helpers": (
         "import math\n"
-        "from sonata2d.core.compiled import subroutine\n"
+        "from sonata2d.core.compiled.kernel import subroutine\n"
         "from . import constants\n"
         "from .constants import GAIN\n"
         "@subroutine\n"
@@ -69,7 +70,7 @@ PLUGIN = {
         "    return min(inner(x), constants.LIMIT)\n"
     ),
     "laws": (
-        "from sonata2d.core.compiled import kernel\n"
+        "from sonata2d.core.compiled.kernel import kernel\n"
         "from .constants import TABLE\n"
         "from .helpers import outer\n"
         "from .parameters import Weights\n"
@@ -303,8 +304,8 @@ PACKED = """
 from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
-from sonata2d.core.compiled import kernel
-from sonata2d.core.packing import pack, unpack
+from sonata2d.core.compiled.kernel import kernel
+from sonata2d.core.compiled.packing import pack, unpack
 Column = Annotated[NDArray[np.float64], np.float64, 1]
 class Inner(NamedTuple):
     near: Column
@@ -429,7 +430,7 @@ def test_a_kernel_that_uses_an_unknown_object_is_not_kept(plugin: Path, folder: 
 @compiled_only
 def test_functions_typed_in_a_terminal_are_kept_by_their_content(folder: Path) -> None:
     text = (
-        "from sonata2d.core.compiled import kernel, subroutine\n"
+        "from sonata2d.core.compiled.kernel import kernel, subroutine\n"
         "@subroutine\n"
         "def part(x): return x * GAIN\n"
         "@kernel\n"
@@ -459,37 +460,24 @@ def test_names_of_files_are_valid_on_every_system(folder: Path) -> None:
 
 
 @compiled_only
-def test_kernels_lie_in_the_package_or_else_in_the_cache_folder_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_lie_in_the_cache_folder_of_the_user_and_never_in_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder that survives the uninstallation of the package would shadow an editable installation."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     forget_folders()
-    packages, users = kernel_cache.folders()
-    assert packages == PACKAGE.resolve() / "__pycache__" / "kernels"
-    assert users.is_absolute()
-    assert not users.is_relative_to(PACKAGE)
-    assert "sonata2d" in users.parts
+    folder = kernel_cache.cache_folder()
+    assert folder is not None
+    assert folder.is_absolute()
+    assert not folder.is_relative_to(PACKAGE)
+    assert "sonata2d" in folder.parts
     forget_folders()
-
-
-@compiled_only
-def test_the_second_folder_is_used_if_the_first_cannot_be_made(
-    plugin: Path, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "file").touch()
-    monkeypatch.setattr(kernel_cache, "folders", lambda: (tmp_path / "file" / "x", tmp_path / "second"))
-    call(load())
-    assert len(kernels(tmp_path / "second")) == 1
-    law = load()
-    assert call(law) == 84.0
-    assert was_loaded(law)
 
 
 @compiled_only
 def test_kernels_are_loaded_from_a_folder_that_cannot_be_written(
-    plugin: Path, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plugin: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     call(load())
-    monkeypatch.setattr(kernel_cache, "folders", lambda: (folder, tmp_path / "second"))
-    monkeypatch.setattr(kernel_cache, "writable_folder", lambda: tmp_path / "second")
+    monkeypatch.setattr(kernel_cache, "writable_folder", lambda: None)
     law = load()
     assert call(law) == 84.0
     assert was_loaded(law)
@@ -656,7 +644,7 @@ def test_worker_processes_get_kernels_and_do_not_repeat_the_announcement(tmp_pat
     script = tmp_path / "pool.py"
     script.write_text(
         "import multiprocessing, sys\n"
-        "from sonata2d.core.compiled import kernel\n"
+        "from sonata2d.core.compiled.kernel import kernel\n"
         "@kernel\n"
         "def square(x): return x * x\n"
         "if __name__ == '__main__':\n"
@@ -675,7 +663,7 @@ def test_plugins_of_the_same_name_do_not_share_subroutines(tmp_path: Path) -> No
     for name, gain in (("first", 2.0), ("second", 3.0)):
         (tmp_path / name).mkdir()
         (tmp_path / name / "plug.py").write_text(
-            "from sonata2d.core.compiled import kernel, subroutine\n"
+            "from sonata2d.core.compiled.kernel import kernel, subroutine\n"
             "@subroutine\n"
             "def part(x, n):  # recursive, so that it is not inlined\n"
             f"    return x if n == 0 else part(x, n - 1) * {gain}\n"

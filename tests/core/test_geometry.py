@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from sonata2d.core import scalar
+from sonata2d.core.compiled import scalar
+from sonata2d.core.compiled.scalar import crosses, gap, is_inside, line_gap, towards
 from sonata2d.core.geometry import (
     Barriers,
     Pose,
@@ -21,7 +22,6 @@ from sonata2d.core.geometry import (
     to_shoulder_line,
 )
 from sonata2d.core.portable_math import Array, unit_vector, unit_vectors
-from sonata2d.core.scalar import crosses, gap, is_inside, line_gap, towards
 from sonata2d.core.vectors import lengths, wrap_angle
 
 metres = st.floats(-20.0, 20.0)

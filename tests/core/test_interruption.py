@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sonata2d.core.interruption import forget, interrupt, interruption_in, reraise
+from sonata2d.core.files.interruption import forget, interrupt, interruption_in, reraise
 
 
 @pytest.mark.parametrize("depth", [1, 2, 3])

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from sonata2d.core.compiled import IS_COMPILED, kernel
-from sonata2d.core.packing import Bools, Floats, Floats2, pack, unpack
+from sonata2d.core.compiled.kernel import IS_COMPILED, kernel
+from sonata2d.core.compiled.packing import Bools, Floats, Floats2, pack, unpack
 
 compiled_only = pytest.mark.skipif(not IS_COMPILED, reason="kernels are interpreted")
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonata2d.core.archives import read_npz
-from sonata2d.core.reading import read_at_most
+from sonata2d.core.files.archives import read_npz
+from sonata2d.core.files.reading import read_at_most
 
 
 def test_a_file_is_read_up_to_the_limit(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 
 import sonata2d as s2
-from sonata2d.core.locations import file_names, location
+from sonata2d.core.files.locations import file_names, location
 from sonata2d.datasets import merge_datasets, mirror_dataset, split_dataset
 from sonata2d.datasets.dask_executor import DaskExecutor
 from sonata2d.datasets.verification import verify
@@ -240,7 +240,7 @@ def test_a_wrong_url_is_one_error(endpoint: str, url: str, message: str) -> None
 
 
 def test_files_of_a_server_are_renamed_into_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonata2d.core.locations._OBJECT_STORES", set())  # memory stands for a file server
+    monkeypatch.setattr("sonata2d.core.files.locations._OBJECT_STORES", set())  # memory stands for a file server
     path = location(f"memory://{uuid.uuid4().hex}/folder/a.json")
     write_atomically(path, b"{}")
     assert read_stored(path) == b"{}"

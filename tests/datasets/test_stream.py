@@ -126,7 +126,7 @@ def test_wrong_arguments_are_one_error(dataset: s2.Dataset, options: Any, error:
 
 def test_members_of_a_shard_in_a_store_are_read_at_once(dataset: s2.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("upath")
-    from sonata2d.core.locations import file_names, location, put_content
+    from sonata2d.core.files.locations import file_names, location, put_content
     from sonata2d.record import shard_file
 
     store = location(f"memory://stream-{dataset.path.parent.name}")

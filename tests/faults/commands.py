@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from sonata2d.core.whole_file import TEMPORARY_PREFIX
+from sonata2d.core.files.whole_file import TEMPORARY_PREFIX
 
 TIME_LIMIT = 120  # s, of one command; a command that takes longer hangs
 PROGRAM = (sys.executable, "-m", "cli")

@@ -15,7 +15,7 @@ import pytest
 import zstandard
 from hypothesis import given, strategies as st
 
-from sonata2d.core.limits import MAX_UNPACKED_WITHOUT_RATIO
+from sonata2d.core.files.limits import MAX_UNPACKED_WITHOUT_RATIO
 from sonata2d.errors import RecordError
 from sonata2d.record.files import compress, file_stem, read_bytes, read_stored, safe_name, write_atomically
 from sonata2d.record.recorder import JsonRecorder

@@ -13,7 +13,7 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.controllers.base import External
-from sonata2d.core.compiled import IS_COMPILED
+from sonata2d.core.compiled.kernel import IS_COMPILED
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.core.geometry import Twist
 from sonata2d.core.snapshot import Snapshot

@@ -22,11 +22,11 @@ from typing import Any
 
 import cloudpickle
 
-from ...core import interruption
-from ...core.archives import read_npz
 from ...core.code_hash import code_sha256
-from ...core.limits import MAX_WEIGHTS_BYTES
-from ...core.whole_file import whole_file
+from ...core.files import interruption
+from ...core.files.archives import read_npz
+from ...core.files.limits import MAX_WEIGHTS_BYTES
+from ...core.files.whole_file import whole_file
 from ...core.wording import described, one_line, shown
 from ...errors import ControllerError
 from ...registry import CONTROLLERS, resolve

@@ -8,13 +8,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...core.compiled import kernel, subroutine
+from ...core.compiled.kernel import kernel, subroutine
+from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, clipped, gap, rotation, to_shoulder_line
 from ...core.entities import TALKING, WALKING_TOGETHER, Robot
 from ...core.geometry import Barriers, Point, Twist
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
-from ...core.scalar import END_X, END_Y, RADIUS, START_X, START_Y, clipped, gap, rotation, to_shoulder_line
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from .base import Controller

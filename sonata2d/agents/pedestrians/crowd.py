@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...core.compiled import kernel, subroutine
+from ...core.compiled.kernel import kernel, subroutine
+from ...core.compiled.packing import Bools, Floats, Floats2, Packed, unpack
+from ...core.compiled.scalar import length, rotation, unit_or
 from ...core.entities import DEFAULT_MODEL
 from ...core.geometry import Barriers, Point, as_point
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
-from ...core.packing import Bools, Floats, Floats2, Packed, unpack
 from ...core.portable_math import Array, BoolArray, IntArray
-from ...core.scalar import length, rotation, unit_or
 from ...core.scene import Scene
 from ...core.snapshot import CrowdCommands, Snapshot
 from ...core.turning import critically_damped, turn_limits

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.compiled import subroutine
+from ...core.compiled.kernel import subroutine
+from ...core.compiled.scalar import clipped, crosses, length, towards
 from ...core.portable_math import Array, BoolArray, IntArray
-from ...core.scalar import clipped, crosses, length, towards
 from .models.base import Walkers
 
 INTERACTION_RANGE = 5.0  # m, between centres; pedestrians that are farther apart do not affect each other

@@ -19,12 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.compiled import subroutine
+from ...core.compiled.kernel import subroutine
+from ...core.compiled.packing import Floats2, Ints
+from ...core.compiled.scalar import Vector, choice, turned_towards, unit_or
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
-from ...core.packing import Floats2, Ints
 from ...core.portable_math import Array
 from ...core.rng import AgentStreams
-from ...core.scalar import Vector, choice, turned_towards, unit_or
 from ...core.scene import Scene
 from .reactions import AVOIDS, CURIOUS, SCARED, STOPS, Reactions
 from .social.state import SocialArrays

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.compiled import kernel, subroutine
+from ...core.compiled.kernel import kernel, subroutine
+from ...core.compiled.packing import Floats, Floats2, Ints, Ints2
+from ...core.compiled.scalar import END_X, RADIUS, START_X, gap, length, towards
 from ...core.geometry import inside_polygon, segment_distances
 from ...core.humans import X, Y
-from ...core.packing import Floats, Floats2, Ints, Ints2
 from ...core.portable_math import Array, BoolArray
-from ...core.scalar import END_X, RADIUS, START_X, gap, length, towards
 from ...core.scene import Scene
 from .models.base import Walkers
 from .routes import Routes, stopping_speed

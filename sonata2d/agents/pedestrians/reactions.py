@@ -25,11 +25,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.compiled import subroutine
+from ...core.compiled.kernel import subroutine
+from ...core.compiled.packing import Bools, Floats, Floats2, Ints
+from ...core.compiled.scalar import Vector, exp, gap
 from ...core.humans import VX, VY, X, Y
-from ...core.packing import Bools, Floats, Floats2, Ints
 from ...core.portable_math import Array
-from ...core.scalar import Vector, exp, gap
 from ...core.scene import Scene
 from .models.base import fill_walls
 from .velocity_obstacle import WALL_TIME, evasive_velocity, in_conflict, limited_by_walls

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ...core.compiled import subroutine
+from ...core.compiled.kernel import subroutine
+from ...core.compiled.packing import Bools, Floats2, Floats3, Ints
+from ...core.compiled.scalar import Vector
 from ...core.humans import X, Y
-from ...core.packing import Bools, Floats2, Floats3, Ints
 from ...core.portable_math import PI, Array, BoolArray
-from ...core.scalar import Vector
 from ...core.visibility import is_clear
 
 ARRIVAL_DISTANCE = 0.5  # m from the goal

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
-from ...core.compiled import subroutine
+from ...core.compiled.kernel import subroutine
+from ...core.compiled.scalar import RADIUS, angle_of, towards
 from ...core.portable_math import PI, Array
-from ...core.scalar import RADIUS, angle_of, towards
 from .models.base import Walkers
 
 APERTURE_RATIO = 1.3  # of a gap to the breadth of a body that passes it

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from ...core.compiled import subroutine
+from ...core.compiled.kernel import subroutine
+from ...core.compiled.scalar import Vector
 from ...core.portable_math import Array
-from ...core.scalar import Vector
 
 HORIZON, FULL_HORIZON = 5.0, 3.0  # s to the closest approach: evasion begins at the first and is complete at the second
 BEHIND_BONUS = 0.25  # m/s, cost advantage of passing behind the disc

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from ...core.compiled import kernel, subroutine
+from ...core.compiled.kernel import kernel, subroutine
+from ...core.compiled.scalar import Vector, angle_of, exp, length, unit_vector, wrap_angle
 from ...core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
 from ...core.portable_math import PI, Array, BoolArray, IntArray
-from ...core.scalar import Vector, angle_of, exp, length, unit_vector, wrap_angle
 from ...record.layout import ROW_HEAD, ROW_OMEGA, ROW_THETA, ROW_VX, ROW_VY, ROW_X, ROW_Y
 from .features import (
     CLOSE,

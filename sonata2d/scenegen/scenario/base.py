@@ -20,8 +20,8 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError
 
+from ...core.files.limits import MAX_COUNT
 from ...core.geometry import MAX_MAGNITUDE
-from ...core.limits import MAX_COUNT
 from ...core.wording import shown
 from ...errors import ConfigError
 from ...registry import Registry, did_you_mean

@@ -10,8 +10,8 @@ from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_v
 from pydantic_core import PydanticCustomError
 
 from ...core.entities import Limits, Robot
+from ...core.files.limits import MAX_COUNT, MAX_NAME
 from ...core.geometry import MAX_MAGNITUDE, Pose
-from ...core.limits import MAX_COUNT, MAX_NAME
 from ...registry import did_you_mean
 from .base import Entities, Fraction, IntRange, Range, Settings
 from .people import PersonSpec, check_people

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ...core.reading import is_shell_pipe
+from ...core.files.reading import is_shell_pipe
 from ...core.wording import shown
 from ...errors import ConfigError
 from .config import ScenarioConfig, merged

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ...core.limits import (
+from ...core.files.limits import (
     MAX_SCENARIO_BYTES,
     MAX_SCENARIO_DEPTH,
     MAX_SCENARIO_KEYS,
@@ -21,7 +21,7 @@ from ...core.limits import (
     MAX_TOML_BYTES,
     MAX_YAML_BYTES,
 )
-from ...core.reading import read_at_most
+from ...core.files.reading import read_at_most
 from ...core.wording import one_line, shown
 from ...errors import ConfigError
 

@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import AfterValidator, Field, NonNegativeFloat, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from ...core.files.limits import MAX_COUNT
 from ...core.geometry import Barriers, Point, segments_cross
-from ...core.limits import MAX_COUNT
 from ...registry import ROOM_KINDS
 from .base import Coordinate, Entities, IntRange, Range, Settings, TupleOf, parse_weights, require_registered
 

@@ -17,9 +17,9 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from ...core.entities import DEFAULT_MODEL, EndsOn, Formation, Kinematics, Limits, Reaction
+from ...core.files.limits import MAX_COUNT
 from ...core.geometry import Disc, Point, Rectangle, Shape, quantised
 from ...core.labels import Kind, LabelSpec, When
-from ...core.limits import MAX_COUNT
 from ...core.scene import Rules, Social
 from ...registry import PEDESTRIAN_MODELS
 from .base import (

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from pymunk import batch
 from pymunk._chipmunk_cffi import ffi, lib
 
-from ...core.compiled import IS_COMPILED, subroutine
-from ...core.packing import Floats, Floats2, Ints
+from ...core.compiled.kernel import IS_COMPILED, subroutine
+from ...core.compiled.packing import Floats, Floats2, Ints
 
 # Items of `Engine.handle`, addresses: of C functions, of the space, of the requests for reading and writing, and of the
 # robot's body.

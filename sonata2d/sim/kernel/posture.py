@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 
-from ...core.compiled import subroutine
+from ...core.compiled.kernel import subroutine
+from ...core.compiled.scalar import Vector, angle_of, clipped, rotation
 from ...core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY
 from ...core.portable_math import PI, Array
-from ...core.scalar import Vector, angle_of, clipped, rotation
 from ...core.turning import BODY_TURN, critically_damped, turn_limits
 
 HEAD_TURN = 4.5  # rad/s, maximum turn rate of a head relative to the body

@@ -13,11 +13,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ...core.compiled import subroutine
-from ...core.humans import VX, VY, X, Y
-from ...core.packing import Floats, Floats2, Ints
-from ...core.portable_math import Array
-from ...core.scalar import (
+from ...core.compiled.kernel import subroutine
+from ...core.compiled.packing import Floats, Floats2, Ints
+from ...core.compiled.scalar import (
     ALONG_X,
     ALONG_Y,
     RADIUS,
@@ -29,6 +27,8 @@ from ...core.scalar import (
     outline_gap,
     to_shoulder_line,
 )
+from ...core.humans import VX, VY, X, Y
+from ...core.portable_math import Array
 from ...core.snapshot import CLOSING_SPEED
 from .rules import CONTACT_DISTANCE, GUARD, HOLONOMIC, HUMAN_RANGE, OWN_SPEED, ROBOT_RADIUS, TICK
 

@@ -7,11 +7,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...core.compiled import kernel, subroutine
+from ...core.compiled.kernel import kernel, subroutine
+from ...core.compiled.packing import Bools, Floats, Floats2, unpack
+from ...core.compiled.scalar import (
+    Vector,
+    clipped,
+    length,
+    outline_gap,
+    rotation,
+    shoulder_line_distance,
+    to_shoulder_line,
+)
 from ...core.humans import BODY_X, BODY_Y, OMEGA, VX, VY, X, Y
-from ...core.packing import Bools, Floats, Floats2, unpack
 from ...core.portable_math import Array
-from ...core.scalar import Vector, clipped, length, outline_gap, rotation, shoulder_line_distance, to_shoulder_line
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED
 from .chipmunk import Engine, apply_forces, place_robot, read_bodies, step_space, turn_torso
 from .posture import BODY_RATE, NECK, NECK_RATE, turn

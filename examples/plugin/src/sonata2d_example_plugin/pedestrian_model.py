@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from sonata2d import Array
 from sonata2d.agents.pedestrians.models.base import KernelModel, Walkers, desired_acceleration, wall_acceleration
-from sonata2d.core.compiled import kernel, subroutine
-from sonata2d.core.scalar import Vector, exp, length
+from sonata2d.core.compiled.kernel import kernel, subroutine
+from sonata2d.core.compiled.scalar import Vector, exp, length
 
 
 class Circular(NamedTuple):
@@ -69,8 +69,8 @@ def _accelerations(walkers: Walkers, parameters: Circular, barriers: Array, acce
 class CircularModel(KernelModel):
     """Accelerates pedestrians towards their desired velocity, away from each other and from walls.
 
-    The kernel uses `+ - * /`, `sqrt` and the functions of `sonata2d.core.scalar` only, and adds in a fixed order, so
-    that an episode has the same bits on every processor.
+    The kernel uses `+ - * /`, `sqrt` and the functions of `sonata2d.core.compiled.scalar` only, and adds in a
+    fixed order, so that an episode has the same bits on every processor.
     """
 
     evaluations = 1  # force evaluations in a tick of 0.1 s; stiff models need more

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ....core.compiled import subroutine
-from ....core.packing import Bools, Floats, Floats2, Ints, Packed, pack
+from ....core.compiled.kernel import subroutine
+from ....core.compiled.packing import Bools, Floats, Floats2, Ints, Packed, pack
+from ....core.compiled.scalar import RADIUS, Vector, exp, length, towards
 from ....core.portable_math import Array
-from ....core.scalar import RADIUS, Vector, exp, length, towards
 from ....core.scene import Scene
 from ....registry import PEDESTRIAN_MODELS
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ....core.compiled import kernel, subroutine
-from ....core.packing import unpack
+from ....core.compiled.kernel import kernel, subroutine
+from ....core.compiled.packing import unpack
+from ....core.compiled.scalar import Vector, length
 from ....core.portable_math import Array
-from ....core.scalar import Vector, length
 from .base import KernelModel, Walkers, biased_direction, desired_acceleration, offset_of_group
 from .helbing2000 import Helbing2000, contact_acceleration, wall_contact_acceleration
 

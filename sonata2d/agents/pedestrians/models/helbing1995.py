@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....core.compiled import kernel, subroutine
-from ....core.packing import unpack
+from ....core.compiled.kernel import kernel, subroutine
+from ....core.compiled.packing import unpack
+from ....core.compiled.scalar import Vector, exp, length
 from ....core.portable_math import Array
-from ....core.scalar import Vector, exp, length
 from .base import KernelModel, Walkers, biased_direction, desired_acceleration, wall_acceleration
 
 _MINIMUM_HALF_AXIS = 1e-3  # m: on the line of the other's step the ellipse degenerates and the force has no direction

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ....core.compiled import kernel, subroutine
-from ....core.packing import unpack
+from ....core.compiled.kernel import kernel, subroutine
+from ....core.compiled.packing import unpack
+from ....core.compiled.scalar import RADIUS, Vector, exp, length, towards
 from ....core.portable_math import Array
-from ....core.scalar import RADIUS, Vector, exp, length, towards
 from .base import KernelModel, Walkers, biased_direction, desired_acceleration
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ....core.compiled import kernel, subroutine
-from ....core.packing import pack, unpack
+from ....core.compiled.kernel import kernel, subroutine
+from ....core.compiled.packing import pack, unpack
+from ....core.compiled.scalar import Vector, angle_of, exp, length
 from ....core.portable_math import Array
-from ....core.scalar import Vector, angle_of, exp, length
 from ....core.scene import Scene
 from .base import KernelModel, Walkers, desired_acceleration, offset_of_group, wall_acceleration
 

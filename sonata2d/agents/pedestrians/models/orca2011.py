@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....core.compiled import kernel, subroutine
-from ....core.packing import unpack
+from ....core.compiled.kernel import kernel, subroutine
+from ....core.compiled.packing import unpack
+from ....core.compiled.scalar import RADIUS, Vector, clipped, length, towards
 from ....core.portable_math import Array, BoolArray
-from ....core.scalar import RADIUS, Vector, clipped, length, towards
 from .base import KernelModel, Walkers, attention_to, biased_direction
 
 HalfPlane = tuple[float, float, float]  # a, b, c of a x + b y >= c, m/s

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....core.compiled import kernel, subroutine
-from ....core.packing import Floats, Ints, Packed, pack, unpack
+from ....core.compiled.kernel import kernel, subroutine
+from ....core.compiled.packing import Floats, Ints, Packed, pack, unpack
+from ....core.compiled.scalar import Vector, clipped, exp, length, rotation, turned_towards
 from ....core.portable_math import PI, Array, unit_vectors
 from ....core.rng import AgentStreams
-from ....core.scalar import Vector, clipped, exp, length, rotation, turned_towards
 from ....core.scene import Scene
 from .base import KernelModel, Walkers, fill_walls
 

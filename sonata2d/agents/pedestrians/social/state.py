@@ -7,10 +7,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from ....core.compiled.packing import Bools, Floats2, Ints, Ints2
 from ....core.entities import TALKING, WALKING_TOGETHER, Interaction
 from ....core.geometry import Barriers, Disc, Point, Pose
 from ....core.humans import ACTIVITIES, activity_indices, frozen
-from ....core.packing import Bools, Floats2, Ints, Ints2
 from ....core.portable_math import BoolArray, IntArray, angle_of
 from ....core.scene import Scene, closed_outlines
 from ....core.vectors import lengths

@@ -4,7 +4,7 @@ A kernel is written in the subset of Python that numba compiles: numbers, NumPy 
 branches. Where numba is missing or broken, or `NUMBA_DISABLE_JIT=1` is set, the interpreter runs the same text, more
 slowly.
 
-- `kernel` marks a function that ordinary Python calls. Numba compiles it at its first call; `kernel_cache` keeps the
+- `kernel` marks a function that ordinary Python calls. Numba compiles it at its first call; `compiled.cache` keeps the
   machine code in a file, from which later processes load it.
 - `subroutine` marks a function that kernels call; it becomes a part of them. Called from ordinary Python, as in tests,
   it is run by the interpreter.
@@ -73,7 +73,7 @@ def subroutine(function: F) -> F:
     """Mark a function that kernels call; see the module."""
     if _numba is None:
         return function
-    from .kernel_cache import as_subroutine  # imports numba
+    from .cache import as_subroutine  # imports numba
 
     # Without the code that converts Python's objects, which would take longer to compile than most subroutines; and
     # inlined, because a call passes every array of a named tuple, which takes longer than the work on one pedestrian.
@@ -100,7 +100,7 @@ def kernel(function: F) -> F:
     """
     if _numba is None:
         return function
-    from .kernel_cache import use_cache  # imports numba
+    from .cache import use_cache  # imports numba
 
     compiled: F = use_cache(_numba.njit(**_OPTIONS)(function))
     return compiled

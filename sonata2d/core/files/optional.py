@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from ..errors import Sonata2dError
+from ...errors import Sonata2dError
 
 
 def optional(package: str, error: type[Sonata2dError]) -> Any:

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_o
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import IS_COMPILED
+from .kernel import IS_COMPILED
 
 T = TypeVar("T", bound=tuple[Any, ...])
 

@@ -2,7 +2,7 @@
 
 Numba's own cache looks at the file of a kernel only; an edited subroutine or constant in another file would leave the
 old machine code in use, and a data set made with it would be wrong. The name of a file here contains the kernel's key
-(`kernel_key`), a hash of all that the machine code depends on: the bytecode of the kernel and of its subroutines, the
+(`compiled.key`), a hash of all that the machine code depends on: the bytecode of the kernel and of its subroutines, the
 values of the constants they use, the types of the arguments, the versions of Python, NumPy and numba, numba's settings,
 and the processor. A file is never out of date: processes, plug-ins and versions of sonata2d share a folder.
 """
@@ -31,10 +31,10 @@ from numba.core.errors import NumbaError
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 
-from ..errors import KernelError
-from . import interruption
-from .kernel_key import NotCacheableError, key_of
-from .notebook import notebook_shell
+from ...errors import KernelError
+from ..files import interruption
+from ..notebook import notebook_shell
+from .key import NotCacheableError, key_of
 
 logger = logging.getLogger(__name__)
 
@@ -73,23 +73,27 @@ def as_subroutine(function: F) -> F:
 
 
 @cache
-def folders() -> tuple[Path, ...]:
-    """The folders in which kernels are searched: the package's, and the user's; or that of `NUMBA_CACHE_DIR`."""
+def cache_folder() -> Path | None:
+    """The folder of kernels, in `NUMBA_CACHE_DIR` or the user's cache folder; None without a home folder.
+
+    Not in the package: files that a run leaves there would survive its uninstallation, and the folder that holds them
+    would shadow an editable installation as an empty namespace package.
+    """
     given = numba.config.CACHE_DIR
     if given:
-        return (Path(given).absolute() / "sonata2d",)
+        return Path(given).absolute() / "sonata2d"
     import platformdirs
 
-    users = platformdirs.user_cache_path("sonata2d", appauthor=False)
-    found = (Path(__file__).resolve().parents[1] / "__pycache__" / "kernels", users / "kernels")
-    return tuple(folder for folder in found if folder.is_absolute())  # "~" stays if there is no home folder
+    folder = platformdirs.user_cache_path("sonata2d", appauthor=False) / "kernels"
+    return folder if folder.is_absolute() else None  # "~" stays if there is no home folder
 
 
 @cache
 def writable_folder() -> Path | None:
-    """The first folder in which kernels can be kept, or None."""
-    for folder in folders():
-        with suppress(OSError):
+    """The folder of kernels, made if it is missing; None if it cannot be written."""
+    folder = cache_folder()
+    with suppress(OSError):
+        if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
             probe = folder / f"{uuid.uuid4().hex}.tmp"
             probe.touch()
@@ -203,21 +207,22 @@ def _make_symbols_unique(functions: list[FunctionType], key: str) -> None:
             _renamed.add(function)
 
 
-def _find(name: str) -> list[Path]:
-    """The files of that name."""
-    paths = (folder / (name + _SUFFIX) for folder in folders())
-    return [path for path in paths if path.exists()]
+def _find(name: str) -> Path | None:
+    """The file of that name, or None if there is none."""
+    folder = cache_folder()
+    path = folder and folder / (name + _SUFFIX)
+    return path if path and path.exists() else None
 
 
 def _read(name: str) -> bytes | None:
     """The content of a file, or None if it is missing, damaged or not readable."""
-    for path in _find(name):
-        with suppress(OSError):
-            data = path.read_bytes()
-            if data[:16] == _digest(data[16:]):
-                with suppress(OSError):  # a read-only folder
-                    os.utime(path)  # files that were not used for long are deleted
-                return data[16:]
+    path = _find(name)
+    with suppress(OSError):
+        data = path.read_bytes() if path else b""
+        if path and data[:16] == _digest(data[16:]):
+            with suppress(OSError):  # a read-only folder
+                os.utime(path)  # files that were not used for long are deleted
+            return data[16:]
     return None
 
 
@@ -301,7 +306,7 @@ def _announce(is_kept: bool) -> None:
         is_said = parent_process() is not None  # the workers compile the same as their parent, or as each other
     else:
         is_said = _is_start_announced(folder / STAMP)
-    how = "once per installed copy and feature" if is_kept and folder else "in every process"
+    how = "once per version and feature" if is_kept and folder else "in every process"
     if not is_said:
         _say(f"sonata2d is compiled for this processor, {how}; this may take a minute ...")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import RecordError
+from ...errors import RecordError
 
 if TYPE_CHECKING:
     from filelock import FileLock

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 
-from . import portable_math, vectors
-from .compiled import subroutine
-from .portable_math import Array
+from .. import portable_math, vectors
+from ..portable_math import Array
+from .kernel import subroutine
 
 # Columns of `Barriers.table`: ends of the core line, half the thickness, vector from start to end, and the inverse of
 # its squared length (0 for a disc).

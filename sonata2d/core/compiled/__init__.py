@@ -1,0 +1,1 @@
+"""Compilation of kernels: decorators, machine code in files, arguments, and scalar functions."""
