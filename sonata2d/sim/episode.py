@@ -232,7 +232,7 @@ class Episode(Drawable):
             tick: number of ticks to replay, 0 to len(past).
             controller: drives from that tick on.
             observers: of the new episode, from its tick 0 on.
-            renderer: as for `Episode`; by default that of this episode.
+            renderer: as for `Episode`; by default the renderer of this episode.
 
         Raises:
             ValueError: the episode has not reached the tick.

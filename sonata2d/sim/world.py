@@ -39,7 +39,7 @@ from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
 from .kernel.chipmunk import EngineMemory
 from .kernel.rules import rules_of
 from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
-from .kernel.step import DRIVE_SIZE, MASS, ROBOT_MASS, Matter, advance, read_state
+from .kernel.step import DRIVE_SIZE, MASS, ROBOT_MASS, Buffers, advance, read_state
 from .presence import Presence
 
 OVERLAP_LEFT = 0.0  # fraction of an overlap after a substep; pymunk's 0.94 lets bodies that turn sink in too deep
@@ -71,7 +71,7 @@ class World:
         self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
         self._constant = constant_of(scene)
         self._engine = EngineMemory(space, bodies[-1], torsos, self._constant[2].copy())
-        self._matter = Matter(
+        self._buffers = Buffers(
             engine=self._engine.engine,
             guard=_guard(self._constant, len(scene.barriers)),
             robot=self._row[:ROBOT_SIZE],
@@ -85,8 +85,8 @@ class World:
             facing=np.zeros((count, 2)),
             gaze=np.zeros((count, 2)),
         )
-        self._packed = Packed(self._matter)
-        self._matter.robot[BODY_X], self._matter.robot[BODY_Y] = scene.robot.pose.direction
+        self._packed = Packed(self._buffers)
+        self._buffers.robot[BODY_X], self._buffers.robot[BODY_Y] = scene.robot.pose.direction
         for k, human in enumerate(scene.humans):
             self._face(k, human.pose.direction)
         self._last_contacts: tuple[bytes, tuple[Contact, ...]] = b"", ()
@@ -95,7 +95,7 @@ class World:
         self._substeps = rules.substeps
         self._read_bodies()
         self._check_order()
-        self._presence = Presence(scene, bodies[:-1], self._matter.is_absent)
+        self._presence = Presence(scene, bodies[:-1], self._buffers.is_absent)
         self._bodies = bodies
         self._seats: tuple[tuple[int, int], ...] = ()
         self._set_seats(_seats_at_start(scene))
@@ -140,8 +140,8 @@ class World:
 
     def _move(self, twist: Twist, crowd: CrowdCommands, *, is_limited: bool) -> None:
         """Move the world by one tick."""
-        matter = self._matter
-        matter.facing[:], matter.gaze[:] = crowd.facing, crowd.gaze
+        buffers = self._buffers
+        buffers.facing[:], buffers.gaze[:] = crowd.facing, crowd.gaze
         if crowd.seats != self._seats:
             self._set_seats(crowd.seats)
         if self._presence.has_recorded:
@@ -149,8 +149,8 @@ class World:
         substeps = self._substeps
         interval = max(substeps // crowd.evaluations, 1) if crowd.refresh else substeps
         for first in range(0, substeps, interval):
-            acceleration = crowd.refresh(matter.engine.bodies) if crowd.refresh and first else crowd.acceleration
-            matter.acceleration[:] = acceleration
+            acceleration = crowd.refresh(buffers.engine.bodies) if crowd.refresh and first else crowd.acceleration
+            buffers.acceleration[:] = acceleration
             end = min(first + interval, substeps)
             advance(self._packed.argument, float(twist.vx), float(twist.vy), float(twist.omega), is_limited, first, end)
         self._activity, self._interactions = crowd.activity, crowd.interactions
@@ -160,7 +160,7 @@ class World:
 
     def _contacts(self) -> tuple[Contact, ...]:
         """Contacts of the last tick: humans, objects, walls, each by id."""
-        guard = self._matter.guard
+        guard = self._buffers.guard
         if not guard.counts[2]:
             return ()
         bits = guard.human_contact.tobytes() + guard.barrier_contact.tobytes()
@@ -169,7 +169,7 @@ class World:
         return self._last_contacts[1]
 
     def _build_contacts(self) -> tuple[Contact, ...]:
-        guard = self._matter.guard
+        guard = self._buffers.guard
         found: dict[tuple[Literal["human", "object", "wall"], int], int] = {}
         for k in np.flatnonzero(guard.human_contact).tolist():
             found["human", self.scene.humans[k].id] = int(guard.human_contact[k])
@@ -192,17 +192,17 @@ class World:
 
     def _update_presence(self, leaving: tuple[int, ...]) -> None:
         """Let pedestrians enter, at their initial headings, and leave."""
-        entered, left = self._presence.update(self.tick, leaving, self._matter.engine.bodies)
+        entered, left = self._presence.update(self.tick, leaving, self._buffers.engine.bodies)
         for k in entered:
             self._face(k, self.scene.humans[k].pose.direction)
-            self._matter.humans[k, OMEGA] = self._matter.posture[k] = 0.0
+            self._buffers.humans[k, OMEGA] = self._buffers.posture[k] = 0.0
         if entered or left:
             self._read_bodies()
 
     def _face(self, k: int, direction: Point) -> None:
         """Set heading and gaze of pedestrian k."""
-        humans = self._matter.humans
-        self._matter.guard.torso[k] = direction
+        humans = self._buffers.humans
+        self._buffers.guard.torso[k] = direction
         humans[k, BODY_X : BODY_Y + 1] = humans[k, GAZE_X : GAZE_Y + 1] = direction
 
     def _read_bodies(self) -> None:
@@ -212,7 +212,7 @@ class World:
     def _check_order(self) -> None:
         """Check that the engine lists bodies in the order of insertion, which all rows rely on."""
         placed = [*(h.pose.position for h in self.scene.humans), self.scene.robot.pose.position]
-        positions = [(x, y) for x, y, _, _ in self._matter.engine.bodies.tolist()]
+        positions = [(x, y) for x, y, _, _ in self._buffers.engine.bodies.tolist()]
         if positions != placed:
             raise RuntimeError(f"pymunk {pymunk.version} lists bodies in another order; install another version")
 

@@ -26,7 +26,8 @@ _received: KeyboardInterrupt | None = None
 def stop_when(is_requested: Callable[[], bool]) -> None:
     """Let long computations of this process, such as compilations, end as soon as a function returns True.
 
-    For worker processes, which ignore Ctrl-C: a KeyboardInterrupt without that request is none, see `reraise`.
+    For worker processes, which ignore Ctrl-C: without a stop request, a KeyboardInterrupt is treated as an error, see
+    `reraise`.
     """
     global _is_stop_requested, _ignores_signals
     _is_stop_requested, _ignores_signals = is_requested, True
@@ -146,7 +147,7 @@ def surroundings_kept() -> Iterator[None]:
 
 
 def _opening(stream: Any) -> Callable[[], TextIO] | None:
-    """What opens a standard stream again; Python leaves the file open if the stream is closed. None: not such a one."""
+    """Function that opens a standard stream again, whose file Python leaves open; None for any other stream."""
     try:
         number = stream.fileno()
     except (OSError, ValueError, AttributeError):  # in memory, closed, or None

@@ -1,6 +1,6 @@
 """Files and folders on this machine, and in stores that fsspec knows, such as S3 and Google Cloud Storage.
 
-Paths of stores are those of universal-pathlib, which have the methods of `pathlib.Path`. Objects of a store appear
+Paths of stores are objects of universal-pathlib, which have the methods of `pathlib.Path`. Objects of a store appear
 whole or not at all; a file on this machine, or on a file server, is written under another name and then renamed.
 """
 

@@ -38,7 +38,7 @@ class SocialArrays(NamedTuple):
 
 
 class SocialState:
-    """What each pedestrian is doing; it can change during an episode. Rows are in the scene's order.
+    """Present activity of each pedestrian, which changes during an episode. Rows are in the scene's order.
 
     Args:
         scene: the initial state.
@@ -49,7 +49,7 @@ class SocialState:
         facing_point: (N, 2), m, the point that a standing pedestrian without a partner faces.
         has_object: (N,) of bool, pedestrians that attend to an object, which is then their facing point.
         keeps_facing: (N,) of bool, members of an unchanged initial formation: they keep their initial facing point.
-        interactions: the present ones, including those of absent pedestrians.
+        interactions: the present ones, including interactions of absent pedestrians.
         activity: (N,) of int, into `humans.ACTIVITIES`.
         partners: for each pedestrian, the indices of the present pedestrians that it talks or walks with.
         arrays: the state for kernels.
