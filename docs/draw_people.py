@@ -29,8 +29,8 @@ from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
 from sonata2d.core.scene import Rules, Scene, Social
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.metrics.situations import SnapshotCollector
-from sonata2d.view.draw import Layers
 from sonata2d.view.film import save_film
+from sonata2d.view.layers import Layers
 
 ROOT = Path(__file__).parent.parent
 

@@ -10,10 +10,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Human, Interaction
+from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Interaction
 from .geometry import Point, Pose
 from .portable_math import Array, IntArray, angle_of, arctan2
-from .scene import Scene
 from .wording import counted
 
 # Columns of the (N, 9) state of the pedestrians, world frame: position, velocity, unit vectors of the body's heading
@@ -187,30 +186,7 @@ def frozen(array: Values) -> Values:
 
 
 Constant = tuple[IntArray, Array, Array]
-"""What stays the same of the pedestrians of a scene: `Humans.id`, `radius` and `shoulder`."""
-
-
-def constant_of(scene: Scene) -> Constant:
-    """The constant properties of all pedestrians in the scene's order, read-only."""
-    bodies = np.array([(human.radius, human.shoulder) for human in scene.humans], dtype=float).reshape(-1, 2)
-    return human_ids(scene), frozen(bodies[:, 0].copy()), frozen(bodies[:, 1].copy())
-
-
-def human_ids(scene: Scene) -> IntArray:
-    """Ids of the pedestrians in the scene's order, (N,) of int, read-only."""
-    return frozen(np.array([human.id for human in scene.humans], dtype=np.int64))
-
-
-def initial_activities(scene: Scene) -> IntArray:
-    """Activities at the start, from interactions and behaviours; (N,) of int, into `ACTIVITIES`, read-only."""
-    return activity_indices({human.id: _activity_at_start(human) for human in scene.humans}, scene.interactions)
-
-
-def _activity_at_start(human: Human) -> str:
-    """What a pedestrian without interactions does at the start."""
-    if human.walks_at_start:
-        return "walking"
-    return "standing" if human.seat is None and human.queue is None else "queueing" if human.seat is None else "sitting"
+"""The constant properties of the pedestrians of a scene: `Humans.id`, `radius` and `shoulder`."""
 
 
 def activities_of_present(activity: IntArray, ids: IntArray, interactions: Iterable[Interaction]) -> IntArray:

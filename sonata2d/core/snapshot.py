@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, Protocol, Self
 import numpy as np
 
 from .devices import DeviceEvent
-from .drawable import Drawable, Drawing
+from .drawable import Drawable
 from .entities import Furniture, Goal, Interaction, Robot, Wall
 from .geometry import Point, Pose, Twist
 from .humans import (
@@ -25,13 +25,10 @@ from .humans import (
     X,
     Y,
     activities_of_present,
-    constant_of,
     frozen,
-    human_ids,
-    initial_activities,
 )
 from .portable_math import Array, IntArray, angle_of, unit_vector
-from .scene import Scene
+from .scene import Scene, constant_of, human_ids, initial_activities
 from .state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED, State, joined_row, robot_row
 from .wording import counted
 
@@ -199,9 +196,6 @@ class Snapshot(Drawable):
     def __repr__(self) -> str:
         people = counted(len(self.humans), "person")
         return f"<Snapshot of {self.scene.title}: tick {self.tick}, {self.time:g} s, {people}>"
-
-    def _drawing(self) -> Drawing:
-        return Drawing([self])
 
     def _facts(self) -> dict[str, object]:
         (x, y), (vx, vy) = self.robot.position, self.robot.velocity

@@ -29,11 +29,9 @@ from ..core.humans import (
     OMEGA,
     Constant,
     activities_of_present,
-    constant_of,
     frozen,
-    initial_activities,
 )
-from ..core.scene import Scene
+from ..core.scene import Scene, constant_of, initial_activities
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
 from .kernel.chipmunk import EngineMemory

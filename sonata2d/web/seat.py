@@ -16,7 +16,7 @@ from ..core.wording import one_line
 from ..errors import Sonata2dError
 from ..study.content import Json, shown_label
 from ..study.load import spec_of
-from ..view.draw import Layers
+from ..view.layers import Layers
 from ..view.legend import Legend
 from ..view.scene_data import UNDRAWN, legend_data, scene_data, state_data, states_data
 from . import messages as m

@@ -9,7 +9,7 @@ import pygame
 from ..core.devices import View
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from ..view.draw import Layers
+from ..view.layers import Layers
 from ..view.painter import Painter
 from ..view.palette import INK, OUTSIDE, PAPER, Colour
 from .actions import Action

@@ -19,8 +19,8 @@ from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..view.annotations import value_text
 from ..view.camera import Camera
-from ..view.draw import Layers
 from ..view.interpolation import between
+from ..view.layers import Layers
 from ..view.painter import Painter
 from ..view.stills import save_moment
 from ..view.trails import Trails

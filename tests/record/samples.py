@@ -21,9 +21,9 @@ from sonata2d.core.entities import (
     Wall,
 )
 from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
-from sonata2d.core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, VX, Humans, X, Y, constant_of
+from sonata2d.core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, VX, Humans, X, Y
 from sonata2d.core.portable_math import unit_vector, unit_vectors
-from sonata2d.core.scene import Rules, Scene
+from sonata2d.core.scene import Rules, Scene, constant_of
 from sonata2d.core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from sonata2d.record.recorder import EpisodeRecorder
 

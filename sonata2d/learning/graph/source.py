@@ -11,9 +11,9 @@ import numpy as np
 
 from ...core.entities import Interaction
 from ...core.geometry import Disc
-from ...core.humans import constant_of, frozen
+from ...core.humans import frozen
 from ...core.portable_math import Array, BoolArray, IntArray, arctan2, unit_vectors
-from ...core.scene import Scene
+from ...core.scene import Scene, constant_of
 from ...core.snapshot import Snapshot
 from ...core.vectors import lengths
 from ...errors import RecordError
