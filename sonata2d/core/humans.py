@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Interaction
+from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Human, Interaction
 from .geometry import Point, Pose
 from .portable_math import Array, IntArray, angle_of, arctan2
 from .wording import counted
@@ -185,8 +185,48 @@ def frozen(array: Values) -> Values:
     return array
 
 
-Constant = tuple[IntArray, Array, Array]
-"""The constant properties of the pedestrians of a scene: `Humans.id`, `radius` and `shoulder`."""
+@dataclass(frozen=True, eq=False, slots=True)
+class HumanTable:
+    """Table of the humans of a scene: one row each in the scene's order; read-only arrays.
+
+    Attributes:
+        id: (N,) of int.
+        position: (N, 2), m, at the start or on entering, world frame.
+        radius: (N,), m, half the depth of the bodies.
+        shoulder: (N,), m, half the length of the shoulder lines.
+        circumradius: (N,), m, of the circles around the bodies.
+        desired_speed: (N,), m/s.
+        row: index of the row of each id.
+    """
+
+    id: IntArray
+    position: Array
+    radius: Array
+    shoulder: Array
+    circumradius: Array
+    desired_speed: Array
+    row: dict[int, int]
+
+    @classmethod
+    def of(cls, humans: Sequence[Human]) -> Self:
+        """The table of some humans."""
+        numbers = [(h.radius, h.shoulder, h.shape.circumradius, h.desired_speed, *h.pose.position) for h in humans]
+        table = np.array(numbers, dtype=float).reshape(-1, 6)
+        radius, shoulder, circumradius, desired_speed = (frozen(column.copy()) for column in table[:, :4].T)
+        ids = [human.id for human in humans]
+        return cls(
+            id=frozen(np.array(ids, dtype=np.int64)),
+            position=frozen(table[:, 4:].copy()),
+            radius=radius,
+            shoulder=shoulder,
+            circumradius=circumradius,
+            desired_speed=desired_speed,
+            row={id: k for k, id in enumerate(ids)},
+        )
+
+    def with_state(self, state: Array, activity: IntArray) -> Humans:
+        """The humans in a state, (N, 9), with activities, (N,) of int; the arrays are not copied."""
+        return Humans(state, self.id, self.radius, self.shoulder, activity)
 
 
 def activities_of_present(activity: IntArray, ids: IntArray, interactions: Iterable[Interaction]) -> IntArray:

@@ -14,7 +14,7 @@ import numpy as np
 from .drawable import Drawable
 from .entities import Door, EndsOn, Furniture, Goal, Group, Human, Interaction, Place, Queue, Robot, Wall
 from .geometry import Barriers, Edge, Point
-from .humans import Constant, activity_indices, frozen
+from .humans import HumanTable, activity_indices, frozen
 from .portable_math import Array, IntArray
 from .wording import counted
 
@@ -180,6 +180,11 @@ class Scene(Drawable):
         return frozen(np.array(self.polygon, dtype=float))
 
     @cached_property
+    def human_table(self) -> HumanTable:
+        """Constant properties of the humans as arrays."""
+        return HumanTable.of(self.humans)
+
+    @cached_property
     def standing_humans(self) -> Barriers:
         """Pedestrians that stand and are present throughout the episode, as discs."""
         return standing_throughout(self.humans)
@@ -197,17 +202,6 @@ class Scene(Drawable):
         position = {human.id: human.pose.position for human in self.humans}
         talking = (group for group in self.groups if group.kind == "talking" and group.formation)
         return closed_outlines([position[member] for member in group.members] for group in talking)
-
-
-def constant_of(scene: Scene) -> Constant:
-    """The constant properties of all pedestrians in the scene's order, read-only."""
-    bodies = np.array([(human.radius, human.shoulder) for human in scene.humans], dtype=float).reshape(-1, 2)
-    return human_ids(scene), frozen(bodies[:, 0].copy()), frozen(bodies[:, 1].copy())
-
-
-def human_ids(scene: Scene) -> IntArray:
-    """Ids of the pedestrians in the scene's order, (N,) of int, read-only."""
-    return frozen(np.array([human.id for human in scene.humans], dtype=np.int64))
 
 
 def initial_activities(scene: Scene) -> IntArray:

@@ -14,10 +14,10 @@ import numpy as np
 from ..core.devices import NETWORK_DEVICE, ROUND_TRIP, DeviceEvent
 from ..core.drawable import Drawable
 from ..core.geometry import Twist
-from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Constant, Humans, X, Y, frozen
+from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Humans, X, Y, frozen
 from ..core.labels import LabelSpec
 from ..core.portable_math import Array, BoolArray, IntArray, unit_vector, unit_vectors
-from ..core.scene import Scene, constant_of
+from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from ..core.wording import counted
 from ..errors import RecordError
@@ -331,11 +331,8 @@ class EpisodeRecord(Drawable):
         state[:, OMEGA] = rows[:, ROW_OMEGA]
         state[present, BODY_X : BODY_Y + 1] = unit_vectors(rows[present, ROW_THETA])
         state[present, GAZE_X : GAZE_Y + 1] = unit_vectors(rows[present, ROW_HEAD])
-        return Humans(frozen(state), *self._constant, self.states.activity[t]).select(np.flatnonzero(present))
-
-    @cached_property
-    def _constant(self) -> Constant:
-        return constant_of(self._scene)
+        humans = self._scene.human_table.with_state(frozen(state), self.states.activity[t])
+        return humans.select(np.flatnonzero(present))
 
 
 @drawing_of.register

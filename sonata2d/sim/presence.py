@@ -45,7 +45,7 @@ class Presence:
     def __init__(self, scene: Scene, bodies: list[pymunk.Body], is_absent: BoolArray) -> None:
         self._humans, self._bodies, self._scene = scene.humans, bodies, scene
         self._dt = scene.rules.dt
-        self._radius = np.array([*(human.shape.circumradius for human in scene.humans), scene.robot.radius])
+        self._radius = np.array([*scene.human_table.circumradius, scene.robot.radius])
         self._recorded = _recorded_rows(scene)
         self.has_recorded = bool(self._recorded)
         self._to_enter = [k for k, human in enumerate(scene.humans) if human.enters > 0]

@@ -27,11 +27,10 @@ from ..core.humans import (
     GAZE_X,
     GAZE_Y,
     OMEGA,
-    Constant,
     activities_of_present,
     frozen,
 )
-from ..core.scene import Scene, constant_of, initial_activities
+from ..core.scene import Scene, initial_activities
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
 from .kernel.chipmunk import EngineMemory
@@ -67,11 +66,10 @@ class World:
         bodies.append(_body(scene.robot.pose.position, mass=ROBOT_MASS))
         space.add(*bodies, *torsos, pymunk.Circle(bodies[-1], scene.robot.radius))
         self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
-        self._constant = constant_of(scene)
-        self._engine = EngineMemory(space, bodies[-1], torsos, self._constant[2].copy())
+        self._engine = EngineMemory(space, bodies[-1], torsos, scene.human_table.shoulder.copy())
         self._buffers = Buffers(
             engine=self._engine.engine,
-            guard=_guard(self._constant, len(scene.barriers)),
+            guard=_guard(scene),
             robot=self._row[:ROBOT_SIZE],
             humans=self._row[ROBOT_SIZE:].reshape(count, HUMAN_SIZE),
             posture=np.zeros((count, 3)),
@@ -111,7 +109,7 @@ class World:
         if not self._presence.all_present:
             absent = self._presence.absent_ids
             interactions = tuple(i for i in interactions if i.src not in absent and i.dst not in absent)
-            activity = activities_of_present(activity, self._constant[0], interactions)
+            activity = activities_of_present(activity, self.scene.human_table.id, interactions)
             is_present = frozen(~self._presence.is_absent)
         return Snapshot.of_state(
             self.tick,
@@ -120,7 +118,6 @@ class World:
             interactions,
             self._contacts(),
             events,
-            constant=self._constant,
         )
 
     def execute(self, command: Twist, crowd: CrowdCommands) -> None:
@@ -215,13 +212,12 @@ class World:
             raise RuntimeError(f"pymunk {pymunk.version} lists bodies in another order; install another version")
 
 
-def _guard(constant: Constant, barriers: int) -> Guard:
-    """The safety guard's arrays for the constant properties of the pedestrians, and a number of barriers."""
-    ids, radius, shoulder = constant
-    humans = len(ids)
+def _guard(scene: Scene) -> Guard:
+    """The safety guard's arrays for the humans and barriers of a scene."""
+    humans, barriers = len(scene.humans), len(scene.barriers)
     return Guard(
-        radius=radius.copy(),  # kernels take writeable arrays
-        shoulder=shoulder.copy(),
+        radius=scene.human_table.radius.copy(),  # kernels take writeable arrays
+        shoulder=scene.human_table.shoulder.copy(),
         torso=np.zeros((humans, 2)),
         human_contact=np.zeros(humans, dtype=np.int64),
         barrier_contact=np.zeros(barriers, dtype=np.int64),

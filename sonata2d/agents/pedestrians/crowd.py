@@ -523,14 +523,14 @@ def _walkers(scene: Scene) -> Walkers:
         desired_direction=np.zeros((count, 2)),
         body_direction=np.zeros((count, 2)),
         desired_speed=np.zeros(count),
-        radius=np.array([human.radius for human in scene.humans], dtype=float),
+        radius=scene.human_table.radius.copy(),
         walks=np.zeros(count, dtype=bool),
         neighbour_start=np.zeros(count + 1, dtype=np.int64),
         neighbour=np.zeros(0, dtype=np.int64),
         attention=np.zeros(0),
         group=_walking_groups(scene),
         is_abreast=np.ones(count, dtype=bool),
-        shoulder=np.array([human.shoulder for human in scene.humans], dtype=float),
+        shoulder=scene.human_table.shoulder.copy(),
         headway=np.array([human.headway for human in scene.humans], dtype=float),
         politeness=np.array([human.politeness for human in scene.humans], dtype=float),
         steering=np.zeros((count, 2)),
@@ -549,7 +549,7 @@ def _group_speeds(scene: Scene) -> Array:
 
 def _walking_groups(scene: Scene) -> IntArray:
     """`Walkers.group` of a scene."""
-    index = {human.id: k for k, human in enumerate(scene.humans)}
+    index = scene.human_table.row
     group = np.full(len(index), -1)
     for rows in ([index[m] for m in g.members] for g in scene.groups if g.kind == "walking" and len(g.members) > 1):
         group[rows] = rows[0]

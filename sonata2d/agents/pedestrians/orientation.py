@@ -93,7 +93,7 @@ class GlanceStreams:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._rng = AgentStreams(scene.seed, scene.episode, "glances", [human.id for human in scene.humans])
+        self._rng = AgentStreams(scene.seed, scene.episode, "glances", scene.human_table.id.tolist())
 
     def refill(self, glances: Glances) -> None:
         """Draw random numbers for all pedestrians that have fewer than they may need in a tick."""

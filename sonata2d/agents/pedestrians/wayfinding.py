@@ -66,7 +66,7 @@ class Wayfinding:
         walking = [k for k, human in enumerate(humans) if human.behaviour in ("wandering", "walking")]
         self._recorded = [k for k, human in enumerate(humans) if human.behaviour == "recorded"]
         self._track_look_ahead = int(TRACK_LOOK_AHEAD / scene.rules.dt + 0.5)  # ticks
-        self._rng = AgentStreams(scene.seed, scene.episode, "people", [human.id for human in humans])
+        self._rng = AgentStreams(scene.seed, scene.episode, "people", scene.human_table.id.tolist())
         self._goals = {k: list(humans[k].goals) for k in walking if humans[k].behaviour == "walking"}
         self._stays = {k: list(humans[k].stays) for k in self._goals}  # at these goals, s
         self._stay = [0.0] * count  # at the present destination, s
@@ -95,7 +95,7 @@ class Wayfinding:
             is_exiting=np.array([human.exits for human in humans], dtype=bool),
             is_abreast=np.zeros(count, dtype=bool),
             checkpoint=np.full((count, 2), math.nan),
-            target=np.array([human.pose.position for human in humans], dtype=float).reshape(-1, 2),
+            target=scene.human_table.position.copy(),
             is_final=np.zeros(count, dtype=bool),
             is_leaving=np.zeros(count, dtype=bool),
             is_blocked=np.zeros(count, dtype=bool),
@@ -331,7 +331,7 @@ class Wayfinding:
         return tuple(np.flatnonzero(self.routes.is_leaving).tolist()) if self._has_exits else ()
 
     def _choose_leaders(self, walking: list[int]) -> None:
-        index = {human.id: k for k, human in enumerate(self._scene.humans)}
+        index = self._scene.human_table.row
         groups = (group for group in self._scene.groups if group.kind == "walking")
         leader_of = {index[m]: index[group.members[0]] for group in groups for m in group.members}
         self.routes.version[walking] = [self._new_version() for _ in walking]

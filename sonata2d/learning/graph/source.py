@@ -13,7 +13,7 @@ from ...core.entities import Interaction
 from ...core.geometry import Disc
 from ...core.humans import frozen
 from ...core.portable_math import Array, BoolArray, IntArray, arctan2, unit_vectors
-from ...core.scene import Scene, constant_of
+from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.vectors import lengths
 from ...errors import RecordError
@@ -103,7 +103,7 @@ class SceneNodes:
         self.scene = scene
         self._wall_indices, self.pieces = wall_pieces(_wall_ends(scene))
         self.fixed = frozen(np.concatenate((_object_rows(scene), _goal_row(scene), _wall_rows(self.pieces))))
-        _, self.radius, self.shoulder = constant_of(scene)
+        self.radius, self.shoulder = scene.human_table.radius, scene.human_table.shoulder
         self._nodes: tuple[bytes, Nodes] | None = None  # of the last observations, by who is present
 
     def of(self, observations: Sequence[Observation]) -> Nodes:

@@ -587,7 +587,7 @@ class Sonata2026Model(KernelModel):
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
         self._parameters = pack(PARAMETERS)  # read here, so that `benchmarks/calibrate.py` can replace it
-        self._seeds, self._ids = (scene.seed, scene.episode), [human.id for human in scene.humans]
+        self._seeds, self._ids = (scene.seed, scene.episode), scene.human_table.id.tolist()
         self._memory = Packed(Memory(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)))
 
     def acceleration(self, walkers: Walkers) -> Array:

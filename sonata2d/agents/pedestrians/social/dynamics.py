@@ -55,7 +55,7 @@ class SocialDynamics:
         humans = scene.humans
         self._scene, self._social, self._wayfinding = scene, social, wayfinding
         self._settings, self._dt = scene.social, scene.rules.dt
-        self._rng = AgentStreams(scene.seed, scene.episode, "company", [human.id for human in humans])
+        self._rng = AgentStreams(scene.seed, scene.episode, "company", scene.human_table.id.tolist())
         grouped = {member for group in scene.groups if group.kind == "walking" for member in group.members}
         self._is_grouped = [human.id in grouped for human in humans]
         has_own_path = ("walking", "recorded")
