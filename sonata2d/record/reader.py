@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
@@ -19,18 +19,16 @@ from ..core.portable_math import Array, BoolArray
 from ..core.snapshot import Outcome
 from ..core.wording import shown
 from ..errors import NewerFormatError, RecordError
-from ..version import FORMAT, FORMAT_VERSION
+from ..version import FORMAT, FORMAT_VERSION, LAST_RELEASE
 from .files import read_bytes, unpacked
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from .record import EpisodeRecord, States, wrap_read_errors
 from .shard_file import is_member, is_shard, members_of, read_members
 from .validate import require_valid
 
-MIGRATIONS: dict[int, Callable[[JsonDict], JsonDict]] = {}  # from a version: converts a document to the next version
-
 
 def read_episode(path: str | Path) -> EpisodeRecord:
-    """Read an episode file of this format version or an earlier one, compressed or not.
+    """Read an episode file, compressed or not.
 
     Args:
         path: of the file.
@@ -113,7 +111,12 @@ def record_from_document(document: JsonDict, path: Path) -> EpisodeRecord:
 
 
 def _document_of(content: bytes, path: Path) -> JsonDict:
-    """Parse the content of a file, and convert its document to this format version."""
+    """Parse the content of a file of this format.
+
+    Raises:
+        NewerFormatError: a newer version of sonata2d wrote the file.
+        RecordError: it is no such file, or was written by a release whose files are not read any more.
+    """
     try:
         document: JsonDict = orjson.loads(content)
     except orjson.JSONDecodeError as error:
@@ -129,11 +132,11 @@ def _document_of(content: bytes, path: Path) -> JsonDict:
             f"{path} was written by format version {version}, this sonata2d reads up to {FORMAT_VERSION};"
             " upgrade sonata2d"
         )
-    with wrap_read_errors(path):
-        while version < FORMAT_VERSION:
-            if version not in MIGRATIONS:
-                raise RecordError(f"{path} has format version {version}, which does not exist")
-            document, version = MIGRATIONS[version](document) | {"version": version + 1}, version + 1
+    physics = document.get("physics")
+    if isinstance(physics, int) and physics in LAST_RELEASE:
+        raise RecordError(
+            f"{path} has physics version {physics}; sonata2d {LAST_RELEASE[physics]} is the last release that reads it"
+        )
     return document
 
 

@@ -121,7 +121,7 @@ def _id_findings(document: JsonDict) -> Iterator[Finding]:
         for id in set(members) - set(humans):
             yield "groups", f"member {id} of group {group} is not a human"
     for human in document["humans"]:
-        if human["behaviour"] == "recorded" and not human.get("track"):
+        if human["behaviour"] == "recorded" and not human["track"]:
             yield "humans", f"human {human['id']} is recorded but has no track"
     yield from _journey_findings(document)
     for thing in document["objects"]:
@@ -130,28 +130,24 @@ def _id_findings(document: JsonDict) -> Iterator[Finding]:
 
 
 def _journey_findings(document: JsonDict) -> Iterator[Finding]:
-    """Ids of doors, queues and places must be unique, and people must start on existing seats and in existing queues.
-
-    Args:
-        document: files of earlier versions have no doors, queues, places and seats.
-    """
+    """Ids of doors, queues and places must be unique; people must start on existing seats and in existing queues."""
     seat_ids = {thing["id"] for thing in document["objects"] if thing["on"] is None and _is_seat(thing)}
     for kind in ("doors", "queues", "places"):
-        for id, count in Counter(item["id"] for item in document.get(kind, ())).items():
+        for id, count in Counter(item["id"] for item in document[kind]).items():
             if count > 1:
                 yield kind, f"id {id} is used {count} times"
-    queues = {queue["id"] for queue in document.get("queues", ())}
+    queues = {queue["id"] for queue in document["queues"]}
     for human in document["humans"]:
-        seat, queue = human.get("seat"), human.get("queue")
+        seat, queue = human["seat"], human["queue"]
         if seat is not None and seat not in seat_ids:
             yield "humans", f"human {human['id']} sits on {seat}, which is not a seat"
         if queue is not None and queue not in queues:
             yield "humans", f"human {human['id']} stands in queue {queue}, which does not exist"
         if seat is None and queue is None:
             continue
-        if human["behaviour"] != "wandering" or human.get("enters", 0) > 0:
+        if human["behaviour"] != "wandering" or human["enters"] > 0:
             yield "humans", f"human {human['id']} has a seat or a queue, but does not wander from the start"
-    seats = Counter(human["seat"] for human in document["humans"] if human.get("seat") is not None)
+    seats = Counter(human["seat"] for human in document["humans"] if human["seat"] is not None)
     for seat, count in seats.items():
         if count > 1:
             yield "humans", f"{count} people sit on object {seat}"
@@ -159,7 +155,7 @@ def _journey_findings(document: JsonDict) -> Iterator[Finding]:
 
 def _is_seat(thing: JsonDict) -> bool:
     """Whether pedestrians can sit on an object, see `Furniture.is_seat`."""
-    seat = thing.get("seat")
+    seat = thing["seat"]
     return bool(thing["type"] == "chair" if seat is None else seat)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import is_dataclass
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
@@ -76,6 +77,9 @@ def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str]
         if is_item or (isinstance(settings, dict) and key in settings):
             known.append(key)
             settings = settings[key]
+        elif is_dataclass(settings) and isinstance(key, str) and hasattr(settings, key):
+            known.append(key)
+            settings = getattr(settings, key)
         elif key == keys[-1] and isinstance(settings, dict):  # a missing setting
             known.append(key)
     return known, settings
