@@ -97,11 +97,11 @@ def scene_from_json(document: JsonDict) -> Scene:
 
 
 def _unmeasured(imported: JsonDict) -> frozenset[Unmeasured]:
-    """What an imported episode does not know, from its lists of missing and of derived keys."""
+    """Properties that the source of an imported episode lacks, from its lists of missing and of derived keys."""
     lacks, derived = (
         {key.removeprefix("frames.") for key in imported.get(name) or ()} for name in ("lacks", "derived")
     )
-    found: dict[Unmeasured, bool] = {
+    unmeasured: dict[Unmeasured, bool] = {
         "robot": "robot" in lacks,
         "goal": "goal" in lacks,
         "headings": "humans.theta" in lacks | derived,  # derived from velocities
@@ -109,7 +109,7 @@ def _unmeasured(imported: JsonDict) -> frozenset[Unmeasured]:
         "seed": "seed" in lacks,
         "outcome": "outcome" in lacks,
     }
-    return frozenset(name for name, is_unmeasured in found.items() if is_unmeasured)
+    return frozenset(name for name, is_unmeasured in unmeasured.items() if is_unmeasured)
 
 
 def interaction_rows(interactions: Iterable[Interaction]) -> list[list[Any]]:
@@ -170,7 +170,7 @@ def _fields_of(value: Any) -> JsonDict:
 
 
 def _tuples(value: Any) -> Any:
-    """The value, in which lists, and lists in a list, become tuples."""
+    """Convert a list, and lists in it, to tuples; other values are returned as they are."""
     if not isinstance(value, list):
         return value
     return tuple(tuple(item) if isinstance(item, list) else item for item in value)

@@ -9,17 +9,19 @@ from __future__ import annotations
 import inspect
 import re
 from dataclasses import is_dataclass
+from functools import cache
 from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetCoreSchemaHandler, create_model
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, GetCoreSchemaHandler, create_model
 from pydantic_core import CoreSchema
 
 from ..core.bounds import Count, Id, NotNegative, Number, Positive
+from ..core.devices import DeviceEvent
 from ..core.entities import Door, Furniture, Goal, Group, Human, Place, Queue, Robot
 from ..core.geometry import Disc, Point, Pose, Rectangle
 from ..core.labels import LabelSpec
 from ..core.scene import Rules, Social
-from ..core.snapshot import Status
+from ..core.snapshot import Contact, Status
 from ..version import FORMAT, FORMAT_VERSION
 
 T = TypeVar("T")
@@ -63,34 +65,40 @@ class Part(BaseModel):
         return schema
 
 
-class FileForm:
-    """Annotation of a dataclass: the form that its instances have in the file.
+@cache
+def model_of(kind: type, name: str | None = None, /, **changed: Any) -> type[Part]:
+    """Create the model that describes the JSON object of a dataclass in a file.
 
     All fields are keys, and are required. `x`, `y` and `theta` take the place of a pose. The descriptions are those
     under `Attributes` of the docstring.
 
     Args:
+        kind: the dataclass.
         name: of the definition in the JSON Schema; by default the name of the class.
-        changed: types in place of those of the fields, by name; names that are no fields are additional keys.
+        changed: types by name, which replace the types of fields; a name that is not a field is an additional key.
     """
+    text, descriptions = _documentation(kind)
+    hints = get_type_hints(kind, include_extras=True)
+    types = {key: hint for key, hint in changed.items() if key not in hints}
+    for key, hint in (hints | changed).items():
+        if hint is Pose:
+            text += f"\n\nx, y, theta: {descriptions[key]}."
+            types |= get_type_hints(Pose, include_extras=True)
+            descriptions |= _documentation(Pose)[1]
+        else:
+            types[key] = Annotated[hint, FileForm()] if is_dataclass(hint) else hint
+    keys: Any = {key: (hint, Field(description=descriptions.get(key))) for key, hint in types.items()}
+    return create_model(name or kind.__name__, __base__=Part, __doc__=text, **keys)
 
-    def __init__(self, name: str | None = None, **changed: Any) -> None:
+
+class FileForm:
+    """Annotation of a dataclass that stands for its model, `model_of`; takes the same arguments."""
+
+    def __init__(self, name: str | None = None, /, **changed: Any) -> None:
         self._name, self._changed = name, changed
 
     def __get_pydantic_core_schema__(self, source: type, handler: GetCoreSchemaHandler) -> CoreSchema:
-        text, descriptions = _documentation(source)
-        hints = get_type_hints(source, include_extras=True)
-        keys = {key: kind for key, kind in self._changed.items() if key not in hints}
-        for key, kind in (hints | self._changed).items():
-            if kind is Pose:
-                text += f"\n\nx, y, theta: {descriptions[key]}."
-                keys |= get_type_hints(Pose, include_extras=True)
-                descriptions |= _documentation(Pose)[1]
-            else:
-                keys[key] = Annotated[kind, FileForm()] if is_dataclass(kind) else kind
-        fields: Any = {key: (kind, Field(description=descriptions.get(key))) for key, kind in keys.items()}
-        model = create_model(self._name or source.__name__, __base__=Part, __doc__=text, **fields)
-        return handler.generate_schema(model)
+        return handler.generate_schema(model_of(source, self._name, **self._changed))
 
 
 InFile = Annotated[T, FileForm()]
@@ -115,8 +123,10 @@ class Room(Part):
 _SolidOutline = Annotated[
     Annotated[Disc, FileForm("DiscShape", type=Literal["disc"])]
     | Annotated[Rectangle, FileForm("RectangleShape", type=Literal["rectangle"])],
-    Field(discriminator="type"),
+    Discriminator("type"),
 ]
+_Contact = Annotated[Contact, FileForm(id=Id)]
+_Event = Annotated[DeviceEvent, FileForm("Event")]
 _AskedLabel = Annotated[LabelSpec, FileForm(kind=Literal["yes_no", "classes", "slider", "text"])]
 InteractionRow = Annotated[
     tuple[Id, str, Id],
@@ -151,12 +161,12 @@ class Branch(Part):
 class Mirror(Part):
     """The episode of which this one is the mirror image (y and theta change sign).
 
-    Seed and settings are those of the original episode.
+    Seed and settings belong to the original episode.
     """
 
     id: str
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of its uncompressed document")
-    labels: bool = Field(description="whether labels were mirrored too; else they are those of the original")
+    labels: bool = Field(description="whether labels were mirrored too; otherwise they are the labels of the original")
     thetas: list[tuple[int, Number]] = Field(
         description="index in `objects`, and theta in the original, where mirroring twice does not restore all digits"
     )
@@ -189,31 +199,12 @@ class Columns(Part):
 
 
 class Outcome(Part):
-    """How the episode ended."""
+    """End of the episode."""
 
     status: Status
     reason: str
     tick: Count
     time: NotNegative = Field(description="s")
-
-
-class Contact(Part):
-    """The gap between the robot and another outline fell below the contact distance during the previous tick."""
-
-    kind: Literal["human", "object", "wall"]
-    id: Id = Field(description="of the human or object; of a wall its index in `walls`")
-    robot_at_fault: bool = Field(description="whether the robot's own velocity closed the gap")
-    other_at_fault: bool = Field(
-        description="whether the other's velocity closed the gap; both can be true, or neither"
-    )
-
-
-class Event(Part):
-    """A change of one control of an input device since the previous frame."""
-
-    device: str
-    control: str
-    value: Number = Field(description="its new value, -1..1")
 
 
 class State(Part):
@@ -229,33 +220,18 @@ class State(Part):
         description="of each human, an index into the top-level `activities`; -1: not present"
     )
     interactions: list[InteractionRow] = Field(description="current ones: [src, relation, dst]")
-    contacts: list[Contact] = Field(description="of the robot, during the previous tick")
+    contacts: list[_Contact] = Field(description="of the robot, during the previous tick")
 
 
 class LastLook(State):
     """State of the world at the end of the episode."""
 
-    events: list[Event] | None = Field(
+    events: list[_Event] | None = Field(
         default=None, description="of input devices, since the last frame; absent if there are none"
     )
     command: TwistRow | None = Field(
         default=None, description="vx, vy, omega; only in episodes imported from a format that has a last command"
     )
-
-
-class Rating(Part):
-    """A line of a file of ratings: the rating of one run by one person."""
-
-    rater: str
-    file: str
-    episode: str
-    sha256: str
-    label: Any
-    showing: Count
-    time: str
-    seconds: NotNegative
-    whole: bool
-    spec: _AskedLabel
 
 
 class Frame(State):
@@ -266,7 +242,7 @@ class Frame(State):
         description="mean velocity of the robot in the tick that begins here, after guard and contacts: vx, vy, omega"
     )
     guarded: bool = Field(description="whether the safety guard intervened during the tick that begins here")
-    events: list[Event] = Field(description="of input devices, since the previous frame")
+    events: list[_Event] = Field(description="of input devices, since the previous frame")
     label: Any = Field(default=None, description="any JSON value; without this key the command itself is the label")
 
 

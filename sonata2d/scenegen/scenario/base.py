@@ -240,13 +240,13 @@ def is_section(kind: type) -> bool:
 
 
 class Section(Generic[T]):
-    """Annotation of a dataclass of `core` that is a section of a scenario as it is.
+    """Annotation of a dataclass of `core` that is a section of a scenario.
 
-    A pair of durations is given as a range. The values are checked as all settings are, also those of an object.
+    A pair of durations is given as a range. The values are checked as all settings are, also the values of an object.
 
     Args:
-        default: its values are those of keys that are not given.
-        changed: types of settings in place of those of the fields, by name.
+        default: object with the values of keys that are not given.
+        changed: types of settings by name, which replace the types of fields.
     """
 
     def __init__(self, default: T, **changed: Any) -> None:
