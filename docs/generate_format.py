@@ -55,11 +55,11 @@ frames.
 - `robot`, `humans`, `activity`, `interactions` and `contacts` of a frame are the state at its tick; `command` is the
   controller's answer, `executed` and `guarded` describe the motion until the next frame. `final` is the state after the
   last frame.
-- From physics version 3 on, nothing but its drive moves the robot: `executed` times the tick, turned with the body, is
-  its displacement, and the velocity in `robot` is that of the drive at the end of the last tick. A unicycle has no
-  velocity across its heading: `executed` has `vy` 0, (vx, vy) of `robot` is along theta, and the displacement in a tick
-  is along the mean heading, or, where guard or wall slow it, between its headings at the start and at the end.
-  `sonata2d check` tests this up to rounding.
+- Nothing but its drive moves the robot: `executed` times the tick, turned with the body, is its displacement, and the
+  velocity in `robot` is the velocity of the drive at the end of the last tick. A unicycle has no velocity across its
+  heading: `executed` has `vy` 0, (vx, vy) of `robot` is along theta, and the displacement in a tick is along the mean
+  heading, or, where guard or wall slow it, between its headings at the start and at the end. `sonata2d check` tests
+  this up to rounding.
 - `contacts` and `events` are always present and usually empty. `label` is omitted if the command itself is the label.
 - Readers refuse a newer version and ignore unknown keys. `format` is `{FORMAT}`.
 - A file is validated once, when it is read: the schema, and what a schema cannot say (ids and references, activities,

@@ -81,11 +81,11 @@ def model_of(kind: type, name: str | None = None, /, **changed: Any) -> type[Par
     hints = get_type_hints(kind, include_extras=True)
     types = {key: hint for key, hint in changed.items() if key not in hints}
     for key, hint in (hints | changed).items():
-        if hint is Pose:
+        if hint is Pose:  # its fields are keys of the same object
             text += f"\n\nx, y, theta: {descriptions[key]}."
             types |= get_type_hints(Pose, include_extras=True)
             descriptions |= _documentation(Pose)[1]
-        else:
+        else:  # other dataclasses are objects in it
             types[key] = Annotated[hint, FileForm()] if is_dataclass(hint) else hint
     keys: Any = {key: (hint, Field(description=descriptions.get(key))) for key, hint in types.items()}
     return create_model(name or kind.__name__, __base__=Part, __doc__=text, **keys)
@@ -128,16 +128,16 @@ _SolidOutline = Annotated[
 _Contact = Annotated[Contact, FileForm(id=Id)]
 _Event = Annotated[DeviceEvent, FileForm("Event")]
 _AskedLabel = Annotated[LabelSpec, FileForm(kind=Literal["yes_no", "classes", "slider", "text"])]
-InteractionRow = Annotated[
+_InteractionRow = Annotated[
     tuple[Id, str, Id],
     Field(description="src (id of a human), relation, dst (id of the human or object attended to)"),
 ]
-TwistRow = Annotated[tuple[Number, Number, Number], Field(description="vx, vy (m/s), omega (rad/s); body frame")]
-RobotRow = Annotated[
+_TwistRow = Annotated[tuple[Number, Number, Number], Field(description="vx, vy (m/s), omega (rad/s); body frame")]
+_RobotRow = Annotated[
     tuple[Number, Number, Number, Number, Number, Number],
     Field(description="x, y (m), theta (rad), vx, vy (m/s), omega (rad/s); world frame"),
 ]
-HumanRow = Annotated[
+_HumanRow = Annotated[
     tuple[Number, Number, Number, Number, Number, Number, Number],
     Field(description="x, y (m), theta (rad), vx, vy (m/s), omega (rad/s), head (rad); world frame"),
 ]
@@ -212,14 +212,14 @@ class State(Part):
 
     tick: Count = Field(description="counted from 0")
     time: NotNegative = Field(description="s, tick times dt")
-    robot: RobotRow = Field(description="x, y, theta, vx, vy, omega")
-    humans: list[HumanRow | None] = Field(
+    robot: _RobotRow = Field(description="x, y, theta, vx, vy, omega")
+    humans: list[_HumanRow | None] = Field(
         description="a row for each of the top-level `humans`: x, y, theta, vx, vy, omega, head; null: not present"
     )
     activity: list[Annotated[int, Field(ge=-1)]] = Field(
         description="of each human, an index into the top-level `activities`; -1: not present"
     )
-    interactions: list[InteractionRow] = Field(description="current ones: [src, relation, dst]")
+    interactions: list[_InteractionRow] = Field(description="current ones: [src, relation, dst]")
     contacts: list[_Contact] = Field(description="of the robot, during the previous tick")
 
 
@@ -229,7 +229,7 @@ class LastLook(State):
     events: list[_Event] | None = Field(
         default=None, description="of input devices, since the last frame; absent if there are none"
     )
-    command: TwistRow | None = Field(
+    command: _TwistRow | None = Field(
         default=None, description="vx, vy, omega; only in episodes imported from a format that has a last command"
     )
 
@@ -237,8 +237,8 @@ class LastLook(State):
 class Frame(State):
     """State of the world at a tick, and the answer of the controller."""
 
-    command: TwistRow = Field(description="the controller's command: vx, vy, omega")
-    executed: TwistRow = Field(
+    command: _TwistRow = Field(description="the controller's command: vx, vy, omega")
+    executed: _TwistRow = Field(
         description="mean velocity of the robot in the tick that begins here, after guard and contacts: vx, vy, omega"
     )
     guarded: bool = Field(description="whether the safety guard intervened during the tick that begins here")
@@ -280,7 +280,7 @@ class Episode(Part):
     places: list[InFile[Place]] = Field(description="of interest, to which wandering pedestrians go")
     humans: list[InFile[Human]] = Field(description="in the order of the rows in frames")
     groups: list[InFile[Group]]
-    interactions: list[InteractionRow] = Field(description="at the start: [src, relation, dst]")
+    interactions: list[_InteractionRow] = Field(description="at the start: [src, relation, dst]")
     robot: InFile[Robot]
     goal: InFile[Goal]
     social: InFile[Social] | None = Field(description="social behaviour during the episode; null: none")

@@ -37,21 +37,7 @@ from .base import (
     weights_of,
     within,
 )
-from .rooms import RoomConfig
-
-__all__ = [  # every section, as docs/scenario.md lists them
-    "ClearanceConfig",
-    "DoorConfig",
-    "FurnitureConfig",
-    "GoalConfig",
-    "GroupConfig",
-    "PersonConfig",
-    "PlaceConfig",
-    "QueueConfig",
-    "RobotConfig",
-    "RoomConfig",
-    "SpeedConfig",
-]
+from .rooms import RoomConfig as RoomConfig
 
 ModelName = Annotated[str, AfterValidator(partial(require_registered, PEDESTRIAN_MODELS))]
 Size = Positive | tuple[Positive, Positive]  # radius of a disc, or length (x) and width (y), m
@@ -330,6 +316,7 @@ class GoalConfig(Settings):
 
 
 def _check_time_limit(rules: Rules) -> Rules:
+    """Require time for one tick."""
     if rules.time_limit < rules.dt:
         context = {"dt": rules.dt, "path": ("time_limit",)}
         raise PydanticCustomError("rules", "the time limit must be at least one tick, dt = {dt} s", context)
@@ -337,6 +324,7 @@ def _check_time_limit(rules: Rules) -> Rules:
 
 
 def _check_choices(social: Social) -> Social:
+    """Require that the probabilities of the choices on arrival leave no negative rest."""
     total = social.visits + social.joins + social.sits + social.queues + social.exits
     if total > 1.0 + 1e-9:
         message = "visits + joins + sits + queues + exits is {sum}; the sum must not exceed 1"
@@ -352,6 +340,7 @@ def _class_names(value: Any) -> Any:
 
 
 def _check_label(label: LabelSpec) -> LabelSpec:
+    """Require classes for the kind that has some, and no text while driving."""
     hint, key = "", "classes"
     if label.kind == "classes" and not label.classes:
         hint = "give the names of the classes, or their number"
@@ -367,6 +356,7 @@ def _check_label(label: LabelSpec) -> LabelSpec:
 
 
 def _label_settings(label: LabelSpec, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    """Return the settings of a label, with null in place of an empty list of classes."""
     settings: dict[str, Any] = handler(label)
     return settings | {"classes": list(label.classes) or None}
 
