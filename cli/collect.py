@@ -199,7 +199,7 @@ def _rate_screen(folder: Path, name: str, config: ScenarioConfig, seed: int, rep
     from sonata2d.collect.rating import RatingSession
     from sonata2d.window.rate_screen import RateScreen
 
-    session = RatingSession(folder, name, config.label.spec(), seed=seed, repeats=repeats)
+    session = RatingSession(folder, name, config.label, seed=seed, repeats=repeats)
     return RateScreen(session, view="top" if view == "top" else "follow", context=config.context)
 
 

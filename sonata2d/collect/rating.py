@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 
 import orjson
 
+from ..core.bounds import Count, NotNegative
 from ..core.labels import LabelSpec
 from ..datasets.manifest import files_of
 from ..errors import ConfigError, NewerFormatError, RecordError
@@ -54,9 +55,9 @@ class Rating:
     episode: str
     sha256: str
     label: Any
-    showing: int
+    showing: Count
     time: str
-    seconds: float
+    seconds: NotNegative
     whole: bool
     spec: LabelSpec
 
@@ -170,7 +171,7 @@ def _rating_of(row: Mapping[str, Any]) -> Rating:
     """A rating from its JSON object; unknown keys are ignored."""
     from ..record import models
 
-    for key, problem in schema_findings(row, models.Rating):
+    for key, problem in schema_findings(row, models.model_of(Rating)):
         raise ValueError(f"{key}: {problem}")
     spec = LabelSpec.from_settings(row["spec"])
     values = {field.name: row[field.name] for field in fields(Rating)}

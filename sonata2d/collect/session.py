@@ -154,7 +154,7 @@ class Session:
     @property
     def label_spec(self) -> LabelSpec:
         """Label that the present run asks for."""
-        return self._run_config.label.spec()
+        return self._run_config.label
 
     @property
     def ticks(self) -> int:
@@ -341,7 +341,7 @@ class Session:
 
     def _begin(self, scene: Scene, config: ScenarioConfig) -> None:
         """Begin a run that waits for its first tick."""
-        controller = Teleoperation(self._mappings, config.label.spec())
+        controller = Teleoperation(self._mappings, config.label)
         self._journal.begin(self._header(scene, config.settings(), controller.settings()))
         self._set_up(scene, config, controller, ())
         self.state = "waiting"
@@ -353,9 +353,7 @@ class Session:
         self.scene, self._run_config, self._controller, self.dropped_ticks = scene, config, controller, 0
         self.number_of_runs += 1
         self._first_events = ()
-        self._recorder = EpisodeRecorder(
-            contributor=self.contributor, context=config.context, label_spec=config.label.spec()
-        )
+        self._recorder = EpisodeRecorder(contributor=self.contributor, context=config.context, label_spec=config.label)
         self._episode = Episode(
             scene,
             controller,

@@ -10,12 +10,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from .bounds import MAX_MAGNITUDE, Number, Positive
 from .portable_math import Array, BoolArray, IntArray, unit_vector
 from .vectors import X, Y, lengths, wrap_angle
 
 PRECISION = 1e-4  # m, rad, m/s, ...: resolution of the numbers in files, and of those that worlds are built from
-MAX_MAGNITUDE = 1e11  # beyond it a double no longer resolves `PRECISION`
-Point = tuple[float, float]
+Point = tuple[Number, Number]
 Edge = tuple[Point, Point, float]  # a thick segment: start, end, radius; m
 
 
@@ -46,11 +46,17 @@ def quantised(value: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Position (m) and heading (rad); in the world frame unless stated otherwise."""
+    """Position and heading, in the world frame unless stated otherwise.
 
-    x: float
-    y: float
-    theta: float = 0.0
+    Attributes:
+        x: to the right, m.
+        y: up, m.
+        theta: counter-clockwise from x, rad.
+    """
+
+    x: Number
+    y: Number
+    theta: Number = 0.0
 
     @property
     def position(self) -> Point:
@@ -104,9 +110,13 @@ class Twist:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A circular outline of `radius` metres."""
+    """A circular outline.
 
-    radius: float
+    Attributes:
+        radius: m.
+    """
+
+    radius: Positive
 
     @property
     def circumradius(self) -> float:
@@ -120,10 +130,15 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
-    """A rectangular outline: `length` along the body's x axis, `width` along its y axis, m."""
+    """A rectangular outline, centred at the pose of the body.
 
-    length: float
-    width: float
+    Attributes:
+        length: along the body's x axis, m.
+        width: along the body's y axis, m.
+    """
+
+    length: Positive
+    width: Positive
 
     @property
     def circumradius(self) -> float:

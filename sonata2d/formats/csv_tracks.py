@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.geometry import MAX_MAGNITUDE
+from ..core.bounds import MAX_MAGNITUDE
 from ..core.portable_math import Array, IntArray
 from ..errors import RecordError, UnsuitableEpisode
 from ..record.files import read_bytes

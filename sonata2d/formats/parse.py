@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import orjson
 
-from ..core.geometry import MAX_MAGNITUDE
+from ..core.bounds import MAX_MAGNITUDE
 from ..core.portable_math import Array
 from ..core.wording import one_line
 from ..errors import InvalidFileError, RecordError

@@ -466,7 +466,7 @@ def _objects(rows: list[JsonDict], people: list[int]) -> list[JsonDict]:
             id, unused = unused, unused + 1
         used.add(id)
         thing = {"id": id, "type": row["type"], "x": x, "y": y, "theta": theta, "shape": _read_shape(row["shape"])}
-        objects.append(thing | {"on": None})
+        objects.append(thing | {"on": None, "seat": None})
     return objects
 
 

@@ -407,7 +407,7 @@ def _objects(frame: JsonDict, ids: list[int], poses: Array) -> list[JsonDict]:
     return [
         {
             "id": id, "type": types.get(id, "object"), "x": x, "y": y, "theta": theta,
-            "shape": {"type": "rectangle", "length": length, "width": width}, "on": None,
+            "shape": {"type": "rectangle", "length": length, "width": width}, "on": None, "seat": None,
         }
         for id, (x, y, theta), (length, width) in zip(ids, placed, sizes, strict=True)
     ]  # fmt: skip

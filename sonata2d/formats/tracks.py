@@ -164,7 +164,8 @@ def _groups(humans: list[JsonDict], group: dict[int, int], ids: list[int]) -> Js
     return {
         "humans": [human | {"group": by_id[human["id"]] if by_id[human["id"]] in groups else None} for human in humans],
         "groups": [
-            {"id": number, "kind": "walking", "members": group_ids} for number, group_ids in sorted(groups.items())
+            {"id": number, "kind": "walking", "members": group_ids, "formation": None}
+            for number, group_ids in sorted(groups.items())
         ],
     }
 

@@ -46,7 +46,7 @@ def describe(env: Env) -> dict[str, Any]:
         "sizes": asdict(base.encoder.sizes),
         "entities": asdict(base.entities),
         "order": base.encoder.order,
-        "robot": {"kinematics": robot.kinematics, "limits": robot.limits.model_dump()},
+        "robot": {"kinematics": robot.kinematics, "limits": asdict(robot.limits)},
         "wrappers": wrappers,
     }
 

@@ -65,8 +65,8 @@ class States:
 class EpisodeRecord(Drawable):
     """A recorded episode of T frames and N people. Its arrays are read-only.
 
-    `record[i]` is the snapshot of frame i, `record[2:5]` a list of snapshots, and `for snapshot in record` goes through
-    those of all T frames. The final state, which has no command any more, is `record.snapshot(-1)`.
+    `record[i]` is the snapshot of frame i, `record[2:5]` a list of snapshots, and `for snapshot in record` iterates
+    over the snapshots of all T frames. The final state, which has no command any more, is `record.snapshot(-1)`.
 
     Attributes:
         path: of the file.
@@ -142,7 +142,7 @@ class EpisodeRecord(Drawable):
         }
 
     def _contacts_text(self) -> str:
-        """In how many frames the robot touched something."""
+        """Number of frames in which the robot touched something, in words."""
         counts = self.counts()
         if "contacts" not in counts:
             return "not recorded"
@@ -257,7 +257,7 @@ class EpisodeRecord(Drawable):
         return np.array(values)
 
     def round_trip_summary(self) -> tuple[float, float] | None:
-        """Median and 95th percentile of the known `round_trips`, s; None if none is known."""
+        """Median and 95th percentile of the known `round_trips`, s; None if all are unknown."""
         times = self.round_trips[np.isfinite(self.round_trips)]
         return (float(np.median(times)), float(np.percentile(times, 95))) if len(times) else None
 
@@ -265,16 +265,12 @@ class EpisodeRecord(Drawable):
         """Return the contacts, and the commands beyond the robot's limits, as a manifest holds them.
 
         Empty for an imported episode, whose contacts were not recorded.
-
-        Raises:
-            RecordError: a contact is damaged.
         """
         if self.document.get("imported"):
             return {}
-        with wrap_read_errors(self.path):
-            states = [*self.document["frames"], self.document["final"]]
-            contacts = [[_contact(row) for row in state["contacts"]] for state in states]
-            return run_counts(self.scene().robot, contacts, self.command)
+        states = [*self.document["frames"], self.document["final"]]
+        contacts = [[_contact(row) for row in state["contacts"]] for state in states]
+        return run_counts(self._scene.robot, contacts, self.command)
 
     def scene(self) -> Scene:
         """Return the scene, equal to the one that was recorded."""
@@ -292,21 +288,19 @@ class EpisodeRecord(Drawable):
 
         Raises:
             IndexError: there is no such frame.
-            RecordError: the frame is damaged.
         """
         t = range(len(self) + 1)[index]
         state = self.document["frames"][t] if t < len(self) else self.document["final"]
-        with wrap_read_errors(self.path):
-            return Snapshot(
-                tick=int(self.states.tick[t]),
-                time=float(self.states.time[t]),
-                scene=self._scene,
-                robot=self._robot_state(t),
-                humans=self._present_humans(t),
-                interactions=interactions_from_rows(state["interactions"]),
-                contacts=tuple(_contact(row) for row in state["contacts"]),
-                events=events_of(state),
-            )
+        return Snapshot(
+            tick=int(self.states.tick[t]),
+            time=float(self.states.time[t]),
+            scene=self._scene,
+            robot=self._robot_state(t),
+            humans=self._present_humans(t),
+            interactions=interactions_from_rows(state["interactions"]),
+            contacts=tuple(_contact(row) for row in state["contacts"]),
+            events=events_of(state),
+        )
 
     def snapshots(self) -> Iterator[Snapshot]:
         """Iterate over the T + 1 snapshots, the final state last."""

@@ -10,8 +10,9 @@ from pydantic import Discriminator, Field, NonNegativeFloat, NonNegativeInt, Tag
 from pydantic_core import PydanticCustomError
 
 from ..collect.rating import BREAK_AFTER, REPEAT_FRACTION
+from ..core.bounds import Fraction
 from ..core.devices import View
-from ..scenegen.scenario.base import Fraction, Settings, TupleOf
+from ..scenegen.scenario.base import Settings, TupleOf
 from .scales import Item, Scale, Text, scale_named, scale_names
 
 Texts = TupleOf[Text]

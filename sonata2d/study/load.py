@@ -153,7 +153,7 @@ def load_study(path: str | Path) -> Study:
         for k, block in enumerate(config.runs)
     )
     for k, (block, scenario) in enumerate(zip(config.runs, scenarios, strict=True)):
-        resolved(["runs", k, "label"], lambda b=block, s=scenario: _check_label(b.label, s.label.spec(), config))  # type: ignore[misc]
+        resolved(["runs", k, "label"], lambda b=block, s=scenario: _check_label(b.label, s.label, config))  # type: ignore[misc]
     longest = min((scenario.rules.time_limit for scenario in scenarios), default=config.minimum_length)
     if config.minimum_length > longest:
         raise ConfigError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable
+from dataclasses import replace
 
 from ..agents.controllers.base import Controller, require_controller
 from ..agents.controllers.loading import is_built_in
@@ -79,7 +80,7 @@ def default_scenes(time_limit: float) -> list[Scene]:
     for name in SCENARIOS:
         config = load_scenario(name)
         people = PASSING_PEDESTRIANS if name == "sonata-2020" else ()
-        rules = config.rules.model_copy(update={"time_limit": time_limit})
+        rules = replace(config.rules, time_limit=time_limit)
         scenes.append(generate(config.model_copy(update={"rules": rules, "people": people}), seed=1))
     return scenes
 

@@ -30,7 +30,7 @@ from ...core.files.whole_file import whole_file
 from ...core.wording import described, one_line, shown
 from ...errors import ControllerError
 from ...registry import CONTROLLERS, resolve
-from .base import RECORDED_PATHS, Controller, current_path, recorded_path
+from .base import Controller, recorded_path
 from .labelled import Labelled
 
 WEIGHTS_SUFFIX = ".npz"
@@ -201,7 +201,7 @@ def is_installed(name: str, settings: Mapping[str, Any]) -> bool:
     if labeller:
         pair = (driver, settings.get("driver")), (labeller, settings.get("labeller"))
         return all(is_installed(part, own or {}) for part, own in pair)
-    is_known = name in CONTROLLERS or current_path(name) in RECORDED_PATHS
+    is_known = name in CONTROLLERS or name in CONTROLLERS.built_in.values()
     return is_known and settings.get("weights") is None
 
 
@@ -225,7 +225,7 @@ def source_hashes(name: str, controller: Controller) -> dict[str, str]:
         driver, labeller = _split_pair(name)
         return source_hashes(driver, controller.driver) | source_hashes(labeller, controller.labeller)
     module = type(controller).__module__
-    path = Path(current_path(name).rpartition(":")[0] or name)
+    path = Path(name.rpartition(":")[0] or name)
     if path.suffix != ".py" or path.stem != module:  # a module, or a file that imports the class from another module
         path = Path(getattr(sys.modules.get(module), "__file__", None) or "")
     if _is_own_module(module):
@@ -249,7 +249,7 @@ def find_controller(name: str) -> type[Controller]:
     if name in CONTROLLERS.built_in:
         controller_class: type[Controller] = CONTROLLERS.load(name)
         return controller_class
-    module, colon, attribute = current_path(name).rpartition(":")
+    module, colon, attribute = name.rpartition(":")
     if not colon or (len(module) == 1 and module.isalpha()):  # the colon of a Windows drive separates no class
         return _only_class(_import_module(name), name) if name.endswith(".py") else _find_plugin(name)
     return _find_class(_import_module(module), attribute, name)
