@@ -16,7 +16,6 @@ import statistics
 import tempfile
 import time
 from itertools import pairwise
-from pathlib import Path
 
 if not os.environ.get("DISPLAY"):
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
@@ -33,7 +32,7 @@ from sonata2d.view.painter import Painter
 from sonata2d.window.collect_screen import CollectScreen
 from sonata2d.window.hud import Hud, draw_hud
 from sonata2d.window.input import InputDevices
-from sonata2d.window.profiles import Profiles
+from sonata2d.window.profiles import DEFAULT_PROFILES
 from sonata2d.window.question_panel import FrameQuestion
 from sonata2d.window.stage import Stage
 
@@ -94,7 +93,7 @@ def picture_cost(snapshots: list[Snapshot], size: tuple[int, int], view: View) -
 def screen_cost(config: s2.ScenarioConfig, size: tuple[int, int], view: View, seconds: float) -> float:
     """CPU milliseconds per picture of the driving screen, everything included, at 60 pictures per 10 ticks."""
     with tempfile.TemporaryDirectory() as folder:
-        stage, devices = Stage(size=size, clock=lambda fps: round(1000 / fps)), InputDevices(Profiles(Path(folder)))
+        stage, devices = Stage(size=size, clock=lambda fps: round(1000 / fps)), InputDevices(DEFAULT_PROFILES)
         screen = CollectScreen(Session(folder, "benchmark", config, mappings=devices.mappings), devices, view=view)
         screen.enter(stage)
         press(pygame.K_w)

@@ -26,11 +26,21 @@ from .common import (
 from .serve import serve_study
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from sonata2d.scenegen.scenario.config import ScenarioConfig
+    from sonata2d.window.profiles import Profile
     from sonata2d.window.rate_screen import RateScreen
     from sonata2d.window.stage import Screen
+
+
+def _write_controls(context: click.Context, _: click.Parameter, is_set: bool) -> None:
+    """Write the file of controls, print its path, and exit."""
+    if is_set:
+        from sonata2d.window.profiles import write_default_controls
+
+        click.echo(write_default_controls())
+        context.exit()
 
 
 @click.command(
@@ -61,6 +71,14 @@ if TYPE_CHECKING:
 @click.option("--repeats", type=click.FloatRange(0, 1), default=0.1, help="Fraction of the runs rated twice.")
 @click.option("--study", type=PATH, metavar="FILE", help="Study file: pages, questions, practice, runs and ratings.")
 @click.option("--allow-scene-changes", is_flag=True, help="Let drivers change the numbers of people and objects (G).")
+@click.option(
+    "--write-controls",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_write_controls,
+    help="Write the default controls to a file in which you can change them, and exit.",
+)
 @language_option
 @size_option
 @json_option
@@ -98,10 +116,12 @@ def command(
     from sonata2d.scenegen.generator import generate
     from sonata2d.scenegen.scenario.load import load_scenario
     from sonata2d.window.name_screen import NameScreen
+    from sonata2d.window.profiles import read_profiles
     from sonata2d.window.stage import Stage
 
     choose_language(language)
     config = load_scenario(scenario)
+    profiles = read_profiles()
     if rate is None:
         with suppress(SceneError):  # the session tries further scenes
             warm_up(generate(config, seed))
@@ -117,7 +137,7 @@ def command(
             # A person who was named on the command line is the only one of this session.
             another = ask_name if contributor is None else None
             screen = _drive_screen(
-                out, name, config, seed, runs, view, episode_suffix(compress), allow_scene_changes, another
+                out, name, config, seed, runs, view, episode_suffix(compress), allow_scene_changes, another, profiles
             )
         return screen
 
@@ -175,12 +195,13 @@ def _drive_screen(
     suffix: str,
     scene_changes: bool,
     new_person: Callable[[], Screen] | None,
+    profiles: Mapping[str, Profile],
 ) -> Screen:
     from sonata2d.collect.session import Session
     from sonata2d.window.collect_screen import CollectScreen
     from sonata2d.window.input import InputDevices
 
-    devices = InputDevices()
+    devices = InputDevices(profiles)
     session = Session(out, name, config, seed=seed, mappings=devices.mappings, suffix=suffix)
     return CollectScreen(
         session,

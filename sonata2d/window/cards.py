@@ -12,7 +12,7 @@ from pygame_gui.elements import UIButton
 from ..collect.texts import text
 from ..view.fonts import width_of, wrapped
 from ..view.palette import BLUE, FAINT, INK, PAPER, VERMILLION, Colour
-from .actions import Action, is_about
+from .actions import Action
 from .answer import Answer, question_of
 from .hud import Light
 from .widgets import EDGE, LARGE, SMALL, TEXT, draw_notice, line_height, natural_width, text_size, write
@@ -212,38 +212,18 @@ class Card:
 
 LIGHTS: dict[str, Light] = {"waiting": "waiting", "driving": "recording", "paused": "paused", "ended": "frozen"}
 
-_DRIVE = ("keys.driving_keys", "keys.drive")
-_HELP = ("F1", "keys.help")
-_KEYS: dict[str, tuple[tuple[str, str], ...]] = {  # a key, or the key of its text; the key of its meaning
-    "waiting": (
-        _DRIVE, ("N", "keys.another_scene"), ("V", "keys.camera"), ("G", "keys.scene"), ("Z", "keys.zones"), _HELP,
-    ),
-    "driving": (
-        _DRIVE, ("Enter", "keys.end_run"), ("P", "keys.pause"), ("V", "keys.camera"), ("H", "keys.readings"), _HELP,
-    ),
-    "paused": (("P", "keys.continue"), ("R", "keys.redo"), ("N", "keys.another_scene"), _HELP),
-    "ended": (("Enter", "keys.keep"), ("Backspace", "keys.discard"), ("R", "keys.redo"), _HELP),
-    "typing": (("Enter", "keys.keep"), ("Esc", "keys.menu"), ("Ctrl+Q", "keys.close")),  # letters belong to a text
-}  # fmt: skip
 _MENU = {
     "menu.continue": Action.MENU,
     "menu.redo": Action.REDO,
     "menu.next": Action.NEXT,
     "menu.undo": Action.UNDO,
     "menu.scene": Action.SCENE,
-    "menu.controls": Action.REMAP,
     "menu.help": Action.HELP,
     "menu.new_person": Action.NEW_PERSON,
     "menu.quit": Action.QUIT,
 }
 _ENDED = {"run.keep": Action.CONFIRM, "run.discard": Action.DISCARD, "run.redo": Action.REDO}
 _OUTCOMES = ("goal", "timeout", "contact", "stopped")
-
-
-def keys_of(state: str, hidden: Collection[Action] = ()) -> tuple[tuple[str, str], ...]:
-    """Keys and their functions in a state of the session, or while `typing`, without some actions."""
-    shown = [pair for pair in _KEYS[state] if not is_about(pair[1], hidden)]
-    return tuple((text(key) if key == _DRIVE[0] else key, text(meaning)) for key, meaning in shown)
 
 
 def menu_buttons(hidden: Collection[Action]) -> Buttons:

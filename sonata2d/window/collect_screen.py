@@ -17,10 +17,10 @@ from ..view.palette import GREEN, VERMILLION
 from .actions import Action
 from .answer import Answer, LabelSlider
 from .camera import SceneCamera, draw_mouse_joystick, draw_tint
-from .cards import LIGHTS, Card, keys_of, recovered_notice, state_notice
-from .controls_screen import ControlsScreen
+from .cards import LIGHTS, Card, recovered_notice, state_notice
 from .hud import Hud, draw_legend
 from .input import HOTPLUG_EVENTS, InputDevices
+from .key_texts import keys_of
 from .overlay import Overlay, Page
 from .scene_panel import ScenePanel
 from .stage import Screen, Stage
@@ -116,7 +116,7 @@ class CollectScreen:
         self._hidden = frozenset(action for action, is_allowed in allowed.items() if not is_allowed)
         self._camera = SceneCamera(view)
         self._notice, self._notice_left, self._has_answer = "", 0.0, False
-        self._overlay = Overlay(session, runs, hidden=self._hidden)
+        self._overlay = Overlay(session, runs, devices.profiles, self._hidden)
         self._following: Screen | None = self
         self._stage: Stage
         self._begin_scene()
@@ -125,7 +125,6 @@ class CollectScreen:
 
     def enter(self, stage: Stage) -> None:
         self._stage, self._following = stage, self
-        self.session.set_mappings(self.devices.mappings)  # the controls page may have changed them
         self._rebuild()
 
     def handle(self, event: pygame.Event) -> None:
@@ -181,8 +180,7 @@ class CollectScreen:
     def leave(self) -> None:
         self.devices.release()
         self.session.pause()
-        if not isinstance(self._following, ControlsScreen):  # only that screen comes back
-            self.session.close()
+        self.session.close()
 
     @property
     def card(self) -> Card | None:
@@ -214,7 +212,6 @@ class CollectScreen:
             Action.REDO: self._redo,
             Action.NEXT: self._next,
             Action.UNDO: self._undo,
-            Action.REMAP: self._set_up_controls,
             Action.FULLSCREEN: pygame.display.toggle_fullscreen,
         }
         if action in self._hidden:
@@ -300,13 +297,6 @@ class CollectScreen:
         self._overlay.label = self.session.undone_label
         self._notify(text("notice.undone"))
 
-    def _set_up_controls(self) -> None:
-        if self.session.ticks and self.session.state != "ended":
-            self._pause()
-            self._notify(text("notice.controls_later"))
-            return
-        self._following = ControlsScreen(self.devices, self)
-
     def _start(self) -> None:
         """Start or continue the run."""
         self._notice_left = 0.0
@@ -376,6 +366,6 @@ class CollectScreen:
             contributor=session.contributor,
             light=LIGHTS[session.state],
             question=self._slider.shown(session.label),
-            keys=keys_of("typing" if is_typing else session.state, self._hidden),
+            keys=keys_of("typing" if is_typing else session.state, self.devices.profiles, self._hidden),
             notice=notice,
         )

@@ -10,11 +10,10 @@ from typing import NamedTuple
 import pygame
 from pygame._sdl2 import controller
 
-from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
-from ..collect.texts import text
+from ..agents.controllers.teleoperation import DeviceMapping
 from ..core.devices import DeviceEvent
 from .actions import Action, key_name, key_with_modifiers
-from .profiles import Profile, Profiles
+from .profiles import AXES, BUTTONS, DEFAULT_PROFILES, Profile, read_profiles
 
 logger = logging.getLogger(__name__)
 
@@ -22,11 +21,6 @@ KEYBOARD, MOUSE = "keyboard", "mouse"
 HOTPLUG_EVENTS = (
     pygame.JOYDEVICEADDED, pygame.JOYDEVICEREMOVED, pygame.CONTROLLERDEVICEADDED, pygame.CONTROLLERDEVICEREMOVED,
 )  # fmt: skip
-AXES = ("left_x", "left_y", "right_x", "right_y", "left_trigger", "right_trigger")  # index: SDL's number
-BUTTONS = (
-    "a", "b", "x", "y", "back", "guide", "start", "left_stick", "right_stick", "left_shoulder", "right_shoulder",
-    "dpad_up", "dpad_down", "dpad_left", "dpad_right", "misc1", "paddle1", "paddle2", "paddle3", "paddle4", "touchpad",
-)  # index: SDL's number  # fmt: skip
 _JITTER = 0.01  # smaller changes of an axis are noise
 _TRIGGER_REST = -0.9  # an unnamed axis that rests below this is a trigger
 _JOYSTICK_RADIUS = 0.22  # drag for a full deflection of the mouse joystick, as a fraction of the window's smaller side
@@ -53,14 +47,6 @@ class MouseJoystick(NamedTuple):
     anchor: tuple[int, int]
     position: tuple[int, int]
     radius: float
-
-
-class Device(NamedTuple):
-    """Connected device: its slot (`pad0`), readable name, and the key of its profile (the GUID of a pad)."""
-
-    slot: str
-    name: str
-    key: str
 
 
 class EventBuffer:
@@ -125,15 +111,13 @@ class Pad:
 
     Attributes:
         instance: SDL's number of this connection; never reused.
-        guid: identifier of the model; the same for all devices of the model.
-        name: of the device.
+        name: of the model.
         is_controller: whether SDL has names for its controls; otherwise they are numbered.
         rest: value of each axis when the pad was connected, -1 to 1; an axis that has not moved yet gives no input.
         device: pygame's object; keeps the device open.
     """
 
     instance: int
-    guid: str
     name: str
     is_controller: bool
     rest: dict[str, float] = field(default_factory=dict)
@@ -203,29 +187,35 @@ class SdlPads:
     def _open(index: int, known: Sequence[int]) -> Pad | None:
         """Open the pad at an index of SDL's list; None if it is known."""
         joystick = pygame.joystick.Joystick(index)
-        instance, guid, name = joystick.get_instance_id(), joystick.get_guid(), joystick.get_name()
+        instance, name = joystick.get_instance_id(), joystick.get_name()
         if instance in known:
             return None
         if not controller.is_controller(index):
-            return Pad(instance, guid, name, False, device=joystick)
+            return Pad(instance, name, False, device=joystick)
         pad = controller.Controller.from_joystick(joystick)
         rest = {axis: _scaled(pad.get_axis(number)) for number, axis in enumerate(AXES)}
-        return Pad(instance, guid, name, True, rest, device=(joystick, pad))
+        return Pad(instance, name, True, rest, device=(joystick, pad))
 
 
 class InputDevices:
     """Keyboard, mouse and all pads. Create it after the window is open.
 
     Args:
-        profiles: control assignments; the user's saved profiles by default.
+        profiles: control assignments, as of `read_profiles`, which reads them by default.
         pads: finds pads; SDL by default.
+
+    Attributes:
+        profiles: control assignments.
+
+    Raises:
+        ConfigError: the file of controls is wrong.
     """
 
-    def __init__(self, profiles: Profiles | None = None, pads: SdlPads | None = None) -> None:
-        self.profiles = profiles or Profiles()
+    def __init__(self, profiles: Mapping[str, Profile] | None = None, pads: SdlPads | None = None) -> None:
+        self.profiles = read_profiles() if profiles is None else profiles
         self._source = pads or SdlPads()
         self._buffer = EventBuffer()
-        self._guids: list[str] = []  # index: slot; GUID of the last pad in it
+        self._names: list[str] = []  # index: slot; name of the last pad in it
         self._pads: dict[int, Pad] = {}  # by slot: connected pads
         self._disconnected: list[str] = []
         self._connected: list[str] = []
@@ -249,8 +239,8 @@ class InputDevices:
             The action that the event requests, if any.
         """
         action = None
-        for move in self.moves(event, size):
-            profile = self.profile(move.slot)
+        for move in self._moves(event, size):
+            profile = self._profile(move.slot)
             if (move.slot, move.control) in self._ignored:
                 if abs(move.value) < _CENTRED:
                     self._ignored.discard((move.slot, move.control))
@@ -260,8 +250,8 @@ class InputDevices:
                 action = self._triggered(move, profile) or action
         return action
 
-    def moves(self, event: pygame.Event, size: tuple[int, int]) -> tuple[Move, ...]:
-        """Changes of controls in an event, assigned or not. Pass each event either to this or to `handle`."""
+    def _moves(self, event: pygame.Event, size: tuple[int, int]) -> tuple[Move, ...]:
+        """Changes of controls in an event, assigned or not."""
         if event.type in HOTPLUG_EVENTS:
             self._update_pads(getattr(event, "instance_id", None))
         elif event.type == pygame.WINDOWFOCUSLOST:
@@ -302,7 +292,7 @@ class InputDevices:
         for event in events:
             if event.value and self._has_slot(event.device):
                 values.setdefault(event.device, dict(self._buffer.reported(event.device)))[event.control] = event.value
-        demands = [self.profile(slot).mapping.read(controls) for slot, controls in values.items()]
+        demands = [self._profile(slot).mapping.read(controls) for slot, controls in values.items()]
         return any(demand[axis] for demand in demands for axis in ("ahead", "left", "turn"))
 
     # Devices
@@ -310,38 +300,18 @@ class InputDevices:
     @property
     def joystick(self) -> MouseJoystick | None:
         """The mouse joystick to draw; None while the mouse is not dragged or dragging is not assigned."""
-        return self._joystick if {"drag_x", "drag_y"} & set(self.profile(MOUSE).mapping.controls) else None
+        return self._joystick if {"drag_x", "drag_y"} & set(self._profile(MOUSE).mapping.controls) else None
 
     @property
     def mappings(self) -> Mapping[str, DeviceMapping]:
         """Mapping of each device, for `Teleoperation`; `pad` is for devices that are connected later."""
-        pads = {f"pad{slot}": self.profiles.of(guid).mapping for slot, guid in enumerate(self._guids)}
-        fixed = {slot: self.profile(slot).mapping for slot in (KEYBOARD, MOUSE)}
-        return fixed | {"pad": DEFAULT_MAPPINGS["pad"]} | pads
+        pads = {slot: self._profile(slot).mapping for slot in (f"pad{k}" for k in range(len(self._names)))}
+        return {kind: self.profiles[kind].mapping for kind in DEFAULT_PROFILES} | pads
 
     def pads_match(self, mappings: Mapping[str, DeviceMapping]) -> bool:
         """Whether other mappings read every connected pad in the same way."""
         own = self.mappings
         return all(mappings.get(f"pad{k}", mappings.get("pad")) == own[f"pad{k}"] for k in self._pads)
-
-    def devices(self) -> list[Device]:
-        """All devices, keyboard and mouse first."""
-        pads = [Device(f"pad{slot}", pad.name, pad.guid) for slot, pad in sorted(self._pads.items())]
-        fixed = [Device(slot, text(f"controls.{slot}"), slot) for slot in (KEYBOARD, MOUSE)]
-        return fixed + pads
-
-    def profile_key(self, slot: str) -> str:
-        """Key of a device's profile."""
-        return self._guids[int(slot[3:])] if slot.startswith("pad") else slot
-
-    def profile(self, slot: str) -> Profile:
-        """Profile of a device."""
-        return self.profiles.of(self.profile_key(slot))
-
-    def is_named(self, slot: str) -> bool:
-        """Whether the controls of a device have names; otherwise they are numbered."""
-        pad = self._pads.get(int(slot[3:])) if slot.startswith("pad") else None
-        return pad is None or pad.is_controller
 
     def pop_disconnected(self) -> str | None:
         """Name of a device that was disconnected; each is returned once."""
@@ -353,8 +323,14 @@ class InputDevices:
 
     # Internals
 
+    def _profile(self, slot: str) -> Profile:
+        """Profile of a device."""
+        if not slot.startswith("pad"):
+            return self.profiles[slot]
+        return self.profiles.get(f"pads.{self._names[int(slot[3:])]}", self.profiles["pad"])
+
     def _has_slot(self, slot: str) -> bool:
-        return slot in (KEYBOARD, MOUSE) or (slot.startswith("pad") and int(slot[3:]) < len(self._guids))
+        return slot in (KEYBOARD, MOUSE) or (slot.startswith("pad") and int(slot[3:]) < len(self._names))
 
     def _triggered(self, move: Move, profile: Profile) -> Action | None:
         """Action of a control at the moment it is pressed, or its axis passes the threshold; None while it is held."""
@@ -415,11 +391,11 @@ class InputDevices:
 
     def _slot_for(self, pad: Pad) -> int:
         """The free slot that a pad of the same model had, otherwise a new slot."""
-        for slot, guid in enumerate(self._guids):
-            if guid == pad.guid and slot not in self._pads:
+        for slot, name in enumerate(self._names):
+            if name == pad.name and slot not in self._pads:
                 return slot
-        self._guids.append(pad.guid)
-        return len(self._guids) - 1
+        self._names.append(pad.name)
+        return len(self._names) - 1
 
 
 def _scaled(value: int) -> float:

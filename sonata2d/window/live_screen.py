@@ -24,6 +24,7 @@ from .actions import Action
 from .camera import SceneCamera
 from .hud import Hud
 from .input import InputDevices
+from .profiles import read_profiles
 from .stage import Screen, Stage
 
 logger = logging.getLogger(__name__)
@@ -49,6 +50,7 @@ class LiveScreen:
         failed: whether the controller raised an error in any run.
 
     Raises:
+        ConfigError: the file of controls is wrong.
         ControllerError: the controller does not exist.
         SceneError: the first scene cannot be laid out.
     """
@@ -60,6 +62,7 @@ class LiveScreen:
         self._controller: Controller = load_controller(controller)
         self._number, self._speed, self._paused = 0, speed, False
         self._camera, self._notice, self.failed = SceneCamera(view), "", False
+        self._profiles = read_profiles()
         self._devices: InputDevices | None = None
         self.outcomes: list[str] = []
         self._open, self._lag, self._rest = True, 0.0, _REST
@@ -67,7 +70,7 @@ class LiveScreen:
 
     def enter(self, stage: Stage) -> None:
         self._stage = stage
-        self._devices = self._devices or InputDevices()
+        self._devices = self._devices or InputDevices(self._profiles)
 
     def handle(self, event: pygame.Event) -> None:
         assert self._devices is not None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping, Set
 from typing import Any, Literal
 
 import pygame
@@ -11,11 +11,13 @@ import pygame_gui
 from ..collect.session import Session
 from ..collect.texts import text
 from ..scenegen.scenario.config import ScenarioConfig
-from .actions import Action, help_rows
+from .actions import Action
 from .answer import Answer, LabelSlider
 from .cards import Card, ended_card, menu_buttons
 from .hud import Hud, free_area, legend_box
 from .input import HOTPLUG_EVENTS
+from .key_texts import help_rows
+from .profiles import Profile
 from .scene_panel import ScenePanel
 from .stage import Stage
 
@@ -30,6 +32,7 @@ class Overlay:
     Args:
         session: its state decides what is shown.
         runs: number of runs requested; None for no limit.
+        profiles: of the devices, for the help page.
         hidden: actions that the driver may not request.
 
     Attributes:
@@ -39,8 +42,11 @@ class Overlay:
         panel: of the scene settings, while it is open.
     """
 
-    def __init__(self, session: Session, runs: int | None, *, hidden: Collection[Action] = ()) -> None:
-        self._session, self._runs, self._drives_on, self._hidden = session, runs, False, hidden
+    def __init__(
+        self, session: Session, runs: int | None, profiles: Mapping[str, Profile], hidden: Set[Action]
+    ) -> None:
+        self._session, self._runs, self._profiles, self._hidden = session, runs, profiles, hidden
+        self._drives_on = False
         self._label: Any = None
         self.page: Page | None = None
         self.answer: Answer | None = None
@@ -79,7 +85,7 @@ class Overlay:
         if self.page == "scene":
             self.panel = ScenePanel(ui, scale, session.config)
         elif self.page == "help":
-            rows = help_rows(self._hidden)
+            rows = help_rows(self._profiles, self._hidden)
             # The zones can be switched on while the help is open; the legend has its most rows then.
             end = legend_box(stage.size, session.after, zones=True, scale=scale).top
             self.card = Card(ui, scale, text("help.title"), rows, [(text("help.close"), Action.HELP)], bottom=end)

@@ -111,10 +111,10 @@ def weights(path: Path) -> None:
 
 def collected(path: Path) -> None:
     from sonata2d.collect.journal import read_journal
-    from sonata2d.window.profiles import Profiles
+    from sonata2d.window.profiles import read_profiles
 
-    if path.name == "devices.json":
-        Profiles(path.parent)
+    if path.suffix == ".toml":
+        read_profiles(path)
     else:
         read_journal(path)
 

@@ -213,7 +213,7 @@ def test_an_answer_outlives_menu_help_and_resizing(driver: Callable[..., Driver]
 
 
 def test_ctrl_q_closes_from_everywhere_and_loses_nothing(driver: Callable[..., Driver]) -> None:
-    for keys in ((pygame.K_g,), (pygame.K_F1,), (pygame.K_ESCAPE,), (pygame.K_k,), ()):
+    for keys in ((pygame.K_g,), (pygame.K_F1,), (pygame.K_ESCAPE,), ()):
         person = driver(label={"kind": "text"})
         if not keys:
             person.hold(pygame.K_w)
@@ -247,15 +247,6 @@ def test_a_stick_returning_to_its_centre_does_not_end_a_pause(driver: Callable[.
         else:
             person.tilt(pad, value, 0.3)
         assert person.session.state == state, value
-
-
-def test_controls_cannot_be_set_up_during_a_run(driver: Callable[..., Driver]) -> None:
-    person = driver()
-    person.hold(pygame.K_w)
-    person.wait(0.5)
-    person.press(pygame.K_k)
-    assert person.screen is person.collect
-    assert person.session.state == "paused"
 
 
 def test_an_error_of_full_screen_is_shown(driver: Callable[..., Driver], monkeypatch: pytest.MonkeyPatch) -> None:
