@@ -10,27 +10,16 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sonata2d.core.wording import counted
+
 from .command import Command
-from .common import (
-    PATH,
-    compress_option,
-    episode_suffix,
-    examples,
-    json_option,
-    language_option,
-    note,
-    show_json,
-    show_links,
-    size_option,
-)
+from .options import PATH, compress_option, examples, json_option, language_option, size_option
+from .output import echo, show_json, show_links, wants_json
 from .serve import serve_study
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from sonata2d.scenegen.scenario.config import ScenarioConfig
-    from sonata2d.window.profiles import Profile
-    from sonata2d.window.rate_screen import RateScreen
+    from sonata2d.collect.rating import RatingSession
+    from sonata2d.core.devices import View
     from sonata2d.window.stage import Screen
 
 
@@ -58,10 +47,7 @@ def _write_controls(context: click.Context, _: click.Parameter, is_set: bool) ->
     help="Pseudonym of the driver or rater.  [default: the window asks; a study numbers its participants]",
 )
 @click.option(
-    "--scenario",
-    default="sonata-2020",
-    metavar="NAME|FILE",
-    help="Scenario: the rooms, and the question asked about each run.",
+    "--scenario", default="sonata-2020", metavar="NAME|FILE", help="The rooms, and the question about each run."
 )
 @click.option("--runs", type=click.IntRange(1), help="Number of runs.  [default: unlimited]")
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the rooms, or of the rating order.")
@@ -88,15 +74,14 @@ def command(
     scenario: str,
     runs: int | None,
     seed: int,
-    view: str,
-    compress: str,
+    view: View,
+    suffix: str,
     rate: Path | None,
     repeats: float,
     study: Path | None,
     allow_scene_changes: bool,
     language: str,
     size: tuple[int, int] | None,
-    as_json: bool,
 ) -> None:
     """Open a window in which a person drives the robot, and store each run in the folder OUT.
 
@@ -108,38 +93,40 @@ def command(
         problem = "both were given; " if out is not None else ""
         raise click.UsageError(f"{problem}give either a folder OUT to drive, or --rate DIR|FILE to rate recorded runs")
     if study is not None:
-        _open_study(study, out, contributor, compress, as_json)
+        _open_study(study, out, contributor, suffix)
         return
-    from sonata2d.collect.session import warm_up
+    from sonata2d.collect.rating import RatingSession
+    from sonata2d.collect.session import Session, warm_up
     from sonata2d.collect.texts import choose_language
     from sonata2d.errors import SceneError
     from sonata2d.scenegen.generator import generate
     from sonata2d.scenegen.scenario.load import load_scenario
+    from sonata2d.window.collect_screen import CollectScreen
+    from sonata2d.window.input import InputDevices
     from sonata2d.window.name_screen import NameScreen
     from sonata2d.window.profiles import read_profiles
+    from sonata2d.window.rate_screen import RateScreen
     from sonata2d.window.stage import Stage
 
     choose_language(language)
-    config = load_scenario(scenario)
-    profiles = read_profiles()
+    config, profiles = load_scenario(scenario), read_profiles()
     if rate is None:
         with suppress(SceneError):  # the session tries further scenes
             warm_up(generate(config, seed))
-    rating: list[RateScreen] = []
+    ratings: list[RatingSession] = []
 
     def first_screen(name: str) -> Screen:
-        screen: Screen
         if rate is not None:
-            screen = _rate_screen(rate, name, config, seed, repeats, view)
-            rating.append(screen)
-        else:
-            assert out is not None
-            # A person who was named on the command line is the only one of this session.
-            another = ask_name if contributor is None else None
-            screen = _drive_screen(
-                out, name, config, seed, runs, view, episode_suffix(compress), allow_scene_changes, another, profiles
-            )
-        return screen
+            ratings.append(RatingSession(rate, name, config.label.spec(), seed=seed, repeats=repeats))
+            return RateScreen(ratings[-1], view=view, context=config.context)
+        assert out is not None
+        devices = InputDevices(profiles)
+        session = Session(out, name, config, seed=seed, mappings=devices.mappings, suffix=suffix)
+        # A person who was named on the command line is the only one of this session.
+        another = ask_name if contributor is None else None
+        return CollectScreen(
+            session, devices, runs=runs, view=view, scene_changes=allow_scene_changes, new_person=another
+        )
 
     def ask_name() -> Screen:
         return NameScreen(first_screen, role="driver" if rate is None else "rater")
@@ -147,16 +134,16 @@ def command(
     stage = Stage("sonata2d: collect", size=size)
     stage.run(ask_name() if contributor is None else first_screen(contributor))
     if out is not None:
-        _show_runs(out, as_json)
-    elif as_json or rating:
-        _show_ratings(rating, as_json)
+        _show_runs(out)
+    else:
+        _show_ratings(ratings)
 
 
-_FOR_STUDIES = ("out", "contributor", "study", "compress", "as_json")
+_FOR_STUDIES = ("out", "contributor", "study", "suffix")
 _OF_WINDOW = ("language", "size")
 
 
-def _open_study(file: Path, out: Path | None, contributor: str | None, compress: str, as_json: bool) -> None:
+def _open_study(file: Path, out: Path | None, contributor: str | None, suffix: str) -> None:
     """Serve a study on this machine, and open its page in the default browser."""
     context = click.get_current_context()
     for name in context.params:
@@ -169,13 +156,13 @@ def _open_study(file: Path, out: Path | None, contributor: str | None, compress:
     assert out is not None
 
     def announce(links: dict[str, str]) -> None:
-        show_links(links, as_json)
+        show_links(links)
         # Some browsers return when they are closed, and the server must answer before that.
         threading.Thread(target=_open_page, args=(links[contributor or "open link"],), daemon=True).start()
 
     ids = () if contributor is None else (contributor,)
-    serve_study(file, out, announce, port=0, ids=ids, suffix=episode_suffix(compress))
-    note(f"next:  sonata2d study results {out} tables")
+    serve_study(file, out, announce, port=0, ids=ids, suffix=suffix)
+    echo(f"next:  sonata2d study results {out} tables")
 
 
 def _open_page(link: str) -> None:
@@ -185,66 +172,29 @@ def _open_page(link: str) -> None:
         click.echo(f"no browser can be started here: open {link} in a browser of this machine; {remedy}", err=True)
 
 
-def _drive_screen(
-    out: Path,
-    name: str,
-    config: ScenarioConfig,
-    seed: int,
-    runs: int | None,
-    view: str,
-    suffix: str,
-    scene_changes: bool,
-    new_person: Callable[[], Screen] | None,
-    profiles: Mapping[str, Profile],
-) -> Screen:
-    from sonata2d.collect.session import Session
-    from sonata2d.window.collect_screen import CollectScreen
-    from sonata2d.window.input import InputDevices
-
-    devices = InputDevices(profiles)
-    session = Session(out, name, config, seed=seed, mappings=devices.mappings, suffix=suffix)
-    return CollectScreen(
-        session,
-        devices,
-        runs=runs,
-        view="top" if view == "top" else "follow",
-        scene_changes=scene_changes,
-        new_person=new_person,
-    )
-
-
-def _rate_screen(folder: Path, name: str, config: ScenarioConfig, seed: int, repeats: float, view: str) -> RateScreen:
-    from sonata2d.collect.rating import RatingSession
-    from sonata2d.window.rate_screen import RateScreen
-
-    session = RatingSession(folder, name, config.label.spec(), seed=seed, repeats=repeats)
-    return RateScreen(session, view="top" if view == "top" else "follow", context=config.context)
-
-
-def _show_runs(out: Path, as_json: bool) -> None:
+def _show_runs(out: Path) -> None:
     """Print the contents of the folder, and commands to run next."""
     from sonata2d.datasets.manifest import MANIFEST, read_manifest
 
     manifest = read_manifest(out) if (out / MANIFEST).exists() else None
-    if as_json:
+    if wants_json():
         show_json(manifest)
-    if as_json or manifest is None:
+    if wants_json() or manifest is None:
         return
     contributors = ", ".join(f"{count} by {name}" for name, count in manifest["counts"]["contributor"].items())
     count = len(manifest["files"])
-    note(f"{out}: {count} {'run' if count == 1 else 'runs'}{f' ({contributors})' if contributors else ''}")
+    echo(f"{out}: {counted(count, 'run')}{f' ({contributors})' if contributors else ''}")
     if any((out / "journal").glob("*.jsonl")):
-        note("one run is unfinished; the same command continues it")
+        echo("one run is unfinished; the same command continues it")
     if count:
-        note(f"next:  sonata2d view {out}\n       sonata2d check {out} --replay")
+        echo(f"next:  sonata2d view {out}\n       sonata2d check {out} --replay")
 
 
-def _show_ratings(screens: list[RateScreen], as_json: bool) -> None:
-    """Print how many runs are rated, and where the ratings are stored."""
-    sessions = [screen.session for screen in screens]
-    if as_json:
+def _show_ratings(sessions: list[RatingSession]) -> None:
+    """Print how many runs are rated, and where the ratings are stored; nobody may have begun."""
+    if wants_json():
         show_json([{"rated": session.done, "of": session.total, "file": str(session.path)} for session in sessions])
         return
-    session = sessions[-1]
-    note(f"{session.path}: {session.done} of {session.total} rated")
-    note(f"next:  sonata2d describe {session.folder}")
+    for session in sessions[-1:]:
+        echo(f"{session.path}: {session.done} of {session.total} rated")
+        echo(f"next:  sonata2d describe {session.folder}")
