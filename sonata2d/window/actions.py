@@ -1,8 +1,7 @@
-"""Actions that a driver requests with a key or button besides driving, their default controls, and names of keys."""
+"""Actions that a driver requests with a key or button besides driving, and names of keys."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from enum import StrEnum
 
 import pygame
@@ -45,27 +44,6 @@ class Action(StrEnum):
         """Number of the requested label, 1 to 9; 0 for all other actions."""
         return int(self.value[6:]) if self.value[6:].isdigit() else 0
 
-
-KEYBOARD_ACTIONS: Mapping[str, Action] = {
-    "return": Action.CONFIRM, "enter": Action.CONFIRM, "backspace": Action.DISCARD, "r": Action.REDO,
-    "n": Action.NEXT, "ctrl+z": Action.UNDO, "p": Action.PAUSE, "escape": Action.MENU, "f1": Action.HELP,
-    "h": Action.HUD, "v": Action.VIEW, "z": Action.ZONES, "+": Action.ZOOM_IN, "=": Action.ZOOM_IN,
-    "[+]": Action.ZOOM_IN, "-": Action.ZOOM_OUT, "[-]": Action.ZOOM_OUT, "page up": Action.LABEL_UP,
-    "page down": Action.LABEL_DOWN, "g": Action.SCENE, "f11": Action.FULLSCREEN,
-    "ctrl+q": Action.QUIT,
-    **{str(k): Action(f"label_{k}") for k in range(1, 10)},
-    **{f"[{k}]": Action(f"label_{k}") for k in range(1, 10)},
-}  # fmt: skip
-MOUSE_ACTIONS: Mapping[str, Action] = {"wheel_up": Action.LABEL_UP, "wheel_down": Action.LABEL_DOWN}
-PAD_ACTIONS: Mapping[str, Action] = {
-    "a": Action.CONFIRM, "b": Action.DISCARD, "x": Action.REDO, "y": Action.NEXT, "start": Action.PAUSE,
-    "back": Action.UNDO, "dpad_up": Action.LABEL_UP, "dpad_down": Action.LABEL_DOWN,
-    "right_trigger": Action.LABEL_UP, "left_trigger": Action.LABEL_DOWN, "right_stick": Action.VIEW,
-    "left_stick": Action.HUD,
-    # devices whose controls have no names in SDL
-    "button0": Action.CONFIRM, "button1": Action.DISCARD, "button2": Action.REDO, "button3": Action.NEXT,
-    "hat0_y": Action.LABEL_UP, "-hat0_y": Action.LABEL_DOWN,
-}  # fmt: skip
 
 _FIRST_LETTER, _FIRST_DIGIT = pygame.KSCAN_A, pygame.KSCAN_1
 

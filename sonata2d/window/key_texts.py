@@ -63,9 +63,10 @@ _REDO = _Row("R", "keys.redo", (Action.REDO,))
 _NEXT = _Row("N", "keys.another_scene", (Action.NEXT,))
 _VIEW = _Row("V", "keys.camera", (Action.VIEW,))
 _SCENE = _Row("G", "keys.scene", (Action.SCENE,))
+_ZONES = _Row("Z", "keys.zones", (Action.ZONES,))
 _SHOW_HELP = _Row("F1", "keys.help", (Action.HELP,))
 _KEYS: dict[str, tuple[_Row, ...]] = {
-    "waiting": (_DRIVE, _NEXT, _VIEW, _SCENE, _Row("Z", "keys.zones", (Action.ZONES,)), _SHOW_HELP),
+    "waiting": (_DRIVE, _NEXT, _VIEW, _SCENE, _ZONES, _SHOW_HELP),
     "driving": (
         _DRIVE,
         _Row("Enter", "keys.end_run", (Action.CONFIRM,)),
@@ -76,6 +77,14 @@ _KEYS: dict[str, tuple[_Row, ...]] = {
     ),
     "paused": (_Row("P", "keys.continue", (Action.PAUSE,)), _REDO, _NEXT, _SHOW_HELP),
     "ended": (_KEEP, _Row("Backspace", "keys.discard", (Action.DISCARD,)), _REDO, _SHOW_HELP),
+    "watching": (
+        _Row("P", "keys.pause", (Action.PAUSE,)),
+        _Row("N", "keys.next_scene", (Action.NEXT,)),
+        _Row("R", "keys.again", (Action.REDO,)),
+        _Row("+ -", "keys.speed", (Action.ZOOM_IN, Action.ZOOM_OUT)),
+        _VIEW,
+        _ZONES,
+    ),
     "typing": (_KEEP, _Row("Esc", "keys.menu"), _Row("Ctrl+Q", "keys.close")),  # letters belong to a text
 }
 
@@ -90,7 +99,7 @@ def help_rows(profiles: Mapping[str, Profile], hidden: Set[Action]) -> list[tupl
 
 
 def keys_of(state: str, profiles: Mapping[str, Profile], hidden: Set[Action]) -> tuple[tuple[str, str], ...]:
-    """Keys and their functions in a state of the session, or while `typing`, without some actions."""
+    """Keys and their functions in a state of the session, or while `typing` or `watching`, without some actions."""
     rows = [row for row in _KEYS[state] if not hidden & set(row.targets)]
     return tuple((_controls(row, profiles, ["keyboard"]), text(row.meaning)) for row in rows)
 

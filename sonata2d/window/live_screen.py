@@ -21,10 +21,11 @@ from ..sim.episode import Episode
 from ..view.interpolation import between
 from ..view.painter import image_of
 from .actions import Action
-from .camera import SceneCamera
 from .hud import Hud
 from .input import InputDevices
+from .key_texts import keys_of
 from .profiles import read_profiles
+from .scene_camera import SceneCamera
 from .stage import Screen, Stage
 
 logger = logging.getLogger(__name__)
@@ -32,10 +33,9 @@ logger = logging.getLogger(__name__)
 _MAX_FAILURES = 20  # scenes in a row that cannot be laid out, before the search ends
 _REST = 2.0  # time for which an ended run stays on screen, s
 _MAX_TICKS = 20  # per frame of the window, at high speed
-_KEYS = (("P", "pause"), ("N", "next_scene"), ("R", "again"), ("+ -", "speed"), ("V", "camera"), ("Z", "zones"))
 
 
-class LiveScreen:
+class LiveScreen(Screen):
     """Runs a controller in generated scenes and shows it.
 
     Args:
@@ -107,13 +107,10 @@ class LiveScreen:
             run=self._number + 1,
             contributor=self._name,
             light="frozen" if self._rest == math.inf else "paused" if self._paused else "watching",
-            keys=tuple((key, text(f"keys.{meaning}")) for key, meaning in _KEYS),
+            keys=keys_of("watching", self._profiles, frozenset()),
             notice=self._notice or ended,
         )
         self._camera.draw(surface, between(self.before, self.after, fraction), hud, scale=self._stage.scale)
-
-    def leave(self) -> None:
-        """Nothing needs to be saved."""
 
     @property
     def _commands(self) -> dict[Action | None, Callable[[], None]]:

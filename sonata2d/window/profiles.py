@@ -1,4 +1,4 @@
-"""What each control of a device does: the defaults, and the file `controls.toml` in which a user changes them."""
+"""Profiles of devices: the default controls in `controls.toml`, and the user's file of this name that changes them."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ import platformdirs
 import pygame
 from pydantic import Field, ValidationError
 
-from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, Axis, DeviceMapping
+from ..agents.controllers.teleoperation import Axis, DeviceMapping
 from ..errors import ConfigError
 from ..record.files import write_atomically
 from ..registry import did_you_mean
 from ..scenegen.scenario.base import Fraction, Settings
 from ..scenegen.scenario.parse import parse_settings
 from ..scenegen.scenario.problems import problem_of
-from .actions import KEYBOARD_ACTIONS, MOUSE_ACTIONS, PAD_ACTIONS, Action
+from .actions import Action
 
 FOLDER_VARIABLE = "SONATA2D_CONFIG"
 AXES = ("left_x", "left_y", "right_x", "right_y", "left_trigger", "right_trigger")  # index: SDL's number
@@ -30,22 +30,15 @@ BUTTONS = (
     "dpad_up", "dpad_down", "dpad_left", "dpad_right", "misc1", "paddle1", "paddle2", "paddle3", "paddle4", "touchpad",
 )  # index: SDL's number  # fmt: skip
 
-Direction = Literal["ahead", "back", "turn_left", "turn_right", "left", "right", "brake"]
-_DIRECTIONS: Mapping[Direction, tuple[Axis, float]] = {
+_Direction = Literal["ahead", "back", "turn_left", "turn_right", "left", "right", "brake"]
+_DIRECTIONS: Mapping[_Direction, tuple[Axis, float]] = {
     "ahead": ("ahead", 1.0), "back": ("ahead", -1.0), "turn_left": ("turn", 1.0), "turn_right": ("turn", -1.0),
     "left": ("left", 1.0), "right": ("left", -1.0), "brake": ("brake", 1.0),
 }  # fmt: skip
-_ACTIONS = [str(action) for action in Action if action not in (Action.MENU, Action.NEW_PERSON)]
 _FIXED = ("escape", "f12")  # keys of the menu and of screenshots, which every screen has
 _MOUSE = ("drag_x", "drag_y", "wheel_up", "wheel_down", "middle_button", "right_button")
 _NUMBERED = re.compile(r"(axis|button)\d+|hat\d+_[xy]")  # controls of devices without names in SDL
-_HEADER = """\
-# Controls of sonata2d's window. A table that is left out keeps its defaults; a table that is present replaces them.
-# drive: ahead, back, turn_left, turn_right, left, right, brake. A stick has the direction of its right or lower end.
-# actions: [keyboard.actions] has all of them. An axis requests its action beyond half of its range; "-left_x" is its
-# negative half.
-# [pads."NAME".drive] and [pads."NAME".actions] are for the pads with this name only.
-"""
+_DEFAULTS = Path(__file__).with_name("controls.toml")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,20 +62,13 @@ class Profile:
         return driving | {control: 1.0 for control, action in self.actions.items() if action in targets}
 
 
-DEFAULT_PROFILES: Mapping[str, Profile] = {
-    "keyboard": Profile(DEFAULT_MAPPINGS["keyboard"], KEYBOARD_ACTIONS),
-    "mouse": Profile(DEFAULT_MAPPINGS["mouse"], MOUSE_ACTIONS),
-    "pad": Profile(DEFAULT_MAPPINGS["pad"], PAD_ACTIONS),
-}
-
-
 class _DeviceSettings(Settings):
     """The tables of one device in the file; None for a table, or a number, that is left out."""
 
     dead_zone: Fraction | None = None
     curve: Fraction | None = None
-    drive: dict[str, Direction] | None = None
-    actions: dict[str, str] | None = None
+    drive: dict[str, _Direction] | None = None
+    actions: dict[str, Action] | None = None
 
     def profile(self, device: str, default: Profile) -> Profile:
         """The default profile with the tables of the file in the place of its own.
@@ -90,16 +76,12 @@ class _DeviceSettings(Settings):
         Raises:
             ConfigError: a control or an action does not exist, or a control has two uses.
         """
-        for control in self.drive or ():
-            _require_control(device, control, f"{device}.drive")
-        for control, action in (self.actions or {}).items():
-            _require_control(device, control, f"{device}.actions")
-            if action not in _ACTIONS:
-                hint = did_you_mean(action, _ACTIONS) or f"; actions are {', '.join(_ACTIONS)}"
-                raise ConfigError(f"{device}.actions.{control}: there is no action {action!r}{hint}")
+        for table, entries in (("drive", self.drive), ("actions", self.actions)):
+            for control in entries or ():
+                _require_control(device, control, f"{device}.{table}")
         base = default.mapping
         controls = base.controls if self.drive is None else {c: _DIRECTIONS[d] for c, d in self.drive.items()}
-        actions = default.actions if self.actions is None else {c: Action(name) for c, name in self.actions.items()}
+        actions = default.actions if self.actions is None else self.actions
         if device == "keyboard":
             actions = {"escape": Action.MENU, **actions}
         for control, action in actions.items():
@@ -124,7 +106,7 @@ class _FileSettings(Settings):
 def controls_file() -> Path:
     """Path of the file of controls: in the folder that the variable SONATA2D_CONFIG names, or in the user's own."""
     folder = os.environ.get(FOLDER_VARIABLE) or platformdirs.user_config_path("sonata2d", appauthor=False)
-    return Path(folder) / "controls.toml"
+    return Path(folder) / _DEFAULTS.name
 
 
 def read_profiles(path: Path | None = None) -> dict[str, Profile]:
@@ -143,16 +125,9 @@ def read_profiles(path: Path | None = None) -> dict[str, Profile]:
     if not path.exists():
         return dict(DEFAULT_PROFILES)
     try:
-        settings = parse_settings(path, "file of controls")
-        try:
-            file = _FileSettings.model_validate(settings)
-        except ValidationError as error:
-            raise ConfigError(problem_of(settings, error)[1]) from None
-        profiles = {name: getattr(file, name).profile(name, default) for name, default in DEFAULT_PROFILES.items()}
-        pads = {f"pads.{name}": device for name, device in file.pads.items()}
-        return profiles | {name: device.profile(name, profiles["pad"]) for name, device in pads.items()}
+        return _profiles_in(path, DEFAULT_PROFILES)
     except ConfigError as error:
-        raise ConfigError(f"{path}: {error}; correct the file, or delete it to use the default controls") from None
+        raise ConfigError(f"{path}: {error} (correct the file, or delete it to use the default controls)") from None
 
 
 def write_default_controls(path: Path | None = None) -> Path:
@@ -171,22 +146,20 @@ def write_default_controls(path: Path | None = None) -> Path:
     path = path or controls_file()
     if path.exists():
         raise ConfigError(f"{path} exists; edit it, or delete it first")
-    names = {target: direction for direction, target in _DIRECTIONS.items()}
-    lines = [_HEADER]
-    for device, profile in DEFAULT_PROFILES.items():
-        mapping = profile.mapping
-        if device != "keyboard":  # keys have no range
-            lines += [f"[{device}]", f"dead_zone = {mapping.dead_zone}", f"curve = {mapping.curve}", ""]
-        driving = {control: names[target] for control, target in mapping.controls.items()}
-        actions = {control: str(action) for control, action in profile.actions.items() if action in _ACTIONS}
-        lines += [*_table(f"{device}.drive", driving), *_table(f"{device}.actions", actions)]
-    write_atomically(path, "\n".join(lines).encode())
+    write_atomically(path, _DEFAULTS.read_bytes())
     return path
 
 
-def _table(name: str, entries: Mapping[str, str]) -> list[str]:
-    """Lines of a table of the file, and an empty one."""
-    return [f"[{name}]", *(f'"{control}" = "{use}"' for control, use in entries.items()), ""]
+def _profiles_in(path: Path, defaults: Mapping[str, Profile]) -> dict[str, Profile]:
+    """The profiles of a file, by device, with defaults for the tables that it leaves out."""
+    settings = parse_settings(path, "file of controls")
+    try:
+        file = _FileSettings.model_validate(settings)
+    except ValidationError as error:
+        raise ConfigError(problem_of(settings, error)[1]) from None
+    profiles = {name: getattr(file, name).profile(name, default) for name, default in defaults.items()}
+    pads = {f"pads.{name}": device for name, device in file.pads.items()}
+    return profiles | {name: device.profile(name, profiles["pad"]) for name, device in pads.items()}
 
 
 def _require_control(device: str, control: str, place: str) -> None:
@@ -219,3 +192,8 @@ def _is_key(name: str) -> bool:
         except ValueError:
             return False
     return True
+
+
+DEFAULT_PROFILES: Mapping[str, Profile] = _profiles_in(
+    _DEFAULTS, dict.fromkeys(("keyboard", "mouse", "pad"), Profile(DeviceMapping({}), {}))
+)

@@ -9,7 +9,7 @@ import pytest
 
 from sonata2d.agents.controllers.teleoperation import STOP
 from sonata2d.core.devices import DeviceEvent
-from sonata2d.window.actions import KEYBOARD_ACTIONS, Action
+from sonata2d.window.actions import Action
 from sonata2d.window.input import InputDevices
 from sonata2d.window.profiles import DEFAULT_PROFILES
 
@@ -119,7 +119,9 @@ def test_default_keys_request_the_actions_of_the_help_page(devices: InputDevices
     actions = [Action.CONFIRM, Action.MENU, Action.LABEL_7, Action.LABEL_DOWN, Action.LABEL_UP]
     assert p.feed(devices, *keys, wheel, p.key(W, down=False)) == actions
     assert Action.LABEL_7.level == 7
-    assert set(Action) - {Action.NEW_PERSON} == set(KEYBOARD_ACTIONS.values()), "a new person comes by the menu"
+    assert set(Action) - {Action.NEW_PERSON} == set(DEFAULT_PROFILES["keyboard"].actions.values()), (
+        "a new person comes by the menu"
+    )
 
 
 # Mouse
