@@ -37,7 +37,7 @@ _OPTIONS = (
 
 @dataclass(frozen=True, slots=True)
 class WorkerOptions:
-    """What a command line says about the workers."""
+    """Workers that a command line asks for."""
 
     number: int
     engine: str
@@ -72,9 +72,9 @@ def workers_options(command: Callable[..., None]) -> Callable[..., None]:
         *args: Any, workers: int, engine: str, address: str | None, task_size: int | None, **options: Any
     ) -> None:
         if address and engine != "dask":
-            raise click.UsageError("--address is that of a Dask scheduler; give --engine dask as well")
-        given = click.get_current_context().get_parameter_source("workers")
-        if address and given is not ParameterSource.DEFAULT:
+            raise click.UsageError("--address names a Dask scheduler; give --engine dask as well")
+        source = click.get_current_context().get_parameter_source("workers")
+        if address and source is not ParameterSource.DEFAULT:
             raise click.UsageError("--workers is for processes of this machine; a cluster has its own workers")
         command(*args, workers=WorkerOptions(workers, engine, address, task_size), **options)
 

@@ -23,11 +23,11 @@ def provide_fonts(ui: pygame_gui.UIManager, sizes: set[int]) -> None:
     for size in sizes:
         key = known.create_font_id(size, FAMILY, False, False)
         resource = FontResource(key, size, {}, ("", False))
-        resource.loaded_font = WidgetFont(size)
+        resource.loaded_font = _WidgetFont(size)
         known.loaded_fonts[key] = resource
 
 
-class WidgetFont(IGUIFontInterface):
+class _WidgetFont(IGUIFontInterface):
     """Text of one size for pygame_gui.
 
     Args:

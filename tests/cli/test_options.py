@@ -46,11 +46,6 @@ def test_an_output_is_named_alike_in_every_command(sonata2d: Run, words: list[st
     assert ("-o, --output" in output) == ("--output" in output)
 
 
-def test_the_old_spelling_of_output_works(sonata2d: Run, here: Path) -> None:
-    sonata2d("evaluate --controller straight-to-goal --scenario quick.yaml --episodes 1 --workers 1 --out old")
-    assert (here / "old/evaluation.json").exists()
-
-
 @pytest.mark.parametrize("line", ["-q {}", "{} --quiet"])
 def test_quiet_prints_results_only(sonata2d: Run, line: str) -> None:
     assert sonata2d(line.format(GENERATE)).output == ""

@@ -19,7 +19,7 @@ from sonata2d.learning.weights import STOCK
 from sonata2d.record.files import compress, sha256_of
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.load import load_scenario
-from sonata2d.window.profiles import Profile
+from sonata2d.window.profiles import write_default_controls
 
 from ..formats.test_socnav3 import foreign
 
@@ -113,8 +113,7 @@ def make_samples(folder: Path) -> None:
     for frame in read_episode(first).frames():
         journal.note(frame)
     journal.shut()
-    devices = {"keyboard": Profile.default("keyboard").settings(), "mouse": Profile.default("mouse").settings()}
-    (folder / "collected" / "devices.json").write_text(json.dumps({"devices": devices}))
+    write_default_controls(folder / "collected" / "controls.toml")
 
 
 def rate(data: Path, rng: Random) -> None:

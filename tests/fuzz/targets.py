@@ -41,7 +41,7 @@ def run(words: str, path: Path) -> None:
         Refusal: the command ended with a message.
         Exception: it ended with another exception, which is a failure.
     """
-    from cli.common import EXIT_BUG
+    from cli.interrupts import EXIT_BUG
     from cli.main import main
 
     places = {
@@ -68,7 +68,8 @@ def read_everything(path: Path) -> None:
     """Restore all that a record holds, and what the window shows of it."""
     from sonata2d.datasets.motion import motion_of
     from sonata2d.record.reader import read_episode
-    from sonata2d.window.playback import Player, frame_label, frame_summary, run_summary
+    from sonata2d.window.playback import Player
+    from sonata2d.window.run_texts import frame_label, frame_summary, run_summary
 
     record = read_episode(path)
     for index, _ in enumerate(record.frames()):
@@ -111,10 +112,10 @@ def weights(path: Path) -> None:
 
 def collected(path: Path) -> None:
     from sonata2d.collect.journal import read_journal
-    from sonata2d.window.profiles import Profiles
+    from sonata2d.window.profiles import read_profiles
 
-    if path.name == "devices.json":
-        Profiles(path.parent)
+    if path.suffix == ".toml":
+        read_profiles(path)
     else:
         read_journal(path)
 
