@@ -115,15 +115,15 @@ def server_config(app: ASGIApp, connections: int, **options: Any) -> uvicorn.Con
     """
     import uvicorn
 
-    from .protocol import ImpatientProtocol, ImpatientSocket, without_traceback
+    from .protocol import TimeoutProtocol, TimeoutSocket, without_traceback
 
     logging.getLogger("uvicorn.error").addFilter(without_traceback)
     settings: dict[str, Any] = {
         "log_config": None,
         "access_log": False,  # addresses hold tokens
         "server_header": False,
-        "http": ImpatientProtocol,
-        "ws": ImpatientSocket,
+        "http": TimeoutProtocol,
+        "ws": TimeoutSocket,
         "ws_max_size": MAX_MESSAGE,
         "ws_ping_interval": _PING,
         "ws_ping_timeout": _PING,

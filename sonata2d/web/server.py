@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from functools import cache, partial
 from importlib.resources import files
@@ -32,8 +32,8 @@ from ..study.folder import StudyFolder
 from ..study.links import Links
 from ..study.participant import Participant
 from .messages import FAILED, REFUSED, Message, parse_message
+from .participant_session import ParticipantSession, preferred
 from .researcher import Researcher
-from .seat import Seat, preferred
 
 logger = logging.getLogger(__name__)
 
@@ -46,9 +46,9 @@ MAPPINGS = dict(DEFAULT_MAPPINGS) | {
 }
 TAKEN_OVER, OCCUPIED, UNKNOWN, TOO_MANY_MISTAKES, FULL = 4001, 4002, 4003, 4004, 4005  # codes of closed web sockets
 MAX_MISTAKES = 20  # messages of one connection that cannot be read
-_AWAY, _SWEEP = 600.0, 60.0  # s: without a page, after which a participant's memory is freed; between two looks
-_IDLE = 900.0  # s without a message, after which a connection is closed
-_PATIENCE = 30.0  # s, until a page has to read what was sent before
+_AWAY_S, _SWEEP_S = 600.0, 60.0  # time without a page, after which a session is closed; time between two checks of it
+_IDLE_S = 900.0  # time without a message, after which a connection is closed
+_SEND_TIMEOUT_S = 30.0  # in which a page has to receive an answer
 _STATIC = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 _HEADERS = {
     "Content-Security-Policy": (
@@ -76,8 +76,7 @@ class StudyServer:
 
     Attributes:
         app: the ASGI application.
-        is_held: whether the researcher has stopped all runs for a while.
-        seats: state of each participant who has connected lately, by id.
+        sessions: session of each participant who was connected lately, by id.
     """
 
     def __init__(
@@ -93,14 +92,15 @@ class StudyServer:
     ) -> None:
         self.folder, self.links = folder, links
         self._suffix, self._takeover, self._max_connections = suffix, takeover, max_connections
-        self.is_held = False
-        self.seats: dict[str, Seat] = {}
+        self.sessions: dict[str, ParticipantSession] = {}
         self._pages: dict[str, _Connection] = {}  # open pages by id of the participant
         self._locks: dict[str, asyncio.Lock] = {}
         self._open = 0
         self._words, self._url, self._is_preview = folder.study.tables, url, is_preview
         self._public_host = urlsplit(url).netloc.lower() if url else None
-        self._researcher, self._has_warned = Researcher(self), False
+        connected = self._pages.keys()
+        self._researcher = Researcher(folder, links, self.sessions, connected, self.new_participant)
+        self._has_warned = False
         routes = [
             Route("/", self._front),
             Route("/static/{name}", self._static),
@@ -113,11 +113,6 @@ class StudyServer:
         ]
         app = Starlette(routes=routes, lifespan=self._lifespan, exception_handlers={404: self._unknown_address})
         self.app: ASGIApp = _Guarded(app)
-
-    @property
-    def connected(self) -> Collection[str]:
-        """Ids of the participants who have the page open."""
-        return self._pages.keys()
 
     # Pages
 
@@ -243,54 +238,55 @@ class StudyServer:
     async def _serve(self, id: str, page: _Connection) -> None:
         """Answer the messages of a page until it leaves or another one takes its place."""
         try:
-            seat = await self._seat_of(id)
+            session = await self._session_of(id)
         except Sonata2dError as error:
             logger.error("%s: %s", id, error)
             await page.send({"type": "error", "problem": "the server cannot read its files", "problemKind": FAILED})
             await page.close(1011)
             return
         try:
-            await page.converse(parse_message, seat.answer)
+            await page.converse(parse_message, session.answer)
         finally:
             with suppress(Sonata2dError):
-                await seat.leave()
+                await session.leave()
 
-    async def _free_idle_seats(self) -> None:
+    async def _close_idle_sessions(self) -> None:
         """Free the memory of participants who are away; their journals hold all that is needed to go on."""
         while True:
-            await asyncio.sleep(_SWEEP)
-            await self.free_seats(_AWAY)
+            await asyncio.sleep(_SWEEP_S)
+            await self.close_sessions(_AWAY_S)
 
-    async def free_seats(self, seconds: float) -> None:
-        """Close the parts of participants whose page has been closed for a time."""
-        for id, seat in list(self.seats.items()):
+    async def close_sessions(self, seconds: float) -> None:
+        """Close the sessions of participants whose page has been closed for a time, s."""
+        for id, session in list(self.sessions.items()):
             lock = self._locks.setdefault(id, asyncio.Lock())
-            if lock.locked() or seat.idle < seconds:  # a page holds the lock as long as it is open
+            if lock.locked() or session.idle < seconds:  # a page holds the lock as long as it is open
                 continue
             async with lock:
-                del self.seats[id]
-                await run_in_threadpool(self._close, seat)
+                del self.sessions[id]
+                await run_in_threadpool(self._close, session)
                 self._researcher.forget()
 
-    def _close(self, seat: Seat) -> None:
+    def _close(self, session: ParticipantSession) -> None:
         try:
-            seat.participant.close()
+            session.participant.close()
         except (Sonata2dError, OSError) as error:
-            logger.error("%s: %s", seat.participant.id, error)
+            logger.error("%s: %s", session.participant.id, error)
 
-    async def _seat_of(self, id: str) -> Seat:
-        """The state of a participant; it is created when the participant connects for the first time.
+    async def _session_of(self, id: str) -> ParticipantSession:
+        """The session of a participant; it is created when the participant connects for the first time.
 
         Raises:
             Sonata2dError: a file of the participant is damaged, or in use by another program.
         """
-        if id not in self.seats:
-            participant = await run_in_threadpool(self._open_participant, id)
-            self.seats[id] = Seat(participant, is_held=lambda: self.is_held, is_preview=self._is_preview)
-        return self.seats[id]
-
-    def _open_participant(self, id: str) -> Participant:
-        return Participant(self.folder, id, mappings=MAPPINGS, suffix=self._suffix)
+        if id not in self.sessions:
+            open_participant = partial(Participant, self.folder, id, mappings=MAPPINGS, suffix=self._suffix)
+            self.sessions[id] = ParticipantSession(
+                await run_in_threadpool(open_participant),
+                is_paused=lambda: self._researcher.is_paused,
+                is_preview=self._is_preview,
+            )
+        return self.sessions[id]
 
     # The researcher
 
@@ -329,14 +325,14 @@ class StudyServer:
 
     @asynccontextmanager
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
-        sweeping = asyncio.create_task(self._free_idle_seats())
+        sweeping = asyncio.create_task(self._close_idle_sessions())
         try:
             yield
         except asyncio.CancelledError:  # a second Ctrl+C; the journals keep the runs that are being driven
             return
         sweeping.cancel()
-        for seat in self.seats.values():
-            await run_in_threadpool(self._close, seat)
+        for session in self.sessions.values():
+            await run_in_threadpool(self._close, session)
 
 
 class _Guarded:
@@ -395,7 +391,7 @@ class _Connection:
         """Answer messages until the page leaves, reads nothing for a while, or is replaced."""
         mistakes = 0
         while not self.is_replaced:
-            data = await self._within(_IDLE, _received(self.socket))
+            data = await self._within(_IDLE_S, _received(self.socket))
             if data is None:
                 return
             try:
@@ -414,7 +410,7 @@ class _Connection:
     async def send(self, answer: Json) -> bool:
         """Send an answer; False if the page does not read it."""
         text = orjson.dumps(answer, option=orjson.OPT_SERIALIZE_NUMPY).decode()
-        return await self._within(_PATIENCE, _sent(self.socket.send_text(text))) is True
+        return await self._within(_SEND_TIMEOUT_S, _sent(self.socket.send_text(text))) is True
 
     async def close(self, code: int) -> None:
         """Close the web socket with a code, of which a page that reads nothing does not learn."""
@@ -430,7 +426,7 @@ class _Connection:
                 self._waiting.reschedule(asyncio.get_running_loop().time())
 
     async def _within(self, seconds: float, transfer: Awaitable[T]) -> T | None:
-        """What the network gives within a time; None if it gives nothing, or the page leaves or is replaced."""
+        """Await with a timeout; None on timeout, disconnect, or when another page takes the place of this one."""
         try:
             async with asyncio.timeout(seconds) as self._waiting:
                 return await transfer

@@ -14,7 +14,7 @@ from .test_robustness import driven_by_a_pad
 
 
 def session_of(served: Served, id: str = "p001") -> Any:
-    session = served.server.seats[id].participant.session
+    session = served.server.sessions[id].participant.session
     assert session is not None
     return session
 

@@ -50,10 +50,10 @@ export class Drive {
     this.update(answer);
   }
 
-  update({status, outcome, given, isUnsaved, isHeld}) {
+  update({status, outcome, frameLabel, isUnsaved, isStudyPaused}) {
     const former = this.status, wasUnsaved = this.isUnsaved;
     if (former === "pausing" && status === "driving") return;   // the answer to a tick before the pause
-    this.outcome = outcome; this.given = given; this.isUnsaved = isUnsaved; this.isHeld = isHeld;
+    this.outcome = outcome; this.frameLabel = frameLabel; this.isUnsaved = isUnsaved; this.isStudyPaused = isStudyPaused;
     this.status = status;
     if (status === "ended") this.input.release();
     if (status !== former || isUnsaved !== wasUnsaved) this.changed();
@@ -61,7 +61,7 @@ export class Drive {
 
   /** Starts or continues. */
   start() {
-    if (this.isHeld || (this.status !== "waiting" && this.status !== "paused")) return;
+    if (this.isStudyPaused || (this.status !== "waiting" && this.status !== "paused")) return;
     this.lag = 0; this.isSlow = false;
     this.status = "driving";
     this.tick();

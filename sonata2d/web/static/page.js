@@ -166,7 +166,7 @@ function showDriving(isNew = false) {
   const {status} = drive, {drive: run} = view;
   byId("status").textContent = `${SIGNS[status] || ""} ${t(WORDS[status] || "readings.waiting")}`;
   byId("status").className = status;
-  byId("hint").textContent = drive.isHeld ? t("web.held") : status === "waiting" ? t(!run.isPractice ? "web.drive_hint" : isTouched ? "web.practice_touch" : "web.practice_hint")
+  byId("hint").textContent = drive.isStudyPaused ? t("web.study_paused") : status === "waiting" ? t(!run.isPractice ? "web.drive_hint" : isTouched ? "web.practice_touch" : "web.practice_hint")
     : drive.isSlow ? t("web.slow") : status === "paused" || status === "pausing" ? t("web.paused") : "";
   if (status === "driving") notice = "";
   report(problem);
@@ -174,7 +174,7 @@ function showDriving(isNew = false) {
   const buttons = [];
   const add = (key, act, attributes = {}) => buttons.push(make("button", {onclick: act, "data-key": key, ...attributes}, capital(key)));
   if (status === "driving") { add("action.pause", () => drive.pause()); add("keys.end_run", () => drive.stop()); }
-  if (status === "paused" && !drive.isHeld) { add("menu.continue", () => drive.start(), {class: "primary"}); add("keys.end_run", () => drive.stop(), {"data-sends": true}); }
+  if (status === "paused" && !drive.isStudyPaused) { add("menu.continue", () => drive.start(), {class: "primary"}); add("keys.end_run", () => drive.stop(), {"data-sends": true}); }
   if (status === "waiting" && view.canUndo) add("menu.undo", () => send({type: "undo"}), {"data-sends": true});
   for (const [change, action, key] of [["view", "view", "keys.camera"], ["zones", "zones", "keys.zones"], ["zoom", "zoomIn", "action.zoom_in"], ["zoom", "zoomOut", "action.zoom_out"]]) {
     if (run.changes.includes(change) && status !== "ended") add(key, () => { drive.perform(action); focusPicture(); });
@@ -272,7 +272,7 @@ function showFrameLabel(run, isNew) {
   const place = byId("while"), spec = run.label;
   place.hidden = !spec || spec.when !== "frame" || drive.status === "ended";
   if (place.hidden || (!isNew && place.childElementCount)) return;
-  const asked = question({...spec, answer: drive.waitingLabel ? drive.waitingLabel.answer : drive.given}, t);
+  const asked = question({...spec, answer: drive.waitingLabel ? drive.waitingLabel.answer : drive.frameLabel}, t);
   asked.addEventListener("answered", () => {
     drive.label(positionOf(asked.answer, spec), asked.answer);
     if (place.contains(document.activeElement)) focusPicture();
@@ -414,5 +414,5 @@ byId("skip").addEventListener("click", () => send({type: "skip", step: view.step
 document.addEventListener("visibilitychange", () => { if (document.hidden) drive.pause(); });
 addEventListener("blur", () => drive.pause());
 setInterval(showReadings, 100);
-// While the researcher holds all runs, nothing else tells the page when they go on.
-setInterval(() => { if (view && view.drive && drive.isHeld && !isWaiting && drive.status !== "ended") send({type: "pause", run: view.drive.run}); }, 1000);
+// While the researcher has paused the study, the page asks whether it goes on.
+setInterval(() => { if (view && view.drive && drive.isStudyPaused && !isWaiting && drive.status !== "ended") send({type: "pause", run: view.drive.run}); }, 1000);

@@ -14,7 +14,7 @@ const data = JSON.parse(byId("data").textContent), base = data.url || location.o
 const t = (key, values = {}) => filled(data.words[key] || key, values);
 const rows = new Map();
 const problems = {files: "", request: ""};    // that of a request stays until the next click
-let isHeld = false, watched = null, scene = "", drawing = null, before = null, latest = null, arrived = 0, isLooking = false;
+let isPaused = false, watched = null, scene = "", drawing = null, before = null, latest = null, arrived = 0, isLooking = false;
 
 const server = new Connection(socketAddress(), {
   receive: answer => {
@@ -42,13 +42,13 @@ function order(message) { problems.request = ""; server.send(message); }
 
 // ---- participants
 
-function showOverview({participants, isHeld: held, open}) {
-  isHeld = held;
-  byId("hold").textContent = t(held ? "researcher.release" : "researcher.hold");
-  byId("hold").setAttribute("aria-pressed", held);
+function showOverview({participants, isStudyPaused, open}) {
+  isPaused = isStudyPaused;
+  byId("pause").textContent = t(isPaused ? "researcher.resume" : "researcher.pause");
+  byId("pause").setAttribute("aria-pressed", isPaused);
   const here = participants.filter(one => one.isOpen).length, all = participants.length;
   const finished = participants.filter(one => one.kind === "thanks").length;
-  byId("summary").textContent = held ? t("researcher.held") : t("researcher.summary", {here, all, finished});
+  byId("summary").textContent = isPaused ? t("researcher.paused") : t("researcher.summary", {here, all, finished});
   byId("open").value = `${base}/j/${open}`;
   for (const one of participants) showRow(one);
 }
@@ -155,7 +155,7 @@ byId("canvas").setAttribute("aria-label", t("researcher.live"));
 byId("screen").hidden = true;
 const copyOpen = copyButton(byId("open"));
 if (copyOpen) byId("open").after(copyOpen);
-byId("hold").addEventListener("click", () => order({type: "hold", value: !isHeld}));
+byId("pause").addEventListener("click", () => order({type: "pause_study", value: !isPaused}));
 byId("new").addEventListener("submit", event => {
   event.preventDefault();
   order({type: "add", count: Number(byId("number").value)});
