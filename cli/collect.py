@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import webbrowser
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,8 +20,10 @@ from .common import (
     language_option,
     note,
     show_json,
+    show_links,
     size_option,
 )
+from .serve import serve_study
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,7 +42,11 @@ if TYPE_CHECKING:
     ),
 )
 @click.argument("out", type=PATH, required=False)
-@click.option("--contributor", metavar="ID", help="Pseudonym of the driver or rater.  [default: the window asks]")
+@click.option(
+    "--contributor",
+    metavar="ID",
+    help="Pseudonym of the driver or rater.  [default: the window asks; a study numbers its participants]",
+)
 @click.option(
     "--scenario",
     default="sonata-2020",
@@ -76,11 +84,14 @@ def command(
 
     Time starts with the first movement. After each run the person keeps or discards it. If the program ends during a
     run, the same command continues that run. With --rate, the window shows recorded runs and asks for ratings. With
-    --study, it goes through a study, whose file has all other settings.
+    --study, a browser opens in place of the window, and the study is served to it until Ctrl+C.
     """
     if (out is None) == (rate is None):
         problem = "both were given; " if out is not None else ""
         raise click.UsageError(f"{problem}give either a folder OUT to drive, or --rate DIR|FILE to rate recorded runs")
+    if study is not None:
+        _open_study(study, out, contributor, compress, as_json)
+        return
     from sonata2d.collect.session import warm_up
     from sonata2d.collect.texts import choose_language
     from sonata2d.errors import SceneError
@@ -90,9 +101,6 @@ def command(
     from sonata2d.window.stage import Stage
 
     choose_language(language)
-    if study is not None:
-        _take_part(study, out, contributor, episode_suffix(compress), size, as_json)
-        return
     config = load_scenario(scenario)
     if rate is None:
         with suppress(SceneError):  # the session tries further scenes
@@ -124,48 +132,37 @@ def command(
         _show_ratings(rating, as_json)
 
 
-_WITH_STUDY = ("out", "contributor", "study", "compress", "language", "size", "as_json")
+_FOR_STUDIES = ("out", "contributor", "study", "compress", "as_json")
+_OF_WINDOW = ("language", "size")
 
 
-def _take_part(
-    file: Path, out: Path | None, contributor: str | None, suffix: str, size: tuple[int, int] | None, as_json: bool
-) -> None:
-    """Go through a study in the window."""
+def _open_study(file: Path, out: Path | None, contributor: str | None, compress: str, as_json: bool) -> None:
+    """Serve a study on this machine, and open its page in the default browser."""
     context = click.get_current_context()
     for name in context.params:
-        is_default = context.get_parameter_source(name) is click.core.ParameterSource.DEFAULT
-        if name not in _WITH_STUDY and not is_default:
-            raise click.UsageError(f"--{name.replace('_', '-')} is set by the study file; leave it out with --study")
+        if name in _FOR_STUDIES or context.get_parameter_source(name) is click.core.ParameterSource.DEFAULT:
+            continue
+        reason = (
+            "is for the window, and a browser shows the study" if name in _OF_WINDOW else "is set by the study file"
+        )
+        raise click.UsageError(f"--{name.replace('_', '-')} {reason}; leave it out with --study")
     assert out is not None
-    from sonata2d.collect.texts import use_table
-    from sonata2d.study.folder import opened_folder
-    from sonata2d.study.load import load_study
-    from sonata2d.study.participant import Participant
-    from sonata2d.window.input import InputDevices
-    from sonata2d.window.name_screen import NameScreen
-    from sonata2d.window.stage import Stage
-    from sonata2d.window.study_flow import StudyFlow
 
-    study = load_study(file)
-    participants: list[Participant] = []
+    def announce(links: dict[str, str]) -> None:
+        show_links(links, as_json)
+        # Some browsers return when they are closed, and the server must answer before that.
+        threading.Thread(target=_open_page, args=(links[contributor or "open link"],), daemon=True).start()
 
-    with opened_folder(out, study) as folder:
-        study.warm_up()
+    ids = () if contributor is None else (contributor,)
+    serve_study(file, out, announce, port=0, ids=ids, suffix=episode_suffix(compress))
+    note(f"next:  sonata2d study results {out} tables")
 
-        def first_screen(name: str) -> Screen:
-            devices = InputDevices()
-            participants.append(Participant(folder, name, mappings=devices.mappings, suffix=suffix))
-            return StudyFlow(participants[-1], devices).screen()
 
-        use_table(study.tables[study.config.languages[0]])
-        stage = Stage("sonata2d", size=size)
-        stage.run(NameScreen(first_screen) if contributor is None else first_screen(contributor))
-    rows = [{"participant": one.id, "step": one.step.id, "done": one.progress} for one in participants]
-    if as_json:
-        show_json(rows)
-    for row in () if as_json else rows:
-        note(f"{row['participant']}: step {row['done'][0]} of {row['done'][1]}")
-        note(f"next:  sonata2d study results {out} tables")
+def _open_page(link: str) -> None:
+    """Open a link in the default browser, or explain how to open it."""
+    if not webbrowser.open(link):
+        remedy = "for a browser of another machine, use `sonata2d serve`"
+        click.echo(f"no browser can be started here: open {link} in a browser of this machine; {remedy}", err=True)
 
 
 def _drive_screen(

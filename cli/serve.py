@@ -1,9 +1,10 @@
-"""The command `sonata2d serve`."""
+"""The command `sonata2d serve`, and the server that `sonata2d collect --study` starts as well."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import click
 
@@ -35,42 +36,33 @@ from .common import PATH, compress_option, episode_suffix, examples, json_option
 @click.option("--connections", type=click.IntRange(1), default=200, help="Largest number of open pages.")
 @compress_option
 @json_option
-def command(
-    study: Path,
-    out: Path,
-    host: str,
-    port: int,
-    url: str | None,
-    participants: int,
-    takeover: Literal["newest", "first"],
-    connections: int,
-    compress: str,
-    as_json: bool,
-) -> None:
+def command(study: Path, out: Path, compress: str, as_json: bool, **settings: Any) -> None:
     """Serve a study: participants read, drive, answer and rate in a browser.
 
     Prints the links, and runs until Ctrl+C. Runs, ratings and answers are stored in the folder OUT; the same command
     continues a study.
     """
+    serve_study(study, out, lambda links: show_links(links, as_json), suffix=episode_suffix(compress), **settings)
+
+
+def serve_study(file: Path, out: Path, announce: Callable[[dict[str, str]], None], **settings: Any) -> None:
+    """Check a study, and serve it until Ctrl+C.
+
+    Args:
+        file: the study file.
+        out: folder of the study.
+        announce: called with the links by name as soon as the server can be reached.
+        settings: further ones of `sonata2d.web.serve.Settings`.
+    """
     from sonata2d.study.folder import opened_folder
     from sonata2d.study.load import load_study
     from sonata2d.web.serve import Settings, serve
 
-    loaded = load_study(study)
-    with progress(loaded.number_of_scenes, "scene") as advance:
-        loaded.check_scenes(advance)
-    for warning in loaded.config.untranslated():
+    study = load_study(file)
+    with progress(study.number_of_scenes, "scene") as advance:
+        study.check_scenes(advance)
+    for warning in study.config.untranslated():
         note(f"warning: {warning}", err=True)
-    settings = Settings(
-        host=host,
-        port=port,
-        url=url,
-        participants=participants,
-        takeover=takeover,
-        connections=connections,
-        suffix=episode_suffix(compress),
-    )
-
-    with opened_folder(out, loaded) as folder:
-        serve(folder, settings, lambda links: show_links(links, as_json))
+    with opened_folder(out, study) as folder:
+        serve(folder, Settings(**settings), announce)
     note("stopped; the same command continues the study", err=True)

@@ -37,6 +37,7 @@ class Settings:
         port: 0 for a free one.
         url: address for participants; None: that of host and port.
         participants: number of participants that have links from the start.
+        ids: participants who have links from the start, by id; they are added if they are new.
         takeover: which of two tabs with the same link drives.
         connections: largest number of open pages.
         suffix: of episode files.
@@ -47,6 +48,7 @@ class Settings:
     port: int = 8765
     url: str | None = None
     participants: int = 0
+    ids: tuple[str, ...] = ()
     takeover: Takeover = "newest"
     connections: int = 200
     suffix: str = ".json"
@@ -62,7 +64,7 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
         announce: called with the links by name as soon as connections are accepted.
 
     Raises:
-        ConfigError: the address cannot be used.
+        ConfigError: the address, or the id of a participant, cannot be used.
         RecordError: the folder cannot be written.
         SceneError: too many scenes in a row cannot be generated.
         KeyboardInterrupt: the program was interrupted before the links were announced.
@@ -89,9 +91,12 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
     for path in unfinished_exports(folder.out):
         path.unlink(missing_ok=True)
     for id in folder.present:
-        links.add(id)  # the program may have ended between the two, or the participant came to the window
+        links.add(id)  # the program may have ended between the two
     with _listener(settings.host, settings.port) as listener:
         folder.study.warm_up()  # may take half a minute, so after everything that can be refused
+        for id in settings.ids:
+            folder.add(id)
+            links.add(id)
         while len(folder.present) < settings.participants:
             server.new_participant()
         host, port = listener.getsockname()[:2]

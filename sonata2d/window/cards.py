@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import pygame
@@ -21,7 +20,6 @@ from .widgets import EDGE, LARGE, SMALL, TEXT, draw_notice, line_height, natural
 if TYPE_CHECKING:
     from ..collect.rating import RatingSession
     from ..collect.session import Session
-    from ..core.labels import LabelSpec
 
 Buttons = Sequence[tuple[str, Action]]
 Text = tuple[str, list[str]]  # title and lines
@@ -238,7 +236,7 @@ _MENU = {
     "menu.new_person": Action.NEW_PERSON,
     "menu.quit": Action.QUIT,
 }
-ENDED = {"run.keep": Action.CONFIRM, "run.discard": Action.DISCARD, "run.redo": Action.REDO}
+_ENDED = {"run.keep": Action.CONFIRM, "run.discard": Action.DISCARD, "run.redo": Action.REDO}
 _OUTCOMES = ("goal", "timeout", "contact", "stopped")
 
 
@@ -253,54 +251,21 @@ def menu_buttons(hidden: Collection[Action]) -> Buttons:
     return [(text(key), action) for key, action in _MENU.items() if action not in hidden]
 
 
-@dataclass(frozen=True)
-class EndedRun:
-    """What the card at the end of a run says and asks.
-
-    Attributes:
-        title: headline.
-        buttons: text and action of each.
-        label: the question; None if the run is not asked about.
-        warning: a line that stands out.
-    """
-
-    title: str
-    buttons: Buttons
-    label: LabelSpec | None = None
-    warning: str = ""
-
-    @classmethod
-    def of(cls, session: Session, label: LabelSpec | None = None) -> EndedRun:
-        """What is asked about a run of a session: the question is the headline.
-
-        Args:
-            session: of the run.
-            label: the question in the language of the driver; by default that of the session.
-        """
-        spec, time = label or session.label_spec, session.after.time
-        return cls(
-            question_of(spec) if spec.per_run else text("run.keep_question"),
-            [(text(key), action) for key, action in ENDED.items()],
-            spec if spec.per_run else None,
-            text("run.short", time=f"{time:.1f}") if time < _SHORT_RUN else "",
-        )
-
-
-def ended_card(ui: pygame_gui.UIManager, scale: float, session: Session, ended: EndedRun, top: int) -> Card:
-    """The card at the end of a run."""
+def ended_card(ui: pygame_gui.UIManager, scale: float, session: Session, top: int) -> Card:
+    """The card at the end of a run: the question about the run is the headline."""
     assert session.outcome is not None
-    spec, status, time = ended.label, session.outcome.status, session.outcome.time
+    spec, status, time = session.label_spec, session.outcome.status, session.outcome.time
 
     def free_height(width: int, scale: float) -> int:
-        return Answer.height_of(spec, width, scale) if spec else 0
+        return Answer.height_of(spec, width, scale) if spec.per_run else 0
 
     return Card(
         ui,
         scale,
-        ended.title,
-        buttons=ended.buttons,
+        question_of(spec) if spec.per_run else text("run.keep_question"),
+        buttons=[(text(key), action) for key, action in _ENDED.items()],
         above=text(f"run.{status}", time=f"{time:.1f}") if status in _OUTCOMES else status,
-        warning=ended.warning,
+        warning=text("run.short", time=f"{time:.1f}") if time < _SHORT_RUN else "",
         free_height=free_height,
         top=top,
     )

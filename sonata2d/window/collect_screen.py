@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import Any
 
 import pygame
@@ -11,7 +10,6 @@ import pygame
 from ..collect.session import Session
 from ..collect.texts import text
 from ..core.devices import DeviceEvent, View
-from ..core.labels import LabelSpec
 from ..errors import Sonata2dError
 from ..scenegen.scenario.config import ScenarioConfig
 from ..view.interpolation import between
@@ -19,7 +17,7 @@ from ..view.palette import GREEN, VERMILLION
 from .actions import Action
 from .answer import Answer, LabelSlider
 from .camera import SceneCamera, draw_mouse_joystick, draw_tint
-from .cards import LIGHTS, Card, EndedRun, keys_of, recovered_notice, state_notice
+from .cards import LIGHTS, Card, keys_of, recovered_notice, state_notice
 from .controls_screen import ControlsScreen
 from .hud import Hud, draw_legend
 from .input import HOTPLUG_EVENTS, InputDevices
@@ -100,7 +98,6 @@ class CollectScreen:
         view: initial view.
         scene_changes: whether the driver may change the counts of pedestrians and objects, which a study usually fixes.
         new_person: makes the screen for another driver; None if the session is for one driver.
-        hidden: further actions that the driver may not request.
     """
 
     def __init__(
@@ -112,15 +109,14 @@ class CollectScreen:
         view: View = "follow",
         scene_changes: bool = False,
         new_person: Callable[[], Screen] | None = None,
-        hidden: Iterable[Action] = (),
     ) -> None:
         self.session, self.devices, self._runs = session, devices, runs
         self._new_person = new_person
         allowed = {Action.SCENE: scene_changes, Action.NEW_PERSON: new_person is not None}
-        self._hidden = frozenset({action for action, is_allowed in allowed.items() if not is_allowed}.union(hidden))
+        self._hidden = frozenset(action for action, is_allowed in allowed.items() if not is_allowed)
         self._camera = SceneCamera(view)
         self._notice, self._notice_left, self._has_answer = "", 0.0, False
-        self._overlay = Overlay(session, runs, hidden=self._hidden, ended=self._ended_run)
+        self._overlay = Overlay(session, runs, hidden=self._hidden)
         self._following: Screen | None = self
         self._stage: Stage
         self._begin_scene()
@@ -187,11 +183,6 @@ class CollectScreen:
         self.session.pause()
         if not isinstance(self._following, ControlsScreen):  # only that screen comes back
             self.session.close()
-
-    @property
-    def label_spec(self) -> LabelSpec:
-        """The question of the present run as the driver reads it."""
-        return self.session.label_spec
 
     @property
     def card(self) -> Card | None:
@@ -290,20 +281,10 @@ class CollectScreen:
         self._begin_scene()
         self._notify(" ".join(part for part in (text("notice.kept"), self.session.notice) if part))
 
-    def _ended_run(self) -> EndedRun:
-        """What is asked about a run that ended."""
-        return EndedRun.of(self.session)
-
     def _redo(self) -> None:
-        path = self._start_again()
+        path = self.session.redo()
         self._begin_scene()
         self._notify(text("notice.redo" if path else "notice.redo_fresh"))
-
-    def _start_again(self) -> Path | None:
-        return self.session.redo()
-
-    def _take_back(self) -> None:
-        self.session.undo()
 
     def _next(self, reason: str = "another scene", config: ScenarioConfig | None = None) -> None:
         path = self.session.next(config, reason)
@@ -314,7 +295,7 @@ class CollectScreen:
 
     def _undo(self) -> None:
         self.devices.release()
-        self._take_back()
+        self.session.undo()
         self._begin_scene()
         self._overlay.label = self.session.undone_label
         self._notify(text("notice.undone"))
@@ -351,7 +332,7 @@ class CollectScreen:
         """Reset what belongs to one scene."""
         self._clock = Clock(self.session, self.devices)
         self._overlay.label = None
-        self._slider = LabelSlider(self.label_spec)
+        self._slider = LabelSlider(self.session.label_spec)
         self._slider.set(self.session.label)
 
     # Display

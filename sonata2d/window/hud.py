@@ -156,7 +156,6 @@ class Hud:
 
     Attributes:
         run, runs: number of the current run and of all runs; `runs` is None without a limit.
-        title: shown instead of the number of the run; empty to show the number.
         kept: number of runs kept so far.
         contributor: name of the driver.
         light: state of the recording.
@@ -168,7 +167,6 @@ class Hud:
 
     run: int = 1
     runs: int | None = None
-    title: str = ""
     kept: int = 0
     contributor: str = ""
     light: Light = "waiting"
@@ -236,7 +234,6 @@ def _draw_top(pen: Pen, hud: Hud, snapshot: Snapshot) -> int:
     run = text("readings.run", number=hud.run)
     if hud.runs is not None:
         run = text("readings.run_of", number=hud.run, count=hud.runs)
-    run = hud.title or run
     kept = text("readings.kept", count=hud.kept) if hud.kept else ""
     time = text("readings.seconds", time=f"{snapshot.time:.1f}")
     parts = [run, time, kept, pen.fitted(hud.contributor, 0.2 * width)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from typing import Any, Literal
 
 import pygame
@@ -13,7 +13,7 @@ from ..collect.texts import text
 from ..scenegen.scenario.config import ScenarioConfig
 from .actions import Action, help_rows
 from .answer import Answer, LabelSlider
-from .cards import Card, EndedRun, ended_card, menu_buttons
+from .cards import Card, ended_card, menu_buttons
 from .hud import Hud, free_area, legend_box
 from .input import HOTPLUG_EVENTS
 from .scene_panel import ScenePanel
@@ -31,7 +31,6 @@ class Overlay:
         session: its state decides what is shown.
         runs: number of runs requested; None for no limit.
         hidden: actions that the driver may not request.
-        ended: what is asked about a run that ended.
 
     Attributes:
         page: page that the driver opened, shown instead of the card of the state.
@@ -40,16 +39,8 @@ class Overlay:
         panel: of the scene settings, while it is open.
     """
 
-    def __init__(
-        self,
-        session: Session,
-        runs: int | None,
-        *,
-        hidden: Collection[Action] = (),
-        ended: Callable[[], EndedRun] | None = None,
-    ) -> None:
-        self._session, self._runs, self._drives_on = session, runs, False
-        self._hidden, self._ended = hidden, ended or (lambda: EndedRun.of(session))
+    def __init__(self, session: Session, runs: int | None, *, hidden: Collection[Action] = ()) -> None:
+        self._session, self._runs, self._drives_on, self._hidden = session, runs, False, hidden
         self._label: Any = None
         self.page: Page | None = None
         self.answer: Answer | None = None
@@ -96,10 +87,9 @@ class Overlay:
             lines = [text("menu.kept", count=session.kept)]
             self.card = Card(ui, scale, text("menu.title"), lines, menu_buttons(self._hidden), stacked=True)
         elif session.state == "ended":
-            ended = self._ended()
-            self.card = ended_card(ui, scale, session, ended, free_area(stage.surface, Hud(), scale=scale).top)
-            if ended.label is not None:
-                self.answer = Answer(ended.label, ui, self.card.free, self.card.scale, self._label)
+            self.card = ended_card(ui, scale, session, free_area(stage.surface, Hud(), scale=scale).top)
+            if session.label_spec.per_run:
+                self.answer = Answer(session.label_spec, ui, self.card.free, self.card.scale, self._label)
         elif self.is_done:
             buttons = [
                 (text("run.close"), Action.QUIT),

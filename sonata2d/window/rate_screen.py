@@ -12,7 +12,6 @@ from pygame_gui.elements import UIButton
 from ..collect.rating import RatingSession
 from ..collect.texts import text
 from ..core.devices import View
-from ..core.labels import LabelSpec
 from ..errors import RecordError
 from ..record.record import EpisodeRecord
 from ..view.fonts import wrapped
@@ -60,8 +59,6 @@ class RateScreen:
         session: the runs, the question and the rater.
         view: initial view.
         context: shown with runs whose file has no context.
-        label: the question in the language of the rater; by default that of the session.
-        follow: makes the screen after the last run; None to close the window then.
 
     Attributes:
         phase: `watch`, or the card on show: `start`, `break` or `end`.
@@ -72,17 +69,8 @@ class RateScreen:
         timeline: of the run; can be dragged after the run was watched.
     """
 
-    def __init__(
-        self,
-        session: RatingSession,
-        *,
-        view: View = "top",
-        context: str | None = None,
-        label: LabelSpec | None = None,
-        follow: Callable[[], Screen] | None = None,
-    ) -> None:
-        self.session, self._context = session, context or ""
-        self._spec, self._follow = label or session.spec, follow
+    def __init__(self, session: RatingSession, *, view: View = "top", context: str | None = None) -> None:
+        self.session, self._context, self._spec = session, context or "", session.spec
         self.phase: Phase = "start"
         self.player: Player | None = None
         self.answer: Answer | None = None
@@ -155,9 +143,9 @@ class RateScreen:
             self._leave_card()
 
     def _leave_card(self) -> None:
-        """Continue with the next run; after the last one, continue with another screen or close the window."""
+        """Continue with the next run; after the last one, close the window."""
         if self.phase == "end":
-            self._following = self._follow() if self._follow else None
+            self._close()
         else:
             self.session.take_break()
             self._next()
@@ -238,7 +226,6 @@ class RateScreen:
         (width, height), s = stage.size, stage.scale
         if self.phase != "watch" or self.player is None:
             title, lines = _CARDS[self.phase](self.session)
-            title = question_of(self._spec) if self.phase == "start" else title
             self._card = Card(stage.ui, s, title, lines, [(text(_CARD_BUTTONS[self.phase]), Action.CONFIRM)])
             return
         edge = round(20 * s)
