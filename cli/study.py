@@ -64,11 +64,11 @@ def _step_row(study: Study, step: Step) -> dict[str, Any]:
     """One step of a participant as text."""
     from sonata2d.collect.rating import plan_showings
     from sonata2d.core.wording import counted
-    from sonata2d.study.config import in_language, name_of_entry
+    from sonata2d.study.texts import in_language
 
     what = ""
     if step.kind == "questions":
-        what = ", ".join(name_of_entry(entry) for entry in step.entries)
+        what = ", ".join(entry.name for entry in step.entries)
     elif step.kind in ("run", "practice"):
         what = f"{study.config_of(step.block).name}, scene {study.scene_number(step.block, step.scene)}"
     elif step.kind == "ratings":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,16 @@ from sonata2d.core.humans import ACTIVITIES
 from sonata2d.datasets import manifest_models
 from sonata2d.datasets.plausibility import MAXIMUM_OVERLAP
 from sonata2d.record import models
+from sonata2d.registry import QUESTION_KINDS
 from sonata2d.scenegen.scenario import sections
 from sonata2d.scenegen.scenario.base import Normal, Settings
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.scenegen.scenario.people import PersonSpec
 from sonata2d.study import config as study
 from sonata2d.study.config import StudyConfig
+from sonata2d.study.questions import Question, ScaleConfig, question_kind
 from sonata2d.study.report import TABLES
-from sonata2d.study.scales import scale_named, scale_names
+from sonata2d.study.scales import Item, scale_named, scale_names
 from sonata2d.version import FORMAT, FORMAT_VERSION
 
 DOCS = Path(__file__).parent
@@ -218,15 +221,18 @@ def _items_of(name: str) -> str:
 
 def study_page() -> str:
     """docs/study.md."""
-    parts = [kind for kind in vars(study).values() if _is_section(kind) and kind is not StudyConfig]
-    parts.sort(key=lambda kind: kind.__module__ != study.__name__)
+    sections = [section for section in vars(study).values() if _is_section(section)]
+    parts = [section for section in sections if section.__module__ == study.__name__ and section is not StudyConfig]
+    kinds = {name: question_kind(name) for name in QUESTION_KINDS.built_in}
     rows = []
     for name in scale_names():
         scale = scale_named(name)
         subscales = ", ".join(f"`{part}` ({len(scale.part([part]).items)})" for part in scale.subscales)
         rows.append(f"| `{name}` | {scale.title} | {subscales} | 1 to {scale.points} | {scale.source} |")
     items = [_items_of(name) for name in scale_names()]
-    settings = [_settings(part) for part in [StudyConfig, *parts]]
+    settings = [_settings(part) for part in [StudyConfig, *parts, Question]]
+    settings += [_settings(kind, f"kind: {name}", set(Question.model_fields)) for name, kind in kinds.items()]
+    settings += [_settings(part) for part in (Item, ScaleConfig)]
     return "\n".join([STUDY_INTRO, *settings, STUDY_SCALES, *rows, "", *items, STUDY_TABLES, *map(_columns_of, TABLES)])
 
 
@@ -239,15 +245,15 @@ def _is_section(kind: object) -> bool:
     return isinstance(kind, type) and issubclass(kind, Settings) and kind not in (Settings, Normal)
 
 
-def _settings(model: type[Settings]) -> str:
-    """The docstring of a section, and the defaults of its plain keys."""
+def _settings(model: type[Settings], title: str = "", hidden: Collection[str] = ()) -> str:
+    """The docstring of a section, and the defaults of its plain keys but the hidden ones."""
     plain = {k: f.get_default(call_default_factory=True) for k, f in model.model_fields.items() if not f.is_required()}
     given = model.model_construct(**plain).model_dump(mode="json")
     shown = {key: value for key, value in given.items() if not isinstance(plain[key], Settings)}
-    rows = [f"{key}: {json.dumps(value)}" for key, value in shown.items()]
+    rows = [f"{key}: {json.dumps(value)}" for key, value in shown.items() if key not in hidden]
     text = inspect.cleandoc(model.__doc__ or "")
     defaults = ["```yaml", *rows, "```"] if rows else []
-    return "\n".join([f"## {model.__name__}", "```text", text, "```", *defaults, ""])
+    return "\n".join([f"## {title or model.__name__}", "```text", text, "```", *defaults, ""])
 
 
 def pages() -> dict[Path, str]:

@@ -182,7 +182,7 @@ class Collection:
         Raises:
             RecordError: a file cannot be deleted.
         """
-        # Ids may contain dots and underscores: the names of one must not match those of another.
+        # Ids may contain dots and underscores: the pattern of one contributor must not match files of another.
         run = re.compile(re.escape(self.journal.stem) + r"__\d{8}T\d{6}Z__.+")
         journal = re.compile(re.escape(self.journal.stem) + r"\.(jsonl|\d+T\d+\.aside)")
         places = [(self.folder, run), (self.folder / DISCARDED, run), (self.journal.parent, journal)]

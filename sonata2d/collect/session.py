@@ -198,7 +198,7 @@ class Session:
             self._stand_still("paused")
 
     def release(self) -> None:
-        """Set all controls to zero with the next tick, because their devices are gone, as those of a closed page."""
+        """Set all controls to zero with the next tick, because their devices are gone, as when a page is closed."""
         if self.state == "ended":
             return
         events = (*self._controller.pressed, *self._first_events)
@@ -329,7 +329,7 @@ class Session:
     def _next_scene(
         self, number: int | None, config: ScenarioConfig, attempts: int = MAXIMUM_SCENE_ATTEMPTS
     ) -> tuple[Scene, ScenarioConfig]:
-        """The first scene, from a number on, that can be generated, and its settings; None: that of the schedule."""
+        """The first scene that can be generated, from a number on, or the scheduled one; with its settings."""
         if number is None:
             assert self._schedule is not None
             config, number = self._schedule(self.kept_runs)

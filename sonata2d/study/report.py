@@ -18,6 +18,7 @@ from ..record.files import read_bytes, safe_stem, write_atomically
 from ..record.reader import read_episode
 from .answers import read_answers
 from .folder import ANSWERS, PERSONAL, RATED, STUDY, read_state, require_outside
+from .questions import Likert, question_kind
 from .scales import Item, scale_named
 
 Row = dict[str, Any]
@@ -98,7 +99,7 @@ def save_results(out: str | Path, folder: str | Path, *, personal: bool = False)
 
     Raises:
         ConfigError: the tables would be in the folder of the study.
-        RecordError: the folder is not that of a study, a file is damaged, or a table cannot be written.
+        RecordError: the folder is not the folder of a study, a file is damaged, or a table cannot be written.
     """
     counts, tables = {}, results_of(out, personal=personal)
     require_outside(out, folder)
@@ -251,10 +252,7 @@ def _answer_rows(id: str, events: list[Row], kept: set[str]) -> list[Row]:
 def _score_rows(answers: Iterable[Row], config: Mapping[str, Any]) -> list[Row]:
     """The mean of each part of each table of statements that was answered."""
     tables = {
-        (section, entry["name"] or entry["scale"]): entry
-        for section in ("demographics", "after_run", "end")
-        for entry in config[section]
-        if "scale" in entry or entry["kind"] == "likert"
+        (section, entry["name"]): entry for section in ("demographics", "after_run", "end") for entry in config[section]
     }
     given: dict[tuple[Any, ...], dict[str, int]] = {}
     for row in answers:
@@ -275,11 +273,13 @@ def _score_rows(answers: Iterable[Row], config: Mapping[str, Any]) -> list[Row]:
 
 
 def _items_of(entry: Mapping[str, Any]) -> tuple[int, Sequence[Item]]:
-    """Number of points, and items, of a table."""
+    """Number of points, and items, of a table; no items for questions without scores."""
     if "scale" in entry:
         scale = scale_named(entry["scale"]).part(entry["subscales"])
         return scale.points, scale.items
-    return entry["points"], [Item.model_construct(**item) for item in entry["items"]]  # the structure has no texts
+    if issubclass(question_kind(entry["kind"]), Likert):
+        return entry["points"], [Item.model_construct(**item) for item in entry["items"]]  # the structure has no texts
+    return 0, ()
 
 
 def _rating_rows(out: Path) -> dict[str, list[Row]]:

@@ -14,13 +14,13 @@ from ..core.devices import NETWORK_DEVICE, ROUND_TRIP, DeviceEvent
 from ..core.geometry import quantised
 from ..core.wording import one_line
 from ..errors import Sonata2dError
-from ..study.content import Json, shown_label
-from ..study.load import spec_of
+from ..study.config import LabelTexts
+from ..study.content import label_content, step_content
+from ..study.texts import Json
 from ..view.draw import Layers
 from ..view.legend import Legend
 from ..view.scene_data import UNDRAWN, legend_data, scene_data, state_data, states_data
 from . import messages as m
-from .content import label_json, step_json
 
 if TYPE_CHECKING:
     from ..collect.rating import RatingSession
@@ -133,7 +133,7 @@ class ParticipantSession:
         view: Json = {
             "type": "view",
             "language": participant.language,
-            "step": step_json(participant),
+            "step": step_content(participant),
             "progress": participant.progress,
             "runs": participant.runs,
             "canUndo": participant.can_undo,
@@ -153,12 +153,12 @@ class ParticipantSession:
     def _drive(self, session: Session) -> Json:
         """The content of the page for a run, or a practice run."""
         config, step, language = self.participant.study.config, self.participant.step, self.participant.language
-        block = config.runs[step.block] if step.kind == "run" else None  # a practice has no block with translations
+        texts = config.runs[step.block].label if step.kind == "run" else LabelTexts()  # a practice has no translations
         return {
             **self._driving_state(session),
             "scene": scene_data(session.scene),
             "before": state_data(session.before),
-            "label": label_json(shown_label(session.label_spec, block, language)),
+            "label": label_content(session.label_spec, texts, language),
             "undoneLabel": session.undone_label,
             "isPractice": step.kind == "practice",
             "isHolonomic": session.scene.robot.kinematics == "holonomic",
@@ -180,7 +180,7 @@ class ParticipantSession:
             "shown": self.shown,
             "scene": scene_data(record.scene()),
             "states": states_data(list(record.snapshots())),
-            "label": label_json(spec_of(block.question, self.participant.language)),
+            "label": block.question.content(self.participant.language) | {"required": True},
             "done": rating.done / max(rating.total, 1),
             "breakDue": rating.break_due,
             "context": record.context,

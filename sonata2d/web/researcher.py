@@ -9,10 +9,10 @@ from ..collect.agreement import agreement as agreement_of
 from ..collect.rating import ratings_of
 from ..core.wording import one_line
 from ..errors import Sonata2dError
-from ..study.content import Json
 from ..study.folder import StudyFolder
 from ..study.links import Links
 from ..study.progress import Progress, progress_of_all
+from ..study.texts import Json
 from ..view.scene_data import scene_data, state_data
 from . import messages as m
 from .participant_session import ParticipantSession

@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How a study is served.
+    """Settings of the server of a study.
 
     Attributes:
         host: address to listen at.
         port: 0 for a free one.
-        url: address for participants; None: that of host and port.
+        url: address for participants; None: built from host and port.
         participants: number of participants that have links from the start.
         ids: participants who have links from the start, by id; they are added if they are new.
         takeover: which of two tabs with the same link drives.
@@ -143,7 +143,7 @@ def _check_url(url: str | None) -> None:
     """Require a whole address without a folder.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: it is not a whole address, or has a folder.
     """
     try:
         parts = urlsplit(url or "http://localhost")

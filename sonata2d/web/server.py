@@ -25,12 +25,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
 from ..core.wording import described, one_line
 from ..errors import Sonata2dError
-from ..study.config import in_language
-from ..study.content import Json
 from ..study.export import temporary_export, write_archive
 from ..study.folder import StudyFolder
 from ..study.links import Links
 from ..study.participant import Participant
+from ..study.texts import Json, in_language
 from .messages import FAILED, REFUSED, Message, parse_message
 from .participant_session import ParticipantSession, preferred
 from .researcher import Researcher
@@ -160,7 +159,7 @@ class StudyServer:
         return _page("front.html", 404, language=language, title=title, text=text)
 
     def _is_same_origin(self, connection: HTTPConnection) -> bool:
-        """Whether a request comes from a page of this server; programs that are no browsers send no origin."""
+        """Whether a request comes from a page of this server; programs other than browsers send no origin."""
         origin, host = connection.headers.get("origin"), connection.headers.get("host")
         if origin is None:
             return True
@@ -461,7 +460,7 @@ def _templates() -> Environment:
 
 
 def _static_file(name: str) -> tuple[bytes, str] | None:
-    """A file of the page, and its type; None if there is none."""
+    """A file of the page, and its media type; None for an unknown name."""
     kind = _STATIC.get(name.rpartition(".")[2])
     data = _static_files().get(name)
     return None if data is None or kind is None else (data, kind)

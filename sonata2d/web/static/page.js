@@ -6,7 +6,7 @@ import {byId, filled, make, socketAddress} from "./elements.js";
 import {form, question} from "./questions.js";
 import {Watch} from "./watch.js";
 
-const PROTOCOL = 1, LABEL_STEP = .1;
+const PROTOCOL = 1;
 const TOUCHED = {human: "readings.touching_human", object: "readings.touching_object", wall: "readings.touching_wall"};
 const PAUSE_OF_CARD = 500;     // ms, in which keys that were pressed to drive do not answer the card
 const PROBLEMS = {refused: "web.not_possible", failed: "web.server_failed"};
@@ -87,7 +87,8 @@ function show(next) {
     (isDriving ? byId("canvas") : isRating ? byId("film") : byId("title")).focus({preventScroll: true});
   }
   stepOnShow = key;
-  report(view.problemKind ? t(PROBLEMS[view.problemKind]) : "");
+  const reason = view.problemKind === "refused" && view.step.kind === "questions" ? ` (${view.problem})` : "";
+  report(view.problemKind ? t(PROBLEMS[view.problemKind]) + reason : "");
   setBusy();
 }
 
@@ -274,15 +275,11 @@ function showFrameLabel(run, isNew) {
   if (place.hidden || (!isNew && place.childElementCount)) return;
   const asked = question({...spec, answer: drive.waitingLabel ? drive.waitingLabel.answer : drive.frameLabel}, t);
   asked.addEventListener("answered", () => {
-    drive.label(positionOf(asked.answer, spec), asked.answer);
+    drive.label(asked.position(), asked.answer);
     if (place.contains(document.activeElement)) focusPicture();
   });
   place.replaceChildren(asked);
   place.asked = asked;
-}
-function positionOf(answer, spec) {
-  if (spec.kind === "slider") return answer;
-  return spec.kind === "yes_no" ? +answer : (answer - 1) / Math.max(spec.classes.length - 1, 1);
 }
 
 function showReadings() {
@@ -323,22 +320,9 @@ function perform(action, device) {
   } else if (action.startsWith("label")) {
     const asked = status === "ended" ? card.asked : byId("while").asked;
     if (!asked || !run.label) return false;
-    moveLabel(asked, run.label, action);
+    asked.move(action);
   } else return false;
   return true;
-}
-function moveLabel(asked, spec, action) {
-  if (spec.kind === "slider") {
-    const step = {labelUp: LABEL_STEP, labelDown: -LABEL_STEP}[action], input = asked.querySelector("input");
-    if (!step) return;
-    input.value = asked.answer === null ? .5 : Math.min(Math.max(asked.answer + step, 0), 1);
-    input.dispatchEvent(new Event("input"));
-    return;
-  }
-  const values = spec.kind === "yes_no" ? [false, true] : (spec.classes || []).map((_, k) => k + 1);
-  const now = values.indexOf(asked.answer), digit = Number(action.slice(5));
-  const next = digit ? digit - 1 : action === "labelUp" ? Math.min(now + 1, values.length - 1) : Math.max(now - 1, 0);
-  if (values[next] !== undefined) asked.choose(values[next]);
 }
 
 // ---- rating
@@ -406,7 +390,7 @@ byId("card").addEventListener("keydown", event => {
   if (isCardNew() ? isPress || event.key.startsWith("Arrow") : isPress && event.repeat) event.preventDefault();
 });
 addEventListener("keydown", event => {      // on pages with questions; while driving, `Input` does it
-  const isUndo = event.ctrlKey && event.key.toLowerCase() === "z" && !event.target.closest("textarea, input[type=number]");
+  const isUndo = event.ctrlKey && event.key.toLowerCase() === "z" && !event.target.closest("textarea, .question > input");
   if (isUndo && view && !view.drive && view.canUndo && !isWaiting) { event.preventDefault(); send({type: "undo"}); }
 });
 byId("language").addEventListener("change", event => send({type: "language", language: event.target.value}));
