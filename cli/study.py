@@ -92,11 +92,12 @@ def preview(file: Path, host: str, port: int, as_json: bool) -> None:
     """
     from sonata2d.study.folder import StudyFolder
     from sonata2d.study.load import load_study
-    from sonata2d.web.serve import Settings, serve
+    from sonata2d.web.serve import serve
+    from sonata2d.web.settings import ServerSettings
 
     study = load_study(file)
     with TemporaryDirectory(prefix="sonata2d-preview-") as folder:
-        settings = Settings(host=host, port=port, participants=1, is_preview=True)
+        settings = ServerSettings(host=host, port=port, participants=1, is_preview=True)
         serve(StudyFolder(folder, study), settings, lambda links: show_links(links, as_json))
     note("stopped; what was collected is deleted", err=True)
 

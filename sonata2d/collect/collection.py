@@ -6,7 +6,7 @@ import logging
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -77,7 +77,8 @@ class Collection:
         require_collection_folder(folder)
         self.journal = folder / JOURNALS / f"{safe_stem(self.contributor)}.jsonl"
         self.kept = 0
-        self._lock = _lock(self.journal.with_suffix(".lock"), self.contributor)
+        message = f"another window of {self.contributor} uses {folder}; close it first"
+        self._lock = acquired_lock(self.journal.with_suffix(".lock"), message)
         self._kept_paths: list[Path] = []  # of this session
         try:
             self._rows = self._write_manifest({})
@@ -92,8 +93,7 @@ class Collection:
         rows = [row for row in self._rows.values() if row["contributor"] == self.contributor]
         discarded = sorted((self.folder / DISCARDED).glob(f"{self.journal.stem}__*"))
         rows += [header for path in discarded if (header := _header(path))]
-        numbers = [int(row["episode"]) for row in rows if row.get("seed") == seed]
-        return max(numbers, default=-1) + 1
+        return max((int(row["episode"]) for row in rows if row.get("seed") == seed), default=-1) + 1
 
     def kept_runs(self, seed: int) -> dict[int, str]:
         """File names of this contributor's runs with a seed, by number of the scene."""
@@ -197,8 +197,8 @@ class Collection:
                 path.unlink()
             log = self.folder / LOG
             lines = read_bytes(log).splitlines(keepends=True) if log.exists() else []
-            own = orjson.dumps({"contributor": self.contributor})[1:-1]
-            write_atomically(log, b"".join(line for line in lines if own not in line))
+            contributor = orjson.dumps({"contributor": self.contributor})[1:-1]
+            write_atomically(log, b"".join(line for line in lines if contributor not in line))
         except OSError as error:
             raise RecordError(f"{error.filename} cannot be deleted: {error.strerror}") from error
         self._kept_paths = []
@@ -244,20 +244,16 @@ class Collection:
         try:
             # The folder is listed under the lock: a list from before would omit runs that others have kept since.
             with FileLock(self.folder / JOURNALS / "manifest.lock", timeout=10):
-                rows = self._read_rows(known)
+                rows = _read_rows(self.folder, known)
                 manifest = manifest_of_runs(list(rows.values())) | {"split": _valid_split(self.folder, rows)}
                 write_manifest_and_card(self.folder, manifest)
         except (RecordError, Timeout) as error:
-            rows = rows or self._read_rows(known)
+            rows = rows or _read_rows(self.folder, known)
             if not rows:
                 raise
             logger.warning("%s; the next run writes the manifest again", error)
         self.kept = sum(row["contributor"] == self.contributor for row in rows.values())
         return rows
-
-    def _read_rows(self, known: dict[str, JsonDict]) -> dict[str, JsonDict]:
-        """Manifest rows of all runs in the folder, by file name."""
-        return {str(row["name"]): row for row in _read_rows(self.folder, known)}
 
 
 def checked_name(contributor: str) -> str:
@@ -320,30 +316,33 @@ def require_collection_folder(folder: Path) -> None:
         raise RecordError(f"{folder} holds JSON files but no {MANIFEST}; choose another folder")
 
 
-def _lock(path: Path, contributor: str) -> FileLock:
-    """The acquired lock of a contributor's runs."""
-    return acquired_lock(path, f"another window of {contributor} uses {path.parent.parent}; close it first")
+def _read_rows(folder: Path, known: dict[str, JsonDict]) -> dict[str, JsonDict]:
+    """Manifest rows of all runs in a folder, by file name.
 
-
-def _read_rows(folder: Path, known: dict[str, JsonDict]) -> Iterator[JsonDict]:
-    """Manifest rows of all runs; a file is read only if its row is unknown and not listed, or its size has changed."""
+    A file is read only if its row is neither known nor listed in the manifest, or if its size has changed.
+    """
     try:
         listed = {row["name"]: row for row in read_manifest(folder)["files"]} if (folder / MANIFEST).exists() else {}
     except RecordError as error:
         listed = {}
         logger.warning("%s; it is rebuilt from the episode files", error)
     known = listed | known
+    rows = {}
     for path in sorted(folder.iterdir()):
         is_other_file = path.name in (MANIFEST, SCENARIO, METRICS, CROISSANT) or path.name.startswith(".")
         if is_other_file or not path.name.endswith(SUFFIXES):
             continue
         row = known.get(path.name)
         try:
-            yield row if row is not None and row["bytes"] == path.stat().st_size else _read_row(path)
+            if row is None or row["bytes"] != path.stat().st_size:
+                row = _read_row(path)
         except FileNotFoundError:
             continue  # another contributor has taken the run back
         except RecordError as error:
             logger.warning("%s; the file is omitted from the manifest", error)
+        else:
+            rows[path.name] = row
+    return rows
 
 
 def _read_row(path: Path) -> JsonDict:

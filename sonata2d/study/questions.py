@@ -375,9 +375,9 @@ def question_kind(name: str) -> type[Question]:
     return kind
 
 
-def _problem_of_kind(found: object) -> str | None:
+def _problem_of_kind(kind: object) -> str | None:
     """The reason why an object cannot be used as a kind of question, or None."""
-    is_kind = isinstance(found, type) and issubclass(found, Question)
+    is_kind = isinstance(kind, type) and issubclass(kind, Question)
     return None if is_kind else "is not a kind of question; it must be a subclass of sonata2d.study.Question"
 
 

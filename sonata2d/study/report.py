@@ -44,9 +44,9 @@ TABLES = {  # meaning of each column
         "file": "name of the episode file",
         "outcome": "as in the episode file",
         "seconds": "duration of the run in simulated time, s",
-        "attempts": "runs that were begun for this step: the kept one, and those that were discarded or driven again",
-        "dropped_ticks": "ticks of real time that were not simulated, because the page or the window was too slow",
-        "round_trip_median": "median of the round trip between page and server, s; empty in the window",
+        "attempts": "runs that were begun for this step: the kept one, and runs that were discarded or driven again",
+        "dropped_ticks": "ticks of real time that were not simulated, because the page was too slow",
+        "round_trip_median": "median of the round trip between page and server, s",
         "round_trip_95": "its 95th percentile, s",
         "label": "answer to the scenario's question about the run: 1 for yes and 0 for no; number of the class, from 1;"
         " fraction from 0 to 1 of a slider; text",
@@ -254,13 +254,13 @@ def _score_rows(answers: Iterable[Row], config: Mapping[str, Any]) -> list[Row]:
     tables = {
         (section, entry["name"]): entry for section in ("demographics", "after_run", "end") for entry in config[section]
     }
-    given: dict[tuple[Any, ...], dict[str, int]] = {}
+    points_of: dict[tuple[Any, ...], dict[str, int]] = {}  # by row of the table, for each answered table
     for row in answers:
         if row["item"]:
             key = tuple(row[column] for column in ("participant", "step", "file", "question"))
-            given.setdefault(key, {})[row["item"]] = row["value"]
+            points_of.setdefault(key, {})[row["item"]] = row["value"]
     rows = []
-    for (participant, step, file, question), values in given.items():
+    for (participant, step, file, question), values in points_of.items():
         section = "after_run" if step.startswith("after-run-") else step
         points, items = _items_of(tables[section, question])
         for part in dict.fromkeys(item.subscale for item in items):

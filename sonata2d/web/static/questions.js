@@ -22,7 +22,7 @@ const choice = (pairs, levels) => ({
   move(element, action) {
     const all = levels(element.spec), now = all.indexOf(element.answer), digit = Number(action.slice("label".length));
     const level = all[digit ? digit - 1 : action === "labelUp" ? Math.min(now + 1, all.length - 1) : Math.max(now - 1, 0)];
-    const input = [...element.querySelectorAll("input")].find(one => one.answer === level);
+    const input = [...element.querySelectorAll("input")].find(radio => radio.answer === level);
     if (input) input.click();
   },
 });
@@ -95,7 +95,7 @@ export function question(spec, t) {
     for (const row of rowsOf(element)) row.classList.toggle("missing", Boolean(text) && !row.querySelector("input:checked"));
   };
   element.focusProblem = () => {
-    const row = rowsOf(element).find(one => !one.querySelector("input:checked"));
+    const row = rowsOf(element).find(row => !row.querySelector("input:checked"));
     const first = (row || element).querySelector("input, textarea");
     if (first) first.focus();
   };
@@ -139,20 +139,20 @@ function table({spec, id, answer, changed}) {
   return [make("div", {class: spec.labels ? "table named" : "table"}, head, ...rows)];
 }
 
-/** Questions with a button; `send` gets the answers by name. */
-export function form(specs, t, send, text, given = {}) {
-  const questions = specs.map(spec => question({...spec, answer: given[spec.name]}, t));
-  for (const one of questions) one.addEventListener("answered", () => { if (one.isAnswered()) one.setProblem(""); });
+/** Questions with a button; `send` gets the answers by name. `answers` are filled in at first. */
+export function form(specs, t, send, text, answers = {}) {
+  const entries = specs.map(spec => question({...spec, answer: answers[spec.name]}, t));
+  for (const entry of entries) entry.addEventListener("answered", () => { if (entry.isAnswered()) entry.setProblem(""); });
   const summary = make("p", {class: "problem", role: "alert", hidden: true});
   const element = make("form", {novalidate: true, onsubmit: event => {
     event.preventDefault();
-    for (const one of questions) one.setProblem(one.problem());
-    const wrong = questions.filter(one => one.problem());
+    for (const entry of entries) entry.setProblem(entry.problem());
+    const wrong = entries.filter(entry => entry.problem());
     summary.hidden = !wrong.length;
     if (!wrong.length) { send(element.answers()); return; }
     summary.textContent = t("web.missing", {count: wrong.length});
     wrong[0].focusProblem();
-  }}, ...questions, summary, make("button", {class: "primary", type: "submit"}, text));
-  element.answers = () => Object.fromEntries(questions.filter(one => one.answer !== null).map(one => [one.spec.name, one.answer]));
+  }}, ...entries, summary, make("button", {class: "primary", type: "submit"}, text));
+  element.answers = () => Object.fromEntries(entries.filter(entry => entry.answer !== null).map(entry => [entry.spec.name, entry.answer]));
   return element;
 }
