@@ -50,8 +50,8 @@ from ..version import PHYSICS_VERSION
 
 logger = logging.getLogger(__name__)
 
-DISCARDED, JOURNALS = "discarded", "journal"  # subfolders
-MAXIMUM_NAME_LENGTH = 1000  # characters of a contributor's name
+DISCARDED, _JOURNALS = "discarded", "journal"  # subfolders
+_MAXIMUM_NAME_LENGTH = 1000  # characters of a contributor's name
 
 
 class Collection:
@@ -75,7 +75,7 @@ class Collection:
     def __init__(self, folder: Path, contributor: str, settings: dict[str, Any], suffix: str = ".json") -> None:
         self.folder, self.contributor, self._suffix = folder, checked_name(contributor), suffix
         require_collection_folder(folder)
-        self.journal = folder / JOURNALS / f"{safe_stem(self.contributor)}.jsonl"
+        self.journal = folder / _JOURNALS / f"{safe_stem(self.contributor)}.jsonl"
         self.kept = 0
         message = f"another window of {self.contributor} uses {folder}; close it first"
         self._lock = acquired_lock(self.journal.with_suffix(".lock"), message)
@@ -243,7 +243,7 @@ class Collection:
         rows: dict[str, JsonDict] = {}
         try:
             # The folder is listed under the lock: a list from before would omit runs that others have kept since.
-            with FileLock(self.folder / JOURNALS / "manifest.lock", timeout=10):
+            with FileLock(self.folder / _JOURNALS / "manifest.lock", timeout=10):
                 rows = _read_rows(self.folder, known)
                 manifest = manifest_of_runs(list(rows.values())) | {"split": _valid_split(self.folder, rows)}
                 write_manifest_and_card(self.folder, manifest)
@@ -263,10 +263,10 @@ def checked_name(contributor: str) -> str:
         ConfigError: the name is empty or too long, or has characters that cannot be displayed or stored.
     """
     name = contributor.strip()
-    if not name or len(name) > MAXIMUM_NAME_LENGTH:
+    if not name or len(name) > _MAXIMUM_NAME_LENGTH:
         problem = f"has {len(name)} characters" if name else "is empty"
         raise ConfigError(
-            f"the contributor's name {problem}; give a name or a pseudonym of 1 to {MAXIMUM_NAME_LENGTH} characters"
+            f"the contributor's name {problem}; give a name or a pseudonym of 1 to {_MAXIMUM_NAME_LENGTH} characters"
         )
     if not name.isprintable() or any("\ud800" <= c <= "\udfff" for c in name):
         raise ConfigError(f"the contributor's name {shown(name)} has unprintable characters; remove them")
@@ -304,7 +304,7 @@ def require_collection_folder(folder: Path) -> None:
     """Raise RecordError unless the folder is new, empty of JSON files, or a collection."""
     if folder.exists() and not folder.is_dir():
         raise RecordError(f"{folder} is a file; choose another name for the folder")
-    if (folder / JOURNALS).is_dir():
+    if (folder / _JOURNALS).is_dir():
         return  # a collection, even if its manifest is damaged: the manifest is rebuilt from the files
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)

@@ -22,7 +22,7 @@ from ..record.validate import schema_findings
 from .json_lines import append_line, read_lines
 
 FOLDER, SUFFIX = "ratings", ".jsonl"
-RATING_VERSION = 1
+_RATING_VERSION = 1
 REPEAT_FRACTION = 0.1  # of the runs
 MINIMUM_SPACING = 5  # other runs between a run and its repeat
 BREAK_AFTER = 50  # ratings
@@ -75,7 +75,7 @@ def append_rating(path: Path, rating: Rating) -> None:
     Raises:
         RecordError: the file cannot be written.
     """
-    append_line(path, {"version": RATING_VERSION, **asdict(rating)})
+    append_line(path, {"version": _RATING_VERSION, **asdict(rating)})
 
 
 def read_ratings(path: Path) -> list[Rating]:
@@ -84,7 +84,7 @@ def read_ratings(path: Path) -> list[Rating]:
     Raises:
         RecordError, NewerFormatError: as of `read_lines`.
     """
-    return read_lines(path, RATING_VERSION, _rating_of, "a rating")
+    return read_lines(path, _RATING_VERSION, _rating_of, "a rating")
 
 
 def ratings_of(folder: Path) -> list[Rating]:

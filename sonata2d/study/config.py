@@ -13,12 +13,12 @@ from ..scenegen.scenario.base import Fraction, Settings, TupleOf
 from .questions import AnyEntry, RatingQuestion, ScaleConfig
 from .texts import Path, Text, Texts, problem, require_distinct, require_name, texts_in
 
-Questionnaire = Annotated[TupleOf[AnyEntry], Field(max_length=100)]
+_Questionnaire = Annotated[TupleOf[AnyEntry], Field(max_length=100)]
 Order = Literal["fixed", "shuffled", "latin-square"]
 Change = Literal["view", "zoom", "zones"]
 
-MAX_RUNS = 500  # of one block
-MAX_TEXT = 20_000  # characters of a page
+_MAX_RUNS = 500  # of one block
+_MAX_TEXT = 20_000  # characters of a page
 
 
 class PageConfig(Settings):
@@ -79,7 +79,7 @@ class PracticeConfig(Settings):
     translated: ClassVar[tuple[str, ...]] = ("text",)
 
     scenario: str
-    runs: Annotated[int, Field(ge=1, le=MAX_RUNS)] = 1
+    runs: Annotated[int, Field(ge=1, le=_MAX_RUNS)] = 1
     text: Text | None = None
 
 
@@ -96,7 +96,7 @@ class RunsConfig(Settings):
     translated: ClassVar[tuple[str, ...]] = ("text",)
 
     scenario: str
-    runs: Annotated[int, Field(ge=1, le=MAX_RUNS)] = 1
+    runs: Annotated[int, Field(ge=1, le=_MAX_RUNS)] = 1
     text: Text | None = None
     label: LabelTexts = LabelTexts()
 
@@ -172,13 +172,13 @@ class StudyConfig(Settings):
     texts: dict[str, str] = Field(default_factory=dict)
     pages: Annotated[TupleOf[PageConfig], Field(max_length=50)] = ()
     consent: ConsentConfig | None = None
-    demographics: Questionnaire = ()
+    demographics: _Questionnaire = ()
     practice: PracticeConfig | None = None
     runs: Annotated[TupleOf[RunsConfig], Field(max_length=40)] = ()
     order: Order = "fixed"
-    after_run: Questionnaire = ()
+    after_run: _Questionnaire = ()
     ratings: Annotated[TupleOf[RatingConfig], Field(max_length=20)] = ()
-    end: Questionnaire = ()
+    end: _Questionnaire = ()
     thanks: PageConfig | None = None
     minimum_length: NonNegativeFloat = 0.0
     view: View = "follow"
@@ -222,8 +222,8 @@ class StudyConfig(Settings):
         for language, words in text.items():
             if language not in self.languages:
                 raise problem(f"{language!r} is not among the languages of the study", *path, language)
-            if len(words) > MAX_TEXT:
-                raise problem(f"the text has {len(words)} characters, more than {MAX_TEXT}", *path, language)
+            if len(words) > _MAX_TEXT:
+                raise problem(f"the text has {len(words)} characters, more than {_MAX_TEXT}", *path, language)
 
     def _scales(self) -> Iterator[tuple[Path, ScaleConfig]]:
         """The published questionnaires, each with the keys that lead to it."""

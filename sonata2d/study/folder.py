@@ -53,7 +53,7 @@ class StudyFolder:
         self.withdrawn: list[str] = []
         self._versions: list[str] = []
         state = self.out / STUDY / _STATE
-        structure = structure_of(study)
+        structure = _structure_of(study)
         require_collection_folder(self.out)
         try:
             self.out.mkdir(parents=True, exist_ok=True)
@@ -246,7 +246,7 @@ def _difference(a: Any, b: Any, keys: tuple[str, ...] = ()) -> str:
     return f"{place} was {shown(a)} and is {shown(b)}"
 
 
-def structure_of(study: Study) -> dict[str, Any]:
+def _structure_of(study: Study) -> dict[str, Any]:
     """The part of a study that must not change once there are participants: settings without texts, and scenarios."""
     config = with_texts(study.config, lambda text: "")
     for key in ("texts", "participants"):

@@ -24,7 +24,7 @@ from ..scenegen.scenario.problems import problem_of
 from .config import LabelTexts, RatingConfig, StudyConfig
 from .questions import question_kind
 
-SCENES_PER_BLOCK = 10_000  # distance between the scene numbers of two blocks of runs
+_SCENES_PER_BLOCK = 10_000  # distance between the scene numbers of two blocks of runs
 _MAX_ATTEMPTS = 50  # consecutive scenes of a scenario that cannot be generated before it is an error
 
 T = TypeVar("T")
@@ -68,7 +68,7 @@ class Study:
             return numbers[k]
         with self._lock:
             while len(numbers) <= k:
-                start = numbers[-1] + 1 if numbers else block * SCENES_PER_BLOCK
+                start = numbers[-1] + 1 if numbers else block * _SCENES_PER_BLOCK
                 numbers.append(self._next_number(block, start))
             return numbers[k]
 

@@ -11,7 +11,7 @@ from .questions import Entry
 from .texts import Text
 
 PRACTICE_TEXT = "practice-text"  # id of the page before the practice
-StepKind = Literal["page", "consent", "questions", "practice", "run", "ratings", "thanks"]
+_StepKind = Literal["page", "consent", "questions", "practice", "run", "ratings", "thanks"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Step:
     """
 
     id: str
-    kind: StepKind
+    kind: _StepKind
     title: Text = ""
     text: Text = ""
     statements: tuple[Text, ...] = ()

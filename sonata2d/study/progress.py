@@ -92,20 +92,24 @@ class Progress:
         return step.id in self._done
 
     def _apply(self, event: Mapping[str, Any]) -> None:
+        """Apply an event of the file of answers; other kinds of events, such as `begun`, change nothing."""
         kind, step = event["event"], event.get("step", "")
         self.last_event = event["time"]
         if kind == "language":
             self.language, self.has_chosen_language = event["language"], True
+        # Answers about a run count for its file: a run that is driven again is asked about again.
         elif kind == "answers" and event.get("file") is not None:
             self._asked[step] = event["file"]
         elif kind in ("done", "answers", "consented"):
             self._done.add(step)
+        # The manifest says which runs are kept; the event is stored once for each file.
         elif kind == "kept":
             self._logged.add(event["file"])
         elif kind == "skipped":
             self._skipped.add(step)
         elif kind == "replaced":
             self._replaced[step] = event["scene"]
+        # A run that is taken back makes a finished study unfinished.
         elif kind in ("finished", "undone"):
             self.has_finished = kind == "finished"
         if kind in ("declined", "reconsidered", "consented"):

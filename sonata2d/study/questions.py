@@ -23,8 +23,8 @@ from ..scenegen.scenario.base import Settings, TupleOf
 from .scales import Item, Scale, scale_named, scale_names
 from .texts import Json, Text, Texts, in_language, no_text, problem, require_distinct, require_name, with_texts
 
-MAX_TEXT_ANSWER = 5000  # characters
-MAX_NUMBER = 2**53  # largest magnitude at which JSON readers keep integers exact
+_MAX_TEXT_ANSWER = 5000  # characters
+_MAX_NUMBER = 2**53  # largest magnitude at which JSON readers keep integers exact
 
 
 class Entry(Settings):
@@ -108,8 +108,8 @@ class Question(Entry):
         """The text, if it is one; kinds with other answers override this method."""
         if not isinstance(value, str):
             raise self.refusal(value, "a text")
-        if len(value) > MAX_TEXT_ANSWER:
-            raise ValueError(f"{self.name} has {len(value)} characters; up to {MAX_TEXT_ANSWER} are stored")
+        if len(value) > _MAX_TEXT_ANSWER:
+            raise ValueError(f"{self.name} has {len(value)} characters; up to {_MAX_TEXT_ANSWER} are stored")
         return value.encode(errors="replace").decode()  # without surrogates, which cannot be stored
 
     def content(self, language: str) -> Json:
@@ -214,7 +214,7 @@ class Number(Question):
 
     def check(self, value: Any) -> Any:
         low, high = self.minimum, self.maximum
-        is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER
+        is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _MAX_NUMBER
         is_number = is_number and not (self.integer and value != int(value))
         if not is_number or (low is not None and value < low) or (high is not None and value > high):
             limits = ("" if low is None else f" from {low:g}") + ("" if high is None else f" up to {high:g}")

@@ -15,7 +15,7 @@ from ..core.wording import one_line
 
 PROTOCOL = 1
 MAX_MESSAGE = 65_536  # bytes
-MAX_EVENTS = 64  # of one tick: each control at most once
+_MAX_EVENTS = 64  # of one tick: each control at most once
 REFUSED, FAILED = "refused", "failed"  # kinds of problems: of the message, of the server
 _DEVICES = r"^(keyboard|mouse|touch|pad[0-7]|label)$"
 
@@ -116,7 +116,7 @@ class Tick(Message):
     type: Literal["tick"]
     run: int
     number: Annotated[int, Field(ge=0)]
-    events: Annotated[list[Event], Field(max_length=MAX_EVENTS)] = []
+    events: Annotated[list[Event], Field(max_length=_MAX_EVENTS)] = []
     round_trip: Annotated[float, Field(ge=0.0, le=3600.0)] | None = None
     dropped: Annotated[int, Field(ge=0, le=1_000_000)] = 0
 
@@ -200,13 +200,13 @@ class Look(Message):
     scene: Annotated[str, Field(max_length=120)] = ""
 
 
-ParticipantMessage = Annotated[
+_ParticipantMessage = Annotated[
     Hello | Language | Action | StepAction | Consent | Answer | Tick | RunAction | Keep | Rate,
     Field(discriminator="type"),
 ]
-ResearcherMessage = Annotated[Request | PauseStudy | Add | Look, Field(discriminator="type")]
-_participant: TypeAdapter[Any] = TypeAdapter(ParticipantMessage)
-_researcher: TypeAdapter[Any] = TypeAdapter(ResearcherMessage)
+_ResearcherMessage = Annotated[Request | PauseStudy | Add | Look, Field(discriminator="type")]
+_participant: TypeAdapter[Any] = TypeAdapter(_ParticipantMessage)
+_researcher: TypeAdapter[Any] = TypeAdapter(_ResearcherMessage)
 
 
 def parse_message(data: str | bytes, *, of_researcher: bool = False) -> Message:

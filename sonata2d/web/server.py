@@ -43,8 +43,14 @@ T = TypeVar("T")
 MAPPINGS = dict(DEFAULT_MAPPINGS) | {
     "touch": DeviceMapping(DEFAULT_MAPPINGS["mouse"].controls, DEFAULT_MAPPINGS["mouse"].dead_zone)
 }
-TAKEN_OVER, OCCUPIED, UNKNOWN, TOO_MANY_MISTAKES, FULL = 4001, 4002, 4003, 4004, 4005  # codes of closed web sockets
-MAX_MISTAKES = 20  # messages of one connection that cannot be read
+_TAKEN_OVER, _OCCUPIED, _UNKNOWN, _TOO_MANY_MISTAKES, _FULL = (
+    4001,
+    4002,
+    4003,
+    4004,
+    4005,
+)  # codes of closed web sockets
+_MAX_MISTAKES = 20  # messages of one connection that cannot be read
 _AWAY_S, _SWEEP_S = 600.0, 60.0  # time without a page, after which a session is closed; time between two checks of it
 _IDLE_S = 900.0  # time without a message, after which a connection is closed
 _SEND_TIMEOUT_S = 30.0  # in which a page has to receive an answer
@@ -181,16 +187,16 @@ class StudyServer:
         """The web socket of a participant's page; its messages are answered until it leaves."""
         id = self.links.participant_of(str(socket.path_params["token"]))
         if not self._is_same_origin(socket):
-            await socket.close(UNKNOWN)
+            await socket.close(_UNKNOWN)
             return
         await socket.accept()
         # a page that reconnects may replace its own lost connection
         page = _Connection(socket, socket.query_params.get("page", "")[:40])
         if id is None:
-            await page.close(UNKNOWN)
+            await page.close(_UNKNOWN)
             return
         if self._open >= self._settings.connections:
-            await page.close(FULL)
+            await page.close(_FULL)
             return
         self._open += 1
         try:
@@ -212,7 +218,7 @@ class StudyServer:
             return True
         is_other = not page.name or page.name != former.name
         if self._settings.takeover == "first" and is_other and former.socket.client_state is WebSocketState.CONNECTED:
-            await page.close(OCCUPIED)
+            await page.close(_OCCUPIED)
             return False
         self._pages[id] = page
         await former.replace()
@@ -285,7 +291,7 @@ class StudyServer:
 
     async def _researcher_socket(self, socket: WebSocket) -> None:
         if not self._is_same_origin(socket) or not self.links.is_researcher(str(socket.path_params["token"])):
-            await socket.close(UNKNOWN)
+            await socket.close(_UNKNOWN)
             return
         await socket.accept()
         await _Connection(socket).converse(partial(parse_message, of_researcher=True), self._researcher.answer)
@@ -388,8 +394,8 @@ class _Connection:
                 reply = await answer(message)
             if reply is not None and not await self.send(reply):
                 return
-            if mistakes >= MAX_MISTAKES:
-                await self.close(TOO_MANY_MISTAKES)
+            if mistakes >= _MAX_MISTAKES:
+                await self.close(_TOO_MANY_MISTAKES)
                 return
 
     async def send(self, answer: Json) -> bool:
@@ -405,7 +411,7 @@ class _Connection:
     async def replace(self) -> None:
         """Close the page, because another page takes its place."""
         self.is_replaced = True
-        await self.close(TAKEN_OVER)
+        await self.close(_TAKEN_OVER)
         if self._waiting is not None:  # the page may be gone
             with suppress(RuntimeError):  # the timeout may have expired
                 self._waiting.reschedule(asyncio.get_running_loop().time())
