@@ -35,7 +35,7 @@ def sonata2d(words: list[str], env: dict[str, str], cwd: Path) -> subprocess.Com
     )
 
 
-def test_the_five_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_path: Path) -> None:
+def test_the_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_path: Path) -> None:
     outputs = {}
     for language, file, text in BLOCK.findall((PLUGIN / "README.md").read_text()):
         if file:
@@ -48,6 +48,7 @@ def test_the_five_plug_ins_work_as_the_readme_says(installed: dict[str, str], tm
                 outputs[words[0]] = done.stdout
     assert "cautious" in outputs["controllers"]
     assert "mean_speed" in outputs["evaluate"]
+    assert "demographics  answers: first\n" in outputs["study"]
     episode = json.loads((tmp_path / "hexagons" / "000000.json").read_bytes())
     assert len(episode["room"]["polygon"]) == 6
     assert {human["model"] for human in episode["humans"]} == {"circular"}
@@ -217,3 +218,32 @@ def test_a_metric_that_raises_is_named_with_the_file_and_a_broken_one_once(
     warning, error = done.stderr.splitlines()
     assert warning.startswith("Warning: metric plug-in 'wrong' (math:pi) is not a Metric")
     assert error == "Error: MetricError: metric 'raising' of out/000000.json: KeyError: 'x'"
+
+
+DATE = """
+from sonata2d.study.questions import question_kind
+settings = {"kind": "date", "name": "first", "question": "Since", "earliest": "2000-01-01", "latest": "2026-12-31"}
+question = question_kind("date").model_validate(settings)
+print(question.check("2026-05-17"), question.content("en")["latest"])
+for answer in ("1999-12-31", "2027-01-01", "yesterday", 7):
+    try:
+        question.check(answer)
+    except ValueError as error:
+        print(error)
+"""
+
+
+def test_a_question_kind_of_a_plug_in_checks_answers(installed: dict[str, str], tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", DATE], env=installed, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [
+        "2026-05-17 2026-12-31",
+        "first is '1999-12-31'; a date from 2000-01-01 on is expected",
+        "first is '2027-01-01'; a date up to 2026-12-31 is expected",
+        "first is 'yesterday'; a date such as 2026-05-17 is expected",
+        "first is 7; a date such as 2026-05-17 is expected",
+    ]
+    ratings = "ratings: [{name: seen, folder: ., question: {name: seen, kind: date, question: Since when}}]\n"
+    (tmp_path / "study.yaml").write_text(f"title: Dates\n{ratings}")
+    done = sonata2d(["study", "check", "study.yaml"], installed, tmp_path)
+    assert done.returncode == 1
+    assert "ratings.0.question.kind: runs are rated with yes_no, classes, slider or text (got 'date')" in done.stderr
