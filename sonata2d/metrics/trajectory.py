@@ -52,6 +52,7 @@ class Trajectory:
         record: the episode.
         undisturbed: (T + 1, N, 2), m, positions of the humans at all states of the record when the same seed runs
             without a robot; None if unknown. See `disturbance.without_robot`.
+        is_whole: whether the states after the goal is reached are kept.
 
     >>> trajectory = Trajectory(read_episode("demo/000000.json"))
     >>> trajectory.clearance.shape == trajectory.time.shape
@@ -60,6 +61,7 @@ class Trajectory:
 
     record: EpisodeRecord
     undisturbed: Array | None = None
+    is_whole: bool = False
 
     @cached_property
     def scene(self) -> Scene:
@@ -68,8 +70,13 @@ class Trajectory:
 
     @cached_property
     def goal_index(self) -> int | None:
-        """Index of the first state in which the robot is at the goal, with an accepted heading; None if never."""
+        """Index of the first state in which the robot is at the goal, with an accepted heading; None if never.
+
+        None, too, for an imported episode whose source has no robot or no goal: their positions are placeholders.
+        """
         robot, goal = self.record.states.robot, self.scene.goal
+        if self.scene.unmeasured & {"robot", "goal"}:
+            return None
         if self.record.outcome.status == "goal":  # the outcome decides: recorded positions are rounded
             return len(robot) - 1
         at_goal = lengths(robot[:, :2] - goal.position) <= goal.distance
@@ -79,7 +86,8 @@ class Trajectory:
 
     def __len__(self) -> int:
         """L, one or more."""
-        return len(self.record.states.robot) if self.goal_index is None else self.goal_index + 1
+        last = None if self.is_whole else self.goal_index
+        return len(self.record.states.robot) if last is None else last + 1
 
     @cached_property
     def time(self) -> Array:
