@@ -49,7 +49,6 @@ SECTIONS = {
         "scenarios": ("scenarios:command", "List, show and draw scenarios; make them from tracks."),
         "controllers": ("controllers:command", "List the available controllers."),
         "doctor": ("doctor:command", "Check that the installation works."),
-        "bench": ("bench:command", "Measure this machine."),
     },
 }
 WIDTH = max(len(name) for section in SECTIONS.values() for name in section)
