@@ -16,7 +16,7 @@ from .workers import WorkerOptions, workers_options
 
 if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult
-    from sonata2d.formats.base import Options
+    from sonata2d.formats.format import Options
 
 FLAGS = {"original": "--quirks", "frame_time": "--frame-time", "types": "--as"}  # else -- and the name of the option
 
@@ -77,7 +77,7 @@ def export_command(
     code is 1 if a file is damaged or cannot be written, or if no episode was exported.
     """
     from sonata2d.formats.api import episodes_in, export_to
-    from sonata2d.formats.base import Options
+    from sonata2d.formats.format import Options
 
     with workers.started() as pool, progress(len(episodes_in(source)), "episodes") as advance:
         options = Options(original=quirks == "original", context=context, types=types)
@@ -121,7 +121,7 @@ def import_command(
     Each episode records which data its source lacks. Invalid files are refused; the exit code is then 1.
     """
     from sonata2d.formats.api import count_sources, import_from
-    from sonata2d.formats.base import Options
+    from sonata2d.formats.format import Options
 
     with progress(count_sources(source, format), "files") as advance:
         options = Options(frame_time=frame_time, renumber=renumber, walls=walls)

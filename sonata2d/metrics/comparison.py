@@ -27,7 +27,7 @@ from .plots import SUFFIXES, chart, figure_of
 from .summary import FEW
 from .templates import render
 
-_FACTS = ("file", "name", "family", "seed", "episode", "outcome")  # columns of tables, before those of the metrics
+_FACTS = ("file", "name", "family", "seed", "episode", "outcome")  # columns of tables, before the metrics
 
 
 class Comparison(Sequence[Evaluation]):

@@ -29,6 +29,8 @@ Need = Literal[
 
 NEEDS: tuple[Need, ...] = get_args(Need)
 GOAL: tuple[Need, ...] = ("robot", "goal", "goal.distance")  # of whether and when the robot reaches the goal
+BODIES: tuple[Need, ...] = ("robot", "robot.radius", "humans.radius")  # of clearances to people
+OBSTACLES: tuple[Need, ...] = ("robot", "robot.radius", "walls", "objects")  # of clearances to walls and furniture
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +101,7 @@ def metric(
 
     Args:
         unit, better, needs, headline, variant_of: as for `Metric`.
-        name: by default that of the function.
+        name: by default the name of the function.
 
     >>> @metric("s", "less", needs={"robot"})
     ... def duration(trajectory):

@@ -21,7 +21,7 @@ from ..version import PHYSICS_VERSION
 from .definition import metric
 from .trajectory import Trajectory
 
-FAR = 100.0  # m outside the room: where the robot stands, ignored, in the run without a robot
+_FAR = 100.0  # m outside the room: where the robot stands, ignored, in the run without a robot
 
 
 class _StandStill(Controller):
@@ -83,14 +83,14 @@ def _positions(snapshot: Snapshot) -> Array:
 
 
 def _walks(human: Human) -> bool:
-    """Whether a human walks to its own goals; a recorded one follows its track and never reacts to a robot."""
+    """Whether a human walks to goals; a recorded human follows its track and never reacts to a robot."""
     return human.behaviour in ("wandering", "walking")
 
 
 def _scene_without_robot(scene: Scene) -> Scene:
     """The scene with its robot far away and ignored, so that random streams are drawn as with the robot."""
     x, y = scene.outline.max(axis=0).tolist()
-    robot: Robot = replace(scene.robot, pose=Pose(x + FAR, y + FAR))
+    robot: Robot = replace(scene.robot, pose=Pose(x + _FAR, y + _FAR))
     humans = tuple(replace(human, reacts_to_robot=0.0) for human in scene.humans)
     return replace(scene, robot=robot, humans=humans, rules=replace(scene.rules, ends_on=()))
 

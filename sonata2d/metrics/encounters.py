@@ -17,13 +17,13 @@ from ..core.vectors import lengths
 from ..record.record import EpisodeRecord
 from .trajectory import Trajectory
 
-DIRECTION_WINDOW = 2.0  # s before and after the nearest moment, over which directions of motion are taken
-PASSING_WINDOW = 20.0  # s before and after the nearest moment, at which "ahead" and "behind" are compared
-STILL_DISTANCE = 0.4  # m; a smaller displacement within the direction window counts as standing
+_DIRECTION_WINDOW = 2.0  # s before and after the nearest moment, over which directions of motion are taken
+_PASSING_WINDOW = 20.0  # s before and after the nearest moment, at which "ahead" and "behind" are compared
+_STILL_DISTANCE = 0.4  # m; a smaller displacement within the direction window counts as standing
 HEAD_ON_ANGLE, SAME_WAY_ANGLE = 3 * np.pi / 4, np.pi / 4  # rad, between the directions of robot and human
-DOOR_RANGE, MAX_DOOR_WIDTH = 2.5, 1.3  # m; distance up to which an agent is at a doorway; wider gaps are no doorways
-MAX_GROUP_RADIUS = SOCIAL_DISTANCE / 2  # m; a group with a larger radius has broken up
-JOIN_TOLERANCE = 0.4  # m, by which a robot that has joined a group may be farther from the centre than the members
+_DOOR_RANGE, _MAX_DOOR_WIDTH = 2.5, 1.3  # m; distance up to which an agent is at a doorway; wider gaps are no doorways
+_MAX_GROUP_RADIUS = SOCIAL_DISTANCE / 2  # m; a group with a larger radius has broken up
+_JOIN_TOLERANCE = 0.4  # m, by which a robot that has joined a group may be farther from the centre than the members
 
 Kind = Literal["head-on", "overtaking", "overtaken", "alongside", "crossing", "standing", "waiting"]
 
@@ -117,14 +117,14 @@ def doorways(scene: Scene) -> list[tuple[Point, Point]]:
     ends = [end for wall in scene.walls for end in (wall.start, wall.end)]
     barriers = [Barriers.of([(wall.start, wall.end, 0.0)]) for wall in scene.walls]
     free = [end for end in ends if sum(b.gaps(np.array([end])).min() < 1e-3 for b in barriers) == 1]
-    return [(a, b) for a, b in combinations(free, 2) if 0.0 < lengths(np.subtract(a, b)) <= MAX_DOOR_WIDTH]
+    return [(a, b) for a, b in combinations(free, 2) if 0.0 < lengths(np.subtract(a, b)) <= _MAX_DOOR_WIDTH]
 
 
 def _meeting(trajectory: Trajectory, k: int) -> Meeting:
     """The meeting with the human of index k."""
     clearance, dt = trajectory.human_clearance[:, k], trajectory.scene.rules.dt
     nearest = int(np.argmin(clearance))
-    near, far = round(DIRECTION_WINDOW / dt), round(PASSING_WINDOW / dt)
+    near, far = round(_DIRECTION_WINDOW / dt), round(_PASSING_WINDOW / dt)
     robot, human, offset = trajectory.position, trajectory.human_position[:, k], trajectory.offset[:, k]
     entered, left = np.flatnonzero(trajectory.present[:, k])[[0, -1]].tolist()
     first, last = max(nearest - near, entered), min(nearest + near, left)
@@ -152,9 +152,9 @@ def _kind(moved: tuple[Array, Array], angle: float, before: Array, after: Array)
         angle: between them, rad.
         before, after: (2,), m, offset from the robot to the human before and after the meeting.
     """
-    if not lengths(moved[1]) > STILL_DISTANCE:
+    if not lengths(moved[1]) > _STILL_DISTANCE:
         return "standing"
-    if not lengths(moved[0]) > STILL_DISTANCE:
+    if not lengths(moved[0]) > _STILL_DISTANCE:
         return "waiting"
     if angle >= HEAD_ON_ANGLE:
         return "head-on"
@@ -195,7 +195,7 @@ def _door_width(scene: Scene, robot: Array, human: Array) -> float | None:
         robot_side, human_side = (
             along[0] * (track[:, 1] - middle[1]) - along[1] * (track[:, 0] - middle[0]) for track in (robot, human)
         )
-        robot_near, human_near = (lengths(track - middle) < DOOR_RANGE for track in (robot, human))
+        robot_near, human_near = (lengths(track - middle) < _DOOR_RANGE for track in (robot, human))
         passes = human_side[present][0] * human_side[present][-1] < 0.0
         # or it walks up to the doorway, and lets the robot pass first
         yields = robot_side[0] * robot_side[-1] < 0.0 and not human_near[present][0]
@@ -210,7 +210,7 @@ def _group_meeting(trajectory: Trajectory, group: Group) -> GroupMeeting | None:
     members, extent = trajectory.human_position[:, columns], trajectory.human_radius[columns].max()
     centre = _centres(members, in_circle=group.kind == "talking" and len(group.members) > 2)
     radius = lengths(members - centre[:, None]).mean(axis=1)
-    distance = np.where(radius < MAX_GROUP_RADIUS, lengths(centre - trajectory.position), np.nan)
+    distance = np.where(radius < _MAX_GROUP_RADIUS, lengths(centre - trajectory.position), np.nan)
     if not np.isfinite(distance).any():
         return None
     nearest = int(np.nanargmin(distance))
@@ -220,7 +220,7 @@ def _group_meeting(trajectory: Trajectory, group: Group) -> GroupMeeting | None:
         blocks_path=bool(straight.gaps(centre[nearest : nearest + 1])[0, 0] < radius[nearest] + extent),
         distance=float(distance[nearest]),
         radius=float(radius[nearest]),
-        joined=bool(distance[-1] < radius[-1] + JOIN_TOLERANCE),
+        joined=bool(distance[-1] < radius[-1] + _JOIN_TOLERANCE),
     )
 
 

@@ -103,7 +103,7 @@ def evaluate(
     shared = shared_workers(workers)
     controllers = {label: subject for label, subject in labelled.items() if not isinstance(subject, Dataset)}
     if out is not None and not controllers:
-        raise ValueError(f"out={str(out)!r} is for the episodes of controllers, and only recorded episodes are given")
+        raise ValueError(f"out={str(out)!r} is for the episodes of controllers, but all subjects are recorded episodes")
     bar = bar_of(progress)
     folder = _TemporaryFolder() if out is None and controllers else None
     root = folder.path if folder is not None else location(out or ".")
@@ -240,7 +240,7 @@ def _generated(
                         path, config, controller, episodes=episodes, seed=seed, workers=pool,
                         resume=(path / MANIFEST).exists(), progress=False, advance=advance,
                     )  # fmt: skip
-            except Sonata2dError as error:  # with other remedies than those of `generate_dataset`
+            except Sonata2dError as error:  # the remedies of `generate_dataset` do not apply
                 text, other_options, _ = str(error).partition("; repeat the options")
                 if isinstance(error, RecordError) and other_options:
                     raise RecordError(f"{text}; choose another folder for the evaluation") from error

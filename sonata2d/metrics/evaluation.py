@@ -14,8 +14,8 @@ from .definition import DEFINITIONS_VERSION, NEEDS
 from .summary import LEVEL, RESAMPLES, Interval, Share, Summary, differences, summarise
 
 EVENTS = ("0/1", "count")  # units of metrics that are shown as shares of episodes
-METRICS_FORMAT = "sonata2d-metrics"
-MARK = "*"  # of values that differ from those of the first evaluation
+_METRICS_FORMAT = "sonata2d-metrics"
+MARK = "*"  # of values that differ significantly from the first evaluation
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class Evaluation:
         return Share(sum(value > 0.0 for value in values), len(values)) if values else None
 
     def text(self, name: str) -> str:
-        """The summary of a metric in a table: `0.95 [0.85, 1.00]`, or the reason why there is none."""
+        """The summary of a metric in a table: `0.95 [0.85, 1.00]`, or the reason why it is missing."""
         lacking = self.lacking(name)
         return f"not measured: lacks {', '.join(lacking)}" if lacking else self.summary(name).text(len(self.episodes))
 
@@ -118,7 +118,7 @@ class Evaluation:
         return differences(theirs, ours, name, resamples=self.resamples)
 
     def differs(self, baseline: Evaluation, name: str) -> bool:
-        """Whether a metric differs significantly from that of another evaluation in the common scenes.
+        """Whether a metric differs significantly from another evaluation in the common scenes.
 
         False if the difference of the means over all episodes has the other sign: they are over other episodes, and a
         mark beside them would be read the wrong way round.
@@ -132,12 +132,12 @@ class Evaluation:
     def to_json(self) -> dict[str, Any]:
         """Version of the definitions, summaries and the metrics of every episode, as a JSON object.
 
-        Summaries cover all episodes, the successful ones and those of each scenario family.
+        Summaries cover all episodes, the successful episodes and the episodes of each scenario family.
         """
         names = self.episodes[0].values if self.episodes else {}
         families = sorted({episode.family for episode in self.episodes})
         return {
-            "format": METRICS_FORMAT,
+            "format": _METRICS_FORMAT,
             "version": DEFINITIONS_VERSION,
             "metrics": {name: {"unit": ALL[name].unit, "better": ALL[name].better} for name in names},
             "bootstrap": {"level": LEVEL, "resamples": self.resamples, "seed": 0},

@@ -30,7 +30,7 @@ from .summary import FEW, LEVEL, Share
 from .templates import render
 from .trajectory import Trajectory
 
-OUTCOMES = {
+_OUTCOMES = {
     "goal": "goal reached without collision",
     "goal-collision": "goal reached after a collision",
     "timeout": "time limit reached",
@@ -39,7 +39,7 @@ OUTCOMES = {
     "regenerate": "new scene requested",
     "error": "error in the controller",
 }
-MOMENTS = 6  # pictures of a film strip
+_MOMENTS = 6  # pictures of a film strip
 _COLLISIONS = ("collisions", "object_collisions", "wall_collisions", "person_on_robot")  # beside the headline metrics
 
 
@@ -79,7 +79,7 @@ def page_of(
     shown = page_metrics() if metrics is None else metrics
     strips = []
     for evaluation, its_files in zip(evaluations, files, strict=True) if files else ():
-        strips.append(film_strips(evaluation.episodes, its_files))
+        strips.append(_film_strips(evaluation.episodes, its_files))
         advance(1)
     kinds = outcome_kinds(evaluations)
     constants = {metric: constant_of(evaluations, metric) for metric in shown}
@@ -94,7 +94,7 @@ def page_of(
         common_scenes=set.intersection(*(evaluation.scenes for evaluation in evaluations)),
         few=FEW,
         level=f"{100 * LEVEL:.0f} %",
-        outcomes={kind: OUTCOMES[kind] for kind in kinds},
+        outcomes={kind: _OUTCOMES[kind] for kind in kinds},
         outcome_shares=[outcome_shares(evaluation, kinds) for evaluation in evaluations],
         families=_families(shown),
         marks=partial(marks, evaluations),
@@ -121,9 +121,9 @@ def number_range(numbers: Iterable[int]) -> str:
 
 
 def outcome_kinds(evaluations: Sequence[Evaluation]) -> list[str]:
-    """The outcomes that occur, in the order of `OUTCOMES`."""
+    """The outcomes that occur, in the order of `_OUTCOMES`."""
     kinds = {_outcome_kind(episode) for evaluation in evaluations for episode in evaluation.episodes}
-    return [kind for kind in OUTCOMES if kind in kinds]
+    return [kind for kind in _OUTCOMES if kind in kinds]
 
 
 def outcome_shares(evaluation: Evaluation, kinds: Sequence[str]) -> dict[str, Share]:
@@ -237,7 +237,7 @@ def _round_numbers(low: float, high: float) -> list[float]:
 # --- Film strips of the best and the worst episode ---
 
 
-def film_strips(episodes: Sequence[Measured], files: Sequence[Path]) -> list[dict[str, Any]]:
+def _film_strips(episodes: Sequence[Measured], files: Sequence[Path]) -> list[dict[str, Any]]:
     """Film strips of the best and the worst episode; a single strip if they are the same.
 
     Args:
@@ -291,8 +291,8 @@ def _event(trajectory: Trajectory) -> tuple[int | None, str]:
 
 
 def _moments(count: int, event: int | None) -> list[int]:
-    """Evenly spaced indices below `count`, at most `MOMENTS`; the inner one nearest to the event is moved there."""
-    indices = [round(index) for index in np.linspace(0, count - 1, MOMENTS)]
+    """Evenly spaced indices below `count`, at most `_MOMENTS`; the inner one nearest to the event is moved there."""
+    indices = [round(index) for index in np.linspace(0, count - 1, _MOMENTS)]
     if event is not None and event not in indices:
-        indices[min(range(1, MOMENTS - 1), key=lambda k: abs(indices[k] - event))] = event
+        indices[min(range(1, _MOMENTS - 1), key=lambda k: abs(indices[k] - event))] = event
     return sorted(set(indices))

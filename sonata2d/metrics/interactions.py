@@ -10,11 +10,11 @@ import numpy as np
 from ..core.geometry import contact_times
 from ..core.portable_math import Array, BoolArray
 from ..core.proxemics import SOCIAL_DISTANCE
-from .definition import metric
+from .definition import BODIES, metric
 from .trajectory import Trajectory
 
 
-@metric("s", "more", needs={"robot", "robot.radius", "humans.radius"}, headline=True)
+@metric("s", "more", needs=BODIES, headline=True)
 def time_to_collision_min(trajectory: Trajectory) -> float | None:
     """Min over states and people of the time until the outlines touch if both keep their velocities.
 

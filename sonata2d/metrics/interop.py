@@ -14,21 +14,20 @@ import numpy as np
 from ..core.geometry import disc_contact_times
 from ..core.portable_math import Array
 from ..core.vectors import lengths, wrap_angles
-from .definition import Better, Function, Metric, Need, metric
+from .definition import BODIES, GOAL, Better, Function, Metric, Need, metric
 from .paths import path_length_of
 from .space import ZONES, zone_fraction
 from .trajectory import Trajectory
 
-SOCNAV3_HUMAN_RADIUS = 0.3  # m, the same for every human
-SOCNAV3_IMMINENT = 0.01  # s, time to collision up to which fear is 10
-HUNAV_CONTACT_DISTANCE = 0.02  # m
-HUNAV_STILL_SPEED, HUNAV_STILL_TURN = 0.01, 0.02  # m/s, rad/s
-HUNAV_GOAL_TOLERANCE = 0.05  # m, added to the goal's radius
-HUNAV_GROUP_AHEAD = 1.5  # m, ahead of each member, where the centre of the group is assumed
+_SOCNAV3_HUMAN_RADIUS = 0.3  # m, the same for every human
+_SOCNAV3_IMMINENT = 0.01  # s, time to collision up to which fear is 10
+_HUNAV_CONTACT_DISTANCE = 0.02  # m
+_HUNAV_STILL_SPEED, _HUNAV_STILL_TURN = 0.01, 0.02  # m/s, rad/s
+_HUNAV_GOAL_TOLERANCE = 0.05  # m, added to the goal's radius
+_HUNAV_GROUP_AHEAD = 1.5  # m, ahead of each member, where the centre of the group is assumed
 
 _MOTION: tuple[Need, ...] = ("robot",)
 _ROBOT: tuple[Need, ...] = (*_MOTION, "robot.radius")
-_BODIES: tuple[Need, ...] = (*_ROBOT, "humans.radius")
 _HUNAV, _SOCNAV3 = "HuNavSim, hunav_metrics.py", "SocNav3, metrics.py"
 
 
@@ -103,17 +102,17 @@ def socnavgym_jerk(trajectory: Trajectory) -> float | None:
     return float(lengths(jerk).mean())
 
 
-@_variant("hunavsim.goal_reached", "success", "0/1", "more", ("robot", "goal", "goal.distance"))
+@_variant("hunavsim.goal_reached", "success", "0/1", "more", GOAL)
 def hunav_goal(trajectory: Trajectory) -> float:
     """1 if |p − g| − goal.distance < 0.05 m in the last state, with any heading.
 
     Source: HuNavSim, hunav_metrics.py.
     """
     distance = float(lengths(trajectory.position[-1] - trajectory.scene.goal.position))
-    return float(distance - trajectory.scene.goal.distance < HUNAV_GOAL_TOLERANCE)
+    return float(distance - trajectory.scene.goal.distance < _HUNAV_GOAL_TOLERANCE)
 
 
-@_variant("hunavsim.robot_on_person_collision", "robot_on_person", "count", "less", (*_BODIES, "headings"))
+@_variant("hunavsim.robot_on_person_collision", "robot_on_person", "count", "less", (*BODIES, "headings"))
 def hunav_robot_on_person(trajectory: Trajectory) -> float:
     """Number of (state, person) pairs with d < 0.02 m and |α| < |α'|, and unequal speeds.
 
@@ -125,7 +124,7 @@ def hunav_robot_on_person(trajectory: Trajectory) -> float:
     return _hunav_collisions(trajectory, sign=1)
 
 
-@_variant("hunavsim.person_on_robot_collision", "person_on_robot", "count", "neither", (*_BODIES, "headings"))
+@_variant("hunavsim.person_on_robot_collision", "person_on_robot", "count", "neither", (*BODIES, "headings"))
 def hunav_person_on_robot(trajectory: Trajectory) -> float:
     """As robot_on_person_collision, with |α| > |α'|.
 
@@ -142,7 +141,7 @@ def hunav_stalled(trajectory: Trajectory) -> float:
 
     Source: HuNavSim, hunav_metrics.py.
     """
-    still = (lengths(trajectory.velocity) < HUNAV_STILL_SPEED) & (trajectory.omega < HUNAV_STILL_TURN)
+    still = (lengths(trajectory.velocity) < _HUNAV_STILL_SPEED) & (trajectory.omega < _HUNAV_STILL_TURN)
     return float(still.sum()) * trajectory.total_time / len(trajectory)
 
 
@@ -188,7 +187,7 @@ def socnav3_fear(trajectory: Trajectory) -> float | None:
     if not trajectory.has_humans:
         return None
     smallest = _socnav3_min_time(trajectory)
-    return 1.0 / smallest if smallest > SOCNAV3_IMMINENT else 10.0
+    return 1.0 / smallest if smallest > _SOCNAV3_IMMINENT else 10.0
 
 
 @_variant("socnav3.path_efficiency_ratio", "spl", "share", "more", ("robot", "goal"))
@@ -202,13 +201,13 @@ def socnav3_path_efficiency(trajectory: Trajectory) -> float:
     return min(1.0, straight / actual) if actual > 0.0 else 1.0
 
 
-def hunav_zone(trajectory: Trajectory, low: float, high: float) -> float | None:
+def _hunav_zone(trajectory: Trajectory, low: float, high: float) -> float | None:
     """Percentage of the states with the nearest human's clearance in [low, high) m."""
     fraction = zone_fraction(trajectory, low, high)
     return None if fraction is None else 100.0 * fraction
 
 
-def hunav_group_zone(trajectory: Trajectory, low: float, high: float) -> float | None:
+def _hunav_group_zone(trajectory: Trajectory, low: float, high: float) -> float | None:
     """Percentage of the states with the nearest group's centre in [low, high) m from the robot's outline.
 
     The centre is the mean of the points 1.5 m ahead of each member.
@@ -217,21 +216,21 @@ def hunav_group_zone(trajectory: Trajectory, low: float, high: float) -> float |
     groups = [[column[m] for m in group.members] for group in trajectory.scene.groups]
     if not groups:
         return None
-    ahead = trajectory.human_position + HUNAV_GROUP_AHEAD * trajectory.human_direction
+    ahead = trajectory.human_position + _HUNAV_GROUP_AHEAD * trajectory.human_direction
     centres = [ahead[:, members].mean(axis=1) for members in groups]
     distance = np.stack([lengths(centre - trajectory.position) for centre in centres]).min(axis=0)
     inside = (distance - trajectory.radius >= low) & (distance - trajectory.radius < high)
     return 100.0 * float(inside.mean())
 
 
-def socnav3_intrusion(trajectory: Trajectory, threshold: float) -> float | None:
+def _socnav3_intrusion(trajectory: Trajectory, threshold: float) -> float | None:
     """Fraction of the states with a human of radius 0.3 m nearer than the threshold, m."""
     return float((_socnav3_clearance(trajectory) < threshold).mean()) if trajectory.has_humans else None
 
 
 def _hunav_collisions(trajectory: Trajectory, sign: int) -> float:
     """Number of pairs with |α| below |α'|, as `hunav_robot_on_person` defines them; with sign -1, above it."""
-    index, k = np.nonzero(trajectory.human_clearance < HUNAV_CONTACT_DISTANCE)
+    index, k = np.nonzero(trajectory.human_clearance < _HUNAV_CONTACT_DISTANCE)
     offset = trajectory.offset[index, k]
     alpha = np.abs(_bearing(-offset, trajectory.human_heading[index, k]))
     alpha_prime = np.abs(wrap_angles(np.pi / 2.0 - _bearing(offset, trajectory.heading[index])))
@@ -253,7 +252,7 @@ def _executed_velocity(trajectory: Trajectory) -> Array:
 
 def _socnav3_clearance(trajectory: Trajectory) -> Array:
     """(L,), m, to the nearest human of radius 0.3 m; 0 where they overlap."""
-    clearance: Array = np.maximum(trajectory.distance - trajectory.radius - SOCNAV3_HUMAN_RADIUS, 0.0).min(axis=1)
+    clearance: Array = np.maximum(trajectory.distance - trajectory.radius - _SOCNAV3_HUMAN_RADIUS, 0.0).min(axis=1)
     return clearance
 
 
@@ -262,7 +261,7 @@ def _socnav3_min_time(trajectory: Trajectory) -> float:
     velocity, human_velocity = np.zeros_like(trajectory.position), np.zeros_like(trajectory.human_position)
     velocity[1:] = np.diff(trajectory.position, axis=0) / trajectory.durations[:, None]
     human_velocity[1:] = np.diff(trajectory.human_position, axis=0) / trajectory.durations[:, None, None]
-    radii = np.sqrt(2.0) * trajectory.radius + SOCNAV3_HUMAN_RADIUS
+    radii = np.sqrt(2.0) * trajectory.radius + _SOCNAV3_HUMAN_RADIUS
     times = disc_contact_times(trajectory.offset, velocity[:, None, :] - human_velocity, radii)
     return float(times.min(initial=np.inf))
 
@@ -271,7 +270,7 @@ _HUNAV_ZONES = tuple(
     Metric(
         f"hunavsim.{name}_space_intrusions", "%", "less",
         f"Percentage of states with {low:g} m ≤ min d < {high:g} m",
-        _HUNAV, partial(hunav_zone, low=low, high=high), variant_of=f"zone_{name}", needs=_BODIES,
+        _HUNAV, partial(_hunav_zone, low=low, high=high), variant_of=f"zone_{name}", needs=BODIES,
     )
     for name, (low, high) in ZONES.items() if name != "public"
 )  # fmt: skip
@@ -280,7 +279,7 @@ _HUNAV_GROUP_ZONES = tuple(
         f"hunavsim.group_{name}_space_intrusions", "%", "less",
         f"Percentage of states with {'' if name == 'intimate' else f'{low:g} m ≤ '}|p − c| − r_robot < {high:g} m for"
         " the nearest group, c = mean of the points 1.5 m ahead of each member",
-        _HUNAV, partial(hunav_group_zone, low=-np.inf if name == "intimate" else low, high=high),
+        _HUNAV, partial(_hunav_group_zone, low=-np.inf if name == "intimate" else low, high=high),
         variant_of="group_intrusion", needs={*_ROBOT, "headings", "humans.group"},
     )
     for name, (low, high) in ZONES.items() if name != "public"
@@ -289,7 +288,7 @@ _SOCNAV3_INTRUSIONS = tuple(
     Metric(
         f"socnav3.social_space_intrusion{letter}", "share", "less",
         f"Fraction of states with min max(0, |p − q| − r_robot − 0.3 m) < {threshold:g} m",
-        _SOCNAV3, partial(socnav3_intrusion, threshold=threshold),
+        _SOCNAV3, partial(_socnav3_intrusion, threshold=threshold),
         variant_of=f"personal_space_compliance_{ours:.2f}", needs=_ROBOT,
     )
     for letter, threshold, ours in (("A", 0.4, 0.45), ("B", 0.6, 0.5), ("C", 0.8, 0.8))

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..core.vectors import lengths, wrap_angles
-from .definition import GOAL, Need, metric
+from .definition import BODIES, GOAL, OBSTACLES, metric
 from .trajectory import Kind, Trajectory
 
-STILL_SPEED, STILL_TURN = 0.01, 0.02  # m/s, rad/s: the robot stands still below both (HuNavSim's thresholds)
+_STILL_SPEED, _STILL_TURN = 0.01, 0.02  # m/s, rad/s: the robot stands still below both (HuNavSim's thresholds)
 
-_PEOPLE: tuple[Need, ...] = ("robot", "robot.radius", "humans.radius")
-_ALL_OUTLINES: tuple[Need, ...] = (*_PEOPLE, "walls", "objects")
+_ALL_OUTLINES = (*BODIES, *OBSTACLES)
 
 
 @metric("0/1", "more", needs=GOAL, headline=True)
@@ -53,7 +52,7 @@ def collisions(trajectory: Trajectory) -> float:
     return float(len(trajectory.collisions))
 
 
-@metric("count", "less", needs=_PEOPLE, headline=True)
+@metric("count", "less", needs=BODIES, headline=True)
 def human_collisions(trajectory: Trajectory) -> float:
     """Number of collisions with people.
 
@@ -80,7 +79,7 @@ def wall_collisions(trajectory: Trajectory) -> float:
     return _collisions_with(trajectory, "wall")
 
 
-@metric("count", "less", needs=_PEOPLE, headline=True)
+@metric("count", "less", needs=BODIES, headline=True)
 def robot_on_person(trajectory: Trajectory) -> float:
     """Number of collisions with people in which the robot's own velocity, as commanded, closed the gap (> 0.01 m/s).
 
@@ -91,7 +90,7 @@ def robot_on_person(trajectory: Trajectory) -> float:
     return float(sum(c.kind == "human" and c.robot_at_fault for c in trajectory.collisions))
 
 
-@metric("count", "neither", needs=_PEOPLE)
+@metric("count", "neither", needs=BODIES)
 def person_on_robot(trajectory: Trajectory) -> float:
     """Number of collisions with people in which the person's velocity closed the gap.
 
@@ -102,7 +101,7 @@ def person_on_robot(trajectory: Trajectory) -> float:
     return float(sum(c.kind == "human" and c.other_at_fault for c in trajectory.collisions))
 
 
-@metric("count", "less", needs=_PEOPLE)
+@metric("count", "less", needs=BODIES)
 def both_on_each_other(trajectory: Trajectory) -> float:
     """Number of collisions counted in both robot_on_person and person_on_robot.
 
@@ -135,7 +134,7 @@ def stalled_time(trajectory: Trajectory) -> float:
     """
     steps, durations = lengths(trajectory.position[1:] - trajectory.position[:-1]), trajectory.durations
     turns = np.abs(wrap_angles(np.diff(trajectory.heading)))
-    return float(durations[(steps < STILL_SPEED * durations) & (turns < STILL_TURN * durations)].sum())
+    return float(durations[(steps < _STILL_SPEED * durations) & (turns < _STILL_TURN * durations)].sum())
 
 
 def _collisions_with(trajectory: Trajectory, kind: Kind) -> float:

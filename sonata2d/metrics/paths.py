@@ -6,10 +6,10 @@ import numpy as np
 
 from ..core.portable_math import Array
 from ..core.vectors import lengths, wrap_angles
-from .definition import GOAL, Need, metric
+from .definition import GOAL, OBSTACLES, metric
 from .trajectory import Trajectory
 
-_SHORTEST_PATH: tuple[Need, ...] = (*GOAL, "robot.radius", "walls", "objects")
+_SHORTEST_PATH = (*GOAL, *OBSTACLES)
 
 
 def path_length_of(trajectory: Trajectory) -> float:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".png", ".pdf", ".svg")
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")  # Okabe & Ito
-COLUMNS = 3
+_COLUMNS = 3
 _MAX_NAME = 26  # characters of a name in pictures and pages
 _PANEL = (2.4, 0.55)  # inches: width of a panel, height without its rows
 _ROW = 0.24  # inches, height of one evaluation
@@ -112,21 +112,21 @@ def figure_of(evaluations: Sequence[Evaluation], metrics: Sequence[Metric], *, t
         raise RenderError("nothing to draw: none of the metrics is defined in any episode; choose others")
     from matplotlib.figure import Figure
 
-    rows = -(-len(shown) // COLUMNS)
+    rows = -(-len(shown) // _COLUMNS)
     height = rows * (_PANEL[1] + len(evaluations) * _ROW) + (0.4 if title else 0.1)
-    figure = Figure(figsize=(_PANEL[0] * COLUMNS + 1.2, height), layout="constrained")
+    figure = Figure(figsize=(_PANEL[0] * _COLUMNS + 1.2, height), layout="constrained")
     if title:
         figure.suptitle(title, fontsize=9, parse_math=False)
     names = short_names([evaluation.label for evaluation in evaluations])
     for k, metric in enumerate(shown):
-        panel = figure.add_subplot(rows, COLUMNS, k + 1)
+        panel = figure.add_subplot(rows, _COLUMNS, k + 1)
         for row, evaluation in enumerate(evaluations):
             _draw(panel, row, evaluation, metric)
         unit = {"0/1": "", "share": "", "count": ", at least one"}.get(metric.unit, f" ({metric.unit})")
         heading = f"{metric.name.replace('_', ' ')}{unit} {ARROWS[metric.better]}".rstrip()
         panel.set_title(heading, fontsize=7.5, loc="left")
         # labels are paths, and may hold dollar signs
-        panel.set_yticks(range(len(names)), names if k % COLUMNS == 0 else [""] * len(names), parse_math=False)
+        panel.set_yticks(range(len(names)), names if k % _COLUMNS == 0 else [""] * len(names), parse_math=False)
         panel.set_ylim(len(names) - 0.5, -0.5)
         panel.tick_params(labelsize=7, length=2)
         panel.grid(axis="x", linewidth=0.4, color="#dddddd")

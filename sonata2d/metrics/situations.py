@@ -21,10 +21,10 @@ from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, Renderer
 from .encounters import HEAD_ON_ANGLE, SAME_WAY_ANGLE, Encounter, Kind, Meeting, encounter
 
-MEETING_CLEARANCE = 2.0  # m, between outlines; a larger clearance is not a meeting
-SUDDEN_DISTANCE = 5.0  # m, between centres; a human first seen nearer than this was hidden by a corner
-MAX_CROSSING_DELAY = 4.0  # s, between the passages of robot and human where their paths cross
-CROWD_NEIGHBOURS, CROWD_DENSITY = 3, 0.1  # mean number of humans near the robot; humans per m²
+_MEETING_CLEARANCE = 2.0  # m, between outlines; a larger clearance is not a meeting
+_SUDDEN_DISTANCE = 5.0  # m, between centres; a human first seen nearer than this was hidden by a corner
+_MAX_CROSSING_DELAY = 4.0  # s, between the passages of robot and human where their paths cross
+_CROWD_NEIGHBOURS, _CROWD_DENSITY = 3, 0.1  # mean number of humans near the robot; humans per m²
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,19 +101,19 @@ def _first_match(description: str, matches: Callable[[Meeting], bool], encounter
 
 def _is_in_sight(kind: Kind, meeting: Meeting) -> bool:
     """Whether a meeting is of a kind, with robot and human in sight of each other from the start."""
-    return meeting.kind == kind and meeting.clearance < MEETING_CLEARANCE and meeting.sight_distance is None
+    return meeting.kind == kind and meeting.clearance < _MEETING_CLEARANCE and meeting.sight_distance is None
 
 
 def _crosses(meeting: Meeting) -> bool:
     if meeting.crossing_delay is None or meeting.door_width is not None:  # paths through one doorway often cross
         return False
-    is_near = meeting.crossing_delay < MAX_CROSSING_DELAY and meeting.clearance < MEETING_CLEARANCE
+    is_near = meeting.crossing_delay < _MAX_CROSSING_DELAY and meeting.clearance < _MEETING_CLEARANCE
     return is_near and SAME_WAY_ANGLE < meeting.angle < HEAD_ON_ANGLE
 
 
 def _appears(meeting: Meeting) -> bool:
-    is_sudden = meeting.sight_distance is not None and meeting.sight_distance < SUDDEN_DISTANCE
-    return is_sudden and meeting.clearance < MEETING_CLEARANCE
+    is_sudden = meeting.sight_distance is not None and meeting.sight_distance < _SUDDEN_DISTANCE
+    return is_sudden and meeting.clearance < _MEETING_CLEARANCE
 
 
 def _passes_a_door(meeting: Meeting) -> bool:
@@ -141,7 +141,7 @@ def _joining_a_group(encounter: Encounter) -> Verdict:
 def _crowded_hall(encounter: Encounter) -> Verdict:
     people, density = encounter.neighbours, encounter.density
     description = f"on average {people:.1f} people near the robot, {density:.2f} per m² of the room"
-    return Verdict(people >= CROWD_NEIGHBOURS and density >= CROWD_DENSITY, description)
+    return Verdict(people >= _CROWD_NEIGHBOURS and density >= _CROWD_DENSITY, description)
 
 
 SITUATIONS: dict[str, Callable[[Encounter], Verdict]] = {

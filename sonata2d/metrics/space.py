@@ -8,11 +8,11 @@ import numpy as np
 
 from ..core.portable_math import Array
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, SOCIAL_DISTANCE
-from .definition import Metric, Need, metric
+from .definition import BODIES, OBSTACLES, Metric, metric
 from .trajectory import Trajectory
 
 THRESHOLDS = (0.3, 0.45, 0.5, 0.8, 1.2)  # m; several, since no single one is right for every culture and task
-ZONES = {  # m, from the robot's outline to that of the nearest human
+ZONES = {  # m, between the outlines of the robot and of the nearest human
     "intimate": (0.0, INTIMATE_DISTANCE),
     "personal": (INTIMATE_DISTANCE, PERSONAL_DISTANCE),
     "social": (PERSONAL_DISTANCE, SOCIAL_DISTANCE),
@@ -21,11 +21,9 @@ ZONES = {  # m, from the robot's outline to that of the nearest human
 
 _HALL = "E. T. Hall, The Hidden Dimension (1966)"
 _FRANCIS = "Francis et al., arXiv 2306.16740, table of metrics"
-_PEOPLE: tuple[Need, ...] = ("robot", "robot.radius", "humans.radius")
-_OBSTACLES: tuple[Need, ...] = ("robot", "robot.radius", "walls", "objects")
 
 
-@metric("m", "more", needs=_PEOPLE, headline=True)
+@metric("m", "more", needs=BODIES, headline=True)
 def human_clearance_min(trajectory: Trajectory) -> float | None:
     """Min over states and people of d = max(0, |p − q| − r_robot − r_person); not defined without people.
 
@@ -36,7 +34,7 @@ def human_clearance_min(trajectory: Trajectory) -> float | None:
     return float(trajectory.clearance.min()) if trajectory.has_humans else None
 
 
-@metric("m", "more", needs=_PEOPLE)
+@metric("m", "more", needs=BODIES)
 def human_clearance_mean(trajectory: Trajectory) -> float | None:
     """Mean over states with people of min over people of d; not defined without people.
 
@@ -46,7 +44,7 @@ def human_clearance_mean(trajectory: Trajectory) -> float | None:
     return float(trajectory.clearance[occupied].mean()) if trajectory.has_humans else None
 
 
-@metric("m", "more", needs=_OBSTACLES, headline=True)
+@metric("m", "more", needs=OBSTACLES, headline=True)
 def obstacle_clearance_min(trajectory: Trajectory) -> float | None:
     """Min over states of the clearance to walls and furniture, at least 0; not defined without walls and furniture.
 
@@ -56,7 +54,7 @@ def obstacle_clearance_min(trajectory: Trajectory) -> float | None:
     return None if clearance is None else float(clearance.min())
 
 
-@metric("m", "more", needs=_OBSTACLES)
+@metric("m", "more", needs=OBSTACLES)
 def obstacle_clearance_mean(trajectory: Trajectory) -> float | None:
     """Mean over states of the clearance to walls and furniture, at least 0; not defined without walls and furniture.
 
@@ -94,7 +92,7 @@ _COMPLIANCE = tuple(
         f"Fraction of states in which min over people of d ≥ {threshold:.2f} m; states without people count,"
         " but an episode without people has no value",
         f"{_FRANCIS} (SC)", partial(personal_space_compliance, threshold=threshold),
-        headline=threshold == INTIMATE_DISTANCE, needs=_PEOPLE,
+        headline=threshold == INTIMATE_DISTANCE, needs=BODIES,
     )
     for threshold in THRESHOLDS
 )  # fmt: skip
@@ -103,7 +101,7 @@ _ZONES = tuple(
         f"zone_{name}", "share", "neither" if name in ("social", "public") else "less",
         f"Fraction of states in which {low:g} m ≤ min over people of d{'' if high == np.inf else f' < {high:g} m'}; not"
         " defined without people",
-        _HALL, partial(zone_fraction, low=low, high=high), needs=_PEOPLE,
+        _HALL, partial(zone_fraction, low=low, high=high), needs=BODIES,
     )
     for name, (low, high) in ZONES.items()
 )  # fmt: skip

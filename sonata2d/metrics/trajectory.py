@@ -210,11 +210,11 @@ class Trajectory:
     @cached_property
     def collisions(self) -> list[Collision]:
         """The robot's collisions, ordered by their first state."""
-        return find_collisions(self)
+        return _find_collisions(self)
 
     @cached_property
     def shortest_path(self) -> float | None:
-        """Length of the robot's shortest path from its start to the edge of the goal, m; None if there is none.
+        """Length of the robot's shortest path from its start to the edge of the goal, m; None if no path exists.
 
         The path avoids walls and furniture at the robot's radius and ignores humans.
         """
@@ -226,7 +226,7 @@ class Trajectory:
         return max(length - goal.distance, 0.0) if np.isfinite(length) else None
 
 
-def find_collisions(trajectory: Trajectory) -> list[Collision]:
+def _find_collisions(trajectory: Trajectory) -> list[Collision]:
     """Join contacts at consecutive states into collisions.
 
     A state is in contact with an outline if the file records a contact, which is detected within a tick, or if the
@@ -240,8 +240,8 @@ def find_collisions(trajectory: Trajectory) -> list[Collision]:
     sources = (*_human_contacts(trajectory), *_barrier_contacts(trajectory), *_recorded_contacts(trajectory))
     for outline, index, fault in sources:
         contacts.setdefault(outline, {})[index] = fault
-    found = [collision for outline, faults in contacts.items() for collision in _join(outline, faults)]
-    return sorted(found, key=lambda collision: (collision.first, collision.kind, collision.id))
+    collisions = [collision for outline, faults in contacts.items() for collision in _join(outline, faults)]
+    return sorted(collisions, key=lambda collision: (collision.first, collision.kind, collision.id))
 
 
 def _recorded_contacts(trajectory: Trajectory) -> Iterator[tuple[Outline, int, Fault]]:
