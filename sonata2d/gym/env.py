@@ -19,9 +19,8 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.wording import shown
 from ..errors import SceneError
-from ..metrics.catalogue import select_metrics
+from ..metrics.catalogue import NEEDING_RERUN, select_metrics
 from ..metrics.definition import Metric
-from ..metrics.disturbance import NEEDING_RERUN
 from ..metrics.measurement import measure
 from ..record.reader import record_from_document
 from ..record.recorder import EpisodeRecorder

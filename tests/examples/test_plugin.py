@@ -141,8 +141,8 @@ def test_a_metric_plug_in_cannot_replace_a_built_in_metric(installed: dict[str, 
     info = tmp_path / "metrics-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: metrics\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[sonata2d.metrics]\nsuccess = mine:SUCCESS\nother = mine:SUCCESS\n")
-    source = "from sonata2d.metrics import Metric\nSUCCESS = Metric('success', 'm', 'less', '', '', lambda t: 7.0)\n"
+    (info / "entry_points.txt").write_text("[sonata2d.metrics]\nsuccess = mine:success\nother = mine:success\n")
+    source = "from sonata2d.metrics import metric\n@metric('m', 'less', needs=())\ndef success(t): return 7.0\n"
     (tmp_path / "mine.py").write_text(source)
     env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
     words = ["generate", "out", "--scenario", "empty", "--controller", "straight-to-goal", "--episodes", "1"]
@@ -208,7 +208,7 @@ def test_a_metric_that_raises_is_named_with_the_file_and_a_broken_one_once(
     installed: dict[str, str], tmp_path: Path, workers: str
 ) -> None:
     source = "from sonata2d.metrics import Metric\ndef fail(t): raise KeyError('x')\n"
-    source += "RAISING = Metric('raising', 'm', 'less', '', '', fail)\n"
+    source += "RAISING = Metric('raising', 'm', 'less', '', '', fail, needs=())\n"
     package(tmp_path, "[sonata2d.metrics]\nraising = mine:RAISING\nwrong = math:pi\n", source)
     env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
     words = ["generate", "out", "--scenario", "empty", "--controller", "straight-to-goal", "--episodes", "2"]

@@ -21,7 +21,7 @@ from sonata2d.datasets.mirror import mirrored
 from sonata2d.datasets.motion import motion_of
 from sonata2d.errors import Sonata2dError
 from sonata2d.formats import sonata
-from sonata2d.formats.base import Options
+from sonata2d.formats.format import Options
 from sonata2d.learning.graph.convert import save_graph, to_data, to_hetero, typed_edges
 from sonata2d.learning.graph.features import FEATURES
 from sonata2d.learning.graph.graph import NODE_TYPES, RELATIONS, Graph, wall_pieces
