@@ -34,9 +34,6 @@ KNOWN = {
     ("datasets.stream", "datasets.torch_data"),
     ("datasets.torch_data", "datasets.dataset"),
     ("learning.graph.source", "learning.graph.kernels"),
-    ("web.researcher", "web.server"),
-    ("window.widgets", "window.playback"),
-    ("window.study_pages", "window.study_flow"),
 }
 
 
