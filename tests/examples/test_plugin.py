@@ -35,7 +35,7 @@ def sonata2d(words: list[str], env: dict[str, str], cwd: Path) -> subprocess.Com
     )
 
 
-def test_the_five_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_path: Path) -> None:
+def test_the_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_path: Path) -> None:
     outputs = {}
     for language, file, text in BLOCK.findall((PLUGIN / "README.md").read_text()):
         if file:
@@ -55,6 +55,17 @@ def test_the_five_plug_ins_work_as_the_readme_says(installed: dict[str, str], tm
     rows = (tmp_path / "paths" / "000000.robot.csv").read_text().splitlines()
     assert rows[0] == "time,x,y,theta"
     assert len(rows) == len(episode["frames"]) + 1
+
+
+def test_the_observation_part_is_observed(installed: dict[str, str], tmp_path: Path) -> None:
+    pytest.importorskip("gymnasium")
+    code = (
+        "import sonata2d.gym as g; e = g.SocialNavEnv('lively', parts=['crowding']); o, _ = e.reset(seed=2); "
+        "rows = o['humans'][o['humans_mask'] > 0, :2]; "
+        "assert o['crowding'].tolist() == [((rows ** 2).sum(axis=1) < 4.0).sum()], o['crowding']"
+    )
+    done = subprocess.run([sys.executable, "-c", code], env=installed, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_episodes_with_plug_ins_replay_and_rerun_to_the_bit(installed: dict[str, str], tmp_path: Path) -> None:
@@ -169,7 +180,13 @@ def test_doctor_lists_each_plug_in_with_its_package_and_whether_it_loads(
     done = sonata2d(["doctor", "--json"], env, tmp_path)
     assert done.returncode == 1
     rows = {row["check"]: row for row in json.loads(done.stdout)}
-    for name in ("controller cautious", "pedestrian model circular", "format robot-csv", "metric mean_speed"):
+    for name in (
+        "controller cautious",
+        "pedestrian model circular",
+        "format robot-csv",
+        "metric mean_speed",
+        "observation part crowding",
+    ):
         assert rows[name]["ok"] is True
         assert rows[name]["found"].startswith("plug-in of sonata2d-example-plugin 0.1.0: ")
     assert rows["controller lost"]["ok"] is False
