@@ -2,8 +2,8 @@
 
 These kinds can be extended by other packages, each through an entry-point group: controllers (`sonata2d.controllers`),
 pedestrian models (`sonata2d.pedestrian_models`), formats (`sonata2d.formats`), metrics (`sonata2d.metrics`), room kinds
-(`sonata2d.room_kinds`) and question kinds (`sonata2d.question_kinds`).
-CONTRIBUTING.md says what an entry point of each group must provide.
+(`sonata2d.room_kinds`), question kinds (`sonata2d.question_kinds`) and parts of observations
+(`sonata2d.observation_parts`). CONTRIBUTING.md describes the entry points of each group.
 
 Listing names imports nothing; an object is imported when it is loaded.
 """
@@ -251,9 +251,12 @@ QUESTION_KINDS = Registry(
     ConfigError,
 )
 
+OBSERVATION_PARTS = Registry("observation part", "sonata2d.observation_parts", {}, ConfigError)
+"""`sonata2d.gym.parts` adds the built-in ones."""
+
 _REGISTRIES = {
     registry.kind: registry
-    for registry in (CONTROLLERS, PEDESTRIAN_MODELS, FORMATS, METRICS, ROOM_KINDS, QUESTION_KINDS)
+    for registry in (CONTROLLERS, PEDESTRIAN_MODELS, FORMATS, METRICS, ROOM_KINDS, QUESTION_KINDS, OBSERVATION_PARTS)
 }
 
 

@@ -33,7 +33,6 @@ KNOWN = {
     ("datasets.stream", "datasets.dataset"),
     ("datasets.stream", "datasets.torch_data"),
     ("datasets.torch_data", "datasets.dataset"),
-    ("learning.graph.source", "learning.graph.kernels"),
 }
 
 

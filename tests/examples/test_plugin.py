@@ -58,6 +58,17 @@ def test_the_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_pat
     assert len(rows) == len(episode["frames"]) + 1
 
 
+def test_the_observation_part_is_observed(installed: dict[str, str], tmp_path: Path) -> None:
+    pytest.importorskip("gymnasium")
+    code = (
+        "import sonata2d.gym as g; e = g.SocialNavEnv('lively', parts=['crowding']); o, _ = e.reset(seed=2); "
+        "rows = o['humans'][o['humans_mask'] > 0, :2]; "
+        "assert o['crowding'].tolist() == [((rows ** 2).sum(axis=1) < 4.0).sum()], o['crowding']"
+    )
+    done = subprocess.run([sys.executable, "-c", code], env=installed, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 def test_episodes_with_plug_ins_replay_and_rerun_to_the_bit(installed: dict[str, str], tmp_path: Path) -> None:
     scenario = "extends: sonata-2020\nroom: {kinds: hexagon}\nperson: {model: circular}\nrules: {time_limit: 4}\n"
     (tmp_path / "quick.yaml").write_text(scenario)
@@ -170,7 +181,13 @@ def test_doctor_lists_each_plug_in_with_its_package_and_whether_it_loads(
     done = sonata2d(["doctor", "--json"], env, tmp_path)
     assert done.returncode == 1
     rows = {row["check"]: row for row in json.loads(done.stdout)}
-    for name in ("controller cautious", "pedestrian model circular", "format robot-csv", "metric mean_speed"):
+    for name in (
+        "controller cautious",
+        "pedestrian model circular",
+        "format robot-csv",
+        "metric mean_speed",
+        "observation part crowding",
+    ):
         assert rows[name]["ok"] is True
         assert rows[name]["found"].startswith("plug-in of sonata2d-example-plugin 0.1.0: ")
     assert rows["controller lost"]["ok"] is False
