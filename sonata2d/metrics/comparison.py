@@ -117,13 +117,14 @@ class Comparison(Sequence[Evaluation]):
             notes.append(f"differences are over the scenes in common with {first.label}: {common}")
         for each in self.evaluations if others else ():
             failed = sum(not episode.values.get("success") for episode in each.episodes)
-            if failed:
+            if failed and not each.lacking("success"):
                 episodes = f"{counted(failed, 'episode')} of {len(each.episodes)}"
                 notes.append(f"means of {each.label} include {episodes} without success")
         if min(len(each.episodes) for each in self.evaluations) < FEW:
             notes.append(f"intervals of fewer than {FEW} episodes are too narrow")
         for each in self.evaluations:
-            stopped = sum(episode.outcome == "stopped" for episode in each.episodes)
+            # the outcome of an imported episode is a placeholder
+            stopped = sum(episode.outcome == "stopped" for episode in each.episodes if "outcome" not in episode.lacks)
             if stopped:
                 number = counted(stopped, "episode")
                 notes.append(f"{number} of {each.label} stopped before the end; counted as without success")

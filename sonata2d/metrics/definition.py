@@ -22,8 +22,9 @@ Function = Callable[[Trajectory], float | None]
 
 Need = Literal[
     Unmeasured,
-    "goal.distance", "robot.radius", "robot.limits", "humans.radius", "humans.desired_speed", "humans.group",
-    "walls", "objects", "frames.interactions", "frames.command", "frames.guarded", "frames.contacts", "frames.events",
+    "goal.distance", "goal.theta", "goal.angle", "robot.radius", "robot.limits", "humans.radius",
+    "humans.desired_speed", "humans.group", "walls", "objects", "frames.interactions", "frames.command",
+    "frames.guarded", "frames.contacts", "frames.events",
 ]  # fmt: skip
 """Data that an imported episode may lack: a name of `Scene.unmeasured`, or a key of the episode file."""
 

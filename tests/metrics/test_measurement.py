@@ -302,13 +302,15 @@ def test_metrics_of_the_run_without_a_robot_need_the_seed() -> None:
 
 def test_the_table_says_what_the_files_lack(episode: EpisodeRecord, tmp_path: Path) -> None:
     path = tmp_path / "foreign.json"
-    names = {"robot.radius", "goal", "seed"}
+    names = {"robot.radius", "goal", "outcome", "seed"}
     document = episode.document | {"imported": {**IMPORTED, "lacks": sorted(names)}}
     path.write_bytes(serialise(document))
     evaluation = Evaluation("foreign", measure_files([path]))
     assert set(evaluation.episodes[0].lacks) == names
     assert evaluation.lacking("spl") == ["goal", "robot.radius"]
     metrics = select_metrics(["path_length", "success", "human_slowing", "spl"])
+    comparison = Comparison({}, [evaluation, evaluation], metrics, is_selected=True)
+    assert len(comparison.notes()) == 2, "an unknown outcome is neither a stop nor a failure"
     table = Comparison({}, [evaluation], metrics, is_selected=True).table()
     assert "not measured: lacks goal, robot.radius" in table
     assert [line.split()[3:] for line in table.splitlines()[2:4]] == [
