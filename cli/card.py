@@ -35,7 +35,7 @@ def command(folder: Path, figures: bool | None, **options: Any) -> None:
     """Write the data card of a data set.
 
     The card is README.md, with figures and the metadata that Hugging Face reads, and croissant.json, with Croissant
-    metadata. What is stated once, such as a licence or a date, stays until another value is given. A card that was
+    metadata. A licence, a date and other statements stay until another value is given. A card that was
     edited is replaced.
     """
     from sonata2d.datasets.card import write_card

@@ -109,7 +109,8 @@ def command(
     from sonata2d.window.stage import Stage
 
     choose_language(language)
-    config, profiles = load_scenario(scenario), read_profiles()
+    config = load_scenario(scenario)
+    profiles = read_profiles() if rate is None else {}
     if rate is None:
         with suppress(SceneError):  # the session tries further scenes
             warm_up(generate(config, seed))

@@ -142,7 +142,7 @@ def _delay_rows(folder: Path, files: list[dict[str, Any]]) -> Rows:
 
 
 def _measured(scene: Scene, name: Unmeasured, text: str) -> str:
-    """A description of what an episode has, unless the source of an imported one lacks it."""
+    """The text, unless the source of an imported episode lacks the value."""
     return "not in the source" if name in scene.unmeasured else text
 
 

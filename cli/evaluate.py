@@ -59,8 +59,8 @@ DEFAULT_SCENARIO = "sonata-2020"
     "metrics",
     multiple=True,
     metavar="NAME",
-    help="Metric to show; may be repeated. `all` shows all metrics; `socnavgym`, `hunavsim` or `socnav3` those of"
-    " another project.  [default: the main metrics]",
+    help="Metric to show; may be repeated. `all` shows all metrics; `socnavgym`, `hunavsim` or `socnav3` the"
+    " metrics of another project.  [default: the main metrics]",
 )
 @click.option(
     "--rerun/--no-rerun", default=True, help="Also run each seed without a robot, for metrics of its effect on people."

@@ -116,7 +116,7 @@ def _draw(episode: Path, picture: Path) -> None:
 
 
 def _show_summary(out: Path, first: Path, manifest: dict[str, Any], picture: bool) -> None:
-    """Print what was generated, and a command to run next."""
+    """Print a summary of the data set, and a command to run next."""
     from sonata2d.datasets.manifest import PREVIEW
     from sonata2d.datasets.summaries import totals_of
 

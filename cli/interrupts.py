@@ -33,7 +33,7 @@ def raising_interruptions() -> Iterator[None]:
 
     Both wait for the end of an import, because some extension modules crash if an exception is raised while they are
     loaded, and until pymunk has freed a world, where cffi would print the exception and go on. An error that follows a
-    signal is raised as that interruption, because libraries make errors of their own of it.
+    signal is raised as that interruption, because libraries turn interruptions into other errors.
     """
     deadline = math.inf
 

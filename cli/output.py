@@ -17,7 +17,7 @@ JSON = "sonata2d.json"  # key of `click.Context.meta`: the context in which othe
 
 @contextmanager
 def prints_to_stderr() -> Iterator[None]:
-    """Send what is printed, also by worker processes and compiled code, to standard error."""
+    """Send all output, also of worker processes and compiled code, to standard error."""
     stdout = sys.stdout
     with suppress(OSError, ValueError, AttributeError):  # closed, or none
         stdout.flush()
@@ -89,7 +89,7 @@ def show_table(rows: Iterable[tuple[str, object]], indent: str = "") -> None:
 def progress(total: int, unit: str) -> Iterator[Callable[[int], None]]:
     """Show a progress bar on standard error if that is a terminal; yields a function that advances it by steps.
 
-    There is none with `--quiet`, and none between the lines of `--verbose`.
+    `--quiet` and `--verbose` hide it: it would be between the lines of the latter.
     """
     from tqdm import tqdm
 

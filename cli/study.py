@@ -29,7 +29,7 @@ _KINDS = {
 
 @click.group(cls=Group, epilog=examples("study check study.yaml", "study results OUT tables"))
 def command() -> None:
-    """Check the file of a study, and turn what participants did into tables.
+    """Check the file of a study, and write its results as tables.
 
     A study file (.yaml, .json or .toml) describes what participants read, drive, answer and rate.
     """
@@ -67,18 +67,18 @@ def _step_row(study: Study, step: Step) -> dict[str, Any]:
     from sonata2d.core.wording import counted
     from sonata2d.study.texts import in_language
 
-    what = ""
+    # A step is known by its questions, its scene or its runs; pages have titles.
     if step.kind == "questions":
-        what = ", ".join(entry.name for entry in step.entries)
+        details = ", ".join(entry.name for entry in step.entries)
     elif step.kind in ("run", "practice"):
-        what = f"{study.config_of(step.block).name}, scene {study.scene_number(step.block, step.scene)}"
+        details = f"{study.config_of(step.block).name}, scene {study.scene_number(step.block, step.scene)}"
     elif step.kind == "ratings":
         files, block = study.rated[step.block], study.config.ratings[step.block]
         repeats = len(plan_showings(files, block.repeats)) - len(files)
-        what = f"{counted(len(files), 'run')} of {block.folder}, {repeats or 'none'} of them twice"
+        details = f"{counted(len(files), 'run')} of {block.folder}, {repeats or 'none'} of them twice"
     else:
-        what = in_language(step.title, study.config.languages[0])
-    return {"step": step.id, "text": f"{_KINDS[step.kind]}{': ' if what else ''}{what}"}
+        details = in_language(step.title, study.config.languages[0])
+    return {"step": step.id, "text": f"{_KINDS[step.kind]}{': ' if details else ''}{details}"}
 
 
 @command.command("preview", epilog=examples("study preview study.yaml"))
@@ -100,7 +100,7 @@ def preview(file: Path, host: str, port: int) -> None:
     with TemporaryDirectory(prefix="sonata2d-preview-") as folder:
         settings = ServerSettings(host=host, port=port, participants=1, is_preview=True)
         serve(StudyFolder(folder, study), settings, show_links)
-    echo("stopped; what was collected is deleted", err=True)
+    echo("stopped; the collected files are deleted", err=True)
 
 
 @command.command("results", epilog=examples("study results OUT tables", "study results OUT tables --personal"))

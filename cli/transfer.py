@@ -25,7 +25,7 @@ def require_supported(format: str, options: Options) -> None:
 
 
 def show_transfer(result: TransferResult, format: str, line: str) -> None:
-    """Print what was written, and on standard error what was not; exit with 1 unless all that can be written was."""
+    """Print the files, and on standard error the omissions; exit with 1 if files were refused or none was written."""
     from sonata2d.formats.api import summarised
 
     omitted = {"skipped": result.skipped, "refused": result.refused}

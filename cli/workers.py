@@ -1,4 +1,4 @@
-"""Options that say what runs the work of a command: processes of this machine, or a Dask cluster."""
+"""Options for the workers of a command: processes of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _OPTIONS = (
         "--engine",
         type=click.Choice(["processes", "dask"]),
         default="processes",
-        help="Processes of this machine, or Dask: those of a cluster with --address, else a local one.",
+        help="Processes of this machine, or Dask: a cluster with --address, else local processes.",
     ),
     click.option("--address", metavar="URL", help="Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786."),
     click.option(

@@ -21,7 +21,7 @@ _STEP = 0.05  # change of a slider label per action
 
 
 def question_of(spec: LabelSpec) -> str:
-    """The question of a label; its name if there is none."""
+    """The question of a label, or its name if the scenario asks no question."""
     return spec.question or text("question.nameless", name=spec.name)
 
 
@@ -197,7 +197,7 @@ class Answer:
             self._entry.kill()
 
     def draw(self, surface: pygame.Surface) -> None:
-        """Draw what is not a widget of pygame_gui."""
+        """Draw buttons and slider, which are not widgets of pygame_gui."""
         if part := self.scale or self.choices:
             part.draw(surface)
 

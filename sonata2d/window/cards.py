@@ -46,13 +46,13 @@ class Card:
         warning: a line that stands out, below the others.
         free_height: height left free between lines and buttons, px, for a width in px and a scale.
         top: of the card, px; None for the middle.
-        bottom: edge of the space for the card, px; None for that of the window.
+        bottom: edge of the space for the card, px; None for the edge of the window.
         stacked: whether the buttons are below one another; they are as well if they do not fit side by side.
 
     Attributes:
         box: of the card, px.
         free: box left free for other widgets, px.
-        scale: of the card; smaller than that of the window if the card would not fit.
+        scale: of the card; smaller than the scale of the window if the card would not fit.
     """
 
     def __init__(

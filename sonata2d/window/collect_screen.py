@@ -197,7 +197,7 @@ class CollectScreen(Screen):
 
     @property
     def notice(self) -> str:
-        """The latest notice while it is shown, a problem of the journal, or what to do in the present state."""
+        """The latest notice while it is shown, a problem of the journal, or a hint for the present state."""
         if self._notice_left > 0.0:
             return self._notice
         return self.session.journal_error or ("" if self.overlay.covers else _state_notice(self.session))
@@ -248,11 +248,11 @@ class CollectScreen(Screen):
             self._end()
         elif session.state == "ended":
             label = self.overlay.label
-            if self.overlay.answer is not None and label is None:
+            if self.overlay.answer is not None and label is None:  # a run without its label would be of no use
                 self._notify(text("notice.answer_first"))
                 return
             self._keep(label)
-        elif self.overlay.is_done:
+        elif self.overlay.is_done:  # the card offers more runs than were asked for
             self.overlay.drives_on = True
         else:
             self._start()
@@ -312,7 +312,7 @@ class CollectScreen(Screen):
         self._close_page()
 
     def _begin_scene(self) -> None:
-        """Reset what belongs to one scene."""
+        """Reset clock, label and answer for a new scene."""
         self._clock = Clock(self.session, self.devices)
         self.overlay.label = None
         self._slider = LabelSlider(self.session.label_spec)
@@ -337,14 +337,14 @@ class CollectScreen(Screen):
 
     def _check_pads(self) -> None:
         """Report connected and disconnected pads; a disconnection pauses the run."""
-        lost, found = self.devices.pop_disconnected(), self.devices.pop_connected()
+        lost, new = self.devices.pop_disconnected(), self.devices.pop_connected()
         if lost:
             self._pause()
             self._notify(text("notice.pad_lost", device=lost))
-        elif found:
+        elif new:
             later = self.session.ticks and not self.devices.pads_match(self.session.mappings)
             self.session.set_mappings(self.devices.mappings)
-            self._notify(text("notice.pad_later" if later else "notice.pad_found", device=found))
+            self._notify(text("notice.pad_later" if later else "notice.pad_found", device=new))
 
     def _notify(self, notice: str) -> None:
         self._notice, self._notice_left = notice, _NOTICE_SECONDS
@@ -374,7 +374,7 @@ def _recovered_notice(session: Session) -> str:
 
 
 def _state_notice(session: Session) -> str:
-    """Notice that says what to do while the session is paused or waiting."""
+    """Hint to a driver whose session is paused or waiting."""
     return text(f"notice.{session.state}") if session.state in ("paused", "waiting") else ""
 
 

@@ -317,7 +317,7 @@ def _draw_gauges(pen: _Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
 
 
 def _draw_clearance(pen: _Pen, snapshot: Snapshot, place: tuple[int, int], right: int) -> None:
-    """Write what the robot touches, else the distance to the nearest pedestrian with the sign of its zone."""
+    """Write the contact of the robot, or the distance to the nearest pedestrian with the sign of its zone."""
     words = _clearance_words(snapshot)
     nearest = _nearest(snapshot)
     sign, colour = zone_of(-math.inf if snapshot.contacts else nearest)
@@ -331,7 +331,7 @@ def _draw_clearance(pen: _Pen, snapshot: Snapshot, place: tuple[int, int], right
 
 
 def _clearance_words(snapshot: Snapshot) -> str:
-    """What the robot touches, pedestrians first; else the distance to the nearest pedestrian."""
+    """The contact of the robot, pedestrians first, or the distance to the nearest pedestrian, in words."""
     kind = touched_kind(snapshot)
     if kind is not None:
         return text(f"readings.touching_{kind}")
@@ -394,7 +394,7 @@ def _draw_goal_distance(pen: _Pen, snapshot: Snapshot, camera: Camera, picture: 
 def legend_box(
     size: tuple[int, int], snapshot: Snapshot, *, zones: bool, paths: bool = False, scale: float = 1.0
 ) -> pygame.Rect:
-    """Place of the legend on a picture of a given size, px; other arguments as those of `draw_legend`."""
+    """Place of the legend on a picture of a given size, px; other arguments as of `draw_legend`."""
     return _legend_of(size, snapshot, zones, paths, _limited_scale(size, scale))[1]
 
 

@@ -86,7 +86,7 @@ class _EventBuffer:
         return tuple(events)
 
     def release(self, device: str | None = None) -> None:
-        """Set all controls, or those of one device, to zero."""
+        """Set all controls, or the controls of one device, to zero."""
         for key in [key for key in self._values if device in (None, key[0])]:
             self._taps.pop(key, None)
             if self._values[key] or self._reported.get(key, 0.0):
@@ -252,13 +252,13 @@ class InputDevices:
 
     def _moves(self, event: pygame.Event, size: tuple[int, int]) -> tuple[_Move, ...]:
         """Changes of controls in an event, assigned or not."""
-        if event.type in HOTPLUG_EVENTS:
+        if event.type in HOTPLUG_EVENTS:  # changes the devices, and moves no control
             self._update_pads(getattr(event, "instance_id", None))
-        elif event.type == pygame.WINDOWFOCUSLOST:
+        elif event.type == pygame.WINDOWFOCUSLOST:  # releases are not reported any more
             self.release()
         elif event.type in (pygame.KEYDOWN, pygame.KEYUP):
             return self._key_moves(event)
-        elif event.type == pygame.MOUSEWHEEL and event.y:
+        elif event.type == pygame.MOUSEWHEEL and event.y:  # a turn is a button that is pressed and released at once
             wheel = "wheel_up" if event.y > 0 else "wheel_down"
             return _Move(_MOUSE, wheel, 1.0, True), _Move(_MOUSE, wheel, 0.0, True)
         elif event.type in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP, pygame.MOUSEMOTION):
@@ -351,7 +351,7 @@ class InputDevices:
         )
 
     def _mouse_moves(self, event: pygame.Event, size: tuple[int, int]) -> tuple[_Move, ...]:
-        """The left button drags the joystick; the other buttons are controls of their own."""
+        """The left button drags the joystick; each of the other buttons is a control."""
         if event.type == pygame.MOUSEMOTION:
             if self._joystick is None:
                 return ()

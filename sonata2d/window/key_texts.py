@@ -18,7 +18,7 @@ class _Row(NamedTuple):
         keys: the default controls as they are printed on them, or the key of their text.
         meaning: key of the text.
         targets: axes of the robot and actions of the controls; empty for keys that cannot be changed.
-        device: the only one whose controls the help page shows; empty for all devices.
+        device: `keyboard`, `mouse` or `pad` if the help page shows its controls only; empty for all devices.
     """
 
     keys: str
@@ -90,7 +90,7 @@ _KEYS: dict[str, tuple[_Row, ...]] = {
 
 
 def help_rows(profiles: Mapping[str, Profile], hidden: Set[Action]) -> list[tuple[str, str]]:
-    """Rows of the help page without some actions: controls, and what they do."""
+    """Rows of the help page without some actions: controls and their meanings."""
     return [
         (_controls(row, profiles, [row.device] if row.device else list(DEFAULT_PROFILES)), text(row.meaning))
         for row in _HELP

@@ -1,4 +1,4 @@
-"""What covers the scene for a driver: end of the run with its question, menu, help, scene settings."""
+"""Cards and panels over the scene: end of the run with its question, menu, help, scene settings."""
 
 from __future__ import annotations
 
@@ -87,13 +87,14 @@ class Overlay:
         return done and self._session.state == "waiting" and not self.drives_on
 
     def rebuild(self, stage: Stage) -> None:
-        """Replace the widgets by those of the current page or state."""
+        """Replace the widgets by the widgets of the open page, or of the state."""
         self._label = self.label
         for widget in (self.card, self.panel, self.answer):
             if widget is not None:
                 widget.kill()
         self.card = self.panel = self.answer = None
         session, ui, scale = self._session, stage.ui, stage.scale
+        # A page that the driver has opened comes before the card of the state.
         if self.page == "scene":
             self.panel = ScenePanel(ui, scale, session.config)
         elif self.page == "help":
@@ -136,10 +137,10 @@ class Overlay:
         Raises:
             ConfigError: the counts of the scene panel contradict each other.
         """
-        if self.panel is not None:
+        if self.panel is not None:  # it covers the scene, so nothing else may react to keys and clicks
             return self.panel.handle(event) or event.type not in _PASSED_ON
         if self.answer is not None and event.type == pygame_gui.UI_TEXT_ENTRY_FINISHED:
-            return Action.CONFIRM
+            return Action.CONFIRM  # the text field does not pass Enter on
         if self.answer is not None and (self.answer.handle(event) or self._types(event, self.answer)):
             return True
         if self.card is None:

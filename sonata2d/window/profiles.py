@@ -72,7 +72,7 @@ class _DeviceSettings(Settings):
     actions: dict[str, Action] | None = None
 
     def profile(self, device: str, default: Profile) -> Profile:
-        """The default profile with the tables of the file in the place of its own.
+        """The default profile, in which the tables of the file replace the default tables.
 
         Raises:
             ConfigError: a control or an action does not exist, or a control has two uses.

@@ -80,7 +80,7 @@ class RateScreen(Screen):
     def handle(self, event: pygame.Event) -> None:
         if event.type == pygame.QUIT:
             self._close()
-        elif self.phase != "watch":
+        elif self.phase != "watch":  # a card covers the window
             if event.type == pygame.KEYDOWN:
                 self._press_on_card(event.key)
             elif self._card.pressed(event):
@@ -89,7 +89,7 @@ class RateScreen(Screen):
             self._save()
         elif self.answer is not None and self.answer.handle(event):
             self.notice = ""
-        elif not self.timeline.handle(event) and event.type == pygame.KEYDOWN:
+        elif not self.timeline.handle(event) and event.type == pygame.KEYDOWN:  # not a key of the answer
             self._press(event)
 
     def advance(self, seconds: float) -> Screen | None:
@@ -258,7 +258,7 @@ class RateScreen(Screen):
             y += line_height(size)
 
     def _draw_bar(self, surface: pygame.Surface) -> None:
-        """Draw the time, the answer or why there is none yet, and the progress of the session."""
+        """Draw the time, the answer or the reason why it is missing, and the progress of the session."""
         player, s, box = self.player, self._stage.scale, self._between
         right = self._bar.right - round(20 * s)
         write(

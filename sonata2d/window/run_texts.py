@@ -75,7 +75,7 @@ def _label_text(label: Any, spec: LabelSpec) -> str:
 
 
 def _contact_text(contact: Contact, scene: Scene) -> str:
-    """What the robot touches, and which of the two is at fault."""
+    """The person or thing that the robot touches, and the side at fault."""
     types = {item.id: item.type for item in scene.furniture}
     name = types.get(contact.id, "object") if contact.kind == "object" else contact.kind
     fault = {(True, False): "robot", (False, True): "other", (True, True): "both"}.get(

@@ -25,14 +25,10 @@ _FPS = 60
 _CTRL = pygame.KMOD_CTRL | pygame.KMOD_META
 _THEME = Path(__file__).with_name("theme.json")
 # Text sizes of widgets at scale 1, px. The "defaults" of a theme are colours only, so elements are named.
-_TEXT_SIZES = dict.fromkeys(("button", "label", "text_entry_line", "text_box"), 20) | {
-    "#title": 26,
-    "vertical_scroll_bar.button": 18,
-}
+_TEXT_SIZES = dict.fromkeys(("button", "label", "text_entry_line", "text_box"), 20) | {"#title": 26}
 _LENGTHS = (  # of the theme, px at scale 1
     *((part, "shape_corner_radius", 6) for part in ("button", "text_entry_line", "panel")),
     *((part, "border_width", 1) for part in ("button", "text_entry_line", "panel")),
-    ("horizontal_slider", "sliding_button_width", 20),
     ("tool_tip", "rect_width", 260),
 )
 _MIN_DRAWN = 160, 120  # px; a window that was dragged to a smaller size keeps its last picture

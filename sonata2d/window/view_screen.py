@@ -212,7 +212,7 @@ class ViewScreen(Screen):
         self._show_page("")
 
     def _build_card(self) -> None:
-        """Replace the card by that of the open page."""
+        """Replace the card by the card of the open page."""
         if self.card is not None:
             self.card.kill()
         self.card, self._card_end = None, self._end_of_card()
@@ -225,7 +225,7 @@ class ViewScreen(Screen):
             self.card = Card(stage.ui, stage.scale, title, lines, buttons, top=top, bottom=end)
 
     def _end_of_card(self) -> int:
-        """Upper edge of what is below the card: of the legend with all layers, or of the lower bar, px."""
+        """Upper edge of the legend with all layers, or of the lower bar, px: the card ends above it."""
         if self._page != _HELP_PAGE:
             return self._bar.top
         return legend_box(self.picture.size, self.player.moment, zones=True, paths=True, scale=self._stage.scale).top

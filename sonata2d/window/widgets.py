@@ -273,7 +273,7 @@ class Scale:
         ends: meanings of 0 and 1.
         scale: of texts.
         value: initial value, 0 to 1; None for no value yet.
-        shows_value: whether the value, or how to give one, is written between the ends.
+        shows_value: whether the value, or a hint before the first one, is written between the ends.
     """
 
     def __init__(
