@@ -16,7 +16,7 @@ from .common import PATH, examples, json_option, note, progress, show_json, show
 from .workers import WorkerOptions, workers_options
 
 if TYPE_CHECKING:
-    from sonata2d.datasets.check import Problem
+    from sonata2d.datasets import Problem
 
 MAX_PROBLEMS = 20  # problems printed by `check` without --json
 DEFAULT_PARTS = "train=0.8,dev=0.1,test=0.1"
@@ -36,8 +36,8 @@ def check(path: Path, replay: bool, rerun: bool, controller: str | None, workers
     Croissant metadata agree with the manifest; with --replay and --rerun also that the simulation reproduces the
     episodes. The exit code is 1 if there is a problem, and 0 if there are only warnings, such as unknown keys.
     """
+    from sonata2d.datasets import verify
     from sonata2d.datasets.manifest import files_of
-    from sonata2d.datasets.verification import verify
 
     files = files_of(path)
     with workers.started() as pool, progress(len(files), "files") as advance:
@@ -100,7 +100,7 @@ def mirror(path: Path, output: Path, labels: str, workers: WorkerOptions, as_jso
     Positions, headings and commands are mirrored exactly: mirroring twice with the same --labels gives the same bytes.
     """
     from sonata2d.datasets.manifest import read_manifest
-    from sonata2d.datasets.mirror import mirror_dataset, mirror_file, twist_image
+    from sonata2d.datasets.transforms.mirror import mirror_dataset, mirror_file, twist_image
 
     label = twist_image if labels == "twist" else None
     if path.is_dir():
@@ -159,8 +159,8 @@ def split(folder: Path, parts: dict[str, float], seed: int, whole_families: bool
     images, branches and runs of other controllers. The scenes of each family are distributed over all parts, unless
     --whole-families is given.
     """
+    from sonata2d.datasets import split_dataset
     from sonata2d.datasets.manifest import read_manifest
-    from sonata2d.datasets.split import split_dataset
 
     with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
         names = split_dataset(folder, parts, seed=seed, whole_families=whole_families, advance=advance)
@@ -179,8 +179,8 @@ def merge(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
 
     Episode files are copied unchanged; the manifest keeps settings and seed of each source.
     """
+    from sonata2d.datasets import merge_datasets
     from sonata2d.datasets.manifest import read_manifest
-    from sonata2d.datasets.merge import merge_datasets
 
     with progress(sum(len(read_manifest(folder)["files"]) for folder in folders), "episodes") as advance:
         manifest = merge_datasets(folders, output, advance=advance)
@@ -227,7 +227,7 @@ def card(
     metadata. What is stated once, such as a licence or a date, stays until another value is given. A card that was
     edited is replaced.
     """
-    from sonata2d.datasets.card import write_card
+    from sonata2d.datasets import write_card
     from sonata2d.datasets.manifest import CROISSANT, FIGURES, read_manifest
 
     with progress(len(read_manifest(folder)["files"]), "episodes") as advance:

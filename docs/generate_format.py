@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from sonata2d.core.humans import ACTIVITIES
-from sonata2d.datasets import manifest_models
-from sonata2d.datasets.plausibility import MAXIMUM_OVERLAP
+from sonata2d.datasets.check.plausibility import MAXIMUM_OVERLAP
+from sonata2d.datasets.manifest import models as manifest_models
 from sonata2d.record import models
 from sonata2d.scenegen.scenario import sections
 from sonata2d.scenegen.scenario.base import Normal, Settings
@@ -26,7 +26,7 @@ DOCS = Path(__file__).parent
 BASE = "https://json-schema.org/draft/2020-12/schema"
 
 INTRO = f"""\
-<!-- written by docs/generate_format.py from sonata2d/record/models.py and sonata2d/datasets/manifest_models.py -->
+<!-- written by docs/generate_format.py from sonata2d/record/models.py and sonata2d/datasets/manifest/models.py -->
 # The episode file, version {FORMAT_VERSION}
 
 One JSON document per episode, `.json`, `.json.gz` or `.json.zst`; [JSON Schema](schema/episode-v1.schema.json). Every
@@ -64,7 +64,7 @@ frames.
 - Activities: {", ".join(f"{number} {name}" for number, name in enumerate(ACTIVITIES))}; -1 not present.
   A person is `standing`, or does whatever it stands for, from when it begins to brake, up to 1 s before it is at rest.
 - `sonata2d check` also requires people and robot to be inside the room, and outlines to overlap by {
-    1000 * MAXIMUM_OVERLAP:.0f} mm at most; `sonata2d/datasets/plausibility.py` defines its other tolerances.
+    1000 * MAXIMUM_OVERLAP:.0f} mm at most; `sonata2d/datasets/check/plausibility.py` defines its other tolerances.
 
 A data set is a folder of episode files named `{{episode:06d}}.json`, with a `manifest.json` (see
 [Manifest](#manifest); [JSON Schema](schema/manifest-v1.schema.json)), `scenario.json` with its settings, a data card

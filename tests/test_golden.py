@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 from sonata2d.metrics.measurement import measure
 from sonata2d.record.reader import read_episode
 

@@ -18,7 +18,8 @@ from ..core.files.locking import acquired_lock
 from ..core.files.whole_file import sync_folder
 from ..core.geometry import PRECISION
 from ..core.wording import shown
-from ..datasets.card import write_manifest_and_card
+from ..datasets.card.write import write_manifest_and_card
+from ..datasets.generate.progress import append_to_log
 from ..datasets.manifest import (
     CROISSANT,
     DATASET_FORMAT,
@@ -31,7 +32,6 @@ from ..datasets.manifest import (
     read_manifest,
     write_json,
 )
-from ..datasets.progress import append_to_log
 from ..errors import ConfigError, RecordError
 from ..record.canonical import parse_header
 from ..record.files import (

@@ -1,5 +1,5 @@
-from .card import write_card as write_card
-from .check import (
+from .card.write import write_card as write_card
+from .check.manifests import (
     ListedFile as ListedFile,
     Problem as Problem,
     check_dataset as check_dataset,
@@ -8,21 +8,15 @@ from .check import (
     check_manifest as check_manifest,
     listed_files as listed_files,
 )
-from .dask_executor import DaskExecutor as DaskExecutor
-from .generate import generate_dataset as generate_dataset
-from .manifest import (
+from .check.replay import branch as branch
+from .check.verification import verify as verify
+from .generate.run import generate_dataset as generate_dataset
+from .manifest.read import (
     CROISSANT as CROISSANT,
     MANIFEST as MANIFEST,
     METRICS as METRICS,
     files_of as files_of,
     read_manifest as read_manifest,
-)
-from .merge import merge_datasets as merge_datasets
-from .mirror import (
-    mirror_dataset as mirror_dataset,
-    mirror_file as mirror_file,
-    mirrored as mirrored,
-    twist_image as twist_image,
 )
 from .motion import (
     Motion as Motion,
@@ -36,6 +30,12 @@ from .reference_frames import (
     seen_from as seen_from,
     world_frame as world_frame,
 )
-from .replay import branch as branch
-from .split import split_dataset as split_dataset
-from .verification import verify as verify
+from .transforms.merge import merge_datasets as merge_datasets
+from .transforms.mirror import (
+    mirror_dataset as mirror_dataset,
+    mirror_file as mirror_file,
+    mirrored as mirrored,
+    twist_image as twist_image,
+)
+from .transforms.split import split_dataset as split_dataset
+from .workers.dask_executor import DaskExecutor as DaskExecutor

@@ -24,12 +24,12 @@ from ..record.reader import read_episode, read_episodes
 from ..record.record import EpisodeRecord
 from ..record.tables import TABLES, tables_of
 from ..registry import did_you_mean
-from .executors import Workers
-from .manifest import files_in_manifest, files_of, has_manifest, read_stored_manifest
-from .shards import Selection, ShardPaths, ShardRows
-from .split import FRACTIONS, split_dataset
+from .manifest.read import files_in_manifest, files_of, has_manifest, read_stored_manifest
+from .manifest.rows import Selection, ShardPaths, ShardRows
 from .stream import BLOCK, Stream, Transform
 from .summaries import contact_summary
+from .transforms.split import FRACTIONS, split_dataset
+from .workers.executors import Workers
 
 SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
 

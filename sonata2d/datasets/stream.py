@@ -17,8 +17,8 @@ from ..core.wording import shown
 from ..errors import DatasetWarning, RecordError
 from ..record.reader import read_episodes, without_garbage_collection
 from ..record.record import EpisodeRecord
-from .executors import Workers, parallel_map
-from .processes import end_if_unguarded
+from .workers.executors import Workers, parallel_map
+from .workers.processes import end_if_unguarded
 
 if TYPE_CHECKING:
     from .dataset import Dataset

@@ -24,11 +24,11 @@ from ..core.files.optional import optional
 from ..core.notebook import ProgressBar, bar_of
 from ..core.wording import counted, shown
 from ..datasets.dataset import Dataset
-from ..datasets.executors import Workers, shared_workers
-from ..datasets.generate import generate_dataset
+from ..datasets.generate.run import generate_dataset
+from ..datasets.generate.start import unlisted_episodes
 from ..datasets.manifest import MANIFEST, write_json
-from ..datasets.processes import end_if_unguarded
-from ..datasets.start import unlisted_episodes
+from ..datasets.workers.executors import Workers, shared_workers
+from ..datasets.workers.processes import end_if_unguarded
 from ..errors import ConfigError, MetricError, RecordError, RenderError, Sonata2dError
 from ..record.files import safe_texts
 from ..registry import did_you_mean

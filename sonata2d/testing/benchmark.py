@@ -28,8 +28,8 @@ from ..core.files.optional import optional
 from ..core.files.whole_file import whole_file
 from ..core.notebook import Advance
 from ..datasets.dataset import Dataset
-from ..datasets.executors import Workers
-from ..datasets.generate import generate_dataset
+from ..datasets.generate.run import generate_dataset
+from ..datasets.workers.executors import Workers
 from ..errors import RenderError
 from ..learning import GraphSamples
 from ..record.layout import software_versions

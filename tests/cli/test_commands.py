@@ -17,7 +17,7 @@ from sonata2d_cli import doctor, main
 from sonata2d_cli.main import COMMANDS
 
 from sonata2d.core.compiled import kernel as compiled
-from sonata2d.datasets.generate import KEEPABLE
+from sonata2d.datasets.generate.run import KEEPABLE
 from sonata2d.errors import ControllerWarning
 from sonata2d.version import PHYSICS_VERSION
 
@@ -269,7 +269,7 @@ def test_a_card_without_matplotlib_is_plain_and_says_what_to_install(
 ) -> None:
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
-    monkeypatch.setattr("sonata2d.datasets.card_figure.find_spec", importlib.util.find_spec)
+    monkeypatch.setattr("sonata2d.datasets.card.figure.find_spec", importlib.util.find_spec)
     sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
     output = sonata2d("card out").output
     assert output.splitlines()[0] == "out/README.md, out/croissant.json"

@@ -19,12 +19,10 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 
 from sonata2d.core.proxemics import clearance
-from sonata2d.datasets.card import write_card
-from sonata2d.datasets.card_figure import clearances, collect_statistics, map_bounds
-from sonata2d.datasets.card_text import card_text
-from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets import generate_dataset, verify, write_card
+from sonata2d.datasets.card.figure import clearances, collect_statistics, map_bounds
+from sonata2d.datasets.card.text import card_text
 from sonata2d.datasets.manifest import read_manifest, write_json
-from sonata2d.datasets.verification import verify
 from sonata2d.errors import ConfigError
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.config import ScenarioConfig

@@ -14,8 +14,7 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 
 import sonata2d as s2
-from sonata2d.datasets.card import write_card
-from sonata2d.datasets.check import Problem, check_dataset, check_episode
+from sonata2d.datasets import Problem, check_dataset, check_episode, write_card
 
 from ..record.test_reader import rewrite, set_value
 from .test_manifest import dataset_in, spec

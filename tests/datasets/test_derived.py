@@ -16,13 +16,9 @@ from sonata2d_cli import main
 
 import sonata2d as s2
 from sonata2d.collect.collection import Collection, manifest_of_runs
-from sonata2d.datasets.card import write_card
-from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets import generate_dataset, merge_datasets, mirror_dataset, verify, write_card
 from sonata2d.datasets.manifest import manifest_entry, read_manifest, write_json
-from sonata2d.datasets.merge import merge_datasets
-from sonata2d.datasets.mirror import mirror_dataset
-from sonata2d.datasets.split import FRACTIONS, assign_parts, scene_key, split_dataset
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets.transforms.split import FRACTIONS, assign_parts, scene_key, split_dataset
 from sonata2d.errors import DatasetWarning, RecordError
 from sonata2d.record.reader import read_episode
 

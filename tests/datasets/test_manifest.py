@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sonata2d.datasets.generate import finish_dataset
+from sonata2d.datasets.generate.progress import append_to_log
+from sonata2d.datasets.generate.run import finish_dataset
+from sonata2d.datasets.generate.start import start_dataset
 from sonata2d.datasets.manifest import (
     MANIFEST,
     DatasetSpec,
-    Manifest,
     ManifestEntry,
     existing_episodes,
     files_of,
@@ -22,8 +23,7 @@ from sonata2d.datasets.manifest import (
     store_episode,
     write_json,
 )
-from sonata2d.datasets.progress import append_to_log
-from sonata2d.datasets.start import start_dataset
+from sonata2d.datasets.manifest.models import Manifest
 from sonata2d.errors import RecordError
 from sonata2d.record.files import read_bytes
 from sonata2d.record.recorder import EpisodeRecorder

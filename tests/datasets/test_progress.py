@@ -11,14 +11,11 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.core.snapshot import ControllerInfo
-from sonata2d.datasets.card_text import card_text
-from sonata2d.datasets.generate import KEEPABLE, generate_dataset
+from sonata2d.datasets import merge_datasets, mirror_dataset, split_dataset, verify
+from sonata2d.datasets.card.text import card_text
+from sonata2d.datasets.generate.progress import EpisodeResult, ExcludedEpisode, FailedEpisode, Progress
+from sonata2d.datasets.generate.run import KEEPABLE, generate_dataset
 from sonata2d.datasets.manifest import DatasetSpec, ManifestEntry, read_manifest
-from sonata2d.datasets.merge import merge_datasets
-from sonata2d.datasets.mirror import mirror_dataset
-from sonata2d.datasets.progress import EpisodeResult, ExcludedEpisode, FailedEpisode, Progress
-from sonata2d.datasets.split import split_dataset
-from sonata2d.datasets.verification import verify
 from sonata2d.errors import ControllerError, RecordError
 
 from .test_generate import contents
@@ -136,7 +133,7 @@ def test_interrupting_and_resuming_gives_the_same_bytes(reference: Path, tmp_pat
 
 
 def test_excluded_episodes_are_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sonata2d.datasets.episode_runs import EpisodeRuns
+    from sonata2d.datasets.generate.episodes import EpisodeRuns
 
     episodes_run: list[int] = []
     run = EpisodeRuns.run

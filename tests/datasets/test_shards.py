@@ -19,11 +19,17 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 
 import sonata2d as s2
-from sonata2d.datasets import merge_datasets, mirror_dataset, read_manifest, shard_runs, split_dataset
-from sonata2d.datasets.card import write_card
-from sonata2d.datasets.check import check_dataset
-from sonata2d.datasets.episode_runs import EpisodeRuns
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import (
+    check_dataset,
+    merge_datasets,
+    mirror_dataset,
+    read_manifest,
+    split_dataset,
+    verify,
+    write_card,
+)
+from sonata2d.datasets.generate import batches
+from sonata2d.datasets.generate.episodes import EpisodeRuns
 from sonata2d.errors import RecordError
 from sonata2d.formats.api import export_to, import_from
 from sonata2d.record.files import read_bytes, read_stored
@@ -374,12 +380,12 @@ def test_a_second_worker_on_the_same_shard_changes_nothing(
     sharded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a lost connection, Dask lets another worker run a task that the first one still runs."""
-    run, shard, runs_inside = EpisodeRuns.run, shard_runs._run_shard, []
+    run, shard, runs_inside = EpisodeRuns.run, batches._run_shard, []
 
     def twice(runs: EpisodeRuns, episode: int, store: Any) -> Any:
         if episode == 13 and not runs_inside:
             runs_inside.append(episode)
-            assert isinstance(shard(runs, 1), shard_runs.ShardResult)
+            assert isinstance(shard(runs, 1), batches.ShardResult)
         return run(runs, episode, store)
 
     monkeypatch.setattr(EpisodeRuns, "run", twice)

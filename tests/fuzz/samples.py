@@ -11,9 +11,8 @@ import sonata2d as s2
 from sonata2d.collect.journal import Journal
 from sonata2d.collect.rating import Rating, append_rating, path_for
 from sonata2d.core.labels import LabelSpec
-from sonata2d.datasets.card import write_card
-from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.mirror import mirror_file
+from sonata2d.datasets import generate_dataset, write_card
+from sonata2d.datasets.transforms.mirror import mirror_file
 from sonata2d.formats.api import export_to
 from sonata2d.learning.weights import STOCK
 from sonata2d.record.files import compress, sha256_of

@@ -121,7 +121,7 @@ def collected(path: Path) -> None:
 
 def imported(name: str, path: Path) -> None:
     """Import a file; what is made of it must be a valid episode."""
-    from sonata2d.datasets.check import check_episode
+    from sonata2d.datasets import check_episode
     from sonata2d.formats.api import import_from
     from sonata2d.formats.base import Options
     from sonata2d.record.reader import read_episode

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from sonata2d.datasets.check import check_episode
+from sonata2d.datasets import check_episode
 from sonata2d.record.models import Episode
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import EpisodeRecorder

@@ -11,7 +11,7 @@ import pytest
 import sonata2d as s2
 from sonata2d.agents.controllers.teleoperation import DEFAULT_MAPPINGS
 from sonata2d.collect.texts import choose_language
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 from sonata2d.study.folder import StudyFolder
 from sonata2d.study.load import load_study
 from sonata2d.study.markdown import Paragraph, paragraphs_of

@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.files.locations import is_remote, location
-from ..core.notebook import Advance
-from ..errors import RecordError
-from ..record.files import read_bytes, safe_text, write_atomically
-from ..record.layout import JsonDict, software_versions
-from .card import licence_of, write_manifest_and_card
-from .manifest import (
+from ...core.files.locations import is_remote, location
+from ...core.notebook import Advance
+from ...errors import RecordError
+from ...record.files import read_bytes, safe_text, write_atomically
+from ...record.layout import JsonDict, software_versions
+from ..card.write import licence_of, write_manifest_and_card
+from ..generate.shard_output import write_shard
+from ..manifest.read import (
     DATASET_FORMAT,
     DATASET_VERSION,
     SHARDED_VERSION,
@@ -25,8 +26,7 @@ from .manifest import (
     read_listed_file,
     read_stored_manifest,
 )
-from .shard_output import write_shard
-from .shards import ShardRows, shard_name, with_rows
+from ..manifest.rows import ShardRows, shard_name, with_rows
 
 _EQUAL_KEYS = ("physics", "precision")  # manifest keys that must be equal in all sources
 _SOURCE_KEYS = (

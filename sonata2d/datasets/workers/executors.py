@@ -16,10 +16,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol, Self, TypeVar
 
-from ..core.arguments import whole_number
-from ..core.files import interruption
-from ..core.wording import described, shown
-from ..errors import WorkerError
+from ...core.arguments import whole_number
+from ...core.files import interruption
+from ...core.wording import described, shown
+from ...errors import WorkerError
 from .processes import ENDED, STOP_GRACE, Processes
 from .tasks import Answer, Call, RaisedInWorker, applied, marked, origin, run_task
 

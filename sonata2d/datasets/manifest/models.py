@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from ..core.snapshot import Status
-from ..record.models import Controller, Count, ListOf, Part, Positive, Settings, Software
+from ...core.snapshot import Status
+from ...record.models import Controller, Count, ListOf, Part, Positive, Settings, Software
 
 _EPISODE_NAME = re.compile(r"[0-9]{6,}\.json(\.gz|\.zst)?")
 

@@ -7,16 +7,17 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from ..core.files.locations import file_names, is_remote
-from ..core.files.locking import acquired_lock
-from ..core.files.whole_file import TEMPORARY_PREFIX
-from ..core.wording import shown
-from ..errors import RecordError
-from ..record.files import SUFFIXES, file_suffix
-from ..record.layout import JsonDict
-from ..version import PHYSICS_VERSION
-from .card import has_edited_card
-from .manifest import (
+from ...core.files.locations import file_names, is_remote
+from ...core.files.locking import acquired_lock
+from ...core.files.whole_file import TEMPORARY_PREFIX
+from ...core.wording import shown
+from ...errors import RecordError
+from ...record.files import SUFFIXES, file_suffix
+from ...record.layout import JsonDict
+from ...version import PHYSICS_VERSION
+from ..card.write import has_edited_card
+from ..manifest.models import is_episode_name
+from ..manifest.read import (
     CARD,
     CROISSANT,
     FAILED,
@@ -35,8 +36,7 @@ from .manifest import (
     sharded_manifest_of,
     write_json,
 )
-from .manifest_models import is_episode_name
-from .shards import PART, remove_shards, shard_number
+from ..manifest.rows import PART, remove_shards, shard_number
 
 _MAXIMUM_DIFFERENCES = 5  # named in a message
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import shlex
 
-from ..record.counts import ANY_KIND
-from ..record.layout import JsonDict
-from .card_figure import EpisodeStatistics
+from ...record.counts import ANY_KIND
+from ...record.layout import JsonDict
+from ..manifest.read import FIGURES, SCENARIO
+from ..summaries import ContactSummary, ExcessiveCommands, totals_of
 from .croissant import licence_lines
-from .manifest import FIGURES, SCENARIO
+from .figure import EpisodeStatistics
 from .markdown import cell, code, code_block, inline
-from .summaries import ContactSummary, ExcessiveCommands, totals_of
 
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 

@@ -10,16 +10,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..core.entities import Furniture
-from ..core.geometry import Barriers, Disc, inside_polygon, segment_distances, shoulder_line_distances, shoulder_lines
-from ..core.humans import ACTIVITIES, constant_of
-from ..core.portable_math import Array, BoolArray, unit_vectors
-from ..core.scene import Scene
-from ..core.vectors import wrap_angle
-from ..record.canonical import rounded_rows
-from ..record.layout import HUMAN_ANGLES, ROBOT_ANGLES
-from ..record.record import EpisodeRecord
-from .motion import THETA, VX, VY, X, Y
+from ...core.entities import Furniture
+from ...core.geometry import Barriers, Disc, inside_polygon, segment_distances, shoulder_line_distances, shoulder_lines
+from ...core.humans import ACTIVITIES, constant_of
+from ...core.portable_math import Array, BoolArray, unit_vectors
+from ...core.scene import Scene
+from ...core.vectors import wrap_angle
+from ...record.canonical import rounded_rows
+from ...record.layout import HUMAN_ANGLES, ROBOT_ANGLES
+from ...record.record import EpisodeRecord
+from ..motion import THETA, VX, VY, X, Y
 
 MAXIMUM_OVERLAP = 0.06  # m, of outlines: the physics detects a contact only after the bodies have moved
 ROUNDING = 2e-4  # m, m/s, rad/s: tolerance for numbers rounded to 1e-4

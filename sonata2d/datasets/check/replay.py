@@ -9,25 +9,25 @@ from pathlib import Path
 
 import orjson
 
-from ..agents.controllers.base import Controller
-from ..agents.controllers.loading import is_installed, load_controller
-from ..core.devices import DeviceEvent
-from ..core.files import interruption
-from ..core.geometry import Twist
-from ..core.snapshot import Observer, Snapshot
-from ..errors import ConfigError, ControllerError, RecordError, SceneError
-from ..record.canonical import serialise
-from ..record.files import read_bytes
-from ..record.reader import read_episode
-from ..record.record import EpisodeRecord, events_of, wrap_read_errors
-from ..record.recorder import EpisodeRecorder
-from ..registry import CONTROLLERS
-from ..scenegen.generator import generate
-from ..scenegen.scenario.config import ScenarioConfig
-from ..sim.episode import Episode, TickInput, controller_info_of, renderer_for
-from ..version import LAST_RELEASE, PHYSICS_VERSION
-from .check import Problem
-from .mirror import mirrored
+from ...agents.controllers.base import Controller
+from ...agents.controllers.loading import is_installed, load_controller
+from ...core.devices import DeviceEvent
+from ...core.files import interruption
+from ...core.geometry import Twist
+from ...core.snapshot import Observer, Snapshot
+from ...errors import ConfigError, ControllerError, RecordError, SceneError
+from ...record.canonical import serialise
+from ...record.files import read_bytes
+from ...record.reader import read_episode
+from ...record.record import EpisodeRecord, events_of, wrap_read_errors
+from ...record.recorder import EpisodeRecorder
+from ...registry import CONTROLLERS
+from ...scenegen.generator import generate
+from ...scenegen.scenario.config import ScenarioConfig
+from ...sim.episode import Episode, TickInput, controller_info_of, renderer_for
+from ...version import LAST_RELEASE, PHYSICS_VERSION
+from ..transforms.mirror import mirrored
+from .manifests import Problem
 
 
 class _RecordedCommandsOnly(Controller):

@@ -11,26 +11,26 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from ..agents.controllers.base import Controller
-from ..agents.controllers.loading import ControllerSource
-from ..core.files import interruption
-from ..core.scene import Scene
-from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
-from ..core.wording import described, one_line, text_of
-from ..errors import ControllerError, RecordError, SceneError, Sonata2dError
-from ..record.recorder import EpisodeRecorder
-from ..scenegen.generator import generate
-from ..scenegen.scenario.config import ScenarioConfig
-from ..sim.episode import Episode, renderer_for
-from .manifest import FAILED, DatasetSpec, ManifestEntry, store_episode
-from .processes import end_if_forked
+from ...agents.controllers.base import Controller
+from ...agents.controllers.loading import ControllerSource
+from ...core.files import interruption
+from ...core.scene import Scene
+from ...core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
+from ...core.wording import described, one_line, text_of
+from ...errors import ControllerError, RecordError, SceneError, Sonata2dError
+from ...record.recorder import EpisodeRecorder
+from ...scenegen.generator import generate
+from ...scenegen.scenario.config import ScenarioConfig
+from ...sim.episode import Episode, renderer_for
+from ..manifest.read import FAILED, DatasetSpec, ManifestEntry, store_episode
+from ..workers.processes import end_if_forked
+from ..workers.tasks import stop_if_unwanted
 from .progress import EpisodeResult, ExcludedEpisode, FailedEpisode
-from .tasks import stop_if_unwanted
 
 logger = logging.getLogger(__name__)
 
 FAILURES = SceneError, RecordError, ControllerError  # of an episode
-_PACKAGE_FOLDER = Path(__file__).resolve().parents[1]
+_PACKAGE_FOLDER = Path(__file__).resolve().parents[2]
 Store = Callable[[int, EpisodeRecorder], ManifestEntry]
 
 

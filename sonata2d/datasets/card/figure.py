@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.files.locations import make_folder
-from ..core.files.whole_file import whole_file
-from ..core.geometry import to_shoulder_line
-from ..core.humans import constant_of
-from ..core.portable_math import Array, IntArray, unit_vectors
-from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
-from ..core.vectors import lengths
-from ..errors import RenderError
-from ..record.record import EpisodeRecord
-from .motion import THETA, VX, VY, X, Y
+from ...core.files.locations import make_folder
+from ...core.files.whole_file import whole_file
+from ...core.geometry import to_shoulder_line
+from ...core.humans import constant_of
+from ...core.portable_math import Array, IntArray, unit_vectors
+from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ...core.vectors import lengths
+from ...errors import RenderError
+from ...record.record import EpisodeRecord
+from ..motion import THETA, VX, VY, X, Y
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,11 +11,11 @@ from typing import Any
 
 import orjson
 
-from ..core.files.locations import is_remote
-from ..errors import RecordError, Sonata2dError
-from ..record.canonical import to_json_value
-from ..record.files import read_stored, write_atomically
-from .manifest import LOG, DatasetSpec, ManifestEntry
+from ...core.files.locations import is_remote
+from ...errors import RecordError, Sonata2dError
+from ...record.canonical import to_json_value
+from ...record.files import read_stored, write_atomically
+from ..manifest.read import LOG, DatasetSpec, ManifestEntry
 
 ABORT_AFTER = 200  # episodes before a run may be aborted because too few of them are kept
 MAXIMUM_EPISODES_PER_KEPT = 50  # abort if fewer than 1 in 50 episodes is kept

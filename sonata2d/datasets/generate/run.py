@@ -16,25 +16,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from ..agents.controllers.base import Controller
-from ..agents.controllers.loading import ControllerSource, is_built_in, source_hashes
-from ..core.arguments import whole_number
-from ..core.files.locations import file_names, location
-from ..core.notebook import Advance, ProgressBar, bar_of
-from ..core.snapshot import Status
-from ..core.wording import shown
-from ..errors import ControllerWarning, RecordError, Sonata2dError, WorkerError
-from ..record.files import SUFFIXES
-from ..record.layout import JsonDict
-from ..registry import registered_hashes
-from ..scenegen.scenario.config import ScenarioConfig
-from ..scenegen.scenario.load import scenario_of
-from ..sim.episode import controller_info_of
-from .card import write_manifest_and_card
-from .dataset import Dataset
-from .episode_runs import FAILURES, Job, episode_runner, is_failure
-from .executors import Workers, shared_workers, unordered_map
-from .manifest import (
+from ...agents.controllers.base import Controller
+from ...agents.controllers.loading import ControllerSource, is_built_in, source_hashes
+from ...core.arguments import whole_number
+from ...core.files.locations import file_names, location
+from ...core.notebook import Advance, ProgressBar, bar_of
+from ...core.snapshot import Status
+from ...core.wording import shown
+from ...errors import ControllerWarning, RecordError, Sonata2dError, WorkerError
+from ...record.files import SUFFIXES
+from ...record.layout import JsonDict
+from ...registry import registered_hashes
+from ...scenegen.scenario.config import ScenarioConfig
+from ...scenegen.scenario.load import scenario_of
+from ...sim.episode import controller_info_of
+from ..card.write import write_manifest_and_card
+from ..dataset import Dataset
+from ..manifest.read import (
     FAILED,
     MANIFEST,
     SCENARIO,
@@ -48,7 +46,13 @@ from .manifest import (
     sharded_manifest_of,
     write_json,
 )
-from .processes import end_if_forked, end_if_unguarded
+from ..manifest.rows import remove_shards
+from ..summaries import commands_warning
+from ..workers.executors import Workers, shared_workers, unordered_map
+from ..workers.processes import end_if_forked, end_if_unguarded
+from ..workers.tasks import RaisedInWorker
+from .batches import ShardProgress, cut_shard, existing_shards, remove_split, shard_count, shard_runner
+from .episodes import FAILURES, Job, episode_runner, is_failure
 from .progress import (
     ExcludedEpisode,
     FailedEpisode,
@@ -57,11 +61,7 @@ from .progress import (
     log_excluded,
     read_excluded,
 )
-from .shard_runs import ShardProgress, cut_shard, existing_shards, remove_split, shard_count, shard_runner
-from .shards import remove_shards
 from .start import has_episodes, remove_failed_episodes, sole_writer, start_dataset
-from .summaries import commands_warning
-from .tasks import RaisedInWorker
 
 logger = logging.getLogger(__name__)
 

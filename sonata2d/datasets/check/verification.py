@@ -10,14 +10,17 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from ..agents.controllers.loading import is_installed, load_controller, source_hashes
-from ..core.files import interruption
-from ..core.files.locations import location
-from ..core.notebook import Advance
-from ..core.wording import described
-from ..errors import ControllerError, ControllerWarning
-from ..record.layout import JsonDict
-from .check import (
+from ...agents.controllers.loading import is_installed, load_controller, source_hashes
+from ...core.files import interruption
+from ...core.files.locations import location
+from ...core.notebook import Advance
+from ...core.wording import described
+from ...errors import ControllerError, ControllerWarning
+from ...record.layout import JsonDict
+from ..manifest.read import MANIFEST, files_of, has_manifest, read_manifest
+from ..workers.executors import Workers, parallel_map, shared_workers
+from ..workers.processes import end_if_unguarded
+from .manifests import (
     ListedFile,
     Problem,
     check_manifest,
@@ -27,9 +30,6 @@ from .check import (
     listed_shards,
     open_to_check,
 )
-from .executors import Workers, parallel_map, shared_workers
-from .manifest import MANIFEST, files_of, has_manifest, read_manifest
-from .processes import end_if_unguarded
 from .replay import check_replay, check_rerun
 
 logger = logging.getLogger(__name__)

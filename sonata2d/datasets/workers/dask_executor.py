@@ -11,10 +11,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
-from ..core.arguments import whole_number
-from ..core.files import interruption
-from ..core.wording import described, shown
-from ..errors import WorkerError
+from ...core.arguments import whole_number
+from ...core.files import interruption
+from ...core.wording import described, shown
+from ...errors import WorkerError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -12,16 +12,18 @@ from typing import TYPE_CHECKING, SupportsIndex, overload
 
 import orjson
 
-from ..core.files.locations import file_names, location
-from ..errors import InvalidFileError, RecordError
-from ..record.files import file_exists, file_stem, read_bytes, sha256_of
-from ..record.layout import JsonDict
-from ..record.reader import read_episode
-from ..record.record import EpisodeRecord
-from ..record.shard_file import SHARD_SUFFIX, is_shard, members_of, shard_manifest_path
-from .card import count_differences
-from .croissant import croissant_findings
-from .manifest import (
+from ...core.files.locations import file_names, location
+from ...errors import InvalidFileError, RecordError
+from ...record.files import file_exists, file_stem, read_bytes, sha256_of
+from ...record.layout import JsonDict
+from ...record.reader import read_episode
+from ...record.record import EpisodeRecord
+from ...record.shard_file import SHARD_SUFFIX, is_shard, members_of, shard_manifest_path
+from ..card.croissant import croissant_findings
+from ..card.write import count_differences
+from ..generate.start import unlisted_episodes
+from ..manifest.models import Manifest, ManifestFile, Shard, ShardedManifest, Source, is_episode_name
+from ..manifest.read import (
     CARD,
     CROISSANT,
     LOG,
@@ -31,10 +33,8 @@ from .manifest import (
     manifest_entry,
     read_manifest,
 )
-from .manifest_models import Manifest, ManifestFile, Shard, ShardedManifest, Source, is_episode_name
+from ..manifest.rows import PART, ShardRows, stored_form
 from .plausibility import Finding, implausible_values
-from .shards import PART, ShardRows, stored_form
-from .start import unlisted_episodes
 
 if TYPE_CHECKING:
     from pydantic import BaseModel

@@ -16,13 +16,13 @@ from typing import Any
 
 import orjson
 
-from ..errors import ConfigError, DatasetWarning, RecordError
-from ..record.files import file_suffix, read_bytes, read_text, sha256_of
-from ..record.layout import JsonDict
-from ..record.shard_file import SHARD_MANIFEST_SUFFIX, SHARD_SUFFIX
-from .manifest import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO
-from .manifest_models import is_file_name
-from .plausibility import Finding
+from ...errors import ConfigError, DatasetWarning, RecordError
+from ...record.files import file_suffix, read_bytes, read_text, sha256_of
+from ...record.layout import JsonDict
+from ...record.shard_file import SHARD_MANIFEST_SUFFIX, SHARD_SUFFIX
+from ..check.plausibility import Finding
+from ..manifest.models import is_file_name
+from ..manifest.read import CARD, CROISSANT, MANIFEST, METRICS, SCENARIO
 
 LICENCES = {"cc-by-4.0": "https://creativecommons.org/licenses/by/4.0/"}
 DEFAULT_VERSION = "1.0.0"

@@ -15,25 +15,25 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..core.files.locations import location
-from ..core.geometry import quantised
-from ..core.notebook import Advance
-from ..core.portable_math import PI
-from ..core.vectors import wrap_angle
-from ..errors import RecordError
-from ..record.canonical import serialise, to_json_value
-from ..record.files import compress, file_stem, file_suffix, read_stored, write_atomically
-from ..record.layout import JsonDict
-from ..record.reader import read_episode, record_from_document
-from ..record.record import EpisodeRecord, wrap_read_errors
-from .card import licence_of, write_manifest_and_card
-from .executors import Workers, parallel_map, shared_workers
-from .manifest import SCENARIO, new_folder, read_listed_file, read_stored_manifest, warn_if_incomplete
-from .motion import HEAD, OMEGA, THETA, VY, Y
-from .processes import end_if_unguarded
-from .shard_output import write_shard
-from .shards import ShardRows
-from .tasks import stop_if_over, stop_if_unwanted
+from ...core.files.locations import location
+from ...core.geometry import quantised
+from ...core.notebook import Advance
+from ...core.portable_math import PI
+from ...core.vectors import wrap_angle
+from ...errors import RecordError
+from ...record.canonical import serialise, to_json_value
+from ...record.files import compress, file_stem, file_suffix, read_stored, write_atomically
+from ...record.layout import JsonDict
+from ...record.reader import read_episode, record_from_document
+from ...record.record import EpisodeRecord, wrap_read_errors
+from ..card.write import licence_of, write_manifest_and_card
+from ..generate.shard_output import write_shard
+from ..manifest.read import SCENARIO, new_folder, read_listed_file, read_stored_manifest, warn_if_incomplete
+from ..manifest.rows import ShardRows
+from ..motion import HEAD, OMEGA, THETA, VY, Y
+from ..workers.executors import Workers, parallel_map, shared_workers
+from ..workers.processes import end_if_unguarded
+from ..workers.tasks import stop_if_over, stop_if_unwanted
 
 MARK = "-mirror"  # suffix of the id and the file name of a mirrored episode
 LabelImage = Callable[[Any], Any]

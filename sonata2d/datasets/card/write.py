@@ -14,19 +14,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..core.files.locations import location
-from ..core.notebook import Advance
-from ..errors import DatasetWarning, RecordError
-from ..record.files import read_bytes, read_stored, read_text, write_atomically
-from ..record.layout import JsonDict
-from ..record.models import Settings
-from ..record.reader import read_episode
-from ..record.record import EpisodeRecord
-from ..record.shard_file import is_shard
-from .card_figure import collect_statistics, draw_statistics, require_matplotlib
-from .card_text import card_text, default_licence, description_of, figures_section, recorded_count, title_of
-from .croissant import Publication, croissant_metadata, stored_publication
-from .manifest import (
+from ...core.files.locations import location
+from ...core.notebook import Advance
+from ...errors import DatasetWarning, RecordError
+from ...record.files import read_bytes, read_stored, read_text, write_atomically
+from ...record.layout import JsonDict
+from ...record.models import Settings
+from ...record.reader import read_episode
+from ...record.record import EpisodeRecord
+from ...record.shard_file import is_shard
+from ..manifest.read import (
     CARD,
     CROISSANT,
     FIGURES,
@@ -37,6 +34,9 @@ from .manifest import (
     warn_if_incomplete,
     write_json,
 )
+from .croissant import Publication, croissant_metadata, stored_publication
+from .figure import collect_statistics, draw_statistics, require_matplotlib
+from .text import card_text, default_licence, description_of, figures_section, recorded_count, title_of
 
 _SEAL = re.compile(r"<!-- written by sonata2d, SHA-256 of the text above: ([0-9a-f]{64}) -->\n")
 

@@ -16,19 +16,19 @@ from uuid import uuid4
 
 import orjson
 
-from ..core.files.locations import file_names, is_remote
-from ..core.files.whole_file import TEMPORARY_PREFIX
-from ..core.geometry import PRECISION
-from ..core.snapshot import ControllerInfo, Status
-from ..core.wording import shown
-from ..errors import DatasetWarning, NewerFormatError, RecordError
-from ..record.canonical import parse_header, to_json_value
-from ..record.files import SUFFIXES, compress, file_exists, file_stem, read_bytes, read_stored, write_atomically
-from ..record.layout import JsonDict, software_versions
-from ..record.reader import read_episode
-from ..record.record import EpisodeRecord
-from ..record.recorder import EpisodeRecorder
-from ..record.shard_file import (
+from ...core.files.locations import file_names, is_remote
+from ...core.files.whole_file import TEMPORARY_PREFIX
+from ...core.geometry import PRECISION
+from ...core.snapshot import ControllerInfo, Status
+from ...core.wording import shown
+from ...errors import DatasetWarning, NewerFormatError, RecordError
+from ...record.canonical import parse_header, to_json_value
+from ...record.files import SUFFIXES, compress, file_exists, file_stem, read_bytes, read_stored, write_atomically
+from ...record.layout import JsonDict, software_versions
+from ...record.reader import read_episode
+from ...record.record import EpisodeRecord
+from ...record.recorder import EpisodeRecorder
+from ...record.shard_file import (
     SHARD_MANIFEST_SUFFIX,
     SHARD_SUFFIX,
     is_member,
@@ -36,9 +36,9 @@ from ..record.shard_file import (
     members_of,
     shard_manifest_path,
 )
-from ..version import PHYSICS_VERSION
-from .manifest_models import Manifest, ManifestFile, Shard, ShardedManifest
-from .shards import ShardPaths, ShardRows, stored_form, with_rows
+from ...version import PHYSICS_VERSION
+from .models import Manifest, ManifestFile, Shard, ShardedManifest
+from .rows import ShardPaths, ShardRows, stored_form, with_rows
 
 DATASET_FORMAT, DATASET_VERSION, SHARDED_VERSION = "sonata2d-dataset", 1, 2
 MANIFEST, SCENARIO, CARD = "manifest.json", "scenario.json", "README.md"

@@ -11,18 +11,18 @@ from pathlib import Path
 
 import orjson
 
-from ..core.files.locations import location
-from ..core.notebook import Advance
-from ..errors import RecordError
-from ..record.layout import JsonDict, scene_to_json
-from ..record.reader import read_episode
-from ..record.record import EpisodeRecord
-from .card import write_manifest_and_card
-from .executors import Workers, parallel_map, shared_workers
-from .manifest import read_listed_file, read_stored_manifest, warn_if_incomplete
+from ...core.files.locations import location
+from ...core.notebook import Advance
+from ...errors import RecordError
+from ...record.layout import JsonDict, scene_to_json
+from ...record.reader import read_episode
+from ...record.record import EpisodeRecord
+from ..card.write import write_manifest_and_card
+from ..generate.shard_output import write_shard_manifest
+from ..manifest.read import read_listed_file, read_stored_manifest, warn_if_incomplete
+from ..manifest.rows import ShardRows
+from ..workers.executors import Workers, parallel_map, shared_workers
 from .mirror import mirrored
-from .shard_output import write_shard_manifest
-from .shards import ShardRows
 
 FRACTIONS = {"train": 0.8, "dev": 0.1, "test": 0.1}
 Split = dict[str, list[str]]  # file names by part

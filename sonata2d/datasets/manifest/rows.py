@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import SupportsIndex, TypeVar, overload
 from uuid import uuid4
 
-from ..core.files.locations import file_names
-from ..errors import RecordError
-from ..record.layout import JsonDict
-from ..record.shard_file import SHARD_SUFFIX, member_names, shard_manifest_path
+from ...core.files.locations import file_names
+from ...errors import RecordError
+from ...record.layout import JsonDict
+from ...record.shard_file import SHARD_SUFFIX, member_names, shard_manifest_path
 
 PART = ".part-"  # beginning of the names of unfinished shards
 _KEPT = 8  # number of shards whose rows stay in memory

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import orjson
 
-from ..record.files import write_atomically
-from ..record.layout import JsonDict
-from ..record.shard_file import ShardWriter, shard_manifest_path
-from .card_text import card_text
-from .shards import part_path, shard_card_path
-from .tasks import stop_if_unwanted
+from ...record.files import write_atomically
+from ...record.layout import JsonDict
+from ...record.shard_file import ShardWriter, shard_manifest_path
+from ..card.text import card_text
+from ..manifest.rows import part_path, shard_card_path
+from ..workers.tasks import stop_if_unwanted
 
 
 def write_shard(shard: Path, manifest: JsonDict, members: Iterable[tuple[JsonDict, bytes]]) -> JsonDict:

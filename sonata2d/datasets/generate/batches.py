@@ -12,15 +12,14 @@ from itertools import count
 from pathlib import Path
 from typing import Self
 
-from ..core.files.locations import file_names
-from ..errors import NewerFormatError, RecordError
-from ..record.files import file_suffix, read_stored, sha256_of
-from ..record.layout import JsonDict
-from ..record.reader import read_episode
-from ..record.recorder import EpisodeRecorder
-from ..record.shard_file import ShardWriter, extents, shard_manifest_path
-from .episode_runs import EpisodeRuns, Job, prepared
-from .manifest import (
+from ...core.files.locations import file_names
+from ...errors import NewerFormatError, RecordError
+from ...record.files import file_suffix, read_stored, sha256_of
+from ...record.layout import JsonDict
+from ...record.reader import read_episode
+from ...record.recorder import EpisodeRecorder
+from ...record.shard_file import ShardWriter, extents, shard_manifest_path
+from ..manifest.read import (
     DatasetSpec,
     ManifestEntry,
     identity_of,
@@ -30,10 +29,11 @@ from .manifest import (
     read_stored_manifest,
     require_episode_of,
 )
+from ..manifest.rows import part_path, parts_in, shard_name, shard_number
+from ..workers.tasks import stop_if_over, stop_if_unwanted
+from .episodes import EpisodeRuns, Job, prepared
 from .progress import ExcludedEpisode, FailedEpisode, too_few_kept
 from .shard_output import shard_row, write_shard_manifest
-from .shards import part_path, parts_in, shard_name, shard_number
-from .tasks import stop_if_over, stop_if_unwanted
 
 logger = logging.getLogger(__name__)
 
