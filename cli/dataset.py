@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -193,54 +193,26 @@ def merge(folders: tuple[Path, ...], output: Path, as_json: bool) -> None:
 
 @click.command(
     cls=Command,
-    epilog=examples(
-        "card demo", "card demo --no-figures --licence mit", "card demo --date 2026-05-01 --creator Lab --organisation"
-    ),
+    epilog=examples("card demo", "card demo --licence mit", "card demo --date 2026-05-01 --creator Lab --organisation"),
 )
 @click.argument("folder", type=PATH, metavar="DIR")
-@click.option(
-    "--figures/--no-figures",
-    default=None,
-    help="Draw statistics of the episodes, or remove them.  [default: draw, if matplotlib is installed]",
-)
 @click.option("--licence", metavar="NAME", help="Licence of the data.  [default: cc-by-4.0; other for recorded people]")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of publication.")
 @click.option("--data-version", "version", metavar="X.Y.Z", help="Version of the data set.  [default: 1.0.0]")
 @click.option("--creator", metavar="NAME", help="Person or organisation that made the data set.")
-@click.option("--organisation/--person", default=None, help="What the creator is.  [default: person]")
+@click.option("--organisation/--person", default=None, help="Kind of the creator.  [default: person]")
 @click.option("--url", metavar="URL", help="Page of the data set.")
 @json_option
-def card(
-    folder: Path,
-    figures: bool | None,
-    licence: str | None,
-    date: str | None,
-    version: str | None,
-    creator: str | None,
-    organisation: bool | None,
-    url: str | None,
-    as_json: bool,
-) -> None:
+def card(folder: Path, as_json: bool, **statements: Any) -> None:
     """Write the data card of a data set.
 
-    The card is README.md, with figures and the metadata that Hugging Face reads, and croissant.json, with Croissant
-    metadata. What is stated once, such as a licence or a date, stays until another value is given. A card that was
-    edited is replaced.
+    The card is README.md, with the metadata that Hugging Face reads, and croissant.json, with Croissant metadata. What
+    is stated once, such as a licence or a date, stays until another value is given. A card that was edited is replaced.
     """
-    from sonata2d.datasets import write_card
-    from sonata2d.datasets.manifest import CROISSANT, FIGURES, read_manifest
+    from sonata2d.datasets import CROISSANT, write_card
 
-    with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
-        path = write_card(
-            folder, figures=figures, licence=licence, date=date, version=version, creator=creator,
-            organisation=organisation, url=url, advance=advance,
-        )  # fmt: skip
-    written = {"card": str(path), "metadata": str(folder / CROISSANT)}
-    has_figures = (folder / FIGURES).is_file()
-    written |= {"figures": str(folder / FIGURES)} if has_figures else {}
+    written = {"card": str(write_card(folder, **statements)), "metadata": str(folder / CROISSANT)}
     if as_json:
         show_json(written)
     else:
         note(", ".join(written.values()))
-    if figures is None and not has_figures:
-        note("the card has no figures: they need matplotlib; pip install 'sonata2d[plots]'", err=True)

@@ -88,8 +88,7 @@ def command(
     interruptions.
     """
     from sonata2d.datasets import generate_dataset
-    from sonata2d.datasets.manifest import PREVIEW
-    from sonata2d.datasets.manifest.rows import stored_form
+    from sonata2d.datasets.manifest import PREVIEW, stored_form
     from sonata2d.scenegen.scenario.load import load_scenario
 
     if resume and overwrite:

@@ -23,7 +23,7 @@ _OPTIONS = (
         "--engine",
         type=click.Choice(["processes", "dask"]),
         default="processes",
-        help="Processes of this machine, or Dask: those of a cluster with --address, else a local one.",
+        help="Processes of this machine, or Dask: the cluster at --address, else a local one.",
     ),
     click.option("--address", metavar="URL", help="Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786."),
     click.option(
@@ -37,7 +37,7 @@ _OPTIONS = (
 
 @dataclass(frozen=True, slots=True)
 class WorkerOptions:
-    """What a command line says about the workers."""
+    """Options of a command line about the workers."""
 
     number: int
     engine: str
@@ -72,7 +72,7 @@ def workers_options(command: Callable[..., None]) -> Callable[..., None]:
         *args: Any, workers: int, engine: str, address: str | None, task_size: int | None, **options: Any
     ) -> None:
         if address and engine != "dask":
-            raise click.UsageError("--address is that of a Dask scheduler; give --engine dask as well")
+            raise click.UsageError("--address is the address of a Dask scheduler; give --engine dask as well")
         given = click.get_current_context().get_parameter_source("workers")
         if address and given is not ParameterSource.DEFAULT:
             raise click.UsageError("--workers is for processes of this machine; a cluster has its own workers")

@@ -28,8 +28,8 @@ from ..datasets.manifest import (
     MANIFEST,
     METRICS,
     SCENARIO,
-    manifest_entry,
     read_manifest,
+    row_of,
     write_json,
 )
 from ..errors import ConfigError, RecordError
@@ -348,7 +348,7 @@ def _read_rows(folder: Path, known: dict[str, JsonDict]) -> Iterator[JsonDict]:
 
 def _read_row(path: Path) -> JsonDict:
     record = read_episode(path)
-    return manifest_entry(record).row() | {"contributor": record.contributor or "", "seed": record.seed}
+    return row_of(record) | {"contributor": record.contributor or "", "seed": record.seed}
 
 
 def _valid_split(folder: Path, names: Iterable[str]) -> JsonDict | None:

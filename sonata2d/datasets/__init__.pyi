@@ -1,23 +1,20 @@
 from .card.write import write_card as write_card
-from .check.manifests import (
+from .check.episodes import (
     ListedFile as ListedFile,
     Problem as Problem,
-    check_dataset as check_dataset,
     check_episode as check_episode,
     check_listed as check_listed,
+)
+from .check.manifests import (
+    check_dataset as check_dataset,
     check_manifest as check_manifest,
     listed_files as listed_files,
 )
 from .check.replay import branch as branch
 from .check.verification import verify as verify
 from .generate.run import generate_dataset as generate_dataset
-from .manifest.read import (
-    CROISSANT as CROISSANT,
-    MANIFEST as MANIFEST,
-    METRICS as METRICS,
-    files_of as files_of,
-    read_manifest as read_manifest,
-)
+from .manifest.names import CROISSANT as CROISSANT, MANIFEST as MANIFEST, METRICS as METRICS
+from .manifest.rows import files_of as files_of, read_manifest as read_manifest
 from .motion import (
     Motion as Motion,
     motion_of as motion_of,

@@ -25,8 +25,7 @@ from ..core.notebook import ProgressBar, bar_of
 from ..core.wording import counted, shown
 from ..datasets.dataset import Dataset
 from ..datasets.generate.run import generate_dataset
-from ..datasets.generate.start import unlisted_episodes
-from ..datasets.manifest import MANIFEST, write_json
+from ..datasets.manifest import MANIFEST, unlisted_episodes, write_json
 from ..datasets.workers.executors import Workers, shared_workers
 from ..datasets.workers.processes import end_if_unguarded
 from ..errors import ConfigError, MetricError, RecordError, RenderError, Sonata2dError
@@ -469,7 +468,7 @@ def _sources(
                 keep = "keep the complete episodes with --output DIR (out=DIR)"
                 error.__notes__ = ["run the same evaluation again to continue" if is_kept else keep]
                 raise
-            dataset.keeps(folder)
+            dataset._owner = folder
             sources[label].append(dataset)
     return sources
 
@@ -491,7 +490,7 @@ def _combined(datasets: Sequence[Dataset]) -> Dataset:
     if len(datasets) == 1:
         return datasets[0]
     combined = Dataset.of_files(datasets[0].path.parent, (file for one in datasets for file in one.files))
-    combined.keeps(tuple(datasets))
+    combined._owner = tuple(datasets)
     return combined
 
 

@@ -38,7 +38,7 @@ class Extent(NamedTuple):
 
 
 def is_shard(path: Path) -> bool:
-    """Whether a path is that of a tar file."""
+    """Whether a path names a tar file that exists."""
     return path.name.endswith(SHARD_SUFFIX) and path.is_file()
 
 
@@ -174,20 +174,6 @@ def _extents(shard: Path, version: str) -> Mapping[str, Extent]:
         except (KeyError, TypeError, ValueError):  # damaged, as `check` says; the members are still there
             pass
     return MappingProxyType(dict(_searched(shard)))
-
-
-def member_names(shard: Path) -> tuple[str, ...]:
-    """The names of the members of a tar file that its manifest lists, in their order.
-
-    Raises:
-        OSError: as of `extents`.
-    """
-    return _member_names(shard, _version(shard))
-
-
-@lru_cache(maxsize=_INDEXES)
-def _member_names(shard: Path, version: str) -> tuple[str, ...]:
-    return tuple(_extents(shard, version))
 
 
 def _searched(shard: Path) -> Iterator[tuple[str, Extent]]:

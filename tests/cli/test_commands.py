@@ -264,22 +264,6 @@ def test_positions_are_finite_numbers_separated_by_commas(sonata2d: Run, here: P
     assert "give finite numbers separated by commas" in output
 
 
-def test_a_card_without_matplotlib_is_plain_and_says_what_to_install(
-    sonata2d: Run, here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    find = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
-    monkeypatch.setattr("sonata2d.datasets.card.figure.find_spec", importlib.util.find_spec)
-    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
-    output = sonata2d("card out").output
-    assert output.splitlines()[0] == "out/README.md, out/croissant.json"
-    assert "pip install 'sonata2d[plots]'" in output
-    assert "card.png" not in (here / "out/README.md").read_text()
-    assert "matplotlib" in sonata2d("card out --figures", code=1).output
-    assert "matplotlib" not in sonata2d("card out --no-figures").output
-    assert sonata2d("card out --quiet").output == ""
-
-
 def test_quiet_prints_the_result_of_a_split(sonata2d: Run, here: Path) -> None:
     sonata2d("generate out --scenario quick.yaml --episodes 2 --workers 1 --no-picture")
     output = sonata2d("split out --parts train=0.5,test=0.5 --quiet").output

@@ -14,8 +14,7 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.datasets import check_dataset, generate_dataset, verify
-from sonata2d.datasets.generate.start import unlisted_episodes
-from sonata2d.datasets.manifest import read_manifest
+from sonata2d.datasets.manifest import read_manifest, unlisted_episodes
 from sonata2d.datasets.workers.executors import parallel_map
 from sonata2d.errors import ConfigError, ControllerError, RecordError, Sonata2dError
 from sonata2d.record.reader import read_episode

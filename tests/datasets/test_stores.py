@@ -209,7 +209,7 @@ def test_commands_take_urls(store: str, tmp_path: Path, monkeypatch: pytest.Monk
     export {store}/set --to csv -o {store}/tracks --workers 1
     mirror {store}/set -o {store}/mirrored --workers 1
     split {store}/mirrored
-    card {store}/mirrored --figures
+    card {store}/mirrored
     merge {store}/set {store}/mirrored -o both
     check both
     """

@@ -66,7 +66,7 @@ def make_samples(folder: Path) -> None:
     config = s2.ScenarioConfig(**{key: value for key, value in SCENARIO.items() if key != "extends"})
     data = folder / "dataset" / "set"
     generate_dataset(data, config, "social-planner", episodes=3, seed=3, workers=1)
-    write_card(data, figures=False)
+    write_card(data)
     generate_dataset(folder / "dataset" / "other", config, "straight-to-goal", episodes=2, seed=4, workers=1)
     rate(data, rng)
     (data / "metrics.json").write_text(json.dumps({"metrics": [], "episodes": {}}))

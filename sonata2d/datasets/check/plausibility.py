@@ -107,7 +107,7 @@ def _maximum_speeds(scene: Scene) -> Array:
 def _maximum_overlap(scene: Scene) -> float:
     """Depth to which outlines may overlap, m.
 
-    Without the guard, the physics stops the robot, and those that it pushes, up to one substep too late.
+    Without the guard, the physics stops the robot, and the pedestrians that it pushes, up to one substep too late.
     """
     rules = scene.rules
     return MAXIMUM_OVERLAP if rules.guard else MAXIMUM_OVERLAP + scene.robot.top_speed * rules.dt / rules.substeps
@@ -149,7 +149,7 @@ def _check_robot(record: EpisodeRecord) -> Iterator[Finding]:
     arc = np.hypot(executed[:, 0], executed[:, 1]) * dt
     if not is_unicycle:
         arc = np.where(is_steady, arc, scene.robot.top_speed * dt)
-    rounding = ROUNDING * (1.0 + arc)  # the second part is that of the angle
+    rounding = ROUNDING * (1.0 + arc)  # the second part is for the angle
     difference = np.hypot(ahead - executed[:, 0] * dt, left - executed[:, 1] * dt)
     difference -= arc * np.where(is_steady, 1.0 - np.cos(half), 2.0 * np.sin(half / 2))
     yield from _worst_tick(difference - rounding, "robot", "the robot", "m from where its drive led")

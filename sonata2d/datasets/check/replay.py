@@ -27,7 +27,7 @@ from ...scenegen.scenario.config import ScenarioConfig
 from ...sim.episode import Episode, TickInput, controller_info_of, renderer_for
 from ...version import LAST_RELEASE, PHYSICS_VERSION
 from ..transforms.mirror import mirrored
-from .manifests import Problem
+from .episodes import Problem
 
 
 class _RecordedCommandsOnly(Controller):
@@ -177,7 +177,7 @@ def check_rerun(path: Path, name: str | None = None, *, record: EpisodeRecord | 
         return [Problem(path.name, "rerun", message)]
     recorded, settings = record.controller_info.path, record.controller_info.settings or {}
     if name is None and not is_installed(recorded, settings):
-        # a name without a path can only be that of a plug-in; a stock controller with own weights has its path in them
+        # only a plug-in has a name without a path: the name of a stock controller with own weights contains their path
         is_plugin = recorded not in CONTROLLERS.built_in and not any(letter in recorded for letter in ":./+")
         remedy = (
             " of an installed package; install the package that provides it"
@@ -210,7 +210,7 @@ def _original(record: EpisodeRecord) -> tuple[EpisodeRecord, list[Problem]]:
 
 
 def _stored_document(path: Path, record: EpisodeRecord) -> bytes:
-    """The document in the file, or that of its original if the file is a mirror image."""
+    """The document in the file, or the original's if the file is a mirror image."""
     return read_bytes(path) if record.path == path else serialise(record.document)
 
 

@@ -17,19 +17,13 @@ from ...core.notebook import Advance
 from ...core.wording import described
 from ...errors import ControllerError, ControllerWarning
 from ...record.layout import JsonDict
-from ..manifest.read import MANIFEST, files_of, has_manifest, read_manifest
+from ..manifest.names import MANIFEST
+from ..manifest.read import has_manifest
+from ..manifest.rows import files_of, read_manifest
 from ..workers.executors import Workers, parallel_map, shared_workers
 from ..workers.processes import end_if_unguarded
-from .manifests import (
-    ListedFile,
-    Problem,
-    check_manifest,
-    check_record,
-    check_shard,
-    files_in,
-    listed_shards,
-    open_to_check,
-)
+from .episodes import ListedFile, Problem, check_record, open_to_check
+from .manifests import check_manifest, check_shard, files_in, listed_shards
 from .replay import check_replay, check_rerun
 
 logger = logging.getLogger(__name__)
@@ -70,14 +64,14 @@ def verify(
         place = pool.place(path)
         manifest = read_manifest(place) if is_listed else None
         shards = [] if manifest is None else listed_shards(place, manifest)
-        for found in parallel_map(check_shard, shards, workers=pool, reads=place):
-            problems += found
+        for shard_problems in parallel_map(check_shard, shards, workers=pool, reads=place):
+            problems += shard_problems
         files: Sequence[Path | ListedFile] = files_of(place) if manifest is None else files_in(place, manifest)
-        for found in parallel_map(verify_file, files, workers=pool, reads=place):
-            problems += found
+        for file_problems in parallel_map(verify_file, files, workers=pool, reads=place):
+            problems += file_problems
             advance(1)
     if rerun and manifest is not None:
-        problems += _changed_code(manifest, controller, any(one.place == "rerun" for one in problems))
+        problems += _changed_code(manifest, controller, any(problem.place == "rerun" for problem in problems))
     return problems
 
 
@@ -94,18 +88,18 @@ def _changed_code(manifest: JsonDict, name: str | None, differs: bool) -> list[P
         recorded, info = source.get("controller_sha256"), source["controller"]
         if not recorded or not (name or is_installed(info["path"], info["settings"] or {})):
             continue
-        given = name or info["path"]
+        path = name or info["path"]
         with suppress(ControllerError):  # a controller that does not load is a problem of each file already
-            present = source_hashes(given, load_controller(given, info["settings"]))
-            own = [
+            present = source_hashes(path, load_controller(path, info["settings"]))
+            stored = [
                 sha256
                 for place, sha256 in recorded.items()
                 if not place.startswith(("pedestrian model ", "room kind "))
             ]
-            if list(present.values()) == own:
+            if list(present.values()) == stored:
                 continue
             now, then = (_short_hashes(hashes) for hashes in (present, recorded))
-            message = f"the code of {given} is not that of the data set: SHA-256 {now} now, {then} recorded"
+            message = f"the code of {path} differs from the data set: SHA-256 {now} now, {then} recorded"
             if differs:
                 problems.append(Problem(MANIFEST, "controller_sha256", f"{message}; this may explain other frames"))
             else:

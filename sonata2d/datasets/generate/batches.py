@@ -1,206 +1,92 @@
-"""Generates the shards of a data set: each by one worker, whole or not at all, and continued after an interruption."""
+"""Generates batches of episodes: each by one worker, whole or not at all, and continued after an interruption.
+
+A batch is a shard. A folder of files is treated as a shard that is not packed: there, each file is a batch of one
+episode, so that the workers share the folder.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from functools import partial
-from itertools import count
 from pathlib import Path
 from typing import Self
 
 from ...core.files.locations import file_names
 from ...errors import NewerFormatError, RecordError
-from ...record.files import file_suffix, read_stored, sha256_of
+from ...record.files import read_stored, sha256_of, write_atomically
 from ...record.layout import JsonDict
 from ...record.reader import read_episode
 from ...record.recorder import EpisodeRecorder
 from ...record.shard_file import ShardWriter, extents, shard_manifest_path
-from ..manifest.read import (
-    DatasetSpec,
-    ManifestEntry,
-    identity_of,
-    manifest_entry,
-    manifest_of,
-    packed_episode,
-    read_stored_manifest,
-    require_episode_of,
-)
-from ..manifest.rows import part_path, parts_in, shard_name, shard_number
+from ..manifest.names import episode_number, part_path, parts_in, shard_name, shard_number
+from ..manifest.read import read_document
+from ..manifest.write import counts_of, row_of, sum_of
+from ..shards import shard_row, write_shard_manifest
 from ..workers.tasks import stop_if_over, stop_if_unwanted
-from .episodes import EpisodeRuns, Job, prepared
-from .progress import ExcludedEpisode, FailedEpisode, too_few_kept
-from .shard_output import shard_row, write_shard_manifest
+from .episodes import EpisodeRuns, Job, packed_episode, prepared
+from .progress import Batch, FailedEpisode, logged_exclusions
+from .specification import DatasetSpec, identity_of, manifest_of, require_episode_of
 
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class ShardResult:
-    """A generated shard.
-
-    Attributes:
-        number: of the shard.
-        stop: episode number after the last one that it covers.
-        row: of the shard: the keys of `manifest_models.Shard`, `counts`, and with `keep` also `left_out`.
-        is_split: whether its manifest divides its episodes among parts.
-    """
-
-    number: int
-    stop: int
-    row: JsonDict
-    is_split: bool = False
-
-    @property
-    def episodes(self) -> int:
-        """Number of episodes in the shard."""
-        return int(self.row["episodes"])
+def batch_runner(job: Job) -> Callable[[int], Batch | FailedEpisode]:
+    """A function that generates a batch by number; all its episodes share one controller."""
+    return partial(_run_batch, prepared(job))
 
 
-class ShardProgress:
-    """The shards of a generation run, counted in order, as `Progress` counts episodes.
-
-    Args:
-        spec: specification of the data set, with a shard size.
-        known: shards of earlier runs.
-
-    Attributes:
-        shards: the first ones, without a gap.
-        kept: number of their episodes.
-        failure: the failed episode that ends the run; None if there is none.
-
-    Raises:
-        RecordError: too few episodes are kept, see `Progress`.
-    """
-
-    def __init__(self, spec: DatasetSpec, known: Iterable[ShardResult] = ()) -> None:
-        self._spec = spec
-        self._results: dict[int, ShardResult | FailedEpisode] = {result.number: result for result in known}
-        self._left_out = Counter[str]()  # of the counted shards, by outcome
-        self.shards: list[ShardResult] = []
-        self.kept = 0
-        self.failure: FailedEpisode | None = None
-        self._count()
-
-    @property
-    def is_finished(self) -> bool:
-        """Whether the run needs no further result."""
-        return self.failure is not None or self.kept >= self._spec.episodes
-
-    @property
-    def stored(self) -> int:
-        """Number of episodes in all shards that exist."""
-        return sum(result.episodes for result in self._results.values() if isinstance(result, ShardResult))
-
-    def add(self, result: ShardResult | FailedEpisode) -> int:
-        """Add a result and return the number of newly kept episodes.
-
-        Raises:
-            RecordError: too few episodes are kept.
-        """
-        before = min(self.kept, self._spec.episodes)
-        number = result.number if isinstance(result, ShardResult) else result.episode // shard_size_of(self._spec)
-        self._results[number] = result
-        self._count()
-        return min(self.kept, self._spec.episodes) - before
-
-    def pending(self) -> Iterator[int]:
-        """Numbers of shards without a result: endless with `keep`, empty if the run is finished."""
-        if self.is_finished:
-            return iter(())
-        numbers = count() if self._spec.keep else range(shard_count(self._spec))
-        return (number for number in numbers if number not in self._results)
-
-    def _count(self) -> None:
-        while not self.is_finished and (result := self._results.get(len(self.shards))) is not None:
-            if isinstance(result, FailedEpisode):
-                self.failure = result
-                return
-            covers_all = result.stop == shard_range(self._spec, result.number)[1]
-            if not covers_all and self.kept + result.episodes < self._spec.episodes:
-                del self._results[result.number]  # it was the last one of a smaller data set
-                return
-            self.shards.append(result)
-            self.kept += result.episodes
-            self._left_out.update(result.row.get("left_out", {}))
-            too_few_kept(self._spec, self.kept, self.kept + self._left_out.total(), self._left_out)
-
-
-def shard_size_of(spec: DatasetSpec) -> int:
-    """The number of episode numbers that each shard of a specification covers."""
-    assert spec.shard_size is not None
-    return spec.shard_size
-
-
-def shard_count(spec: DatasetSpec) -> int:
-    """The number of shards of a data set without `keep`."""
-    return -(-spec.episodes // shard_size_of(spec))
-
-
-def shard_range(spec: DatasetSpec, number: int) -> tuple[int, int]:
-    """The first episode number that a shard covers, and the one after the last."""
-    size = shard_size_of(spec)
-    stop = (number + 1) * size
-    return number * size, stop if spec.keep else min(stop, spec.episodes)
-
-
-def shard_runner(job: Job) -> Callable[[int], ShardResult | FailedEpisode]:
-    """A function that generates a shard by number; all its episodes share one controller."""
-    return partial(_run_shard, prepared(job))
-
-
-def _run_shard(runs: EpisodeRuns, number: int) -> ShardResult | FailedEpisode:
-    """Generate a shard. If that is interrupted, its episodes stay in a file that the next attempt takes them from."""
+def _run_batch(runs: EpisodeRuns, number: int) -> Batch | FailedEpisode:
+    """Generate a batch. Finished episodes of an interrupted shard stay in a file; the next attempt takes them over."""
     spec = runs.job.spec
-    first, stop = shard_range(spec, number)
-    entries: list[ManifestEntry] = []
-    left_out: list[ExcludedEpisode] = []
-    with NewShard(runs.job.out, number, spec) as shard:
+    first, stop = spec.covered(number)
+    with NewBatch(runs.job.out, number, spec) as batch:
         for episode in range(first, stop):
             stop_if_over()
-            if (known := shard.known(episode)) is not None:
-                entries.append(known)
-                continue
-            result = runs.run(episode, shard.add)
-            if isinstance(result, FailedEpisode):
-                return result
-            if isinstance(result, ExcludedEpisode):
-                left_out.append(result)
-            else:
-                entries.append(result)
-        return shard.finish(entries, left_out, stop)
+            if not batch.takes_over(episode) and (failure := runs.run(episode, batch)) is not None:
+                return failure
+        return batch.finish(stop)
 
 
-class NewShard:
-    """A shard that is being written: it gets its name when it is complete.
+class NewBatch:
+    """A batch that is being written: a shard, which gets its name when it is complete, or a file of a folder.
 
     Args:
         folder: of the data set.
-        number: of the shard.
+        number: of the batch.
         spec: specification of the data set.
+
+    Raises:
+        RecordError: the shard cannot be written.
     """
 
     def __init__(self, folder: Path, number: int, spec: DatasetSpec) -> None:
         self._folder, self._number, self._spec = folder, number, spec
+        self._rows: list[JsonDict] = []
+        self._left_out: list[tuple[int, str]] = []
         self._path = folder / shard_name(number)
-        self._earlier = parts_in(folder, self._path.name)
-        self._known = _members_by_name(self._earlier)
-        with suppress(OSError, RecordError):
-            _whole_shard(self._path)  # it may have covered fewer episodes
-            self._known |= _members_by_name([self._path])
-        self._writer = ShardWriter(self._path, part_path(self._path))
+        self._earlier: list[Path] = []
+        self._known: dict[str, Path] = {}
+        self._writer: ShardWriter | None = None
+        if spec.shard_size is not None:
+            self._earlier = parts_in(folder, self._path.name)
+            self._known = _members_by_name(self._earlier)
+            with suppress(OSError, RecordError):
+                _whole_shard(self._path)  # it may have covered fewer episodes
+                self._known |= _members_by_name([self._path])
+            self._writer = ShardWriter(self._path, part_path(self._path))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._writer.__exit__()
+        if self._writer is not None:
+            self._writer.__exit__()
 
-    def known(self, episode: int) -> ManifestEntry | None:
-        """The row of an episode that an earlier attempt has run, which is taken over; None: it must be run.
+    def takes_over(self, episode: int) -> bool:
+        """Take over an episode that an earlier attempt has run; False if it must be run.
 
         Raises:
             NewerFormatError: a newer version wrote it.
@@ -208,85 +94,141 @@ class NewShard:
         """
         path = self._known.get(self._spec.file_name(episode))
         if path is None:
-            return None
+            return False
         try:
-            record = read_episode(path)
-            require_episode_of(record, self._spec, episode)
-            entry, data = manifest_entry(record), read_stored(path)
+            row, data = _usable_row(path, self._spec, episode), read_stored(path)
         except NewerFormatError:
             raise
         except RecordError as error:
             logger.warning("%s; the episode is generated again", error)
-            return None
-        return self._append(entry, data)
+            return False
+        self._append(row, data)
+        return True
 
-    def add(self, episode: int, recorder: EpisodeRecorder) -> ManifestEntry:
-        """Append a recorded episode, and return its row.
+    def add(self, episode: int, recorder: EpisodeRecorder) -> None:
+        """Store a recorded episode.
 
         Raises:
-            RecordError: the shard cannot be written.
+            RecordError: it cannot be written.
         """
-        return self._append(*packed_episode(self._spec, episode, recorder))
+        self._append(*packed_episode(self._spec, episode, recorder))
 
-    def finish(self, entries: list[ManifestEntry], left_out: list[ExcludedEpisode], stop: int) -> ShardResult:
-        """Give the shard its name, and write its manifest and card beside it.
+    def leave_out(self, episode: int, outcome: str) -> None:
+        """Note an episode that was run and is not kept."""
+        self._left_out.append((episode, outcome))
+
+    def finish(self, stop: int) -> Batch:
+        """Give a shard its name, and write its manifest and card beside it.
 
         If another attempt has finished the same shard meanwhile, that one stays: after a lost connection, two workers
         may work on one shard.
 
         Args:
-            entries: rows of its episodes, in order.
-            left_out: episodes that were run and not kept.
-            stop: episode number after the last one that it covers.
+            stop: episode number after the last one that the batch covers.
 
         Raises:
             RecordError: a file cannot be written.
         """
-        if (manifest := self._finished(entries, stop)) is not None:
+        if self._writer is None:
+            left_out = dict(Counter(outcome for _, outcome in self._left_out))
+            return Batch(self._number, stop, next(iter(self._rows), None), counts_of(self._rows), left_out)
+        if (manifest := self._finished_meanwhile(stop)) is not None:
             self._writer.discard()
         else:
             stop_if_unwanted()
             shard_manifest_path(self._path).unlink(missing_ok=True)  # it would describe the new file wrongly
-            content = {
-                "first": shard_range(self._spec, self._number)[0],
-                "stop": stop,
-                "sha256": self._writer.finish(),
-                "bytes": self._writer.size,
-            }
-            if self._spec.keep:
-                content["left_out"] = [[one.episode, one.outcome] for one in left_out]
-            manifest = _shard_manifest(self._spec, entries, content)
+            manifest = self._manifest(self._writer, stop)
             write_shard_manifest(self._path, manifest)
         for part in self._earlier:
             with suppress(OSError):
                 part.unlink()
-        return result_of(self._number, manifest)
+        return _batch_of(self._number, manifest)
 
-    def _finished(self, entries: list[ManifestEntry], stop: int) -> JsonDict | None:
+    def _manifest(self, writer: ShardWriter, stop: int) -> JsonDict:
+        """Complete the shard, and return its manifest."""
+        first = self._spec.covered(self._number)[0]
+        content = {"first": first, "stop": stop, "sha256": writer.finish(), "bytes": writer.size}
+        if self._spec.keep:
+            content["left_out"] = [list(episode) for episode in self._left_out]
+        left_out = sum_of({outcome: 1} for _, outcome in self._left_out)
+        return manifest_of(self._spec, self._rows, counts_of(self._rows), left_out, complete=True, shard=content)
+
+    def _finished_meanwhile(self, stop: int) -> JsonDict | None:
         """The manifest of the same shard if it exists; None: there is none, or another one."""
         with suppress(OSError, RecordError):
-            found = read_stored_manifest(self._path)
-            if found["shard"]["stop"] == stop and found["files"] == [entry.row() for entry in entries]:
+            manifest = read_document(self._path)
+            if manifest["shard"]["stop"] == stop and manifest["files"] == self._rows:
                 return _whole_shard(self._path)
         return None
 
-    def _append(self, entry: ManifestEntry, data: bytes) -> ManifestEntry:
-        return replace(entry, offset=self._writer.add(entry.name, data))
+    def _append(self, row: JsonDict, data: bytes) -> None:
+        if self._writer is None:
+            stop_if_unwanted()
+            write_atomically(self._folder / row["name"], data)
+        else:
+            row = row | {"offset": self._writer.add(row["name"], data)}
+        self._rows.append(row)
 
 
-def _shard_manifest(spec: DatasetSpec, entries: list[ManifestEntry], content: JsonDict) -> JsonDict:
-    """The manifest of a shard."""
-    left_out = Counter(outcome for _, outcome in content.get("left_out", ()))
-    manifest = manifest_of(spec, entries, complete=True, left_out=left_out, shard=content)
-    return manifest | {"episodes": len(entries)}
+def existing_batches(
+    folder: Path, spec: DatasetSpec, listed: Mapping[str, str] | None = None, *, known: Container[int] = ()
+) -> tuple[list[Batch], list[RecordError]]:
+    """Usable batches of a specification that a folder already holds, and the errors of other files.
+
+    Args:
+        folder: of the data set.
+        spec: specification of the data set.
+        listed: SHA-256 by file name, from `start_dataset`; a file with another hash counts as changed.
+        known: numbers of batches to leave out.
+
+    Raises:
+        NewerFormatError: a file was written by a newer version.
+    """
+    batches, faults = list[Batch](), list[RecordError]()
+    existing = _existing_file if spec.shard_size is None else _existing_shard
+    for name in sorted(file_names(folder)):
+        number = spec.batch_in(name)
+        if number is None or number in known:
+            continue
+        try:
+            batch, sha256 = existing(folder / name, spec, number)
+            if (listed or {}).get(name, sha256) != sha256:
+                raise RecordError(f"{folder / name} was changed since it was generated")
+            batches.append(batch)
+        except NewerFormatError:
+            raise  # never overwrite a file of a newer version
+        except RecordError as error:
+            faults.append(error)
+    # a folder of files has no other trace of the episodes that were not kept
+    logged = logged_exclusions(folder) if spec.keep and spec.shard_size is None else []
+    return [*logged, *batches], faults
 
 
-def result_of(number: int, manifest: JsonDict) -> ShardResult:
-    """The result of a shard that is complete, by its manifest."""
-    row = shard_row(shard_name(number), manifest) | {"counts": manifest["counts"]}
-    if "left_out" in manifest:
-        row["left_out"] = manifest["left_out"]
-    return ShardResult(number, manifest["shard"]["stop"], row, manifest["split"] is not None)
+def _existing_file(path: Path, spec: DatasetSpec, episode: int) -> tuple[Batch, str]:
+    """The batch of an episode file, and its SHA-256."""
+    row = _usable_row(path, spec, episode)
+    return Batch(episode, episode + 1, row, counts_of([row]), {}), row["sha256"]
+
+
+def _usable_row(path: Path, spec: DatasetSpec, episode: int) -> JsonDict:
+    """The manifest row of an episode that a file or a shard holds.
+
+    Raises:
+        RecordError: it cannot be read, or the specification does not produce it.
+    """
+    record = read_episode(path)
+    require_episode_of(record, spec, episode)
+    return row_of(record)
+
+
+def _existing_shard(path: Path, spec: DatasetSpec, number: int) -> tuple[Batch, str]:
+    """The batch of a complete shard, and its SHA-256."""
+    manifest = _whole_shard(path)
+    identity = {key: value for key, value in identity_of(spec).items() if key != "episodes"}
+    different = [key for key, value in identity.items() if manifest.get(key) != value]
+    if different or manifest.get("shard") is None:
+        raise RecordError(f"{path} belongs to another data set: its {', '.join(different) or 'kind'} differs")
+    return _batch_of(number, manifest), manifest["shard"]["sha256"]
 
 
 def _whole_shard(shard: Path) -> JsonDict:
@@ -295,78 +237,72 @@ def _whole_shard(shard: Path) -> JsonDict:
     Raises:
         RecordError: the manifest or the file cannot be read, or the file was changed.
     """
-    manifest = read_stored_manifest(shard)
+    manifest = read_document(shard)
     if manifest.get("shard") is not None and sha256_of(shard) != manifest["shard"]["sha256"]:
         raise RecordError(f"{shard} was changed since it was generated")
     return manifest
 
 
-def existing_shards(folder: Path, spec: DatasetSpec) -> Iterator[ShardResult]:
-    """The complete shards of a specification that a folder already holds; others are logged."""
-    identity = identity_of(spec)
-    del identity["episodes"]
-    for name in sorted(file_names(folder)):
-        number, path = shard_number(name), folder / name
-        if number is None:
-            continue
-        try:
-            manifest = _whole_shard(path)
-            different = [key for key, value in identity.items() if manifest.get(key) != value]
-            if different or manifest.get("shard") is None:
-                raise RecordError(f"{path} belongs to another data set: its {', '.join(different) or 'kind'} differs")
-        except RecordError as error:
-            logger.warning("%s; the shard is generated again", error)
-            continue
-        first = manifest["files"][0]["name"] if manifest["files"] else ""
-        if first and file_suffix(Path(first)) != spec.suffix:
-            raise RecordError(f"{path} holds files like {first}; resume with the same --compress")
-        yield result_of(number, manifest)
+def _batch_of(number: int, manifest: JsonDict) -> Batch:
+    """The batch of a complete shard, by its manifest."""
+    row, left_out = shard_row(shard_name(number), manifest), manifest.get("left_out", {})
+    return Batch(number, manifest["shard"]["stop"], row, manifest["counts"], left_out, manifest["split"] is not None)
 
 
-def cut_shard(folder: Path, spec: DatasetSpec, result: ShardResult, episodes: int) -> ShardResult:
+def cut_shard(folder: Path, spec: DatasetSpec, batch: Batch, episodes: int) -> Batch:
     """The last shard of a data set with `keep`, with its first episodes only.
 
     Args:
         folder: of the data set.
         spec: specification of the data set.
-        result: of the shard.
+        batch: the shard.
         episodes: number of episodes that it should have; 1 or more.
 
     Raises:
         RecordError: the shard cannot be read or written.
     """
-    path = folder / shard_name(result.number)
-    manifest = read_stored_manifest(path)
-    names = [row["name"] for row in manifest["files"][:episodes]]
-    stop = manifest["files"][episodes - 1]["episode"] + 1
-    if stop == result.stop and len(names) == result.episodes:
-        return result
-    left_out = [ExcludedEpisode(k, outcome) for k, outcome in manifest["shard"]["left_out"] if k < stop]
-    with NewShard(folder, result.number, spec) as shard:
-        entries = []
-        for name in names:
-            entry = shard.known(int(name.split(".")[0]))
-            if entry is None:
-                raise RecordError(f"{path / name} was changed since it was generated; generate it again with --resume")
-            entries.append(entry)
-        return shard.finish(entries, left_out, stop)
+    path = folder / shard_name(batch.number)
+    manifest = read_document(path)
+    numbers = [row["episode"] for row in manifest["files"][:episodes]]
+    stop = numbers[-1] + 1
+    if stop == batch.stop and len(numbers) == batch.episodes:
+        return batch
+    with NewBatch(folder, batch.number, spec) as shard:
+        for number in numbers:
+            if not shard.takes_over(number):
+                file = path / spec.file_name(number)
+                raise RecordError(f"{file} was changed since it was generated; generate it again with --resume")
+        for number, outcome in manifest["shard"]["left_out"]:
+            if number < stop:
+                shard.leave_out(number, outcome)
+        return shard.finish(stop)
 
 
 def remove_split(shard: Path) -> None:
-    """Remove the split from the manifest of a shard, because that of the data set does not hold any more.
+    """Remove the split from the manifest of a shard, because the split of the data set does not hold any more.
 
     Raises:
         RecordError: the manifest cannot be read or written.
     """
-    manifest = read_stored_manifest(shard)
-    if manifest["split"] is not None:
-        write_shard_manifest(shard, manifest | {"split": None})
+    write_shard_manifest(shard, read_document(shard) | {"split": None})
+
+
+def remove_surplus(folder: Path, spec: DatasetSpec, batches: Sequence[Batch]) -> None:
+    """Remove batches that do not belong to the data set, as workers run ahead with `keep`, and unfinished shards."""
+    number_in = episode_number if spec.shard_size is None else shard_number
+    kept = {batch.number for batch in batches if batch.row is not None}
+    for name in file_names(folder) if spec.keep or spec.shard_size else ():
+        number = number_in(name)
+        if number is not None and number not in kept:
+            (folder / name).unlink(missing_ok=True)
+    for path in parts_in(folder):
+        path.unlink(missing_ok=True)
 
 
 def _members_by_name(paths: Iterable[Path]) -> dict[str, Path]:
     """The members of tar files by name."""
-    found: dict[str, Path] = {}
+    members: dict[str, Path] = {}
     for path in paths:
         with suppress(OSError):
-            found |= {member: path / member for member in extents(path)}
-    return found
+            members |= {name: path / name for name in extents(path)}
+    return members

@@ -6,10 +6,9 @@ import logging
 import os
 import sysconfig
 import traceback
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 from ...agents.controllers.base import Controller
 from ...agents.controllers.loading import ControllerSource
@@ -18,20 +17,23 @@ from ...core.scene import Scene
 from ...core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
 from ...core.wording import described, one_line, text_of
 from ...errors import ControllerError, RecordError, SceneError, Sonata2dError
+from ...record.canonical import parse_header
+from ...record.files import compress, write_atomically
+from ...record.layout import JsonDict
 from ...record.recorder import EpisodeRecorder
 from ...scenegen.generator import generate
 from ...scenegen.scenario.config import ScenarioConfig
 from ...sim.episode import Episode, renderer_for
-from ..manifest.read import FAILED, DatasetSpec, ManifestEntry, store_episode
+from ..manifest.names import FAILED
+from ..manifest.write import file_row
 from ..workers.processes import end_if_forked
-from ..workers.tasks import stop_if_unwanted
-from .progress import EpisodeResult, ExcludedEpisode, FailedEpisode
+from .progress import FailedEpisode
+from .specification import DatasetSpec
 
 logger = logging.getLogger(__name__)
 
 FAILURES = SceneError, RecordError, ControllerError  # of an episode
 _PACKAGE_FOLDER = Path(__file__).resolve().parents[2]
-Store = Callable[[int, EpisodeRecorder], ManifestEntry]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +55,18 @@ class Job:
     process: int = 0
 
 
-def episode_runner(job: Job) -> Callable[[int], EpisodeResult]:
-    """A function that runs an episode by number and writes its file; all its episodes share one controller."""
-    return partial(prepared(job).run, store=partial(store_episode, job.out, job.spec))
+class Store(Protocol):
+    """Destination of the episodes of a batch."""
+
+    def add(self, episode: int, recorder: EpisodeRecorder) -> None:
+        """Store a recorded episode."""
+
+    def leave_out(self, episode: int, outcome: str) -> None:
+        """Note an episode whose outcome is not kept."""
 
 
 def prepared(job: Job) -> EpisodeRuns:
-    """What runs the episodes in this process.
+    """Runs of episodes in this process, which share one controller.
 
     Raises:
         ControllerError: the controller cannot be created.
@@ -76,18 +83,21 @@ class EpisodeRuns:
 
     Attributes:
         job: with the number of this process.
-        controller: which drives the robot.
+        controller: drives the robot.
     """
 
     job: Job
     controller: Controller
 
-    def run(self, episode: int, store: Store) -> EpisodeResult:
-        """Run one episode.
+    def run(self, episode: int, store: Store) -> FailedEpisode | None:
+        """Run one episode, and store it if its outcome is kept.
 
         Args:
             episode: its number.
-            store: stores the recording if the outcome is kept.
+            store: of its batch.
+
+        Returns:
+            The failure if an error ended the episode, or it cannot be stored; else None.
         """
         job, spec = self.job, self.job.spec
         recorder = EpisodeRecorder(id=f"{episode:06d}", context=job.scenario.context)
@@ -106,13 +116,13 @@ class EpisodeRuns:
             return _failed(job, recorder, episode, error)
         logger.info("episode %d: %s after %d frames", episode, status, len(run.past))
         if spec.keep and status not in spec.keep:
-            return ExcludedEpisode(episode, status)
-        if spec.shard_size is None:
-            stop_if_unwanted()
+            store.leave_out(episode, status)
+            return None
         try:
-            return store(episode, recorder)
+            store.add(episode, recorder)
         except RecordError as error:
             return _failed(job, recorder, episode, error)
+        return None
 
 
 class _ForkGuard:
@@ -135,10 +145,24 @@ class _ForkGuard:
         end_if_forked(self._process)
 
 
+def packed_episode(spec: DatasetSpec, episode: int, recorder: EpisodeRecorder) -> tuple[JsonDict, bytes]:
+    """The manifest row and the stored bytes of a recorded episode."""
+    document, name = recorder.document(), spec.file_name(episode)
+    data = compress(document, Path(name))
+    return file_row(name, data, parse_header(document), recorder.counts()), data
+
+
+def store_episode(folder: Path, spec: DatasetSpec, episode: int, recorder: EpisodeRecorder) -> JsonDict:
+    """Write a recorded episode to its file and return the manifest row."""
+    row, data = packed_episode(spec, episode, recorder)
+    write_atomically(folder / row["name"], data)
+    return row
+
+
 def _failed(job: Job, recorder: EpisodeRecorder, episode: int, error: BaseException) -> FailedEpisode:
     """The result of an episode that an error ended; its frames are kept for debugging."""
     # not the class itself, which a controller may have defined where pickle cannot find it
-    kind = next((one for one in FAILURES if isinstance(error, one)), ControllerError)
+    kind = next((failure for failure in FAILURES if isinstance(error, failure)), ControllerError)
     partial_file = _store_partial(job, recorder, episode)
     text = "".join(traceback.format_exception(error))
     return FailedEpisode(episode, kind, _message(error), partial_file, text)
@@ -152,13 +176,13 @@ def is_failure(result: object) -> bool:
 def _store_partial(job: Job, recorder: EpisodeRecorder, episode: int) -> str | None:
     """Write the frames of a failed episode for debugging, and return the file's name; None if there are none."""
     try:
-        return store_episode(job.out / FAILED, job.spec, episode, recorder).name
+        return str(store_episode(job.out / FAILED, job.spec, episode, recorder)["name"])
     except RecordError:
         return None
 
 
 def _message(error: BaseException) -> str:
-    """The error on one line; for an error of the code of others also its class and its innermost place there."""
+    """The error on one line; for an error of a controller or plug-in also its class and its innermost place there."""
     notes = getattr(error, "__notes__", [])
     if isinstance(error, Sonata2dError):
         return "; ".join([one_line(text_of(error) or type(error).__name__, 1000), *notes])

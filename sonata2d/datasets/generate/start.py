@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -12,31 +12,29 @@ from ...core.files.locking import acquired_lock
 from ...core.files.whole_file import TEMPORARY_PREFIX
 from ...core.wording import shown
 from ...errors import RecordError
-from ...record.files import SUFFIXES, file_suffix
+from ...record.files import file_suffix
 from ...record.layout import JsonDict
+from ...record.shard_file import extents
 from ...version import PHYSICS_VERSION
 from ..card.write import has_edited_card
-from ..manifest.models import is_episode_name
-from ..manifest.read import (
+from ..manifest.names import (
     CARD,
     CROISSANT,
     FAILED,
-    FIGURES,
     LOCK,
     LOG,
     MANIFEST,
     METRICS,
+    PART,
     PREVIEW,
     SCENARIO,
-    DatasetSpec,
-    identity_of,
-    manifest_of,
-    read_manifest,
-    remove_partial_files,
-    sharded_manifest_of,
-    write_json,
+    episode_number,
+    parts_in,
+    shard_number,
 )
-from ..manifest.rows import PART, remove_shards, shard_number
+from ..manifest.rows import listing, read_manifest
+from ..manifest.write import counts_of, write_json
+from .specification import DatasetSpec, identity_of, manifest_of
 
 _MAXIMUM_DIFFERENCES = 5  # named in a message
 
@@ -65,8 +63,8 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
         stored = read_manifest(folder)
         _require_replaceable(folder, stored)
         if resume and not (differences := _differences(stored, spec)):
-            _require_same_suffix(folder, spec, stored)
-            listed = {} if spec.shard_size else {entry["name"]: entry["sha256"] for entry in stored["files"]}
+            _require_same_suffix(folder, spec)
+            listed = {row["name"]: row["sha256"] for row in listing(stored)}
         elif overwrite or not (stored["files"] or has_episodes(folder)):
             _remove_dataset(folder)
         elif resume:
@@ -81,8 +79,7 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
         raise RecordError(f"{folder} is not empty and has no {MANIFEST}; choose another folder")
     remove_partial_files(folder)
     # The manifest is written first, because a later resumption recognises the data set by it.
-    begun = manifest_of(spec, (), complete=False)
-    write_json(folder / MANIFEST, sharded_manifest_of(folder, spec, (), complete=False) if spec.shard_size else begun)
+    write_json(folder / MANIFEST, manifest_of(spec, (), counts_of(()), {}, complete=False))
     if spec.settings is not None:
         write_json(folder / SCENARIO, spec.settings)
     return listed
@@ -112,9 +109,16 @@ def sole_writer(folder: Path) -> Iterator[None]:
 
 
 def _require_no_file(folder: Path) -> None:
-    """Raise RecordError if the path of a data set is that of a file."""
+    """Raise RecordError if the path of a data set is the path of a file."""
     if folder.exists() and not folder.is_dir():
         raise RecordError(f"{folder} is a file; choose another name for the folder")
+
+
+def remove_partial_files(folder: Path) -> None:
+    """Remove incomplete files that a killed run left."""
+    for name in file_names(folder):
+        if name.startswith(TEMPORARY_PREFIX) and name != LOCK:
+            (folder / name).unlink(missing_ok=True)
 
 
 def remove_failed_episodes(folder: Path) -> None:
@@ -122,40 +126,21 @@ def remove_failed_episodes(folder: Path) -> None:
     failed = folder / FAILED
     if failed.is_dir():
         remove_partial_files(failed)
-        for path in episode_files(failed):
-            path.unlink(missing_ok=True)
+        for name in file_names(failed):
+            if episode_number(name) is not None:
+                (failed / name).unlink(missing_ok=True)
         with suppress(OSError):
             failed.rmdir()
 
 
-def episode_files(folder: Path) -> list[Path]:
-    """The files of a folder, if it exists, that are named as generated episodes are."""
-    return [folder / name for name in file_names(folder) if is_episode_name(name)]
+def _is_generated(name: str) -> bool:
+    """Whether a file is named as generated episodes and shards are."""
+    return episode_number(name) is not None or shard_number(name) is not None
 
 
 def has_episodes(folder: Path) -> bool:
     """Whether a folder holds generated episodes, in files or in shards, which may be unfinished."""
-    names = file_names(folder)
-    return any(is_episode_name(name) or name.startswith(PART) or shard_number(name) is not None for name in names)
-
-
-def unlisted_episodes(folder: Path, manifest: JsonDict) -> str:
-    """That the manifest of an interrupted run does not list all files or shards of its folder yet; empty if it does.
-
-    A run that was killed leaves such a manifest.
-    """
-    if manifest["complete"]:
-        return ""
-    listed = {row["name"] for row in manifest["shards" if "shards" in manifest else "files"]}
-    if "shards" in manifest:
-        names, what = [name for name in file_names(folder) if shard_number(name) is not None], "shard"
-    else:
-        names, what = [path.name for path in episode_files(folder)], "episode file"
-    count = sum(name not in listed for name in names)
-    if not count:
-        return ""
-    files = f"1 {what} is" if count == 1 else f"{count} {what}s are"
-    return f"{files} not listed until `generate` with --resume has completed the data set"
+    return any(_is_generated(name) or name.startswith(PART) for name in file_names(folder))
 
 
 def _remove_dataset(folder: Path) -> None:
@@ -163,12 +148,12 @@ def _remove_dataset(folder: Path) -> None:
 
     They are recognised by their names: a manifest that was edited may list any file.
     """
-    own = (FIGURES, CROISSANT, METRICS, PREVIEW, LOG, SCENARIO) + (() if has_edited_card(folder) else (CARD,))
+    written = (CROISSANT, METRICS, PREVIEW, LOG, SCENARIO) + (() if has_edited_card(folder) else (CARD,))
+    generated = [name for name in file_names(folder) if _is_generated(name)]
     try:
-        for path in (*(folder / name for name in own), *episode_files(folder)):
+        for path in (*(folder / name for name in (*written, *generated)), *parts_in(folder)):
             path.unlink(missing_ok=True)
         remove_failed_episodes(folder)
-        remove_shards(folder)
         (folder / MANIFEST).unlink()
     except OSError as error:
         raise RecordError(f"{folder} cannot be overwritten: {error.strerror or error}") from error
@@ -185,23 +170,23 @@ def _require_replaceable(folder: Path, stored: JsonDict) -> None:
 
 
 def _differences(stored: JsonDict, spec: DatasetSpec) -> str:
-    """In which keys a data set differs from a specification, which may have more episodes; empty if in none."""
+    """The keys in which a data set differs from a specification, which may have more episodes; empty without any."""
     requested = {"keep": None, "shard_size": spec.shard_size, **identity_of(spec), "physics": PHYSICS_VERSION}
     if stored["episodes"] < spec.episodes:
         del requested["episodes"]
     if (stored["controller"] or {}).get("path") != spec.controller_info.path:  # its settings are then others as well
         requested["controller"] = {**(stored["controller"] or {}), "path": spec.controller_info.path}
-    found = [
+    differences = [
         f"{key} {shown(old, 100)} stored, {shown(new, 100)} requested"
         for key, old, new in _changes({key: stored.get(key) for key in requested}, requested)
     ]
-    # version 0.1 stored no hashes; the episodes of such a data set are taken as they are
-    code = stored.get("controller_sha256") or {}
+    stored_code = stored.get("controller_sha256") or {}
     for name, sha256 in spec.controller_sha256.items():
-        if code.get(name, sha256) != sha256:
-            found.append(f"the code of {name}, SHA-256 {code[name][:12]}… stored, {sha256[:12]}… now")
-    rest = len(found) - _MAXIMUM_DIFFERENCES
-    return "; ".join(found[:_MAXIMUM_DIFFERENCES] + ([f"and {rest} more differences"] if rest > 0 else []))
+        old = stored_code.get(name, "none")
+        if old != sha256:
+            differences.append(f"the code of {name}, SHA-256 {old[:12]}… stored, {sha256[:12]}… now")
+    rest = len(differences) - _MAXIMUM_DIFFERENCES
+    return "; ".join(differences[:_MAXIMUM_DIFFERENCES] + ([f"and {rest} more differences"] if rest > 0 else []))
 
 
 def _changes(stored: Any, requested: Any, place: str = "") -> Iterator[tuple[str, Any, Any]]:
@@ -213,11 +198,12 @@ def _changes(stored: Any, requested: Any, place: str = "") -> Iterator[tuple[str
         yield place, stored, requested
 
 
-def _require_same_suffix(folder: Path, spec: DatasetSpec, stored: JsonDict) -> None:
-    """Raise RecordError if the data set holds episode files with another suffix."""
-    if spec.shard_size and stored["files"] and file_suffix(folder / stored["files"][0]["name"]) != spec.suffix:
-        raise RecordError(f"{folder} holds files like {stored['files'][0]['name']}; resume with the same --compress")
-    for name in file_names(folder):
-        is_episode = name.split(".")[0].isdigit() and name.endswith(SUFFIXES)
-        if is_episode and file_suffix(folder / name) != spec.suffix:
-            raise RecordError(f"{folder} holds files like {name}; resume with the same --compress")
+def _require_same_suffix(folder: Path, spec: DatasetSpec) -> None:
+    """Raise RecordError if the data set holds episodes with another suffix, in files or in shards."""
+    for name in sorted(file_names(folder)):
+        episodes: Sequence[str] = (name,) if episode_number(name) is not None else ()
+        if spec.batch_in(name) is not None and spec.shard_size is not None:
+            with suppress(OSError):
+                episodes = tuple(extents(folder / name))[:1]
+        if episodes and file_suffix(Path(episodes[0])) != spec.suffix:
+            raise RecordError(f"{folder} holds files like {episodes[0]}; resume with the same --compress")

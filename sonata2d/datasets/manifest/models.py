@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
 from ...core.snapshot import Status
 from ...record.models import Controller, Count, ListOf, Part, Positive, Settings, Software
-
-_EPISODE_NAME = re.compile(r"[0-9]{6,}\.json(\.gz|\.zst)?")
-
-
-def is_file_name(name: str) -> bool:
-    """Whether a name is that of a file in a folder, and does not lead out of it."""
-    return name not in ("", ".", "..") and not any(letter in name for letter in "/\\\0")
-
-
-def is_episode_name(name: str) -> bool:
-    """Whether a file is named as generated episodes are."""
-    return _EPISODE_NAME.fullmatch(name) is not None
+from .names import is_file_name
 
 
 def _in_folder(name: str) -> str:
@@ -35,8 +23,9 @@ FileName = Annotated[str, AfterValidator(_in_folder)]
 
 _CODE_DESCRIPTION = (
     "SHA-256 of the source file that defines the controller, by its name; of driver+labeller both; of a class without "
-    "a file, as in a notebook, that of its code. Likewise of pedestrian models and room kinds that a program has "
-    "registered. Modules that the file imports are not included. Absent: all of these are part of sonata2d, or plug-ins"
+    "a file, as in a notebook, the SHA-256 of its code. Likewise of pedestrian models and room kinds that a program "
+    "has registered. Modules that the file imports are not included. Absent: all of these are part of sonata2d, or "
+    "plug-ins"
 )
 
 
@@ -70,7 +59,7 @@ class ManifestFile(Part):
     ticks: Count = Field(description="number of frames")
     contacts: dict[Literal["any", "human", "object", "wall"], ContactCount] | None = Field(
         default=None,
-        description="by kind of contact, kinds without a contact left out; absent: not counted (version 0.1, imported)",
+        description="by kind of contact, kinds without a contact left out; absent: not counted (imported episodes)",
     )
     commands_beyond_limits: dict[Literal["vx", "vy", "omega"], CommandExcess] | None = Field(
         default=None,
@@ -110,7 +99,7 @@ class ShardContent(Part):
     """The shard that a manifest describes, a tar file."""
 
     first: Count = Field(description="number of the first episode that can be in the shard")
-    stop: Count = Field(description="number after that of the last episode that can be in the shard")
+    stop: Count = Field(description="number after the last episode that can be in the shard")
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the tar file")
     bytes: Count = Field(description="size of the tar file")
     left_out: ListOf[tuple[Count, str]] | None = Field(
@@ -129,11 +118,12 @@ class Shard(Part):
 
 
 class DataSet(Part):
-    """What both kinds of manifests say of a data set."""
+    """The keys that manifests of files and manifests of shards share."""
 
     format: Literal["sonata2d-dataset"]
     mirrored: bool = Field(
-        default=False, description="whether the episodes are mirror images of those that settings and seed produce"
+        default=False,
+        description="whether the episodes are mirror images of what settings and seed produce",
     )
     collected: bool = Field(
         default=False, description="whether people drove; each file then holds its own settings, seed and controller"

@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from array import array
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,27 +16,16 @@ from ...errors import RecordError
 from ...record.files import read_bytes, safe_text, write_atomically
 from ...record.layout import JsonDict, software_versions
 from ..card.write import licence_of, write_manifest_and_card
-from ..generate.shard_output import write_shard
-from ..manifest.read import (
-    DATASET_FORMAT,
-    DATASET_VERSION,
-    SHARDED_VERSION,
-    new_folder,
-    read_listed_file,
-    read_stored_manifest,
-)
-from ..manifest.rows import ShardRows, shard_name, with_rows
+from ..manifest.names import shard_name
+from ..manifest.read import DATASET_FORMAT, DATASET_VERSION, SHARDED_VERSION
+from ..manifest.rows import read_listed_file, read_shard, read_stored_manifest, with_rows
+from ..manifest.write import COUNTED, counts_of
+from ..shards import write_shard
+from .new_folder import new_folder
 
 _EQUAL_KEYS = ("physics", "precision")  # manifest keys that must be equal in all sources
-_SOURCE_KEYS = (
-    "settings",
-    "seed",
-    "episodes",
-    "keep",
-    "left_out",
-    "controller",
-    "controller_sha256",
-)  # manifest keys kept for each source
+# manifest keys kept for each source
+_SOURCE_KEYS = ("settings", "seed", "episodes", "keep", "left_out", "controller", "controller_sha256")
 
 
 def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: Advance = lambda step: None) -> JsonDict:
@@ -46,7 +34,7 @@ def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: A
     Names of files, or of shards, get the name of their source folder as a prefix. If one of the data sets is in shards,
     the new one is, too: shards are copied, and files are put into new ones. The manifest's `sources` hold the origin of
     each data set. Splits are not copied, because a scene may be in several sources; split the merged data set again.
-    The licence is that of the data sets, or `other` where they differ.
+    The licence is the common licence of the data sets, or `other` where they differ.
 
     Args:
         folders: complete data sets.
@@ -63,38 +51,55 @@ def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: A
     paths = [location(folder) for folder in folders]
     manifests = [read_stored_manifest(path) for path in paths]
     _require_mergeable(paths, manifests)
-    prefixes = _prefixes(paths)
-    sizes = [manifest["shard_size"] for manifest in manifests if "shards" in manifest]
+    size = max((manifest["shard_size"] for manifest in manifests if "shards" in manifest), default=None)
+    rows: list[JsonDict] = []
+    sources: list[JsonDict] = []
     with new_folder(location(out)) as work:
-        if sizes:
-            copies = [
-                _copied_shards(path, prefix, manifest, work, max(sizes), advance)
-                for path, prefix, manifest in zip(paths, prefixes, manifests, strict=True)
-            ]
-        else:
-            copies = [
-                _copied_files(path, prefix, manifest, work, advance)
-                for path, prefix, manifest in zip(paths, prefixes, manifests, strict=True)
-            ]
-        sources = [
-            source
-            for prefix, manifest, rows in zip(prefixes, manifests, copies, strict=True)
-            for source in _sources(prefix, manifest, rows if sizes else None)
-        ]
-        rows = [row for own in copies for row in own]
-        merged = _merged_manifest(manifests[0], ShardRows(work, rows, read_stored_manifest) if sizes else rows, sources)
-        if sizes:
-            merged |= {"version": SHARDED_VERSION, "shard_size": max(sizes), "shards": rows}
-            merged = with_rows(merged, work, read_stored_manifest)
+        for path, prefix, manifest in zip(paths, _prefixes(paths), manifests, strict=True):
+            for source in _sources(manifest):
+                if size is None:
+                    copied, kind = _copied_files(path, manifest, source, work, prefix, advance), "files"
+                else:
+                    copied, kind = _copied_shards(path, manifest, source, work, prefix, advance, size), "shards"
+                rows += copied
+                origin = {key: value for key, value in source.items() if key not in ("files", "shards")}
+                origin["name"] = f"{prefix}__{source['name']}" if manifest.get("sources") else prefix
+                sources.append(origin | {kind: [row["name"] for row in copied]})
+        merged = _merged_manifest(work, manifests[0], rows, sources, size)
         licences = {licence_of(path) for path in paths}
         write_manifest_and_card(work, merged, licence=licences.pop() if len(licences) == 1 else "other")
     return read_stored_manifest(location(out))
 
 
-def _copied_files(path: Path, prefix: str, manifest: JsonDict, work: Path, advance: Advance) -> list[JsonDict]:
-    """Copy the files of a data set into a folder, and return their rows."""
+def _sources(manifest: JsonDict) -> list[JsonDict]:
+    """The sources of a merged data set, or another data set as its only source, which has no name yet."""
+    if manifest.get("sources"):
+        return list(manifest["sources"])
+    source: JsonDict = {"name": ""} | ({"mirrored": True} if manifest.get("mirrored") else {})
+    return [source | {"scenario": manifest["name"], **{key: manifest[key] for key in _SOURCE_KEYS if key in manifest}}]
+
+
+def _files_of(manifest: JsonDict, source: JsonDict) -> list[JsonDict]:
+    """The rows of the files of a source."""
+    by_name = {row["name"]: row for row in manifest["files"]}
+    return [by_name[name] for name in source.get("files", by_name)]
+
+
+def _copied_files(
+    path: Path, manifest: JsonDict, source: JsonDict, work: Path, prefix: str, advance: Advance
+) -> list[JsonDict]:
+    """Copy the files of a source into a folder, and return their rows.
+
+    Args:
+        path: of the data set.
+        manifest: of the data set.
+        source: of the data set.
+        work: the folder.
+        prefix: of the names of the files.
+        advance: progress callback.
+    """
     rows = []
-    for row in manifest["files"]:
+    for row in _files_of(manifest, source):
         name = f"{prefix}__{row['name']}"
         write_atomically(work / name, read_listed_file(path, row))
         rows.append(row | {"name": name})
@@ -103,65 +108,57 @@ def _copied_files(path: Path, prefix: str, manifest: JsonDict, work: Path, advan
 
 
 def _copied_shards(
-    path: Path, prefix: str, manifest: JsonDict, work: Path, size: int, advance: Advance
+    path: Path, manifest: JsonDict, source: JsonDict, work: Path, prefix: str, advance: Advance, size: int
 ) -> list[JsonDict]:
-    """Copy the shards of a data set into a folder, or its files into new shards, and return the rows of the shards.
+    """Copy the shards of a source into a folder, or its files into new shards, and return the rows of the shards.
 
     Args:
-        path: of the data set.
-        prefix: of the names of the shards.
-        manifest: of the data set.
-        work: the folder.
+        path, manifest, source, work, prefix, advance: as of `_copied_files`.
         size: number of files in a new shard.
-        advance: progress callback.
     """
-    contents: Iterable[tuple[str, JsonDict]]
-    if is_sharded := "shards" in manifest:
-        contents = ((shard["name"], manifest["files"].manifest_of(shard)) for shard in manifest["shards"])
-    else:
-        contents = _blocks(manifest, size)
     shards = []
-    for name, own in contents:
-        parent = path / name if is_sharded else path
-        members = ((row, read_listed_file(parent, row)) for row in own["files"])
-        shards.append(write_shard(work / f"{prefix}__{name}", own | {"split": None}, members))
+    for name, parent, part in _shards_of(path, manifest, source, size):
+        members = ((row, read_listed_file(parent, row)) for row in part["files"])
+        shards.append(write_shard(work / f"{prefix}__{name}", part | {"split": None}, members))
         advance(shards[-1]["episodes"])
     return shards
 
 
-def _blocks(manifest: JsonDict, size: int) -> Iterator[tuple[str, JsonDict]]:
-    """Names and manifests of the shards into which the files of a data set are put, those of each source apart."""
-    rows = {row["name"]: row for row in manifest["files"]}
-    for source in manifest.get("sources") or [{"files": list(rows)}]:
-        names = source["files"]
-        for first in range(0, len(names), size):
-            own = [rows[name] for name in names[first : first + size]]
-            part = {key: value for key, value in manifest.items() if key not in ("left_out", "sources", "mirrored")}
-            if manifest.get("sources"):
-                part |= {key: source[key] for key in _SOURCE_KEYS if key in source} | {"name": source["scenario"]}
-                part.pop("left_out", None)
-            if (source if manifest.get("sources") else manifest).get("mirrored"):
-                part["mirrored"] = True
-            if part.get("keep"):
-                part["left_out"] = {}
-            part["counts"] = {
-                key: dict(sorted(Counter(row[key] for row in own).items())) for key in ("outcome", "family")
-            }
-            name = shard_name(first // size)
-            if "name" in source:
-                name = f"{source['name']}__{name}"
-            yield (
-                name,
-                part
-                | {
-                    "episodes": len(own),
-                    "collected": bool(manifest.get("collected")),
-                    "files": own,
-                    "shard": {"first": own[0]["episode"], "stop": own[-1]["episode"] + 1}
-                    if part.get("keep")
-                    else {"first": first, "stop": first + len(own)},
-                },
-            )
+def _shards_of(path: Path, manifest: JsonDict, source: JsonDict, size: int) -> Iterator[tuple[str, Path, JsonDict]]:
+    """The shards of a source, or the shards into which its files are put: name, place of the episodes, and manifest."""
+    if "shards" in manifest:
+        for shard in manifest["shards"]:
+            if shard["name"] in source.get("shards", (shard["name"],)):
+                yield shard["name"], path / shard["name"], read_shard(path, shard)
+        return
+    rows = _files_of(manifest, source)
+    for first in range(0, len(rows), size):
+        name = shard_name(first // size)
+        part = _shard_manifest(manifest, source, rows[first : first + size], first)
+        yield f"{source['name']}__{name}" if source["name"] else name, path, part
+
+
+def _shard_manifest(manifest: JsonDict, source: JsonDict, rows: list[JsonDict], first: int) -> JsonDict:
+    """The manifest of a shard into which files are put.
+
+    Args:
+        manifest: of the data set that the files are copied from.
+        source: of the data set.
+        rows: of the files.
+        first: number of files of the source in the shards before.
+    """
+    part = {key: value for key, value in manifest.items() if key not in ("left_out", "sources", "mirrored")}
+    part |= {key: source[key] for key in _SOURCE_KEYS if key in source} | {"name": source["scenario"]}
+    part.pop("left_out", None)
+    covered = {"first": first, "stop": first + len(rows)}
+    if source.get("mirrored"):
+        part["mirrored"] = True
+    if part.get("keep"):
+        # the manifest of files does not say which episodes were left out
+        part["left_out"] = {}
+        covered = {"first": rows[0]["episode"], "stop": rows[-1]["episode"] + 1}
+    part |= {"counts": counts_of(rows), "episodes": len(rows), "collected": bool(manifest.get("collected"))}
+    return part | {"files": rows, "shard": covered}
 
 
 def _require_mergeable(paths: Sequence[Path], manifests: Sequence[JsonDict]) -> None:
@@ -199,7 +196,7 @@ def _prefixes(paths: Sequence[Path]) -> list[str]:
     """A distinct file-name prefix for each source folder."""
     prefixes: list[str] = []
     for path in paths:
-        name = path.name if is_remote(path) else os.path.basename(os.path.abspath(path))  # `..` gets that of its folder
+        name = path.name if is_remote(path) else os.path.basename(os.path.abspath(path))  # also of `..`
         stem, number = safe_text(name), 1
         while (prefix := f"{stem}-{number}" if number > 1 else stem) in prefixes:
             number += 1
@@ -207,58 +204,37 @@ def _prefixes(paths: Sequence[Path]) -> list[str]:
     return prefixes
 
 
-def _sources(prefix: str, manifest: JsonDict, shards: Sequence[JsonDict] | None) -> list[JsonDict]:
-    """The entries in `sources` for a data set; a merged data set passes on its own sources.
+def _merged_manifest(
+    work: Path, first: JsonDict, rows: list[JsonDict], sources: list[JsonDict], size: int | None
+) -> JsonDict:
+    """The manifest of a merged data set.
 
     Args:
-        prefix: of the names of its files or shards.
-        manifest: of the data set.
-        shards: rows of its shards in the merged data set; None: it has files.
+        work: its folder.
+        first: manifest of the first data set.
+        rows: of its files, or of its shards.
+        sources: entries of its sources.
+        size: number of episodes in its largest shards; None: it is a folder of files.
     """
-    if manifest.get("sources"):
-        return [
-            source
-            | {"name": f"{prefix}__{source['name']}"}
-            | (
-                {"files": [f"{prefix}__{file}" for file in source["files"]]}
-                if shards is None
-                else {"shards": [shard["name"] for shard in shards if _is_of(shard["name"], prefix, source)]}
-            )
-            for source in manifest["sources"]
-        ]
-    source: JsonDict = {"name": prefix} | ({"mirrored": True} if manifest.get("mirrored") else {})
-    source |= {"scenario": manifest["name"], **{key: manifest[key] for key in _SOURCE_KEYS if key in manifest}}
-    if shards is not None:
-        return [source | {"shards": [shard["name"] for shard in shards]}]
-    return [source | {"files": [f"{prefix}__{row['name']}" for row in manifest["files"]]}]
-
-
-def _is_of(shard: str, prefix: str, source: JsonDict) -> bool:
-    """Whether a copied shard holds episodes of a source of the data set that it is copied from."""
-    name = shard.removeprefix(f"{prefix}__")
-    return name in source["shards"] if source.get("shards") else name.startswith(f"{source['name']}__")
-
-
-def _merged_manifest(first: JsonDict, rows: Sequence[JsonDict], sources: list[JsonDict]) -> JsonDict:
-    counted = {"outcome": Counter[str](), "family": Counter[str](), "contributor": Counter[str]()}
-    for row in rows:
-        for key, counter in counted.items():
-            if row.get(key) is not None:
-                counter[row[key]] += 1
-    counts = {key: dict(sorted(counter.items())) for key, counter in counted.items() if counter or key != "contributor"}
-    return {
+    manifest = {
         "format": DATASET_FORMAT,
-        "version": DATASET_VERSION,
+        "version": DATASET_VERSION if size is None else SHARDED_VERSION,
         "name": None,
         "settings": None,
         "seed": None,
-        "episodes": len(rows),
+        "episodes": 0,
         "controller": None,
         **{key: first[key] for key in _EQUAL_KEYS},
         "complete": True,
-        "counts": counts,
+        "counts": {},
         "split": None,
         "sources": sources,
-        "files": rows,
+        **({"files": rows} if size is None else {}),
         "software": software_versions(),
+        **({} if size is None else {"shard_size": size, "shards": rows}),
     }
+    merged = with_rows(manifest, work)
+    counts = counts_of(merged["files"], (*COUNTED, "contributor"))
+    merged["counts"] = {key: count for key, count in counts.items() if count or key != "contributor"}
+    merged["episodes"] = len(merged["files"])
+    return merged

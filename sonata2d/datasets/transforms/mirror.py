@@ -27,13 +27,22 @@ from ...record.layout import JsonDict
 from ...record.reader import read_episode, record_from_document
 from ...record.record import EpisodeRecord, wrap_read_errors
 from ..card.write import licence_of, write_manifest_and_card
-from ..generate.shard_output import write_shard
-from ..manifest.read import SCENARIO, new_folder, read_listed_file, read_stored_manifest, warn_if_incomplete
-from ..manifest.rows import ShardRows
+from ..manifest.names import SCENARIO
+from ..manifest.read import read_document
+from ..manifest.rows import (
+    listing,
+    read_listed_file,
+    read_stored_manifest,
+    stored_form,
+    warn_if_incomplete,
+    with_rows,
+)
 from ..motion import HEAD, OMEGA, THETA, VY, Y
+from ..shards import write_shard
 from ..workers.executors import Workers, parallel_map, shared_workers
 from ..workers.processes import end_if_unguarded
 from ..workers.tasks import stop_if_over, stop_if_unwanted
+from .new_folder import new_folder
 
 MARK = "-mirror"  # suffix of the id and the file name of a mirrored episode
 LabelImage = Callable[[Any], Any]
@@ -116,26 +125,18 @@ def mirror_dataset(
     folder, out = location(folder), location(out)
     manifest = read_stored_manifest(folder)
     warn_if_incomplete(folder, manifest)
+    image = _manifest_image(folder, stored_form(manifest))
     with shared_workers(workers) as pool, new_folder(out) as work:
         folder, work = pool.place(folder), pool.place(work)
-        if "shards" in manifest:
-            mirror_one = partial(_mirrored_shard, folder, work, label)
-            rows = []
-            for row in parallel_map(mirror_one, manifest["shards"], workers=pool, reads=folder, writes=work):
-                rows.append(row)
-                advance(row["episodes"])
-            image = _sharded_image(manifest, rows, work)
-        else:
-            names = _image_names(folder, manifest)
-            rows, store = [], partial(_listed_image, folder, work, label)
-            for row in parallel_map(store, manifest["files"], workers=pool, reads=folder, writes=work):
-                rows.append(row)
-                advance(1)
-            image = _manifest_image(manifest, rows, names)
+        rows, store = list[JsonDict](), partial(_listed_image, folder, work, label)
+        for row in parallel_map(store, listing(manifest), workers=pool, reads=folder, writes=work):
+            rows.append(row)
+            advance(row.get("episodes", 1))
+        image["shards" if "shards" in manifest else "files"] = rows
         if (folder / SCENARIO).is_file():
             write_atomically(work / SCENARIO, read_stored(folder / SCENARIO))
-        write_manifest_and_card(work, image, licence=licence_of(folder))
-    return image if "shards" not in image else read_stored_manifest(out)
+        write_manifest_and_card(work, with_rows(image, work), licence=licence_of(folder))
+    return read_stored_manifest(out)
 
 
 def mirror_name(name: str) -> str:
@@ -191,16 +192,13 @@ def _read_image(path: Path, label: LabelImage | None) -> EpisodeRecord:
     return mirrored(record, label=label)
 
 
-def _image_names(folder: Path, manifest: JsonDict) -> dict[str, str]:
-    """The names of the mirrored files by those of the originals."""
-    names = {row["name"]: mirror_name(row["name"]) for row in manifest["files"]}
-    if len(set(names.values())) < len(names):
-        raise RecordError(f"{folder}: mirrored files would share a name; rename the files ending in {MARK}")
-    return names
-
-
 def _listed_image(folder: Path, work: Path, label: LabelImage | None, row: JsonDict) -> JsonDict:
-    """Mirror a listed file into a folder, and return its row."""
+    """Mirror a listed file or shard into a folder, and return its row."""
+    if "episodes" in row:  # of a shard
+        shard = folder / row["name"]
+        manifest = read_document(shard)
+        members = (_packed_image(shard, label, member) for member in manifest["files"])
+        return write_shard(work / row["name"], _manifest_image(shard, manifest), members)
     row, data = _packed_image(folder, label, row)
     stop_if_unwanted()
     write_atomically(work / row["name"], data)
@@ -216,42 +214,30 @@ def _packed_image(folder: Path, label: LabelImage | None, row: JsonDict) -> tupl
     return row | {"name": image.path.name, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}, data
 
 
-def _mirrored_shard(folder: Path, work: Path, label: LabelImage | None, shard: JsonDict) -> JsonDict:
-    """Mirror a shard into a folder, and return its row in the manifest of the data set."""
-    source = folder / shard["name"]
-    manifest = read_stored_manifest(source)
-    image = _manifest_image(manifest, [], _image_names(source, manifest))
-    members = (_packed_image(source, label, row) for row in manifest["files"])
-    return write_shard(work / shard["name"], image, members)
+def _manifest_image(place: Path, manifest: JsonDict) -> JsonDict:
+    """The image of a manifest as it is stored; the rows of files or shards stay, and are replaced later.
 
+    Args:
+        place: folder or shard of the manifest.
+        manifest: of a data set or of a shard.
 
-def _sharded_image(manifest: JsonDict, shards: list[JsonDict], folder: Path) -> JsonDict:
-    """The image of the manifest of a data set in shards."""
+    Raises:
+        RecordError: two mirrored files would have one name.
+    """
+    names = {row["name"]: mirror_name(row["name"]) for row in manifest.get("files", ())}
+    if len(set(names.values())) < len(names):
+        raise RecordError(f"{place}: mirrored files would share a name; rename the files ending in {MARK}")
     image = _with_mark_toggled(manifest, after="version")
     image["controller"] = _controller_image(manifest["controller"])
-    image["shards"] = shards
-    image["files"] = ShardRows(folder, shards, read_stored_manifest)
-    if manifest.get("sources"):
-        image["sources"] = [
-            _with_mark_toggled(source, after="name") | {"controller": _controller_image(source["controller"])}
-            for source in manifest["sources"]
-        ]
-    return image
-
-
-def _manifest_image(manifest: JsonDict, rows: list[JsonDict], names: dict[str, str]) -> JsonDict:
-    image = _with_mark_toggled(manifest, after="version") | {"files": rows}
-    image["controller"] = _controller_image(manifest["controller"])
-    if manifest["split"] is not None:
+    if manifest["split"] is not None and names:  # the manifest of a data set in shards has numbers only
         image["split"] = {part: [names[name] for name in files] for part, files in manifest["split"].items()}
     if manifest.get("sources"):
         image["sources"] = [
-            _with_mark_toggled(source, after="name") | {
-                "files": [names[name] for name in source["files"]],
-                "controller": _controller_image(source["controller"]),
-            }
+            _with_mark_toggled(source, after="name")
+            | ({"files": [names[name] for name in source["files"]]} if "files" in source else {})
+            | {"controller": _controller_image(source["controller"])}
             for source in manifest["sources"]
-        ]  # fmt: skip
+        ]
     return image
 
 

@@ -18,9 +18,8 @@ from ...record.layout import JsonDict, scene_to_json
 from ...record.reader import read_episode
 from ...record.record import EpisodeRecord
 from ..card.write import write_manifest_and_card
-from ..generate.shard_output import write_shard_manifest
-from ..manifest.read import read_listed_file, read_stored_manifest, warn_if_incomplete
-from ..manifest.rows import ShardRows
+from ..manifest.rows import ShardRows, read_listed_file, read_shard, read_stored_manifest, warn_if_incomplete
+from ..shards import write_shard_manifest
 from ..workers.executors import Workers, parallel_map, shared_workers
 from .mirror import mirrored
 
@@ -95,15 +94,15 @@ def _listed_scene(folder: Path, row: JsonDict) -> bytes:
 
 
 def _write_to_shards(folder: Path, rows: ShardRows, split: Split) -> None:
-    """Write the names of the parts into the manifests of the shards, each those of its own episodes."""
+    """Write the parts into the manifests of the shards: each manifest gets the names of its own episodes."""
     waiting = {part: deque(names) for part, names in split.items()}  # in the order of the shards
     for shard in rows.shards:
         prefix = f"{shard['name']}/"
-        own: Split = {part: [] for part in split}
+        parts: Split = {part: [] for part in split}
         for part, names in waiting.items():
             while names and names[0].startswith(prefix):
-                own[part].append(names.popleft().removeprefix(prefix))
-        write_shard_manifest(folder / shard["name"], rows.manifest_of(shard) | {"split": own})
+                parts[part].append(names.popleft().removeprefix(prefix))
+        write_shard_manifest(folder / shard["name"], read_shard(folder, shard) | {"split": parts})
 
 
 def scene_key(record: EpisodeRecord) -> str:

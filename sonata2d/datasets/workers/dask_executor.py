@@ -35,8 +35,8 @@ class DaskExecutor(Executor):
     ends, the executor waits for it to start again at the same address, and submits again what was not finished.
 
     Args:
-        address: of the scheduler, such as `tcp://10.0.0.5:8786`; or a `dask.distributed.Client`, such as that of a
-            cluster of dask-jobqueue; None: starts a cluster of processes on this machine, which ends with the executor.
+        address: of the scheduler, such as `tcp://10.0.0.5:8786`; or a `dask.distributed.Client`, as for a cluster of
+            dask-jobqueue; None: starts a cluster of processes on this machine, which ends with the executor.
         workers: number of processes of that cluster; None: the number of processors.
         patience: seconds to wait for the scheduler, at the start and after its end.
 
@@ -111,7 +111,7 @@ class DaskExecutor(Executor):
         """
         if self._is_closed:
             self._reconnect()
-        arguments = [self._sent_once(one) if isinstance(one, bytes) else one for one in args]
+        arguments = [self._sent_once(value) if isinstance(value, bytes) else value for value in args]
         task = self._client.submit(fn, *arguments, pure=False, **kwargs)
         future: Future[Any] = Future()
         self._generations[future] = self._generation

@@ -34,7 +34,7 @@ R = TypeVar("R")
 
 
 class _Backend(Protocol):
-    """What runs tasks."""
+    """Interface of the objects that run tasks."""
 
     task_seconds: float  # time that a task should take
 
@@ -46,7 +46,7 @@ class _Backend(Protocol):
         """Yields a function that submits a task and returns its future; at the end no task of the call is left."""
 
     def finished(self, futures: set[Any], timeout: float) -> set[Any]:
-        """Those of the tasks that are finished, after waiting for one."""
+        """The tasks that are finished, after waiting for one."""
 
     def answer(self, future: Any) -> Answer | None:
         """The answer of a finished task; None if it was lost and must be submitted again."""
@@ -56,15 +56,15 @@ class _Backend(Protocol):
 
 
 class Workers:
-    """What runs the work of one or several calls: processes of this machine, or any executor.
+    """Processes of this machine, or any executor, that do the work of one or several calls.
 
     The bytes of data sets do not depend on it. A context manager: at its end the processes that it started end; an
     executor that was given is left to the caller.
 
     Args:
         executor: a number of processes, which start when they are first needed; with 1 the calling process does the
-            work. Or a `concurrent.futures.Executor`, or an object with its method `submit`, such as those of mpi4py and
-            submitit; `sonata2d.datasets.DaskExecutor` connects to a Dask cluster.
+            work. Or a `concurrent.futures.Executor`, or an object with its method `submit`, such as the executors of
+            mpi4py and submitit; `sonata2d.datasets.DaskExecutor` connects to a Dask cluster.
         count: number of tasks that an executor runs at a time; None: as it says, or the number of processors.
         task_size: number of episodes that are sent at a time; None: as many as take about 0.25 s in a process of this
             machine, and 2 s in an executor, by the time that the last ones took.
@@ -217,9 +217,9 @@ class _Given:
         if self._count is not None:
             return self._count
         for name in ("count", "num_workers", "_max_workers"):  # of DaskExecutor, mpi4py, and the standard library
-            found = getattr(self._executor, name, None)
-            if isinstance(found, int):
-                return found
+            count = getattr(self._executor, name, None)
+            if isinstance(count, int):
+                return count
         return os.cpu_count() or 1
 
     def close(self) -> None:
@@ -235,7 +235,7 @@ class _Given:
                 future = self._executor.submit(run_task, origin(), pickled, items)
             except Exception as error:  # whatever the executor does
                 raise WorkerError(f"{self._name} takes no tasks: {described(error)}") from error
-            submitted.difference_update([one for one in submitted if one.done()])  # they hold their results
+            submitted.difference_update([task for task in submitted if task.done()])  # they hold their results
             submitted.add(future)
             return future
 
@@ -248,11 +248,11 @@ class _Given:
                 if not future.done():
                     future.cancel()
             deadline = time.monotonic() + STOP_GRACE  # tasks that are running stop when they miss the mark
-            while call.writes and any(not one.done() for one in submitted) and time.monotonic() < deadline:
+            while call.writes and any(not task.done() for task in submitted) and time.monotonic() < deadline:
                 time.sleep(0.05)
 
     def finished(self, futures: set[Any], timeout: float) -> set[Any]:
-        """Those of the tasks that are finished; futures that are not those of the standard library are polled."""
+        """The tasks that are finished; futures of other classes than the standard library's are polled."""
         if all(isinstance(future, Future) for future in futures):
             return wait(futures, timeout=timeout, return_when=FIRST_COMPLETED).done
         deadline = time.monotonic() + timeout
@@ -278,7 +278,7 @@ class _Given:
             raise WorkerError(f"{self._name} cannot run a task: {described(error)}{remedy}") from error
         if answer[3] and answer[3] not in self._remarks:
             self._remarks.add(answer[3])
-            logger.warning("%s; files differ from those of this machine in their software block", answer[3])
+            logger.warning("%s; files differ from files of this machine in their software block", answer[3])
         return answer
 
     @property

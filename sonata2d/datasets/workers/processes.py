@@ -98,7 +98,7 @@ class Processes:
                 pool.shutdown()
 
     def finished(self, futures: set[Future[Answer]], timeout: float) -> set[Future[Answer]]:
-        """Those of the tasks that are finished, after waiting for one."""
+        """The tasks that are finished, after waiting for one."""
         return wait(futures, timeout=timeout, return_when=FIRST_COMPLETED).done
 
     def answer(self, future: Future[Answer]) -> Answer:

@@ -1,4 +1,4 @@
-"""What a worker does with the items that it is sent, whichever executor runs it."""
+"""Tasks: a worker of any executor applies the function of a call to the items that it is sent."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _LOOK_INTERVAL = 1.0  # s, between two looks at the mark of a call
 _THIS_PROCESS = uuid4().hex
 
 Origin = Mapping[str, str]
-# What a worker returns: how its task ended, the results (or the error, or why the task is refused), the seconds that
-# the items took, and how its software differs from that of the program. Plain values: the versions may differ.
+# The answer of a worker: how its task ended, the results (or the error, or why the task is refused), the seconds that
+# the items took, and the differences between its software and the program's. Plain values: the versions may differ.
 Answer = tuple[Literal["done", "stopped", "raised", "refused"], Any, float, str]
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """What workers do with the items of one call; sent to them with each task.
+    """The work of one call of a map, which workers do item by item; sent to them with each task.
 
     Attributes:
         set_up: returns the function that is applied to each item; called once in each worker.
@@ -52,11 +52,11 @@ class Call:
     writes: Path | None = None
 
     def pickled(self, mark: Path | None = None) -> bytes:
-        """What is sent to workers.
+        """The call as it is sent to workers.
 
         Args:
-            mark: an empty file. Workers stop when it disappears, because the program has ended its call; None: they
-                are told otherwise.
+            mark: an empty file. Workers stop when it disappears, because the program has ended its call; None: another
+                request stops them.
 
         Raises:
             Sonata2dError: a registered object or a controller cannot be sent.
@@ -249,8 +249,8 @@ def _require_visible(path: Path | None) -> None:
 
 def _compared(theirs: Origin) -> tuple[str, str]:
     """Why a worker with other software is refused, or empty; and how its software differs otherwise, or empty."""
-    own = origin()
-    differences = {key: (own.get(key, "none"), value) for key, value in theirs.items() if own.get(key) != value}
+    present = origin()
+    differences = {key: (present.get(key, "none"), value) for key, value in theirs.items() if present.get(key) != value}
     for key, name in (("sonata2d", "sonata2d"), ("physics", "physics version"), ("pymunk", "pymunk")):
         if key in differences:
             here, there = differences[key]

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import orjson
 
-from ...record.files import write_atomically
-from ...record.layout import JsonDict
-from ...record.shard_file import ShardWriter, shard_manifest_path
-from ..card.text import card_text
-from ..manifest.rows import part_path, shard_card_path
-from ..workers.tasks import stop_if_unwanted
+from ..record.files import write_atomically
+from ..record.layout import JsonDict
+from ..record.shard_file import ShardWriter, shard_manifest_path
+from .card.text import card_text
+from .manifest.names import part_path, shard_card_path
+from .workers.tasks import stop_if_unwanted
 
 
 def write_shard(shard: Path, manifest: JsonDict, members: Iterable[tuple[JsonDict, bytes]]) -> JsonDict:
@@ -57,5 +57,5 @@ def shard_row(name: str, manifest: JsonDict) -> JsonDict:
         "sha256": manifest["shard"]["sha256"],
         "bytes": manifest["shard"]["bytes"],
         "episodes": len(manifest["files"]),
-        "ticks": sum(file["ticks"] for file in manifest["files"]),
+        "ticks": sum(row["ticks"] for row in manifest["files"]),
     }
