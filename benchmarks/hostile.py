@@ -29,7 +29,7 @@ from urllib.parse import quote, urlsplit
 import websockets
 from study_server import served_study
 
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 
 STUDY = """\
 title: Hostile

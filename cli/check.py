@@ -17,7 +17,7 @@ from .output import echo, progress, show_json, wants_json
 from .workers import WorkerOptions, workers_options
 
 if TYPE_CHECKING:
-    from sonata2d.datasets.check import Problem
+    from sonata2d.datasets import Problem
 
 MAX_PROBLEMS = 20  # problems printed without --json
 
@@ -36,8 +36,8 @@ def command(path: Path, replay: bool, rerun: bool, controller: str | None, worke
     Croissant metadata agree with the manifest; with --replay and --rerun also that the simulation reproduces the
     episodes. The exit code is 1 if there is a problem, and 0 if there are only warnings, such as unknown keys.
     """
+    from sonata2d.datasets.check.verification import verify
     from sonata2d.datasets.manifest import files_of
-    from sonata2d.datasets.verification import verify
 
     files = files_of(path)
     with workers.started() as pool, progress(len(files), "files") as advance:

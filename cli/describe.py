@@ -52,8 +52,7 @@ def command(path: Path) -> None:
 
 def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
     """Contents of the manifest of a data set."""
-    from sonata2d.datasets.manifest import MANIFEST, read_manifest
-    from sonata2d.datasets.start import unlisted_episodes
+    from sonata2d.datasets.manifest import MANIFEST, read_manifest, unlisted_episodes
     from sonata2d.datasets.summaries import totals_of
 
     if is_rated and not (folder / MANIFEST).exists():  # single files can be rated without a manifest

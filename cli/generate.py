@@ -69,9 +69,8 @@ def command(
     The same scenario, controller, seed and number of episodes give the same bytes, regardless of workers and
     interruptions.
     """
-    from sonata2d.datasets.generate import generate_dataset
-    from sonata2d.datasets.manifest import PREVIEW
-    from sonata2d.datasets.shards import stored_form
+    from sonata2d.datasets import generate_dataset
+    from sonata2d.datasets.manifest import PREVIEW, stored_form
     from sonata2d.scenegen.scenario.load import load_scenario
 
     if resume and overwrite:
@@ -99,8 +98,8 @@ def _hint_at_resume(out: Path, overwrite: bool) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as error:
-        from sonata2d.datasets.generate import how_to_continue
-        from sonata2d.datasets.start import has_episodes
+        from sonata2d.datasets.generate.run import how_to_continue
+        from sonata2d.datasets.generate.start import has_episodes
 
         if not has_episodes(out):
             exit_interrupted(error, "; no episode is complete, run the same command again")

@@ -21,7 +21,7 @@ def command(folders: tuple[Path, ...], output: Path) -> None:
     Episode files are copied unchanged; the manifest keeps settings and seed of each source.
     """
     from sonata2d.datasets.manifest import read_manifest
-    from sonata2d.datasets.merge import merge_datasets
+    from sonata2d.datasets.transforms.merge import merge_datasets
 
     with progress(sum(len(read_manifest(folder)["files"]) for folder in folders), "episodes") as advance:
         manifest = merge_datasets(folders, output, advance=advance)

@@ -38,7 +38,7 @@ def command(path: Path, output: Path, labels: str, workers: WorkerOptions) -> No
     Positions, headings and commands are mirrored exactly: mirroring twice with the same --labels gives the same bytes.
     """
     from sonata2d.datasets.manifest import read_manifest
-    from sonata2d.datasets.mirror import mirror_dataset, mirror_file, twist_image
+    from sonata2d.datasets.transforms.mirror import mirror_dataset, mirror_file, twist_image
 
     label = twist_image if labels == "twist" else None
     if path.is_dir():

@@ -57,7 +57,7 @@ def command(folder: Path, parts: dict[str, float], seed: int, whole_families: bo
     --whole-families is given.
     """
     from sonata2d.datasets.manifest import read_manifest
-    from sonata2d.datasets.split import split_dataset
+    from sonata2d.datasets.transforms.split import split_dataset
 
     with progress(len(read_manifest(folder)["files"]), "episodes") as advance:
         names = split_dataset(folder, parts, seed=seed, whole_families=whole_families, advance=advance)

@@ -13,7 +13,7 @@ import click
 from click.core import ParameterSource
 
 if TYPE_CHECKING:
-    from sonata2d.datasets.executors import Workers
+    from sonata2d.datasets.workers.executors import Workers
 
 _OPTIONS = (
     click.option(
@@ -51,13 +51,13 @@ class WorkerOptions:
         Raises:
             WorkerError: the cluster does not answer, or Dask is not installed.
         """
-        from sonata2d.datasets.executors import Workers
+        from sonata2d.datasets.workers.executors import Workers
 
         if self.engine == "processes":
             with Workers(self.number, task_size=self.task_size) as workers:
                 yield workers
             return
-        from sonata2d.datasets.dask_executor import DaskExecutor
+        from sonata2d.datasets.workers.dask_executor import DaskExecutor
 
         executor = DaskExecutor(self.address) if self.address else DaskExecutor(workers=self.number)
         with executor, Workers(executor, task_size=self.task_size) as workers:

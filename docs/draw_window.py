@@ -18,7 +18,7 @@ import pygame
 from sonata2d import load_scenario
 from sonata2d.collect.rating import RatingSession
 from sonata2d.collect.session import Session
-from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets import generate_dataset
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.view.stills import save_surface
 from sonata2d.window.collect_screen import CollectScreen

@@ -14,8 +14,8 @@ from sonata2d.core.entities import Limits
 from sonata2d.core.humans import ACTIVITIES
 from sonata2d.core.labels import LabelSpec
 from sonata2d.core.scene import Rules, Social
-from sonata2d.datasets import manifest_models
-from sonata2d.datasets.plausibility import MAXIMUM_OVERLAP
+from sonata2d.datasets.check.plausibility import MAXIMUM_OVERLAP
+from sonata2d.datasets.manifest import models as manifest_models
 from sonata2d.record import models
 from sonata2d.registry import QUESTION_KINDS
 from sonata2d.scenegen.scenario import sections
@@ -71,7 +71,7 @@ frames.
 - Activities: {", ".join(f"{number} {name}" for number, name in enumerate(ACTIVITIES))}; -1 not present.
   A person is `standing`, or does whatever it stands for, from when it begins to brake, up to 1 s before it is at rest.
 - `sonata2d check` also requires people and robot to be inside the room, and outlines to overlap by {
-    1000 * MAXIMUM_OVERLAP:.0f} mm at most; `sonata2d/datasets/plausibility.py` defines its other tolerances.
+    1000 * MAXIMUM_OVERLAP:.0f} mm at most; `sonata2d/datasets/check/plausibility.py` defines its other tolerances.
 
 A data set is a folder of episode files named `{{episode:06d}}.json`, with a `manifest.json` (see
 [Manifest](#manifest); [JSON Schema](schema/manifest-v1.schema.json)), `scenario.json` with its settings, a data card

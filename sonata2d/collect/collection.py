@@ -18,7 +18,8 @@ from ..core.files.locking import acquired_lock
 from ..core.files.whole_file import sync_folder
 from ..core.geometry import PRECISION
 from ..core.wording import shown
-from ..datasets.card import write_manifest_and_card
+from ..datasets.card.write import write_manifest_and_card
+from ..datasets.generate.progress import append_to_log
 from ..datasets.manifest import (
     CROISSANT,
     DATASET_FORMAT,
@@ -27,11 +28,10 @@ from ..datasets.manifest import (
     MANIFEST,
     METRICS,
     SCENARIO,
-    manifest_entry,
     read_manifest,
+    row_of,
     write_json,
 )
-from ..datasets.progress import append_to_log
 from ..errors import ConfigError, RecordError
 from ..record.canonical import parse_header
 from ..record.files import (
@@ -347,7 +347,7 @@ def _read_rows(folder: Path, known: dict[str, JsonDict]) -> dict[str, JsonDict]:
 
 def _read_row(path: Path) -> JsonDict:
     record = read_episode(path)
-    return manifest_entry(record).row() | {"contributor": record.contributor or "", "seed": record.seed}
+    return row_of(record) | {"contributor": record.contributor or "", "seed": record.seed}
 
 
 def _valid_split(folder: Path, names: Iterable[str]) -> JsonDict | None:

@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 
 from ..core.files.locations import is_remote, location, make_folder
 from ..datasets.dataset import Dataset
-from ..datasets.executors import Workers, parallel_map, shared_workers
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
-from ..datasets.processes import end_if_unguarded
-from ..datasets.tasks import stop_if_over, stop_if_unwanted
+from ..datasets.workers.executors import Workers, parallel_map, shared_workers
+from ..datasets.workers.processes import end_if_unguarded
+from ..datasets.workers.tasks import stop_if_over, stop_if_unwanted
 from ..errors import RecordError, UnsuitableEpisode
 from ..record.files import SUFFIXES, compress, episode_key, file_exists, safe_text, write_atomically
 from ..record.reader import read_episode

@@ -253,5 +253,5 @@ def _combined(datasets: Sequence[Dataset]) -> Dataset:
     if len(datasets) == 1:
         return datasets[0]
     combined = Dataset.of_files(datasets[0].path.parent, (file for dataset in datasets for file in dataset.files))
-    combined.keeps(tuple(datasets))
+    combined._owner = tuple(datasets)
     return combined

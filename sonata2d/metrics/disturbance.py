@@ -13,7 +13,7 @@ from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.vectors import lengths
-from ..datasets.mirror import mirrored
+from ..datasets.transforms.mirror import mirrored
 from ..record.canonical import rounded
 from ..record.record import EpisodeRecord
 from ..sim.episode import Episode

@@ -19,11 +19,10 @@ from ..core.files.locations import is_location, location
 from ..core.notebook import ProgressBar, bar_of
 from ..core.wording import shown
 from ..datasets.dataset import Dataset
-from ..datasets.executors import Workers, shared_workers
-from ..datasets.generate import generate_dataset
-from ..datasets.manifest import MANIFEST, write_json
-from ..datasets.processes import end_if_unguarded
-from ..datasets.start import unlisted_episodes
+from ..datasets.generate.run import generate_dataset
+from ..datasets.manifest import MANIFEST, unlisted_episodes, write_json
+from ..datasets.workers.executors import Workers, shared_workers
+from ..datasets.workers.processes import end_if_unguarded
 from ..errors import ConfigError, RecordError, Sonata2dError
 from ..record.files import safe_texts
 from ..scenegen.scenario.config import ScenarioConfig
@@ -247,7 +246,7 @@ def _generated(
                 keep = "keep the complete episodes with --output DIR (out=DIR)"
                 error.__notes__ = [keep if folder else "run the same evaluation again to continue"]
                 raise
-            dataset.keeps(folder)
+            dataset._owner = folder
             datasets[label].append(dataset)
     return datasets
 

@@ -14,9 +14,9 @@ import orjson
 from ..core.files import interruption
 from ..core.notebook import Advance
 from ..core.wording import described, one_line
-from ..datasets.executors import Workers, parallel_map, shared_workers
 from ..datasets.manifest import METRICS as METRICS_FILE, files_of as episode_files, write_json
-from ..datasets.processes import end_if_unguarded
+from ..datasets.workers.executors import Workers, parallel_map, shared_workers
+from ..datasets.workers.processes import end_if_unguarded
 from ..errors import MetricError, Sonata2dError
 from ..record.files import sha256_of
 from ..record.layout import scene_to_json, software_versions

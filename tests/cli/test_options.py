@@ -60,7 +60,7 @@ def test_verbose_prints_each_step_of_all_processes(here: Path, line: str, worker
     words = line.format(GENERATE.replace("--workers 1", f"--workers {workers}")).split()
     done = subprocess.run([sys.executable, "-m", "sonata2d_cli", *words], capture_output=True, text=True, check=True)
     for episode in (0, 1):
-        assert f"INFO:sonata2d.datasets.episode_runs:episode {episode}: " in done.stderr
+        assert f"INFO:sonata2d.datasets.generate.episodes:episode {episode}: " in done.stderr
 
 
 def test_quiet_and_verbose_exclude_each_other(sonata2d: Run) -> None:

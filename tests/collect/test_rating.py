@@ -26,8 +26,7 @@ from sonata2d.collect.rating import (
     read_ratings,
 )
 from sonata2d.core.labels import LabelSpec
-from sonata2d.datasets.check import check_dataset
-from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets import check_dataset, generate_dataset
 from sonata2d.errors import ConfigError, NewerFormatError, RecordError
 from sonata2d.record.files import sha256_of
 from sonata2d.record.recorder import JsonRecorder

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sonata2d.datasets.check import check_episode
-from sonata2d.datasets.replay import check_replay
+from sonata2d.datasets import check_episode
+from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import RecordError
 from sonata2d.formats import api, npz, parquet
 from sonata2d.formats.api import export_to, import_from

@@ -15,8 +15,8 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.geometry import Disc, Pose, Rectangle, inside_polygon
 from sonata2d.core.vectors import wrap_angle
-from sonata2d.datasets.check import check_episode
-from sonata2d.datasets.replay import check_replay
+from sonata2d.datasets import check_episode
+from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import RecordError
 from sonata2d.formats import occupancy, socnav3
 from sonata2d.formats.api import export_to

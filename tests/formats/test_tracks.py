@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.datasets.check import check_episode
+from sonata2d.datasets import check_episode
 from sonata2d.errors import RecordError, UnsuitableEpisode
 from sonata2d.formats import trajnet
 from sonata2d.formats.api import TransferResult, export_to, import_from

@@ -11,9 +11,8 @@ import sonata2d as s2
 from sonata2d.collect.journal import Journal
 from sonata2d.collect.rating import Rating, append_rating, path_for
 from sonata2d.core.labels import LabelSpec
-from sonata2d.datasets.card import write_card
-from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.mirror import mirror_file
+from sonata2d.datasets import generate_dataset, write_card
+from sonata2d.datasets.transforms.mirror import mirror_file
 from sonata2d.formats.api import export_to
 from sonata2d.learning.weights import STOCK
 from sonata2d.record.files import compress, sha256_of
@@ -67,7 +66,7 @@ def make_samples(folder: Path) -> None:
     config = s2.ScenarioConfig(**{key: value for key, value in SCENARIO.items() if key != "extends"})
     data = folder / "dataset" / "set"
     generate_dataset(data, config, "social-planner", episodes=3, seed=3, workers=1)
-    write_card(data, figures=False)
+    write_card(data)
     generate_dataset(folder / "dataset" / "other", config, "straight-to-goal", episodes=2, seed=4, workers=1)
     rate(data, rng)
     (data / "metrics.json").write_text(json.dumps({"metrics": [], "episodes": {}}))

@@ -122,7 +122,7 @@ def collected(path: Path) -> None:
 
 def imported(name: str, path: Path) -> None:
     """Import a file; what is made of it must be a valid episode."""
-    from sonata2d.datasets.check import check_episode
+    from sonata2d.datasets import check_episode
     from sonata2d.formats.api import import_from
     from sonata2d.formats.format import Options
     from sonata2d.record.reader import read_episode
@@ -143,7 +143,7 @@ def imports(name: str, *lines: str) -> tuple[Use, ...]:
 
 
 DATASET = commands(
-    "check D", "describe D", "split D", "merge D O -o merged", "mirror D -o mirrored", "card D --no-figures",
+    "check D", "describe D", "split D", "merge D O -o merged", "mirror D -o mirrored", "card D",
     "export D --to csv -o out", "evaluate D --no-rerun --workers 1 --resamples 100", "check D --replay --workers 1",
     "generate D --resume --scenario S --episodes 3 --seed 3 --workers 1 --no-picture", "describe D --json",
 )  # fmt: skip
@@ -197,7 +197,7 @@ WORDS = (
 LINES = (
     "describe set", "check set --workers 1", "render set/000000.json -o x.svg", "export set --to csv -o new",
     "import set/000000.json --from sonata -o new", "mirror set -o new", "split set --parts train=.5,test=.5 --seed 1",
-    "merge set other -o new", "card set --no-figures --licence mit", "scenarios show sonata-2020",
+    "merge set other -o new", "card set --licence mit", "scenarios show sonata-2020",
     "scenarios draw sonata-2020 --scenes 1 -o x.png", "controllers list", "evaluate set --workers 1 --no-rerun --resamples 100",
     "evaluate set --metric all --no-rerun --workers 1 --resamples 100", "generate set --resume --episodes 1 --workers 1",
     "check set/000000.json --rerun --controller social-planner --workers 1", "scenarios from-tracks set/000000.json -o x.yaml",

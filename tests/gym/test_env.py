@@ -18,8 +18,8 @@ from gymnasium.utils.env_checker import check_env
 
 import sonata2d as s2
 import sonata2d.gym as s2g
-from sonata2d.datasets.check import check_episode
-from sonata2d.datasets.replay import check_replay
+from sonata2d.datasets import check_episode
+from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import ConfigError, ControllerError, MetricError, RecordError, WindowError
 from tests.gym.samples import CHAINS, SHORT, actions, equal
 

@@ -17,8 +17,8 @@ from sonata2d.core.entities import RELATIONS as INTERACTIONS
 from sonata2d.core.geometry import Disc
 from sonata2d.core.portable_math import Array
 from sonata2d.core.vectors import wrap_angle
-from sonata2d.datasets.mirror import mirrored
 from sonata2d.datasets.motion import motion_of
+from sonata2d.datasets.transforms.mirror import mirrored
 from sonata2d.errors import Sonata2dError
 from sonata2d.formats import sonata
 from sonata2d.formats.format import Options

@@ -15,9 +15,7 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.proxemics import obstacle_clearance, times_to_collision
 from sonata2d.core.scene import Scene
-from sonata2d.datasets.check import check_dataset
-from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.mirror import mirror_dataset
+from sonata2d.datasets import check_dataset, generate_dataset, mirror_dataset
 from sonata2d.errors import MetricError, RecordError
 from sonata2d.metrics.catalogue import ALL, METRICS, NEEDING_RERUN, headline_metrics, select_metrics
 from sonata2d.metrics.comparison import Comparison

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import sonata2d as s2
-from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets import generate_dataset
 from sonata2d.errors import RenderError
 from sonata2d.metrics.catalogue import METRICS, headline_metrics
 from sonata2d.metrics.evaluation import Evaluation, Measured

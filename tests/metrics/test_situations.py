@@ -14,7 +14,7 @@ from sonata2d.agents.controllers.base import Controller
 from sonata2d.core.geometry import inside_polygon
 from sonata2d.core.proxemics import clearance
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.datasets.mirror import mirrored
+from sonata2d.datasets.transforms.mirror import mirrored
 from sonata2d.errors import ConfigError
 from sonata2d.metrics.encounters import Encounter, doorways, encounter
 from sonata2d.metrics.situations import SITUATIONS, judge, rehearse

@@ -11,7 +11,7 @@ import pytest
 
 from sonata2d.agents.controllers.teleoperation import DEFAULT_MAPPINGS
 from sonata2d.collect.session import Session
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 from sonata2d.errors import ConfigError, RecordError
 from sonata2d.metrics import evaluate
 from sonata2d.record.reader import read_episode

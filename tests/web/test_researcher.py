@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 from sonata2d.study.export import export_study
 from sonata2d.study.participant import Participant
 

@@ -21,7 +21,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from sonata2d.core.devices import NETWORK_DEVICE
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 from sonata2d.record.reader import read_episode
 
 from .conftest import Served

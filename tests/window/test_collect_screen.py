@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from pygame_gui.elements import UIButton
 from sonata2d_cli import main
 
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 from sonata2d.record.reader import read_episode
 from sonata2d.view.camera import Camera
 from sonata2d.view.painter import Painter
