@@ -187,7 +187,7 @@ def hall_scene(episode: int) -> Scene:
     """A scene of the preset in which pedestrians ignore the robot."""
     config = s2.load_scenario(HALL)
     person = config.person.model_copy(update={"ignores_robot": 1.0})
-    rules = config.rules.model_copy(update={"ends_on": ("time",), "time_limit": EPISODE_TIME})
+    rules = replace(config.rules, ends_on=("time",), time_limit=EPISODE_TIME)
     return generate(config.model_copy(update={"person": person, "rules": rules}), seed=episode)
 
 

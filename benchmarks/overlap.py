@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -120,7 +121,7 @@ def scenes_of(name: str = "sonata-2020", model: str = "sonata2026") -> Iterator[
     """Scenes of a scenario with episodes of a full minute."""
     config = s2.load_scenario(name)
     person = config.person.model_copy(update={"model": model})
-    rules = config.rules.model_copy(update={"ends_on": ("time",), "time_limit": 60.0})
+    rules = replace(config.rules, ends_on=("time",), time_limit=60.0)
     config = config.model_copy(update={"person": person, "rules": rules})
     for seed in range(10**9):
         yield s2.generate(config, seed=seed)

@@ -108,7 +108,7 @@ def command(
 
     def first_screen(name: str) -> Screen:
         if rate is not None:
-            ratings.append(RatingSession(rate, name, config.label.spec(), seed=seed, repeats=repeats))
+            ratings.append(RatingSession(rate, name, config.label, seed=seed, repeats=repeats))
             return RateScreen(ratings[-1], view=view, context=config.context)
         assert out is not None
         devices = InputDevices(profiles)

@@ -107,6 +107,7 @@ def _plugins() -> dict[str, Finding]:
     from sonata2d.agents.pedestrians.models.base import pedestrian_model
     from sonata2d.formats.api import format_named
     from sonata2d.scenegen.floor_plans import load_room_kind
+    from sonata2d.study.questions import question_kind
 
     loaders: tuple[tuple[registry.Registry, Callable[[str], object]], ...] = (
         (registry.CONTROLLERS, find_controller),
@@ -114,6 +115,8 @@ def _plugins() -> dict[str, Finding]:
         (registry.FORMATS, format_named),
         (registry.METRICS, _load_metric),
         (registry.ROOM_KINDS, load_room_kind),
+        (registry.QUESTION_KINDS, question_kind),
+        (registry.OBSERVATION_PARTS, _load_part),
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PluginWarning)  # the findings say the same
@@ -122,6 +125,12 @@ def _plugins() -> dict[str, Finding]:
             for kind, load in loaders
             for point in entry_points(group=kind.group)
         }
+
+
+def _load_part(name: str) -> object:
+    from sonata2d.gym.parts import part_named
+
+    return part_named(name)
 
 
 def _plugin(registry: Registry, load: Callable[[str], object], point: EntryPoint) -> Finding:

@@ -91,14 +91,14 @@ def command(
     The table shows means with 95 % bootstrap intervals. Each data set gets a metrics.json with all metrics of every
     episode. docs/metrics.md explains the metrics.
     """
-    from sonata2d.metrics.comparison import COMPARISON, evaluate
+    from sonata2d.metrics.evaluating import COMPARISON, evaluate
     from sonata2d.metrics.plots import check_picture_path
 
     _check_arguments(paths, controllers, out)
     if picture is not None:
         check_picture_path(picture)
     if page is not None:
-        from sonata2d.metrics.page import check_page_path  # loads pygame and jinja2
+        from sonata2d.metrics.evaluation_page import check_page_path  # loads pygame and jinja2
 
         check_page_path(page)
     with workers.started() as pool:

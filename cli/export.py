@@ -70,7 +70,7 @@ def command(
     code is 1 if a file is damaged or cannot be written, or if no episode was exported.
     """
     from sonata2d.formats.api import episodes_in, export_to
-    from sonata2d.formats.base import Options
+    from sonata2d.formats.format import Options
 
     with workers.started() as pool, progress(len(episodes_in(source)), "episodes") as advance:
         options = Options(original=quirks == "original", context=context, types=types)

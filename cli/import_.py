@@ -48,7 +48,7 @@ def command(
     Each episode records which data its source lacks. Invalid files are refused; the exit code is then 1.
     """
     from sonata2d.formats.api import count_sources, import_from
-    from sonata2d.formats.base import Options
+    from sonata2d.formats.format import Options
 
     with progress(count_sources(source, format), "files") as advance:
         options = Options(frame_time=frame_time, renumber=renumber, walls=walls)

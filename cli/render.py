@@ -62,8 +62,8 @@ def command(
     that plays an episode (.html).
     """
     from sonata2d.record.reader import read_episode
-    from sonata2d.view.draw import Layers
     from sonata2d.view.files import FILM_SUFFIXES, render
+    from sonata2d.view.layers import Layers
 
     if file.is_dir():
         has_others = any((options.pop("strip"), options.pop("size"), zones, ids, legend is not None, graph))

@@ -42,11 +42,12 @@ def serve_study(file: Path, out: Path, announce: Callable[[dict[str, str]], None
         file: the study file.
         out: folder of the study.
         announce: called with the links by name as soon as the server can be reached.
-        settings: further ones of `sonata2d.web.serve.Settings`.
+        settings: further ones of `sonata2d.web.settings.ServerSettings`.
     """
     from sonata2d.study.folder import opened_folder
     from sonata2d.study.load import load_study
-    from sonata2d.web.serve import Settings, serve
+    from sonata2d.web.serve import serve
+    from sonata2d.web.settings import ServerSettings
 
     study = load_study(file)
     with progress(study.number_of_scenes, "scene") as advance:
@@ -54,5 +55,5 @@ def serve_study(file: Path, out: Path, announce: Callable[[dict[str, str]], None
     for warning in study.config.untranslated():
         echo(f"warning: {warning}", err=True)
     with opened_folder(out, study) as folder:
-        serve(folder, Settings(**settings), announce)
+        serve(folder, ServerSettings(**settings), announce)
     echo("stopped; the same command continues the study", err=True)

@@ -65,11 +65,11 @@ def _step_row(study: Study, step: Step) -> dict[str, Any]:
     """One step of a participant as text."""
     from sonata2d.collect.rating import plan_showings
     from sonata2d.core.wording import counted
-    from sonata2d.study.config import in_language, name_of_entry
+    from sonata2d.study.texts import in_language
 
     # A step is known by its questions, its scene or its runs; pages have titles.
     if step.kind == "questions":
-        details = ", ".join(name_of_entry(entry) for entry in step.entries)
+        details = ", ".join(entry.name for entry in step.entries)
     elif step.kind in ("run", "practice"):
         details = f"{study.config_of(step.block).name}, scene {study.scene_number(step.block, step.scene)}"
     elif step.kind == "ratings":
@@ -93,11 +93,12 @@ def preview(file: Path, host: str, port: int) -> None:
     """
     from sonata2d.study.folder import StudyFolder
     from sonata2d.study.load import load_study
-    from sonata2d.web.serve import Settings, serve
+    from sonata2d.web.serve import serve
+    from sonata2d.web.settings import ServerSettings
 
     study = load_study(file)
     with TemporaryDirectory(prefix="sonata2d-preview-") as folder:
-        settings = Settings(host=host, port=port, participants=1, is_preview=True)
+        settings = ServerSettings(host=host, port=port, participants=1, is_preview=True)
         serve(StudyFolder(folder, study), settings, show_links)
     echo("stopped; the collected files are deleted", err=True)
 

@@ -10,7 +10,7 @@ from .output import echo, show_json, wants_json
 
 if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult
-    from sonata2d.formats.base import Options
+    from sonata2d.formats.format import Options
 
 FLAGS = {"original": "--quirks", "frame_time": "--frame-time", "types": "--as"}  # else -- and the name of the option
 

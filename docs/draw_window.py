@@ -90,7 +90,7 @@ def replay(folder: Path, runs: Path) -> None:
 
 def rate(folder: Path, runs: Path, config: ScenarioConfig) -> None:
     """The question after a run was watched."""
-    person = Person(lambda: RateScreen(RatingSession(runs, "rater-1", config.label.spec())))
+    person = Person(lambda: RateScreen(RatingSession(runs, "rater-1", config.label)))
     person.press(pygame.K_RETURN)
     person.wait(40.0)
     person.press(pygame.K_3)

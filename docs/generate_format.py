@@ -4,29 +4,36 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
+from sonata2d.core.entities import Limits
 from sonata2d.core.humans import ACTIVITIES
+from sonata2d.core.labels import LabelSpec
+from sonata2d.core.scene import Rules, Social
 from sonata2d.datasets import manifest_models
 from sonata2d.datasets.plausibility import MAXIMUM_OVERLAP
 from sonata2d.record import models
+from sonata2d.registry import QUESTION_KINDS
 from sonata2d.scenegen.scenario import sections
-from sonata2d.scenegen.scenario.base import Normal, Settings
+from sonata2d.scenegen.scenario.base import Normal, Settings, is_section
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.scenegen.scenario.people import PersonSpec
 from sonata2d.study import config as study
 from sonata2d.study.config import StudyConfig
+from sonata2d.study.questions import Question, ScaleConfig, question_kind
 from sonata2d.study.report import TABLES
-from sonata2d.study.scales import scale_named, scale_names
+from sonata2d.study.scales import Item, scale_named, scale_names
 from sonata2d.version import FORMAT, FORMAT_VERSION
 
 DOCS = Path(__file__).parent
 BASE = "https://json-schema.org/draft/2020-12/schema"
 
 INTRO = f"""\
-<!-- written by docs/generate_format.py from sonata2d/record/models.py and sonata2d/datasets/manifest_models.py -->
+<!-- written by docs/generate_format.py from sonata2d/core, sonata2d/record and sonata2d/datasets -->
 # The episode file, version {FORMAT_VERSION}
 
 One JSON document per episode, `.json`, `.json.gz` or `.json.zst`; [JSON Schema](schema/episode-v1.schema.json). Every
@@ -51,11 +58,11 @@ frames.
 - `robot`, `humans`, `activity`, `interactions` and `contacts` of a frame are the state at its tick; `command` is the
   controller's answer, `executed` and `guarded` describe the motion until the next frame. `final` is the state after the
   last frame.
-- From physics version 3 on, nothing but its drive moves the robot: `executed` times the tick, turned with the body, is
-  its displacement, and the velocity in `robot` is that of the drive at the end of the last tick. A unicycle has no
-  velocity across its heading: `executed` has `vy` 0, (vx, vy) of `robot` is along theta, and the displacement in a tick
-  is along the mean heading, or, where guard or wall slow it, between its headings at the start and at the end.
-  `sonata2d check` tests this up to rounding.
+- Nothing but its drive moves the robot: `executed` times the tick, turned with the body, is its displacement, and the
+  velocity in `robot` is the velocity of the drive at the end of the last tick. A unicycle has no velocity across its
+  heading: `executed` has `vy` 0, (vx, vy) of `robot` is along theta, and the displacement in a tick is along the mean
+  heading, or, where guard or wall slow it, between its headings at the start and at the end. `sonata2d check` tests
+  this up to rounding.
 - `contacts` and `events` are always present and usually empty. `label` is omitted if the command itself is the label.
 - Readers refuse a newer version and ignore unknown keys. `format` is `{FORMAT}`.
 - A file is validated once, when it is read: the schema, and what a schema cannot say (ids and references, activities,
@@ -86,36 +93,28 @@ def schema_of(model: type[models.Part], name: str) -> dict[str, Any]:
 
 def format_page() -> str:
     """docs/format.md."""
-    manifests = (manifest_models.Manifest, manifest_models.ShardedManifest)
-    parts = [models.Episode, *_parts(models.Episode)]
-    for manifest in manifests:
-        parts += [manifest, *_parts(manifest)]
-    unique = dict.fromkeys(parts)
-    return "\n".join([INTRO, *(_section(part) for part in unique)])
+    sections: dict[str, str] = {}
+    for model in (models.Episode, manifest_models.Manifest, manifest_models.ShardedManifest):
+        _add_sections(sections, model.__name__, model.model_json_schema())
+    return "\n".join([INTRO, *sections.values()])
 
 
-def _parts(model: type[models.Part]) -> list[type[models.Part]]:
-    """The models that a model refers to, in the order of the code."""
-    names = model.model_json_schema()["$defs"]
-    return [kind for name, kind in {**vars(models), **vars(manifest_models)}.items() if name in names]
+def _add_sections(sections: dict[str, str], name: str, tree: dict[str, Any]) -> None:
+    """Add the section of a model, then those of the models that it refers to, in the order of its keys.
 
-
-def _section(model: type[models.Part]) -> str:
-    tree = model.model_json_schema()
-    rows = [
-        f"| `{key}` | {_kind(schema)} | {schema.get('description', '')} |" for key, schema in tree["properties"].items()
-    ]
-    return "\n".join(
-        [
-            f"## {model.__name__}",
-            inspect.cleandoc(model.__doc__ or ""),
-            "",
-            "| key | type | |",
-            "| --- | --- | --- |",
-            *rows,
-            "",
-        ]
+    Args:
+        sections: text by name of the model.
+        name: of the model.
+        tree: its JSON Schema, with `$defs` of the models that it refers to.
+    """
+    keys = tree["properties"].items()
+    rows = [f"| `{key}` | {_kind(schema)} | {schema.get('description', '')} |" for key, schema in keys]
+    sections[name] = "\n".join(
+        [f"## {name}", tree["description"], "", "| key | type | |", "| --- | --- | --- |", *rows, ""]
     )
+    for inner in re.findall(r"#/\$defs/(\w+)", json.dumps(tree["properties"])):
+        if inner not in sections:
+            _add_sections(sections, inner, tree["$defs"][inner] | {"$defs": tree["$defs"]})
 
 
 def _kind(schema: dict[str, Any]) -> str:
@@ -159,9 +158,11 @@ front.
 
 def scenario_page() -> str:
     """docs/scenario.md."""
-    kinds = vars(sections).values()
-    parts = [ScenarioConfig, *dict.fromkeys(filter(_is_section, kinds)), PersonSpec]
-    return "\n".join([SCENARIO_INTRO, *(_settings(part) for part in parts)])
+    models = [ScenarioConfig, *dict.fromkeys(filter(_is_section, vars(sections).values())), PersonSpec]
+    defaults = ScenarioConfig().settings()
+    of_core = {Limits: defaults["robot"]["limits"]}
+    of_core |= {Rules: defaults["rules"], Social: defaults["social"], LabelSpec: defaults["label"]}
+    return "\n".join([SCENARIO_INTRO, *map(_settings, models), *(_listed(*section) for section in of_core.items())])
 
 
 STUDY_INTRO = """\
@@ -218,15 +219,18 @@ def _items_of(name: str) -> str:
 
 def study_page() -> str:
     """docs/study.md."""
-    parts = [kind for kind in vars(study).values() if _is_section(kind) and kind is not StudyConfig]
-    parts.sort(key=lambda kind: kind.__module__ != study.__name__)
+    sections = [section for section in vars(study).values() if _is_section(section)]
+    parts = [section for section in sections if section.__module__ == study.__name__ and section is not StudyConfig]
+    kinds = {name: question_kind(name) for name in QUESTION_KINDS.built_in}
     rows = []
     for name in scale_names():
         scale = scale_named(name)
         subscales = ", ".join(f"`{part}` ({len(scale.part([part]).items)})" for part in scale.subscales)
         rows.append(f"| `{name}` | {scale.title} | {subscales} | 1 to {scale.points} | {scale.source} |")
     items = [_items_of(name) for name in scale_names()]
-    settings = [_settings(part) for part in [StudyConfig, *parts]]
+    settings = [_settings(part) for part in [StudyConfig, *parts, Question]]
+    settings += [_settings(kind, f"kind: {name}", set(Question.model_fields)) for name, kind in kinds.items()]
+    settings += [_settings(part) for part in (Item, ScaleConfig)]
     return "\n".join([STUDY_INTRO, *settings, STUDY_SCALES, *rows, "", *items, STUDY_TABLES, *map(_columns_of, TABLES)])
 
 
@@ -236,18 +240,24 @@ def _columns_of(table: str) -> str:
 
 
 def _is_section(kind: object) -> bool:
-    return isinstance(kind, type) and issubclass(kind, Settings) and kind not in (Settings, Normal)
+    is_settings = isinstance(kind, type) and issubclass(kind, Settings) and kind not in (Settings, Normal)
+    return is_settings and not kind.__name__.startswith("_")
 
 
-def _settings(model: type[Settings]) -> str:
-    """The docstring of a section, and the defaults of its plain keys."""
+def _settings(model: type[Settings], title: str = "", hidden: Collection[str] = ()) -> str:
+    """The docstring of a section, and the defaults of its plain keys but the hidden ones."""
     plain = {k: f.get_default(call_default_factory=True) for k, f in model.model_fields.items() if not f.is_required()}
     given = model.model_construct(**plain).model_dump(mode="json")
-    shown = {key: value for key, value in given.items() if not isinstance(plain[key], Settings)}
-    rows = [f"{key}: {json.dumps(value)}" for key, value in shown.items()]
-    text = inspect.cleandoc(model.__doc__ or "")
-    defaults = ["```yaml", *rows, "```"] if rows else []
-    return "\n".join([f"## {model.__name__}", "```text", text, "```", *defaults, ""])
+    shown = {k: value for k, value in given.items() if k not in hidden and not is_section(type(plain[k]))}
+    return _listed(model, shown, title)
+
+
+def _listed(section: type, defaults: dict[str, Any], title: str = "") -> str:
+    """The docstring of a section, and its defaults."""
+    rows = [f"{key}: {json.dumps(value)}" for key, value in defaults.items()]
+    block = ["```yaml", *rows, "```"] if rows else []
+    text = inspect.cleandoc(section.__doc__ or "")
+    return "\n".join([f"## {title or section.__name__}", "```text", text, "```", *block, ""])
 
 
 def pages() -> dict[Path, str]:

@@ -19,7 +19,8 @@ from .datasets.dataset import Dataset as Dataset
 from .datasets.executors import Workers as Workers
 from .datasets.generate import generate_dataset as generate_dataset
 from .errors import Sonata2dError as Sonata2dError
-from .metrics.comparison import Comparison as Comparison, evaluate as evaluate
+from .metrics.comparison import Comparison as Comparison
+from .metrics.evaluating import evaluate as evaluate
 from .record.reader import read_episode as read_episode
 from .record.record import EpisodeRecord as EpisodeRecord
 from .record.recorder import EpisodeRecorder as EpisodeRecorder, JsonRecorder as JsonRecorder

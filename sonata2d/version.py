@@ -2,6 +2,6 @@
 
 __version__ = "0.3.0"
 PHYSICS_VERSION = 3  # increases whenever the same seed, settings and commands give other frames
-LAST_RELEASE = {2: "0.2.0"}  # the last release with each earlier physics version, which can replay its files
+LAST_RELEASE = {1: "0.2.0", 2: "0.2.0"}  # by physics version whose files are refused: the last release that reads them
 FORMAT = "sonata2d-episode"
 FORMAT_VERSION = 1

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
 
 from .geometry import quantised
 
@@ -34,7 +36,7 @@ class DeviceEvent:
 
     device: str
     control: str
-    value: float
+    value: Annotated[float, Ge(-1), Le(1)]
 
     def __post_init__(self) -> None:
         if not -1.0 <= self.value <= 1.0:

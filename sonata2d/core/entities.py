@@ -1,6 +1,7 @@
 """Entities of a scene: walls, furniture, doors, queues, places, pedestrians, groups, interactions, robot and goal.
 
-All are frozen values, at the precision of files.
+All are frozen values, at the precision of files. The schema of the episode file is derived from them: from the types of
+the fields, with their bounds, and from the descriptions under `Attributes`.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
+from .bounds import Capacity, Count, Fraction, Id, NotNegative, Number, Positive
 from .geometry import Disc, Point, Pose, Rectangle, Shape, Stadium
 from .vectors import wrap_angle
 
@@ -44,18 +46,22 @@ class Wall:
 
 @dataclass(frozen=True, slots=True)
 class Furniture:
-    """A rigid object that does not move.
+    """A rigid object that does not move, such as a piece of furniture.
 
     Attributes:
+        id: unique among pedestrians and objects; 0 is the robot.
+        type: table, laptop, plant, chair, shelf, tv, …
+        pose: of the centre, world frame.
+        shape: solid outline.
         on: id of the object that carries this one; a carried object has no physical body. None: it is on the floor.
         seat: whether one pedestrian can sit on it, above its centre and facing its front; None: if it is a chair.
     """
 
-    id: int
+    id: Id
     type: str
     pose: Pose
     shape: Shape
-    on: int | None = None
+    on: Id | None = None
     seat: bool | None = None
 
     @property
@@ -95,10 +101,10 @@ class Door:
         share: weight with which pedestrians that leave choose this door.
     """
 
-    id: int
+    id: Id
     pose: Pose
-    width: float = 1.0
-    share: float = 1.0
+    width: Positive = 1.0
+    share: NotNegative = 1.0
 
     @property
     def reach(self) -> float:
@@ -118,11 +124,11 @@ class Queue:
         capacity: largest number of pedestrians.
     """
 
-    id: int
+    id: Id
     pose: Pose
-    spacing: float = 0.75
-    service: tuple[float, float] = (5.0, 15.0)
-    capacity: int = 8
+    spacing: Positive = 0.75
+    service: tuple[NotNegative, NotNegative] = (5.0, 15.0)
+    capacity: Capacity = 8
 
     def slot(self, number: int) -> Point:
         """Where the pedestrian with this number stands, the first being 0; m."""
@@ -135,18 +141,18 @@ class Place:
 
     Attributes:
         id: unique among places.
-        x, y: centre, m.
+        x, y: centre, m, world frame.
         radius: m; pedestrians go to a random point within it.
-        weight: with which the place is chosen.
+        weight: relative frequency with which pedestrians choose this place.
         stay: shortest and longest time that a pedestrian stands there, s.
     """
 
-    id: int
-    x: float
-    y: float
-    radius: float = 1.0
-    weight: float = 1.0
-    stay: tuple[float, float] = (5.0, 20.0)
+    id: Id
+    x: Number
+    y: Number
+    radius: Positive = 1.0
+    weight: Positive = 1.0
+    stay: tuple[NotNegative, NotNegative] = (5.0, 20.0)
 
     @property
     def position(self) -> Point:
@@ -161,6 +167,7 @@ class Human:
     either of them sets the other.
 
     Attributes:
+        id: unique among pedestrians and objects; 0 is the robot.
         pose: at the start, or on entering; world frame.
         radius: half the depth of the body, m.
         desired_speed: m/s.
@@ -171,9 +178,9 @@ class Human:
         reaction: kind of behaviour towards the robot.
         robot_clearance: preferred gap between the outlines when passing the robot, m.
         group: id of the group that the pedestrian belongs to.
-        goals: destinations of a walking pedestrian in order, m; it stays at the last one.
+        goals: destinations of a walking pedestrian in order, m, world frame; it stays at the last one.
         velocity: at the start or on entering, m/s, world frame.
-        enters: tick at which the pedestrian appears at `pose`; unless it is recorded, it waits until there is room.
+        enters: tick at which the pedestrian appears; unless it is recorded, it waits until there is room.
         leaves: tick from which the pedestrian is absent; None: never.
         track: position of a recorded pedestrian at each tick from `enters` on, m, world frame; it stays at the last.
         exits: whether a walking pedestrian leaves the scene at the last of its goals instead of staying there.
@@ -187,28 +194,28 @@ class Human:
         politeness: factor of the strength with which the pedestrian avoids others.
     """
 
-    id: int
+    id: Id
     pose: Pose
-    radius: float = PERSON_RADIUS
-    desired_speed: float = 1.3
+    radius: Positive = PERSON_RADIUS
+    desired_speed: NotNegative = 1.3
     behaviour: Behaviour = "standing"
     model: str = DEFAULT_MODEL
-    reacts_to_robot: float = 1.0
+    reacts_to_robot: Fraction = 1.0
     reaction: Reaction = "avoids"
-    robot_clearance: float = 0.83
-    group: int | None = None
+    robot_clearance: NotNegative = 0.83
+    group: Id | None = None
     goals: tuple[Point, ...] = ()
     velocity: Point = (0.0, 0.0)
-    enters: int = 0
-    leaves: int | None = None
+    enters: Count = 0
+    leaves: Count | None = None
     track: tuple[Point, ...] = ()
     exits: bool = False
-    stays: tuple[float, ...] = ()
-    seat: int | None = None
-    queue: int | None = None
-    breadth: float = PERSON_BREADTH
-    headway: float = 1.0
-    politeness: float = 1.0
+    stays: tuple[NotNegative, ...] = ()
+    seat: Id | None = None
+    queue: Id | None = None
+    breadth: Positive = PERSON_BREADTH
+    headway: Positive = 1.0
+    politeness: NotNegative = 1.0
 
     @property
     def shoulder(self) -> float:
@@ -243,17 +250,19 @@ class Human:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Pedestrians that belong together.
+    """Pedestrians that talk or walk together.
 
     Attributes:
+        id: unique among groups.
+        kind: what the members do together.
         members: ids of the pedestrians; the first one leads.
         formation: spatial arrangement at the start, whose members keep their heading while they talk. None: no
             arrangement; members that talk face the centre of the others.
     """
 
-    id: int
+    id: Id
     kind: Literal["talking", "walking"]
-    members: tuple[int, ...]
+    members: tuple[Id, ...]
     formation: Formation | None = None
 
 
@@ -274,29 +283,36 @@ class Interaction:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of the robot's drive, all positive.
+    """Limits of the robot's drive.
 
     Attributes:
-        ahead, back, sideways: speeds, m/s.
-        turn: rad/s.
-        acceleration: m/s^2.
-        turn_acceleration: rad/s^2.
+        ahead, back, sideways: speed, m/s.
+        turn: turn rate, rad/s.
+        acceleration: m/s².
+        turn_acceleration: rad/s².
     """
 
-    ahead: float = 1.0
-    back: float = 0.5
-    sideways: float = 0.5
-    turn: float = 1.5
-    acceleration: float = 1.5
-    turn_acceleration: float = 3.0
+    ahead: Positive = 1.0
+    back: Positive = 0.5
+    sideways: Positive = 0.5
+    turn: Positive = 1.5
+    acceleration: Positive = 1.5
+    turn_acceleration: Positive = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """The robot: initial pose (world frame), radius of its circular outline (m), and drive."""
+    """The robot's start, outline and drive.
+
+    Attributes:
+        pose: at the start, world frame.
+        radius: of the solid outline, a disc, m.
+        kinematics: holonomic: moves in every direction; unicycle: along its heading only.
+        limits: of the drive.
+    """
 
     pose: Pose
-    radius: float = 0.30
+    radius: Positive = 0.30
     kinematics: Kinematics = "holonomic"
     limits: Limits = field(default_factory=Limits)
 
@@ -314,13 +330,20 @@ class Robot:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Target pose of the robot, world frame; reached within `distance` (m) of (x, y) and `angle` (rad) of theta."""
+    """The robot's goal, a pose in the world frame.
 
-    x: float
-    y: float
-    theta: float = 0.0
-    distance: float = 0.40
-    angle: float = 3.1416
+    Attributes:
+        x, y: position, m.
+        theta: heading, rad.
+        distance: largest distance of the robot's centre from the position at which the goal counts as reached, m.
+        angle: largest heading error at which the goal counts as reached, rad; 3.1416: any heading.
+    """
+
+    x: Number
+    y: Number
+    theta: Number = 0.0
+    distance: Positive = 0.40
+    angle: Positive = 3.1416
 
     @property
     def position(self) -> Point:

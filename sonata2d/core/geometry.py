@@ -10,12 +10,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from .bounds import MAX_MAGNITUDE, Number, Positive
 from .portable_math import Array, BoolArray, IntArray, unit_vector
 from .vectors import X, Y, lengths, wrap_angle
 
 PRECISION = 1e-4  # m, rad, m/s, ...: resolution of the numbers in files, and of those that worlds are built from
-MAX_MAGNITUDE = 1e11  # beyond it a double no longer resolves `PRECISION`
-Point = tuple[float, float]
+Point = tuple[Number, Number]
 Edge = tuple[Point, Point, float]  # a thick segment: start, end, radius; m
 
 
@@ -46,11 +46,17 @@ def quantised(value: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Position (m) and heading (rad); in the world frame unless stated otherwise."""
+    """Position and heading, in the world frame unless stated otherwise.
 
-    x: float
-    y: float
-    theta: float = 0.0
+    Attributes:
+        x: to the right, m.
+        y: up, m.
+        theta: counter-clockwise from x, rad.
+    """
+
+    x: Number
+    y: Number
+    theta: Number = 0.0
 
     @property
     def position(self) -> Point:
@@ -104,9 +110,13 @@ class Twist:
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A circular outline of `radius` metres."""
+    """A circular outline.
 
-    radius: float
+    Attributes:
+        radius: m.
+    """
+
+    radius: Positive
 
     @property
     def circumradius(self) -> float:
@@ -120,10 +130,15 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
-    """A rectangular outline: `length` along the body's x axis, `width` along its y axis, m."""
+    """A rectangular outline, centred at the pose of the body.
 
-    length: float
-    width: float
+    Attributes:
+        length: along the body's x axis, m.
+        width: along the body's y axis, m.
+    """
+
+    length: Positive
+    width: Positive
 
     @property
     def circumradius(self) -> float:
@@ -326,7 +341,7 @@ def shoulder_line_distances(
     """Distances between the shoulder lines of pairs of people, (...), m; 0 where they cross.
 
     Args:
-        offset: (..., 2), m, from the middle of the first line to that of the other one.
+        offset: (..., 2), m, from the middle of the first line to the middle of the other one.
         direction, other_direction: (..., 2), unit vectors of the headings.
         shoulder, other_shoulder: (...), half the length of the lines, m.
     """
@@ -348,7 +363,7 @@ def contact_times(
 
     Args:
         offset: (..., 2), m, from the centre of the disc to the middle of the person's shoulder line; NaN gives inf.
-        relative_velocity: (..., 2), m/s, velocity of the disc minus that of the person.
+        relative_velocity: (..., 2), m/s, velocity of the disc minus velocity of the person.
         radii: (...), m, sum of both radii.
         direction: (..., 2), unit vectors of the people's headings.
         shoulder: (...), half the length of the shoulder lines, m; with 0 the outlines are discs.
@@ -379,8 +394,8 @@ def disc_contact_times(offset: Array, relative_velocity: Array, radii: Array | f
     """Times until pairs of discs touch, at constant velocities.
 
     Args:
-        offset: (..., 2), m, C, from the centre of the first disc to that of the second; NaN gives inf.
-        relative_velocity: (..., 2), m/s, V, velocity of the first disc minus that of the second.
+        offset: (..., 2), m, C, from the centre of the first disc to the centre of the second; NaN gives inf.
+        relative_velocity: (..., 2), m/s, V, velocity of the first disc minus velocity of the second.
         radii: (...), m, R, sum of the two radii.
 
     Returns:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
+
+from annotated_types import MinLen
 
 from .geometry import quantised
 
@@ -16,23 +18,23 @@ LABEL_DEVICE = "label"  # device name of events that carry a label given while d
 
 @dataclass(frozen=True, slots=True)
 class LabelSpec:
-    """Specification of a label.
+    """Specification of the label that a driver or rater is asked for.
 
     Labels of the kinds yes_no, classes and slider have a position on a scale from 0 to 1.
 
     Attributes:
-        kind: command: the robot's command itself, without a question; yes_no: a bool; classes: the number of a class,
-            from 1; slider: a float in [0, 1]; text: a str.
+        kind: command: the robot's command itself, without a question; yes_no: true or false; classes: the number of a
+            class, from 1; slider: a number from 0 to 1; text: text, for a whole run only.
         when: frame: for every frame while driving; run: once for a whole run, afterwards.
         name: key of the label in frames.
         question: text shown to the driver or rater.
-        classes: names of the classes; the first one has number 1.
+        classes: names of the 2 to 9 classes, of which the first one has number 1; a scenario may give their number.
         ends: meaning of 0 and 1 on the slider.
     """
 
     kind: Kind = "command"
     when: When = "run"
-    name: str = "label"
+    name: Annotated[str, MinLen(1)] = "label"
     question: str = ""
     classes: tuple[str, ...] = ()
     ends: tuple[str, str] = ("not at all", "entirely")

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from .bounds import MAX_MAGNITUDE
 from .compiled.kernel import kernel, subroutine
 from .compiled.scalar import (
     ALONG_X,
@@ -26,7 +27,7 @@ from .compiled.scalar import (
     quantised,
     unit_vector,
 )
-from .geometry import MAX_MAGNITUDE, Disc, Pose, Rectangle, Shape
+from .geometry import Disc, Pose, Rectangle, Shape
 from .portable_math import Array
 from .vectors import X, Y
 

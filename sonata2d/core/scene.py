@@ -11,10 +11,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .drawable import Drawable, Drawing
+from .bounds import Fraction, NotNegative, Positive, Steps
+from .drawable import Drawable
 from .entities import Door, EndsOn, Furniture, Goal, Group, Human, Interaction, Place, Queue, Robot, Wall
 from .geometry import Barriers, Edge, Point
-from .portable_math import Array
+from .humans import HumanTable, activity_indices, frozen
+from .portable_math import Array, IntArray
 from .wording import counted
 
 PARKING_DISTANCE, PARKING_SPACING = 200.0, 5.0  # m, of absent pedestrians from the room and from each other
@@ -25,9 +27,9 @@ class Rules:
     """Rules of an episode.
 
     Attributes:
-        dt: control period, s.
-        substeps: physics steps in a tick.
-        iterations: of the contact solver.
+        dt: control period, the time between frames, s.
+        substeps: number of physics steps in a tick.
+        iterations: number of iterations of the contact solver.
         time_limit: s.
         ends_on: events that end the episode besides the time limit.
         guard: whether the safety guard limits the robot's velocity by the gaps around it.
@@ -35,13 +37,13 @@ class Rules:
         side: side to which pedestrians evade each other when they meet head-on: +1 right, -1 left.
     """
 
-    dt: float = 0.1
-    substeps: int = 10
-    iterations: int = 5
-    time_limit: float = 60.0
+    dt: Positive = 0.1
+    substeps: Steps = 10
+    iterations: Steps = 5
+    time_limit: Positive = 60.0
     ends_on: tuple[EndsOn, ...] = ("goal", "time")
     guard: bool = True
-    contact_distance: float = 0.01
+    contact_distance: NotNegative = 0.01
     side: Literal[-1, 1] = 1
 
     @property
@@ -52,36 +54,40 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class Social:
-    """What pedestrians do besides walking, and for how long.
+    """Social behaviour of the pedestrians during an episode: probabilities and durations.
 
-    On arrival, and on entering, a wandering pedestrian chooses what to do next; with the probability that is left, it
-    goes to another place.
+    On reaching its destination, and on entering, a wandering pedestrian chooses what to do next, with the probabilities
+    `visits`, `joins`, `sits`, `queues` and `exits`, whose sum is at most 1. With the probability that is left, and if
+    its choice is not possible, it goes to one of the places of interest, or anywhere if there are none.
 
     Attributes:
-        visits: probability that it goes to a free plant, laptop or other object and attends to it.
-        joins: probability that it joins a standing pedestrian or a talking group.
-        sits: probability that it sits down on a free seat.
-        queues: probability that it goes to a queue that is not full, and stays until it was served.
-        exits: probability that it, or the group that it leads, leaves through a door.
-        meets: probability that two wandering pedestrians that come near each other stop and talk.
+        visits: probability that it goes to a free plant, laptop, shelf, TV or other object and attends to it for
+            `visit_time`.
+        joins: probability that it joins a standing pedestrian or a talking group for `talk_time`.
+        meets: probability that two wandering pedestrians that approach each other stop and talk for `talk_time`.
         leaves: probability that a pedestrian that attends to another one or to an object at the start goes away once
-            its talk or visit time is over.
-        visit_time, talk_time, sit_time: shortest and longest duration, s.
-        pause: shortest and longest time that a wandering pedestrian stands at its destination, s, unless that is in a
-            place of interest, which has a time of its own.
+            this time is over.
+        visit_time, talk_time: shortest and longest duration, s.
+        sits: probability that it sits down on a free seat for `sit_time`.
+        queues: probability that it goes to a queue that is not full, and stays until it was served.
+        exits: probability that it leaves through a door, together with its group if it leads one; not through the door
+            by which it came if there is another one.
+        sit_time: shortest and longest duration, s.
+        pause: shortest and longest time that a wandering pedestrian, or a walking group, stands at its destination, s;
+            a place of interest has its own time.
     """
 
-    visits: float = 0.0
-    joins: float = 0.0
-    meets: float = 0.0
-    leaves: float = 0.0
-    visit_time: tuple[float, float] = (5.0, 20.0)
-    talk_time: tuple[float, float] = (10.0, 40.0)
-    sits: float = 0.0
-    queues: float = 0.0
-    exits: float = 0.0
-    sit_time: tuple[float, float] = (20.0, 90.0)
-    pause: tuple[float, float] = (0.0, 0.0)
+    visits: Fraction = 0.0
+    joins: Fraction = 0.0
+    meets: Fraction = 0.0
+    leaves: Fraction = 0.0
+    visit_time: tuple[Positive, Positive] = (5.0, 20.0)
+    talk_time: tuple[Positive, Positive] = (10.0, 40.0)
+    sits: Fraction = 0.0
+    queues: Fraction = 0.0
+    exits: Fraction = 0.0
+    sit_time: tuple[Positive, Positive] = (20.0, 90.0)
+    pause: tuple[NotNegative, NotNegative] = (0.0, 0.0)
 
     @property
     def is_lively(self) -> bool:
@@ -146,11 +152,6 @@ class Scene(Drawable):
         own: dict[str, object] = {"scenario": self.name, "family": self.family}
         return own if "seed" in self.unmeasured else own | {"seed": self.seed, "episode": self.episode}
 
-    def _drawing(self) -> Drawing:
-        from .snapshot import snapshot_of  # which is built on scenes
-
-        return Drawing([snapshot_of(self)])
-
     def _facts(self) -> dict[str, object]:
         kinds = Counter(piece.type for piece in self.furniture)
         return {
@@ -181,9 +182,12 @@ class Scene(Drawable):
     @cached_property
     def outline(self) -> Array:
         """The polygon of the room as a read-only (K, 2) array, m."""
-        outline = np.array(self.polygon, dtype=float)
-        outline.flags.writeable = False
-        return outline
+        return frozen(np.array(self.polygon, dtype=float))
+
+    @cached_property
+    def human_table(self) -> HumanTable:
+        """Constant properties of the humans as arrays."""
+        return HumanTable.of(self.humans)
 
     @cached_property
     def standing_humans(self) -> Barriers:
@@ -195,9 +199,7 @@ class Scene(Drawable):
         """A place for each pedestrian far from the room, where it is kept while it is absent; (N, 2), m, read-only."""
         x, y = self.outline.max(axis=0).tolist()
         places = [(x + PARKING_DISTANCE, y + PARKING_DISTANCE + PARKING_SPACING * k) for k in range(len(self.humans))]
-        parking = np.array(places, dtype=float).reshape(-1, 2)
-        parking.flags.writeable = False
-        return parking
+        return frozen(np.array(places, dtype=float).reshape(-1, 2))
 
     @cached_property
     def shared_spaces(self) -> Barriers:
@@ -205,6 +207,18 @@ class Scene(Drawable):
         position = {human.id: human.pose.position for human in self.humans}
         talking = (group for group in self.groups if group.kind == "talking" and group.formation)
         return closed_outlines([position[member] for member in group.members] for group in talking)
+
+
+def initial_activities(scene: Scene) -> IntArray:
+    """Activities at the start, from interactions and behaviours; (N,) of int, into `ACTIVITIES`, read-only."""
+    return activity_indices({human.id: _activity_at_start(human) for human in scene.humans}, scene.interactions)
+
+
+def _activity_at_start(human: Human) -> str:
+    """The activity of a pedestrian without interactions at the start."""
+    if human.walks_at_start:
+        return "walking"
+    return "standing" if human.seat is None and human.queue is None else "queueing" if human.seat is None else "sitting"
 
 
 def standing_throughout(humans: Iterable[Human]) -> Barriers:

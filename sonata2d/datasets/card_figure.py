@@ -15,7 +15,6 @@ import numpy as np
 from ..core.files.locations import make_folder
 from ..core.files.whole_file import whole_file
 from ..core.geometry import to_shoulder_line
-from ..core.humans import constant_of
 from ..core.portable_math import Array, IntArray, unit_vectors
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ..core.vectors import lengths
@@ -114,7 +113,7 @@ def clearances(record: EpisodeRecord) -> Array:
     scene = record.scene()
     if not scene.humans:
         return np.full(len(record), np.inf)
-    _, radii, shoulder = constant_of(scene)
+    radii, shoulder = scene.human_table.radius, scene.human_table.shoulder
     offset = record.humans[..., X : Y + 1] - record.robot[:, None, X : Y + 1]
     gaps = lengths(to_shoulder_line(offset, unit_vectors(record.humans[..., THETA]), shoulder))
     gaps = gaps - radii - scene.robot.radius

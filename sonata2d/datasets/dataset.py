@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, SupportsIndex, get_args, overload
 
 from ..core.arguments import whole_number
-from ..core.drawable import Drawing, display
+from ..core.drawable import display
 from ..core.files.locations import location
 from ..core.files.optional import optional
 from ..core.notebook import ProgressBar
@@ -282,7 +282,7 @@ class Dataset(Sequence[EpisodeRecord]):
             RenderError: the suffix is unknown, an argument has no effect on the format, there is no episode, or the
                 file cannot be written.
         """
-        display().save_sheet(self._drawings(count), self._titles(count), path, fps=fps, speed=speed, progress=progress)
+        display().save_sheet(self._first(count), self._titles(count), path, fps=fps, speed=speed, progress=progress)
 
     def show(self, *, count: int = SHOWN) -> None:
         """Show the picture that `save` draws: below a cell of a notebook, else in a browser.
@@ -293,7 +293,7 @@ class Dataset(Sequence[EpisodeRecord]):
         Raises:
             RenderError: there is neither a notebook nor a browser.
         """
-        display().show_sheet(self._drawings(count), self._titles(count))
+        display().show_sheet(self._first(count), self._titles(count))
 
     def animate(self, *, count: int = SHOWN) -> None:
         """Show the page of `save`, which plays the episode that is chosen: below a cell of a notebook, or in a browser.
@@ -304,7 +304,7 @@ class Dataset(Sequence[EpisodeRecord]):
         Raises:
             RenderError: there is neither a notebook nor a browser, or no episode.
         """
-        display().animate_sheet(self._drawings(count), self._titles(count))
+        display().animate_sheet(self._first(count), self._titles(count))
 
     def __repr__(self) -> str:
         return f"<Dataset {self.path}: {counted(len(self), 'episode')}>"
@@ -324,7 +324,7 @@ class Dataset(Sequence[EpisodeRecord]):
             contacts = contact_summary(counted_rows()).rows()[0][1]
             facts |= {"outcomes": _listed(outcomes), "contacts": contacts, "families": _listed(families)}
             facts["scenario"] = self.manifest["name"]
-        text: str = display().card(type(self).__name__, facts, self._drawings(_PREVIEWED), self._titles(_PREVIEWED))
+        text: str = display().card(type(self).__name__, facts, self._first(_PREVIEWED), self._titles(_PREVIEWED))
         return text
 
     @classmethod
@@ -388,9 +388,9 @@ class Dataset(Sequence[EpisodeRecord]):
                 columns.setdefault(name, []).extend(values.tolist() if hasattr(values, "tolist") else values)
         return columns
 
-    def _drawings(self, count: int) -> list[Drawing]:
+    def _first(self, count: int) -> Dataset:
         whole_number("count", count, 1)
-        return [record._drawing() for record in self[:count]]
+        return self[:count]
 
     def _titles(self, count: int) -> list[str]:
         return [file_stem(file) for file in self.files[:count]]

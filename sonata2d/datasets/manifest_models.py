@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
+from ..core.bounds import Count, Positive
 from ..core.snapshot import Status
-from ..record.models import Controller, Count, ListOf, Part, Positive, Settings, Software
+from ..record.models import Controller, Part, Settings, Software
 
 _EPISODE_NAME = re.compile(r"[0-9]{6,}\.json(\.gz|\.zst)?")
 
@@ -90,12 +91,12 @@ class Source(Part):
     settings: Settings | None
     seed: int | None
     episodes: Count
-    keep: ListOf[Status] | None = Field(default=None, description="as in a manifest")
+    keep: list[Status] | None = Field(default=None, description="as in a manifest")
     left_out: dict[str, Count] | None = Field(default=None, description="as in a manifest")
     controller: Controller | None
     controller_sha256: dict[str, str] | None = Field(default=None, description="as in a manifest")
-    files: ListOf[FileName] = Field(default_factory=list, description="absent if there are `shards`")
-    shards: ListOf[FileName] | None = Field(default=None, description="names of the shards with its episodes")
+    files: list[FileName] = Field(default_factory=list, description="absent if there are `shards`")
+    shards: list[FileName] | None = Field(default=None, description="names of the shards with its episodes")
 
 
 class Counts(Part):
@@ -113,7 +114,7 @@ class ShardContent(Part):
     stop: Count = Field(description="number after that of the last episode that can be in the shard")
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the tar file")
     bytes: Count = Field(description="size of the tar file")
-    left_out: ListOf[tuple[Count, str]] | None = Field(
+    left_out: list[tuple[Count, str]] | None = Field(
         default=None, description="number and outcome of each episode that is not kept; only with `keep`"
     )
 
@@ -142,7 +143,7 @@ class DataSet(Part):
     settings: Settings | None = Field(description="resolved settings of the scenario")
     seed: int | None
     episodes: Count = Field(description="number of episodes requested; with `keep`, number of kept episodes requested")
-    keep: ListOf[Status] | None = Field(
+    keep: list[Status] | None = Field(
         default=None, description="outcomes of kept episodes, which are the first ones by number; absent: all"
     )
     controller: Controller | None
@@ -154,7 +155,7 @@ class DataSet(Part):
     left_out: dict[str, Count] | None = Field(
         default=None, description="number of episodes not kept before the last listed one, by outcome; only with `keep`"
     )
-    sources: ListOf[Source] | None = Field(default=None, description="the data sets that were merged")
+    sources: list[Source] | None = Field(default=None, description="the data sets that were merged")
     software: Software
 
 
@@ -165,10 +166,10 @@ class Manifest(DataSet):
     shard: ShardContent | None = Field(
         default=None, description="only in the manifest of a shard: the episodes that it covers, and its file"
     )
-    split: dict[str, ListOf[FileName]] | None = Field(
+    split: dict[str, list[FileName]] | None = Field(
         description="file names by part: train, dev, test; null: the data set is not split"
     )
-    files: ListOf[ManifestFile]
+    files: list[ManifestFile]
 
 
 class ShardedManifest(DataSet):
@@ -179,4 +180,4 @@ class ShardedManifest(DataSet):
     split: dict[str, Count] | None = Field(
         description="number of episodes by part; the manifests of the shards list them. null: the data set is not split"
     )
-    shards: ListOf[Shard]
+    shards: list[Shard]

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.entities import Furniture
 from ..core.geometry import Barriers, Disc, inside_polygon, segment_distances, shoulder_line_distances, shoulder_lines
-from ..core.humans import ACTIVITIES, constant_of
+from ..core.humans import ACTIVITIES
 from ..core.portable_math import Array, BoolArray, unit_vectors
 from ..core.scene import Scene
 from ..core.vectors import wrap_angle
@@ -101,7 +101,7 @@ def _maximum_speeds(scene: Scene) -> Array:
     """(N,), m/s, of the pedestrians."""
     # without the guard the robot may run into them
     push = PUSH_SPEED if scene.rules.guard else PUSH_SPEED + scene.robot.top_speed
-    return np.array([HURRY_FACTOR * human.desired_speed + push for human in scene.humans])
+    return HURRY_FACTOR * scene.human_table.desired_speed + push
 
 
 def _maximum_overlap(scene: Scene) -> float:
@@ -234,7 +234,7 @@ def may_be_pushed(record: EpisodeRecord) -> BoolArray:
     Recorded pedestrians react to nothing and may push others, so limits on motion do not hold there.
     """
     scene, positions = record.scene(), _positions(record)
-    radii = np.array([*(human.shape.circumradius for human in scene.humans), scene.robot.radius])
+    radii = np.array([*scene.human_table.circumradius, scene.robot.radius])
     pushed = np.zeros(positions.shape[:2], dtype=bool)
     for k, human in enumerate(scene.humans):
         if human.behaviour == "recorded":
@@ -252,9 +252,9 @@ def _positions(record: EpisodeRecord) -> Array:
 
 def _bodies(record: EpisodeRecord) -> tuple[Array, Array, Array]:
     """Headings, (T + 1, N + 1, 2), radii and halves of shoulder lines, (N + 1,), of the pedestrians and the robot."""
-    robot, (_, radius, shoulder) = record.scene().robot, constant_of(record.scene())
+    robot, table = record.scene().robot, record.scene().human_table
     theta = np.concatenate((record.states.humans[..., THETA], record.states.robot[:, None, THETA]), axis=1)
-    return unit_vectors(theta), np.append(radius, robot.radius), np.append(shoulder, 0.0)
+    return unit_vectors(theta), np.append(table.radius, robot.radius), np.append(table.shoulder, 0.0)
 
 
 def _distance_to_outline(start: Array, end: Array, thing: Furniture) -> Array:

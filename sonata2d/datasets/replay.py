@@ -25,7 +25,7 @@ from ..registry import CONTROLLERS
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, TickInput, controller_info_of, renderer_for
-from ..version import LAST_RELEASE, PHYSICS_VERSION
+from ..version import PHYSICS_VERSION
 from .check import Problem
 from .mirror import mirrored
 
@@ -68,9 +68,7 @@ def other_physics(record: EpisodeRecord) -> str:
     physics = record.document["physics"]
     if physics == PHYSICS_VERSION:
         return ""
-    last = LAST_RELEASE.get(physics)
-    remedy = f"; sonata2d {last} is the last release that can" if last else ""
-    return f"of physics version {physics}, which this sonata2d (physics version {PHYSICS_VERSION}) cannot run{remedy}"
+    return f"of physics version {physics}, which this sonata2d (physics version {PHYSICS_VERSION}) cannot run"
 
 
 def recorded_inputs(record: EpisodeRecord) -> list[TickInput]:

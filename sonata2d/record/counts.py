@@ -1,4 +1,4 @@
-"""What a manifest states about a run beside its outcome: contacts of the robot, and commands beyond its limits."""
+"""Counts of a run for a manifest: frames with contacts of the robot, and commands beyond its limits."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ LIMIT_TOLERANCE = 2e-4  # m/s, rad/s: recorded commands are rounded to 1e-4
 
 
 def run_counts(robot: Robot, contacts: Iterable[Iterable[Contact]], command: Array) -> JsonDict:
-    """The counts of one run, as a manifest holds them: the keys `contacts` and `commands_beyond_limits`."""
+    """Return the counts of one run: the keys `contacts` and `commands_beyond_limits` of its manifest row."""
     return {"contacts": count_contacts(contacts), "commands_beyond_limits": commands_beyond_limits(robot, command)}
 
 
 def count_contacts(contacts: Iterable[Iterable[Contact]]) -> dict[str, dict[str, int]]:
     """Count the frames in which the robot is in contact.
 
-    A frame counts as in contact if a contact is detected during its tick; the file states it in the next state, and
-    that of the last frame in the final state.
+    A frame counts as in contact if a contact is detected during its tick; the file states it in the next state, which
+    is the final state for the last frame.
 
     Args:
         contacts: of each of the T + 1 states.
 
     Returns:
-        By kind of contact (human, object, wall, and any): number of frames, and of those in which the robot or the
-        other side is at fault; both can be, or neither. Kinds without a contact are left out.
+        By kind of contact (human, object, wall, and any): number of frames, and number of frames in which the robot
+        or the other side is at fault; both can be, or neither. Kinds without a contact are left out.
     """
     counts: dict[str, dict[str, int]] = {}
     for state in contacts:
@@ -64,13 +64,13 @@ def commands_beyond_limits(robot: Robot, command: Array) -> dict[str, dict[str, 
     lower = np.array([-limits.back, -sideways, -limits.turn])
     upper = np.array([limits.ahead, sideways, limits.turn])
     excess = np.maximum(command - upper, lower - command)
-    found: dict[str, dict[str, float]] = {}
+    excesses: dict[str, dict[str, float]] = {}
     for k in np.flatnonzero((excess > LIMIT_TOLERANCE).any(axis=0)).tolist():
         worst = int(np.argmax(excess[:, k]))
         value = float(command[worst, k])
-        found[COMMAND_NAMES[k]] = {
+        excesses[COMMAND_NAMES[k]] = {
             "frames": int(np.count_nonzero(excess[:, k] > LIMIT_TOLERANCE)),
             "command": abs(value),
             "limit": abs(float(upper[k] if value > 0.0 else lower[k])),
         }
-    return found
+    return excesses

@@ -1,4 +1,4 @@
-"""Reading and writing files: atomically, optionally compressed, and with names that are valid on every system."""
+"""Files of episodes: their names, compression, checked reading and atomic writing; also of members of tar files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import numpy as np
 import zstandard
 
 from ..core.files.limits import MAX_FILE_BYTES, MAX_UNPACKED_RATIO, MAX_UNPACKED_WITHOUT_RATIO
-from ..core.files.locations import is_remote, put_content
+from ..core.files.locations import explained, is_remote, put_content
 from ..core.files.reading import read_at_most, require_readable
 from ..core.files.whole_file import whole_file
 from ..errors import RecordError
@@ -104,19 +104,17 @@ def write_atomically(path: Path, data: bytes) -> None:
     Raises:
         RecordError: the file cannot be written; no partial file remains.
     """
-    try:
+    with explained(path, "written"):
         if is_remote(path):
             put_content(path, data)
             return
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as temporary:
             temporary.write_bytes(data)
-    except OSError as error:
-        raise RecordError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
 def episode_key(files: Sequence[Path]) -> Callable[[Path], str]:
-    """A function that gives each file a text of its own: its stem, with the name of its folder if stems repeat.
+    """Return a function that gives each file a unique text: its stem, with the name of its folder if stems repeat.
 
     Files of one folder that differ in their suffix only have the same text.
 
@@ -133,10 +131,10 @@ def _key_with_folder(file: Path) -> str:
 
 
 def _distinct(key: Callable[[Path], str], files: Sequence[Path]) -> bool:
-    """Whether a function gives each file a text of its own, of which 8 bytes are compared: there may be millions."""
+    """Whether a function gives each file a unique text; 8-byte hashes are compared, since there may be millions."""
     digests = (int.from_bytes(hashlib.blake2b(key(file).encode(), digest_size=8).digest()) for file in files)
-    found = np.fromiter(digests, np.uint64)
-    return len(np.unique(found)) == len(found)
+    hashes = np.fromiter(digests, np.uint64)
+    return len(np.unique(hashes)) == len(hashes)
 
 
 def read_bytes(path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
@@ -154,7 +152,7 @@ def read_bytes(path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
 
 
 def unpacked(data: bytes, path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
-    """The decompressed content of a file, see `read_bytes`.
+    """Decompress the content of a file, see `read_bytes`.
 
     Args:
         data: as it is stored.
@@ -168,10 +166,8 @@ def unpacked(data: bytes, path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> byt
     if unpack is None:
         return data
     limit = min(max_bytes, max(MAX_UNPACKED_WITHOUT_RATIO, MAX_UNPACKED_RATIO * len(data)))
-    try:
+    with explained(path, "read", zlib.error, zstandard.ZstdError):
         content = unpack(data, limit)
-    except (OSError, EOFError, ValueError, zlib.error, zstandard.ZstdError) as error:
-        raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
     if len(content) > limit:
         raise RecordError(
             f"{path} has {len(data)} bytes and unpacks to more than {limit}; if you trust it, unpack it with gzip or"
@@ -188,12 +184,10 @@ def read_stored(path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
         max_bytes: maximum size of the file.
 
     Raises:
-        RecordError: the file cannot be read, is larger than `max_bytes`, or is none, see `core.reading.read_at_most`.
+        RecordError: it cannot be read, is larger than `max_bytes`, or is no file (`core.files.reading.read_at_most`).
     """
-    try:
+    with explained(path, "read"):
         return read_member(path, max_bytes) if is_member(path) else read_at_most(path, max_bytes)
-    except (OSError, ValueError) as error:  # ValueError: NUL in the path
-        raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
 
 def file_exists(path: Path) -> bool:
@@ -205,7 +199,7 @@ def file_exists(path: Path) -> bool:
 
 
 def read_text(path: Path) -> str:
-    """The text of a UTF-8 file, with lines that end in a newline character; empty if there is no such file.
+    """Read a UTF-8 text file, with line ends converted to newline characters; empty if there is no such file.
 
     Raises:
         RecordError: as `read_stored`.
@@ -215,19 +209,17 @@ def read_text(path: Path) -> str:
 
 
 def sha256_of(path: Path) -> str:
-    """SHA-256 of the stored bytes of a file of any size, in hexadecimal digits.
+    """Return the SHA-256 of the stored bytes of a file of any size, in hexadecimal digits.
 
     Raises:
-        RecordError: the file cannot be read, or is none, see `core.reading.require_readable`.
+        RecordError: it cannot be read, or is no file, see `core.files.reading.require_readable`.
     """
-    try:
+    with explained(path, "read"):
         if is_member(path):
             return hashlib.sha256(read_member(path, MAX_FILE_BYTES)).hexdigest()
         require_readable(path)
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except (OSError, ValueError) as error:  # ValueError: NUL in the path
-        raise RecordError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
 
 def _decompress_gzip(data: bytes, limit: int) -> bytes:
@@ -259,7 +251,7 @@ def _decompress_zstd(data: bytes, limit: int) -> bytes:
 
 
 _PIECE = 1024  # bytes
-# by the first bytes of a file; the last ones are those of skippable frames, which a zstd file may begin with
+# by the first bytes of a file; a zstd file may also begin with a skippable frame, of which there are 16 kinds
 _UNPACK = {
     b"\x1f\x8b": _decompress_gzip,
     b"\x28\xb5\x2f\xfd": _decompress_zstd,

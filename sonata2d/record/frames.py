@@ -17,7 +17,7 @@ from ..core.state import EXECUTED_VX, GUARDED, HUMAN_SIZE, ROBOT_SIZE, State
 from .canonical import dumps, require_finite, rounded, rounded_rows
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_ANGLES, HUMAN_NAMES, ROBOT_ANGLES, ROBOT_NAMES, interaction_rows
 
-# What is kept of a snapshot: numbers, tick, time, interactions, contacts, device events. All of it is read-only.
+# Kept parts of a snapshot: state, tick, time, interactions, contacts, device events. All are read-only.
 Observation = tuple[State, int, float, tuple[Interaction, ...], tuple[Contact, ...], tuple[DeviceEvent, ...]]
 Answer = tuple[Twist, Any]  # of a frame: command, and label as a JSON value
 
@@ -35,7 +35,7 @@ _NULL_ROW = dumps([None] * len(HUMAN_NAMES))
 
 
 def observation(snapshot: Snapshot) -> Observation:
-    """What a file holds of a snapshot; refers to its values without copying them."""
+    """The parts of a snapshot that a file holds, as references."""
     return (
         snapshot.state,
         snapshot.tick,
@@ -133,7 +133,7 @@ def _items(column: Array | IntArray) -> list[bytes]:
 
 
 def _changing_items(values: Sequence[tuple[Any, ...]], convert: Callable[[Any], list[Any]]) -> list[bytes]:
-    """Serialise each value, those that equal their predecessor only once: most are equal."""
+    """Serialise each value; a value that equals its predecessor, as most do, is not serialised again."""
     items: list[bytes] = []
     previous, item = (), b"[]"
     for value in values:

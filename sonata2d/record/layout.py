@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 from ..core.entities import Door, Furniture, Goal, Group, Human, Interaction, Limits, Place, Queue, Robot, Wall
-from ..core.geometry import Disc, Pose, Rectangle, Shape
+from ..core.geometry import Disc, Pose, Rectangle
 from ..core.scene import Rules, Scene, Social, Unmeasured
 from ..version import __version__
 from .canonical import to_json_value
@@ -57,16 +57,9 @@ def scene_to_json(scene: Scene) -> JsonDict:
         "rules": _fields_of(scene.rules),
         "room": {"polygon": scene.polygon},
         "walls": [(*wall.start, *wall.end) for wall in scene.walls],
-        "objects": [
-            _with_flat_pose(piece) | {"shape": _shape_to_json(piece.shape), "on": piece.on} for piece in scene.furniture
-        ],
-        "doors": [_with_flat_pose(door) for door in scene.doors],
-        "queues": [_with_flat_pose(queue) for queue in scene.queues],
-        "places": [_fields_of(place) for place in scene.places],
-        "humans": [_with_flat_pose(human) for human in scene.humans],
-        "groups": [_fields_of(group) for group in scene.groups],
+        **{key: [_entity_to_json(entity) for entity in getattr(scene, name)] for key, (name, _) in _LISTS.items()},
         "interactions": interaction_rows(scene.interactions),
-        "robot": _with_flat_pose(scene.robot) | {"limits": _fields_of(scene.robot.limits)},
+        "robot": _entity_to_json(scene.robot),
         "goal": _fields_of(scene.goal),
         "social": _fields_of(scene.social) if scene.social != Social() else None,
         "dropped": scene.dropped,
@@ -80,43 +73,35 @@ def scene_from_json(document: JsonDict) -> Scene:
     Raises:
         KeyError, TypeError, ValueError: the document is invalid.
     """
-    robot, rules = document["robot"], document["rules"]
+    lists: Any = {
+        name: tuple(_entity_from_json(kind, row) for row in document[key]) for key, (name, kind) in _LISTS.items()
+    }
+    social = document["social"]
     return Scene(
         name=document["name"],
         family=document["family"],
-        polygon=tuple((x, y) for x, y in document["room"]["polygon"]),
+        polygon=_tuples(document["room"]["polygon"]),
         walls=tuple(Wall((x1, y1), (x2, y2)) for x1, y1, x2, y2 in document["walls"]),
-        furniture=tuple(
-            Furniture(o["id"], o["type"], _pose(o), _shape_from_json(o["shape"]), o["on"], o.get("seat"))
-            for o in document["objects"]
-        ),
-        humans=tuple(_human(h) for h in document["humans"]),
-        robot=_restore(Robot, robot, pose=_pose(robot), limits=_restore(Limits, robot["limits"])),
-        goal=_restore(Goal, document["goal"]),
-        groups=tuple(_group(g) for g in document["groups"]),
         interactions=interactions_from_rows(document["interactions"]),
-        rules=_restore(Rules, rules, ends_on=tuple(rules["ends_on"])),
-        social=_social(document.get("social")),
+        robot=_entity_from_json(Robot, document["robot"]),
+        goal=_entity_from_json(Goal, document["goal"]),
+        rules=_entity_from_json(Rules, document["rules"]),
+        social=Social() if social is None else _entity_from_json(Social, social),
         seed=document["seed"],
         episode=document["episode"],
         settings=document["settings"],
         dropped=tuple(document["dropped"]),
         unmeasured=_unmeasured(document.get("imported") or {}),
-        # files of earlier versions lack these keys
-        doors=tuple(_restore(Door, d, pose=_pose(d)) for d in document.get("doors", ())),
-        queues=tuple(
-            _restore(Queue, q, pose=_pose(q), service=tuple(q["service"])) for q in document.get("queues", ())
-        ),
-        places=tuple(_restore(Place, p, stay=tuple(p["stay"])) for p in document.get("places", ())),
+        **lists,
     )
 
 
 def _unmeasured(imported: JsonDict) -> frozenset[Unmeasured]:
-    """What an imported episode does not know, from its lists of missing and of derived keys."""
+    """Properties that the source of an imported episode lacks, from its lists of missing and of derived keys."""
     lacks, derived = (
         {key.removeprefix("frames.") for key in imported.get(name) or ()} for name in ("lacks", "derived")
     )
-    found: dict[Unmeasured, bool] = {
+    unmeasured: dict[Unmeasured, bool] = {
         "robot": "robot" in lacks,
         "goal": "goal" in lacks,
         "headings": "humans.theta" in lacks | derived,  # derived from velocities
@@ -124,7 +109,7 @@ def _unmeasured(imported: JsonDict) -> frozenset[Unmeasured]:
         "seed": "seed" in lacks,
         "outcome": "outcome" in lacks,
     }
-    return frozenset(name for name, is_unmeasured in found.items() if is_unmeasured)
+    return frozenset(name for name, is_unmeasured in unmeasured.items() if is_unmeasured)
 
 
 def interaction_rows(interactions: Iterable[Interaction]) -> list[list[Any]]:
@@ -137,12 +122,46 @@ def interactions_from_rows(rows: list[list[Any]]) -> tuple[Interaction, ...]:
     return tuple(Interaction(src, relation, dst) for src, relation, dst in rows)
 
 
-def _with_flat_pose(entity: Furniture | Human | Robot | Door | Queue) -> JsonDict:
-    """Return the fields of an entity, with x, y and theta instead of the pose."""
-    fields_: JsonDict = {}
+# lists of entities in the file: key, attribute of the scene, class
+_LISTS: dict[str, tuple[str, type]] = {
+    "objects": ("furniture", Furniture),
+    "doors": ("doors", Door),
+    "queues": ("queues", Queue),
+    "places": ("places", Place),
+    "humans": ("humans", Human),
+    "groups": ("groups", Group),
+}
+
+
+def _entity_to_json(entity: Any) -> JsonDict:
+    """Return the fields of an entity; x, y and theta take the place of a pose."""
+    fields: JsonDict = {}
     for key, value in _fields_of(entity).items():
-        fields_ |= _fields_of(value) if key == "pose" else {key: value}
-    return fields_
+        if isinstance(value, Pose):
+            fields |= _fields_of(value)
+        elif isinstance(value, Disc | Rectangle):
+            fields[key] = {"type": "disc" if isinstance(value, Disc) else "rectangle"} | _fields_of(value)
+        else:
+            fields[key] = _fields_of(value) if isinstance(value, Limits) else value
+    return fields
+
+
+def _entity_from_json(kind: type[T], values: JsonDict) -> T:
+    """Create an entity from its JSON object, the inverse of `_entity_to_json`; keys that are no fields are ignored.
+
+    Raises:
+        KeyError: a field is missing.
+    """
+    fields: JsonDict = {}
+    for name in kind.__dataclass_fields__:  # type: ignore[attr-defined]
+        if name == "pose":
+            fields[name] = _entity_from_json(Pose, values)
+        elif name == "shape":
+            shape = values[name]
+            fields[name] = _entity_from_json(Disc if shape["type"] == "disc" else Rectangle, shape)
+        else:
+            fields[name] = _entity_from_json(Limits, values[name]) if name == "limits" else _tuples(values[name])
+    return kind(**fields)
 
 
 def _fields_of(value: Any) -> JsonDict:
@@ -150,61 +169,11 @@ def _fields_of(value: Any) -> JsonDict:
     return {name: getattr(value, name) for name in value.__dataclass_fields__}
 
 
-def _shape_to_json(shape: Shape) -> JsonDict:
-    return {"type": "disc" if isinstance(shape, Disc) else "rectangle"} | _fields_of(shape)
-
-
-def _shape_from_json(values: JsonDict) -> Shape:
-    if values["type"] == "disc":
-        return _restore(Disc, values)
-    if values["type"] == "rectangle":
-        return _restore(Rectangle, values)
-    raise ValueError(f"shape type must be disc or rectangle, got {values['type']!r}")
-
-
-def _pose(values: JsonDict) -> Pose:
-    return _restore(Pose, values)
-
-
-def _human(values: JsonDict) -> Human:
-    converted: JsonDict = {"pose": _pose(values)}
-    converted |= {key: tuple((x, y) for x, y in values.get(key, ())) for key in ("goals", "track")}
-    converted["velocity"] = tuple(values.get("velocity", (0.0, 0.0)))
-    converted["stays"] = tuple(values.get("stays", ()))
-    breadth = values.get("breadth")
-    converted["breadth"] = 2 * values["radius"] if breadth is None else breadth  # the bodies of older files are discs
-    # files of earlier versions lack some of these
-    newer = ("enters", "leaves", "exits", "reaction", "robot_clearance", "seat", "queue", "headway", "politeness")
-    return _restore(Human, values, [key for key in newer if key not in values], **converted)
-
-
-def _social(values: JsonDict | None) -> Social:
-    if values is None:
-        return Social()
-    times = {key: tuple(values[key]) for key in ("visit_time", "talk_time", "sit_time", "pause") if key in values}
-    newer = ("sits", "queues", "exits", "sit_time", "pause")  # files of earlier versions lack these keys
-    return _restore(Social, values, [key for key in newer if key not in values], **times)
-
-
-def _group(values: JsonDict) -> Group:
-    # files of earlier versions lack the formation
-    return _restore(Group, values, members=tuple(values["members"]), formation=values.get("formation"))
-
-
-def _restore(kind: type[T], values: JsonDict, missing: Iterable[str] = (), **converted: Any) -> T:
-    """Create a dataclass from the JSON values of its fields.
-
-    Args:
-        kind: the dataclass.
-        values: JSON values; keys that are not fields are ignored.
-        missing: fields that keep their default.
-        converted: fields that are converted already.
-
-    Raises:
-        KeyError: a field is missing.
-    """
-    names = kind.__dataclass_fields__.keys() - {*converted, *missing}  # type: ignore[attr-defined]
-    return kind(**{name: values[name] for name in names}, **converted)
+def _tuples(value: Any) -> Any:
+    """Convert a list, and lists in it, to tuples; other values are returned as they are."""
+    if not isinstance(value, list):
+        return value
+    return tuple(tuple(item) if isinstance(item, list) else item for item in value)
 
 
 def software_versions() -> dict[str, str]:

@@ -1,32 +1,30 @@
-"""Schema of the episode file as pydantic models; the JSON Schema, docs/format.md and `check` are derived from them."""
+"""Schema of the episode file as pydantic models; the JSON Schema, docs/format.md and `check` are derived from them.
+
+Models of entities are derived from the dataclasses of `core`. The names of all models but base classes are part of the
+published JSON Schema.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeVar
+import inspect
+import re
+from dataclasses import is_dataclass
+from functools import cache
+from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, GetCoreSchemaHandler, create_model
+from pydantic_core import CoreSchema
 
-from ..core.entities import Behaviour, EndsOn, Formation, Kinematics, Reaction
-from ..core.files.limits import MAX_COUNT, MAX_ID, MAX_SUBSTEPS
-from ..core.geometry import MAX_MAGNITUDE
-from ..core.snapshot import Status
+from ..core.bounds import Count, Id, NotNegative, Number, Positive
+from ..core.devices import DeviceEvent
+from ..core.entities import Door, Furniture, Goal, Group, Human, Place, Queue, Robot
+from ..core.geometry import Disc, Point, Pose, Rectangle
+from ..core.labels import LabelSpec
+from ..core.scene import Rules, Social
+from ..core.snapshot import Contact, Status
 from ..version import FORMAT, FORMAT_VERSION
 
-# The names of the classes are part of the published JSON Schema, except those of base classes.
-
-Number = Annotated[float, Field(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
-Positive = Annotated[float, Field(gt=0, le=MAX_MAGNITUDE)]
-NotNegative = Annotated[float, Field(ge=0, le=MAX_MAGNITUDE)]
-Probability = Annotated[float, Field(ge=0, le=1)]
-Count = Annotated[int, Field(ge=0)]
-Id = Annotated[int, Field(ge=-MAX_ID, le=MAX_ID)]
-Steps = Annotated[int, Field(ge=1, le=MAX_SUBSTEPS)]
-LIST = Strict(False)  # marks a tuple that is also accepted as a list, as parsed JSON has no tuples
-Pair = Annotated[tuple[Number, Number], LIST]
-
 T = TypeVar("T")
-# Checking ends at the first faulty entry of a list: 1 MB may hold a million faults, which would take gigabytes.
-ListOf = Annotated[list[T], Field(fail_fast=True)]
 
 
 def _with_people(settings: dict[str, Any]) -> dict[str, Any]:
@@ -40,225 +38,107 @@ def _with_people(settings: dict[str, Any]) -> dict[str, Any]:
 Settings = Annotated[dict[str, Any], AfterValidator(_with_people)]  # resolved settings of a scenario
 
 
+def _adapt_to_json(schema: Any) -> None:
+    """Accept lists in place of tuples, and end the checks of a list at its first faulty entry.
+
+    1 MB may hold a million faults, whose messages would take gigabytes.
+    """
+    if isinstance(schema, dict):
+        if schema.get("type") == "tuple":
+            schema["strict"] = False
+        if schema.get("type") in ("tuple", "list"):
+            schema["fail_fast"] = True
+        schema = list(schema.values())
+    for part in schema if isinstance(schema, list) else ():
+        _adapt_to_json(part)
+
+
 class Part(BaseModel):
-    """Base class of all models: immutable, with strict types and finite numbers."""
+    """Base class of all models: immutable, with strict types and finite numbers. A tuple is a list in JSON."""
 
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False)
 
-
-class Placed(Part):
-    """Base class of models with a pose in the world frame."""
-
-    x: Number = Field(description="m, to the right")
-    y: Number = Field(description="m, up")
-    theta: Number = Field(description="rad, counter-clockwise from x")
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        schema = handler(source)
+        _adapt_to_json(schema)
+        return schema
 
 
-class Rules(Part):
-    """Rules of the episode."""
+@cache
+def model_of(kind: type, name: str | None = None, /, **changed: Any) -> type[Part]:
+    """Create the model that describes the JSON object of a dataclass in a file.
 
-    dt: Positive = Field(description="s, control period: the time between frames")
-    substeps: Steps = Field(description="number of physics steps in a tick")
-    iterations: Steps = Field(description="of the contact solver")
-    time_limit: Positive = Field(description="s")
-    ends_on: ListOf[EndsOn] = Field(description="conditions that end the episode, in addition to the time limit")
-    guard: bool = Field(description="whether the safety guard limits the robot's velocity by the gap to obstacles")
-    contact_distance: NotNegative = Field(description="m; outlines with a smaller gap are in contact")
-    side: Literal[-1, 1] = Field(
-        description="+1: pedestrians that meet head-on evade to their right; -1: to their left"
-    )
+    All fields are keys, and are required. `x`, `y` and `theta` take the place of a pose. The descriptions are those
+    under `Attributes` of the docstring.
+
+    Args:
+        kind: the dataclass.
+        name: of the definition in the JSON Schema; by default the name of the class.
+        changed: types by name, which replace the types of fields; a name that is not a field is an additional key.
+    """
+    text, descriptions = _documentation(kind)
+    hints = get_type_hints(kind, include_extras=True)
+    types = {key: hint for key, hint in changed.items() if key not in hints}
+    for key, hint in (hints | changed).items():
+        if hint is Pose:  # its fields are keys of the same object
+            text += f"\n\nx, y, theta: {descriptions[key]}."
+            types |= get_type_hints(Pose, include_extras=True)
+            descriptions |= _documentation(Pose)[1]
+        else:  # other dataclasses are objects in it
+            types[key] = Annotated[hint, FileForm()] if is_dataclass(hint) else hint
+    keys: Any = {key: (hint, Field(description=descriptions.get(key))) for key, hint in types.items()}
+    return create_model(name or kind.__name__, __base__=Part, __doc__=text, **keys)
+
+
+class FileForm:
+    """Annotation of a dataclass that stands for its model, `model_of`; takes the same arguments."""
+
+    def __init__(self, name: str | None = None, /, **changed: Any) -> None:
+        self._name, self._changed = name, changed
+
+    def __get_pydantic_core_schema__(self, source: type, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return handler.generate_schema(model_of(source, self._name, **self._changed))
+
+
+InFile = Annotated[T, FileForm()]
+
+
+def _documentation(kind: type) -> tuple[str, dict[str, str]]:
+    """The text of a class docstring before `Attributes`, and the description of each attribute, for readers of JSON."""
+    text, _, attributes = inspect.cleandoc(kind.__doc__ or "").partition("\n\nAttributes:\n")
+    items = re.findall(r"^    (\w.*?): (.*(?:\n     .*)*)", attributes, re.MULTILINE)
+    descriptions = {name: " ".join(text.split()).rstrip(".") for names, text in items for name in names.split(", ")}
+    return text, {name: re.sub(r"\bNone\b", "null", text) for name, text in descriptions.items()}
 
 
 class Room(Part):
     """The room."""
 
-    polygon: ListOf[Pair] = Field(
+    polygon: list[Point] = Field(
         min_length=3, description="m, world frame, counter-clockwise; pedestrians and robot stay inside"
     )
 
 
-class DiscShape(Part):
-    """A circular outline."""
-
-    type: Literal["disc"]
-    radius: Positive = Field(description="m")
-
-
-class RectangleShape(Part):
-    """A rectangular outline, centred at the pose."""
-
-    type: Literal["rectangle"]
-    length: Positive = Field(description="m, along the object's x axis")
-    width: Positive = Field(description="m, along the object's y axis")
-
-
-class Object(Placed):
-    """A static object, such as a piece of furniture."""
-
-    id: Id
-    type: str = Field(description="table, laptop, plant, chair, shelf, tv, …")
-    shape: Annotated[DiscShape | RectangleShape, Field(discriminator="type")] = Field(description="the solid outline")
-    on: Id | None = Field(description="id of the object that it lies on; then it has no solid outline of its own")
-    seat: bool | None = Field(
-        default=None,
-        description="whether one person can sit on it, above its centre and facing its front; null: if it is a chair",
-    )
-
-
-class Door(Placed):
-    """An opening in the outline of the room: its middle, with theta into the room."""
-
-    id: Id = Field(description="unique among doors")
-    width: Positive = Field(description="m")
-    share: NotNegative = Field(description="weight with which pedestrians that leave choose this door")
-
-
-class Queue(Placed):
-    """A place where pedestrians stand in line: pose of the first one; the others stand straight behind it."""
-
-    id: Id = Field(description="unique among queues")
-    spacing: Positive = Field(description="m, distance of neighbours")
-    service: Annotated[tuple[NotNegative, NotNegative], LIST] = Field(
-        description="s, shortest and longest time that the first pedestrian needs"
-    )
-    capacity: Annotated[int, Field(ge=1, le=MAX_COUNT)] = Field(description="largest number of pedestrians")
-
-
-class Place(Part):
-    """A place of interest; if there are any, wandering pedestrians go to them instead of anywhere."""
-
-    id: Id = Field(description="unique among places")
-    x: Number = Field(description="m, to the right")
-    y: Number = Field(description="m, up")
-    radius: Positive = Field(description="m; pedestrians go to a random point within it")
-    weight: Positive = Field(description="with which the place is chosen")
-    stay: Annotated[tuple[NotNegative, NotNegative], LIST] = Field(
-        description="s, shortest and longest time that a pedestrian stands there"
-    )
-
-
-class Human(Placed):
-    """A pedestrian: its start and its properties."""
-
-    id: Id
-    radius: Positive = Field(description="m, half the depth of the body; of a file without `breadth`: of a disc")
-    desired_speed: NotNegative = Field(description="m/s")
-    behaviour: Behaviour = Field(description="kind of motion")
-    model: str = Field(description="name of the pedestrian model")
-    reacts_to_robot: Number = Field(description="strength of the reaction to the robot, from 0 (ignores it) to 1")
-    reaction: Reaction = Field(default="avoids", description="kind of reaction to the robot")
-    robot_clearance: NotNegative = Field(
-        default=0.83, description="m, between outlines, at which the pedestrian wants to pass the robot"
-    )
-    group: Id | None = Field(description="id of its group")
-    goals: ListOf[Pair] = Field(default=[], description="m, world frame: goals of a walking pedestrian, in order")
-    velocity: Pair = Field(default=(0.0, 0.0), description="m/s, world frame, at the start")
-    enters: Count = Field(
-        default=0, description="tick at which it enters; unless it is recorded, it waits for free space"
-    )
-    leaves: Count | None = Field(default=None, description="tick from which it is absent; null: it stays")
-    track: ListOf[Pair] = Field(
-        default=[], description="m, world frame: position of a recorded pedestrian at each tick from `enters` on"
-    )
-    exits: bool = Field(default=False, description="whether a walking pedestrian leaves the scene at its last goal")
-    stays: ListOf[NotNegative] = Field(
-        default=[], description="s: how long a walking pedestrian stands at each of its goals but the last"
-    )
-    seat: Id | None = Field(default=None, description="id of the object that it sits on at the start")
-    queue: Id | None = Field(default=None, description="id of the queue in which it stands at the start")
-    breadth: Positive | None = Field(
-        default=None,
-        description="m, of the shoulders: the outline is all within `radius` of a line across the heading that is "
-        "`breadth` - 2 `radius` long; null: a disc",
-    )
-    headway: Positive = Field(default=1.0, description="factor of the time gap to pedestrians ahead")
-    politeness: NotNegative = Field(default=1.0, description="factor of the strength with which it avoids others")
-
-
-class Social(Part):
-    """Social behaviour during the episode: probabilities and durations."""
-
-    visits: Probability = Field(
-        description="that a wandering pedestrian, on reaching its goal, goes to a plant, laptop or other object"
-    )
-    joins: Probability = Field(
-        description="that a wandering pedestrian, on reaching its goal, joins a standing pedestrian or a talking group"
-    )
-    meets: Probability = Field(description="that two wandering pedestrians that approach each other stop and talk")
-    leaves: Probability = Field(
-        description="that a pedestrian that attends to a pedestrian or an object at the start leaves after a time"
-    )
-    visit_time: Annotated[tuple[Positive, Positive], LIST] = Field(description="s, minimum and maximum")
-    talk_time: Annotated[tuple[Positive, Positive], LIST] = Field(description="s, minimum and maximum")
-    sits: Probability = Field(
-        default=0.0, description="that a wandering pedestrian, on reaching its goal, sits down on a free seat"
-    )
-    queues: Probability = Field(
-        default=0.0, description="that a wandering pedestrian, on reaching its goal, goes to a queue"
-    )
-    exits: Probability = Field(
-        default=0.0, description="that a wandering pedestrian, on reaching its goal, leaves through a door"
-    )
-    sit_time: Annotated[tuple[Positive, Positive], LIST] = Field(
-        default=(20.0, 90.0), description="s, minimum and maximum"
-    )
-    pause: Annotated[tuple[NotNegative, NotNegative], LIST] = Field(
-        default=(0.0, 0.0), description="s, minimum and maximum: how long a wandering pedestrian stands at its goal"
-    )
-
-
-class Group(Part):
-    """Pedestrians that talk or walk together."""
-
-    id: Id
-    kind: Literal["talking", "walking"]
-    members: ListOf[Id] = Field(description="ids of humans; the first one leads")
-    formation: Formation | None = Field(default=None, description="arrangement of the members at the start")
-
-
-class Limits(Part):
-    """Limits of the robot's drive."""
-
-    ahead: Positive = Field(description="m/s")
-    back: Positive = Field(description="m/s")
-    sideways: Positive = Field(description="m/s")
-    turn: Positive = Field(description="rad/s")
-    acceleration: Positive = Field(description="m/s²")
-    turn_acceleration: Positive = Field(description="rad/s²")
-
-
-class Robot(Placed):
-    """The robot's start, outline and drive."""
-
-    radius: Positive = Field(description="m, of the solid outline")
-    kinematics: Kinematics = Field(
-        description="a unicycle moves along its heading only; until physics version 2, contacts pushed it sideways"
-    )
-    limits: Limits
-
-
-class Goal(Placed):
-    """The robot's goal."""
-
-    distance: Positive = Field(description="m, between centres, below which the goal counts as reached")
-    angle: Positive = Field(description="rad, maximum heading error for reaching the goal; 3.1416: any heading")
-
-
-Interaction = Annotated[
+_SolidOutline = Annotated[
+    Annotated[Disc, FileForm("DiscShape", type=Literal["disc"])]
+    | Annotated[Rectangle, FileForm("RectangleShape", type=Literal["rectangle"])],
+    Discriminator("type"),
+]
+_Contact = Annotated[Contact, FileForm(id=Id)]
+_Event = Annotated[DeviceEvent, FileForm("Event")]
+_AskedLabel = Annotated[LabelSpec, FileForm(kind=Literal["yes_no", "classes", "slider", "text"])]
+_InteractionRow = Annotated[
     tuple[Id, str, Id],
-    LIST,
     Field(description="src (id of a human), relation, dst (id of the human or object attended to)"),
 ]
-WallRow = Annotated[tuple[Number, Number, Number, Number], LIST, Field(description="x1, y1, x2, y2, m, world frame")]
-TwistRow = Annotated[tuple[Number, Number, Number], LIST, Field(description="vx, vy (m/s), omega (rad/s); body frame")]
-RobotRow = Annotated[
+_TwistRow = Annotated[tuple[Number, Number, Number], Field(description="vx, vy (m/s), omega (rad/s); body frame")]
+_RobotRow = Annotated[
     tuple[Number, Number, Number, Number, Number, Number],
-    LIST,
     Field(description="x, y (m), theta (rad), vx, vy (m/s), omega (rad/s); world frame"),
 ]
-HumanRow = Annotated[
+_HumanRow = Annotated[
     tuple[Number, Number, Number, Number, Number, Number, Number],
-    LIST,
     Field(description="x, y (m), theta (rad), vx, vy (m/s), omega (rad/s), head (rad); world frame"),
 ]
 
@@ -281,13 +161,13 @@ class Branch(Part):
 class Mirror(Part):
     """The episode of which this one is the mirror image (y and theta change sign).
 
-    Seed and settings are those of the original episode.
+    Seed and settings belong to the original episode.
     """
 
     id: str
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of its uncompressed document")
-    labels: bool = Field(description="whether labels were mirrored too; else they are those of the original")
-    thetas: ListOf[Annotated[tuple[int, Number], LIST]] = Field(
+    labels: bool = Field(description="whether labels were mirrored too; otherwise they are the labels of the original")
+    thetas: list[tuple[int, Number]] = Field(
         description="index in `objects`, and theta in the original, where mirroring twice does not restore all digits"
     )
 
@@ -298,8 +178,8 @@ class Imported(Part):
     format: str
     file: str
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of that file")
-    lacks: ListOf[str] = Field(description="keys of this document that the file lacks; their values were not measured")
-    derived: ListOf[str] = Field(description="keys that were computed from the content of the file")
+    lacks: list[str] = Field(description="keys of this document that the file lacks; their values were not measured")
+    derived: list[str] = Field(description="keys that were computed from the content of the file")
 
 
 class Column(Part):
@@ -313,13 +193,13 @@ class Column(Part):
 class Columns(Part):
     """Columns of the rows in frames."""
 
-    robot: ListOf[Column]
-    humans: ListOf[Column]
-    command: ListOf[Column] = Field(description="of `command` and `executed`")
+    robot: list[Column]
+    humans: list[Column]
+    command: list[Column] = Field(description="of `command` and `executed`")
 
 
 class Outcome(Part):
-    """How the episode ended."""
+    """End of the episode."""
 
     status: Status
     reason: str
@@ -327,87 +207,42 @@ class Outcome(Part):
     time: NotNegative = Field(description="s")
 
 
-class Contact(Part):
-    """The gap between the robot and another outline fell below the contact distance during the previous tick."""
-
-    kind: Literal["human", "object", "wall"]
-    id: Id = Field(description="of the human or object; of a wall its index in `walls`")
-    robot_at_fault: bool = Field(description="whether the robot's own velocity closed the gap")
-    other_at_fault: bool = Field(
-        description="whether the other's velocity closed the gap; both can be true, or neither"
-    )
-
-
-class Event(Part):
-    """A change of one control of an input device since the previous frame."""
-
-    device: str
-    control: str
-    value: Number = Field(description="its new value, -1..1")
-
-
 class State(Part):
     """State of the world at a tick; the base class of frames and of the final state."""
 
     tick: Count = Field(description="counted from 0")
     time: NotNegative = Field(description="s, tick times dt")
-    robot: RobotRow = Field(description="x, y, theta, vx, vy, omega")
-    humans: ListOf[HumanRow | None] = Field(
+    robot: _RobotRow = Field(description="x, y, theta, vx, vy, omega")
+    humans: list[_HumanRow | None] = Field(
         description="a row for each of the top-level `humans`: x, y, theta, vx, vy, omega, head; null: not present"
     )
-    activity: ListOf[Annotated[int, Field(ge=-1)]] = Field(
+    activity: list[Annotated[int, Field(ge=-1)]] = Field(
         description="of each human, an index into the top-level `activities`; -1: not present"
     )
-    interactions: ListOf[Interaction] = Field(description="current ones: [src, relation, dst]")
-    contacts: ListOf[Contact] = Field(description="of the robot, during the previous tick")
+    interactions: list[_InteractionRow] = Field(description="current ones: [src, relation, dst]")
+    contacts: list[_Contact] = Field(description="of the robot, during the previous tick")
 
 
 class LastLook(State):
     """State of the world at the end of the episode."""
 
-    events: ListOf[Event] | None = Field(
+    events: list[_Event] | None = Field(
         default=None, description="of input devices, since the last frame; absent if there are none"
     )
-    command: TwistRow | None = Field(
+    command: _TwistRow | None = Field(
         default=None, description="vx, vy, omega; only in episodes imported from a format that has a last command"
     )
-
-
-class LabelSpec(Part):
-    """The label that the driver was asked for."""
-
-    kind: Literal["yes_no", "classes", "slider", "text"]
-    when: Literal["frame", "run"] = Field(description="at each frame while driving, or once for the whole run")
-    name: str = Field(description="key of the label in frames")
-    question: str
-    classes: ListOf[str] = Field(description="names of the classes 1, 2, …")
-    ends: Annotated[tuple[str, str], LIST] = Field(description="meaning of 0 and of 1 on the slider")
-
-
-class Rating(Part):
-    """A line of a file of ratings: the rating of one run by one person."""
-
-    rater: str
-    file: str
-    episode: str
-    sha256: str
-    label: Any
-    showing: Count
-    time: str
-    seconds: NotNegative
-    whole: bool
-    spec: LabelSpec
 
 
 class Frame(State):
     """State of the world at a tick, and the answer of the controller."""
 
-    command: TwistRow = Field(description="the controller's command: vx, vy, omega")
-    executed: TwistRow = Field(
+    command: _TwistRow = Field(description="the controller's command: vx, vy, omega")
+    executed: _TwistRow = Field(
         description="mean velocity of the robot in the tick that begins here, after guard and contacts: vx, vy, omega"
     )
     guarded: bool = Field(description="whether the safety guard intervened during the tick that begins here")
-    events: ListOf[Event] = Field(description="of input devices, since the previous frame")
+    events: list[_Event] = Field(description="of input devices, since the previous frame")
     label: Any = Field(default=None, description="any JSON value; without this key the command itself is the label")
 
 
@@ -436,25 +271,23 @@ class Episode(Part):
     settings: Settings | None = Field(
         description="all settings of the scenario, with defaults; null: the scene was not generated"
     )
-    rules: Rules
+    rules: InFile[Rules]
     room: Room
-    walls: ListOf[Annotated[tuple[Number, Number, Number, Number], LIST]] = Field(
-        description="x1, y1, x2, y2, m, world frame"
-    )
-    objects: ListOf[Object]
-    doors: ListOf[Door] = Field(default=[], description="through which pedestrians enter and leave")
-    queues: ListOf[Queue] = Field(default=[], description="in which pedestrians stand in line")
-    places: ListOf[Place] = Field(default=[], description="of interest, to which wandering pedestrians go")
-    humans: ListOf[Human] = Field(description="in the order of the rows in frames")
-    groups: ListOf[Group]
-    interactions: ListOf[Interaction] = Field(description="at the start: [src, relation, dst]")
-    robot: Robot
-    goal: Goal
-    social: Social | None = Field(default=None, description="social behaviour during the episode; null or absent: none")
-    dropped: ListOf[str] = Field(description="requested items that could not be placed")
+    walls: list[tuple[Number, Number, Number, Number]] = Field(description="x1, y1, x2, y2, m, world frame")
+    objects: list[Annotated[Furniture, FileForm("Object", shape=_SolidOutline)]]
+    doors: list[InFile[Door]] = Field(description="through which pedestrians enter and leave")
+    queues: list[InFile[Queue]] = Field(description="in which pedestrians stand in line")
+    places: list[InFile[Place]] = Field(description="of interest, to which wandering pedestrians go")
+    humans: list[InFile[Human]] = Field(description="in the order of the rows in frames")
+    groups: list[InFile[Group]]
+    interactions: list[_InteractionRow] = Field(description="at the start: [src, relation, dst]")
+    robot: InFile[Robot]
+    goal: InFile[Goal]
+    social: InFile[Social] | None = Field(description="social behaviour during the episode; null: none")
+    dropped: list[str] = Field(description="requested items that could not be placed")
     controller: Controller
     labels: dict[str, str] | None = Field(description="meaning of the labels' keys; null: the command is the label")
-    label_spec: LabelSpec | None = Field(
+    label_spec: _AskedLabel | None = Field(
         default=None, description="the label that the driver was asked for; absent if there was none"
     )
     label: Any = Field(default=None, description="of the whole run; only if the driver was asked for one")
@@ -464,8 +297,8 @@ class Episode(Part):
     mirrored_from: Mirror | None = Field(default=None, description="only in mirror images")
     imported: Imported | None = Field(default=None, description="only in episodes imported from another format")
     columns: Columns
-    activities: ListOf[str] = Field(description="names of the numbers in `activity`")
+    activities: list[str] = Field(description="names of the numbers in `activity`")
     outcome: Outcome
-    frames: ListOf[Frame] = Field(description="one for each executed tick")
+    frames: list[Frame] = Field(description="one for each executed tick")
     final: LastLook = Field(description="state after the last frame, to which no command belongs")
     software: Software

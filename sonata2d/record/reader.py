@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
@@ -15,22 +15,20 @@ import orjson
 from ..core.files.limits import MAX_FILE_BYTES
 from ..core.files.locations import is_remote, location
 from ..core.humans import frozen
-from ..core.portable_math import Array, BoolArray
+from ..core.portable_math import Array
 from ..core.snapshot import Outcome
 from ..core.wording import shown
 from ..errors import NewerFormatError, RecordError
-from ..version import FORMAT, FORMAT_VERSION
+from ..version import FORMAT, FORMAT_VERSION, LAST_RELEASE
 from .files import read_bytes, unpacked
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from .record import EpisodeRecord, States, wrap_read_errors
 from .shard_file import is_member, is_shard, members_of, read_members
 from .validate import require_valid
 
-MIGRATIONS: dict[int, Callable[[JsonDict], JsonDict]] = {}  # from a version: converts a document to the next version
-
 
 def read_episode(path: str | Path) -> EpisodeRecord:
-    """Read an episode file of this format version or an earlier one, compressed or not.
+    """Read an episode file, compressed or not.
 
     Args:
         path: of the file.
@@ -40,7 +38,7 @@ def read_episode(path: str | Path) -> EpisodeRecord:
 
     Raises:
         NewerFormatError: a newer version of sonata2d wrote the file.
-        InvalidFileError: the content is not that of an episode; `findings` lists what is wrong.
+        InvalidFileError: the content is not a valid episode; `findings` lists the faults.
         RecordError: the file cannot be read, or is not a complete episode.
     """
     path = location(path)
@@ -60,16 +58,16 @@ def read_episodes(files: Sequence[Path]) -> Iterator[EpisodeRecord]:
         RecordError: as of `read_episode`.
     """
     for shard, group in groupby(files, key=lambda file: file.parent):
-        own = list(group)
-        if is_remote(shard) and is_member(own[0]):
-            contents = read_members(shard, [file.name for file in own], MAX_FILE_BYTES)
-            yield from map(_episode, own, contents)
+        members = list(group)
+        if is_remote(shard) and is_member(members[0]):  # one request for all of them
+            contents = read_members(shard, [file.name for file in members], MAX_FILE_BYTES)
+            yield from map(_episode, members, contents)
         else:
-            yield from map(read_episode, own)
+            yield from map(read_episode, members)
 
 
 def _episode(path: Path, stored: bytes | None) -> EpisodeRecord:
-    """The episode of a file.
+    """Read, check and convert the episode of a file.
 
     Args:
         path: of the file.
@@ -113,14 +111,19 @@ def record_from_document(document: JsonDict, path: Path) -> EpisodeRecord:
 
 
 def _document_of(content: bytes, path: Path) -> JsonDict:
-    """Parse the content of a file, and convert its document to this format version."""
+    """Parse the content of a file of this format.
+
+    Raises:
+        NewerFormatError: a newer version of sonata2d wrote the file.
+        RecordError: it is not a file of this format, or a release wrote it whose files are not read any more.
+    """
     try:
         document: JsonDict = orjson.loads(content)
     except orjson.JSONDecodeError as error:
         raise RecordError(f"{path} is not valid JSON, it is truncated or damaged: {error}") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        found = shown(document.get("format")) if isinstance(document, dict) else f"a JSON {type(document).__name__}"
-        raise RecordError(f"{path} is not a {FORMAT} file: its format is {found}")
+        kind = shown(document.get("format")) if isinstance(document, dict) else f"a JSON {type(document).__name__}"
+        raise RecordError(f"{path} is not a {FORMAT} file: its format is {kind}")
     version = document.get("version")
     if not isinstance(version, int) or isinstance(version, bool):
         raise RecordError(f"{path} has no valid format version: got {shown(version)}")
@@ -129,11 +132,11 @@ def _document_of(content: bytes, path: Path) -> JsonDict:
             f"{path} was written by format version {version}, this sonata2d reads up to {FORMAT_VERSION};"
             " upgrade sonata2d"
         )
-    with wrap_read_errors(path):
-        while version < FORMAT_VERSION:
-            if version not in MIGRATIONS:
-                raise RecordError(f"{path} has format version {version}, which does not exist")
-            document, version = MIGRATIONS[version](document) | {"version": version + 1}, version + 1
+    physics = document.get("physics")
+    if isinstance(physics, int) and physics in LAST_RELEASE:
+        raise RecordError(
+            f"{path} has physics version {physics}; sonata2d {LAST_RELEASE[physics]} is the last release that reads it"
+        )
     return document
 
 
@@ -143,59 +146,31 @@ def _create_record(path: Path, document: JsonDict) -> EpisodeRecord:
         path=path,
         document=document,
         states=_stack_states([*frames, document["final"]], len(document["humans"])),
-        command=_stack([f["command"] for f in frames], "command", (3,), COMMAND_NAMES),
-        executed=_stack([f["executed"] for f in frames], "executed", (3,), COMMAND_NAMES),
-        guarded=frozen(np.array([f["guarded"] for f in frames], dtype=bool)),
+        command=_stack([frame["command"] for frame in frames], len(COMMAND_NAMES)),
+        executed=_stack([frame["executed"] for frame in frames], len(COMMAND_NAMES)),
+        guarded=frozen(np.array([frame["guarded"] for frame in frames], dtype=bool)),
         outcome=Outcome(outcome["status"], outcome["reason"], outcome["tick"], outcome["time"]),
     )
 
 
 def _stack_states(states: list[JsonDict], human_count: int) -> States:
-    activity = _stack([state["activity"] for state in states], "activity", (human_count,)).astype(np.int64)
-    present = activity != ABSENT
-    humans = [state["humans"] for state in states]
-    if not present.all():
-        absent_row = [np.nan] * len(HUMAN_NAMES)
-        humans = [[absent_row if row is None else row for row in rows] for rows in humans]
+    activity = np.array([state["activity"] for state in states], dtype=np.int64).reshape(len(states), human_count)
+    absent_row = [np.nan] * len(HUMAN_NAMES)
+    humans = [[absent_row if row is None else row for row in state["humans"]] for state in states]
     return States(
         tick=frozen(np.array([state["tick"] for state in states], dtype=np.int64)),
-        time=_stack([state["time"] for state in states], "time", ()),
-        robot=_stack([state["robot"] for state in states], "robot", (6,), ROBOT_NAMES),
-        humans=_stack(humans, "humans", (human_count, 7), HUMAN_NAMES, present),
-        present=frozen(present),
+        time=_stack([state["time"] for state in states]),
+        robot=_stack([state["robot"] for state in states], len(ROBOT_NAMES)),
+        humans=_stack(humans, human_count, len(HUMAN_NAMES)),
+        present=frozen(activity != ABSENT),
         activity=frozen(activity),
     )
 
 
-def _stack(
-    values: list[Any],
-    key: str,
-    shape: tuple[int, ...],
-    names: tuple[str, ...] = (),
-    present: BoolArray | None = None,
-) -> Array:
-    """Stack the values of one key of all states into an array.
-
-    Args:
-        values: one for each state.
-        key: for error messages.
-        shape: of one value.
-        names: of the columns, for error messages.
-        present: (T, N); the values must be finite where it is True, and NaN elsewhere. None: finite everywhere.
-
-    Returns:
-        (T, *shape), read-only.
+def _stack(values: list[Any], *shape: int) -> Array:
+    """Stack the values of one key of all states into a read-only array, (T, *shape).
 
     Raises:
-        ValueError: the values are not numbers of this shape, or not finite or NaN where they must be.
+        ValueError: the values are not of this shape.
     """
-    array = np.array(values if values else np.zeros((0, *shape)))
-    if array.size == 0 and 0 in (len(values), *shape):  # NumPy cannot infer the shape from empty lists
-        array = np.zeros((len(values), *shape))
-    if array.dtype.kind not in "if" or array.shape != (len(values), *shape):
-        columns = f" ({', '.join(names)})" if names else ""
-        raise ValueError(f"{key} must be rows of shape {shape} of numbers{columns} in every frame")
-    is_present = np.ones(array.shape[:1], dtype=bool) if present is None else present
-    if not np.isfinite(array[is_present]).all() or np.isfinite(array[~is_present]).any():
-        raise ValueError(f"{key} must be numbers for people that are present, and null for others")
-    return frozen(array.astype(np.float64))
+    return frozen(np.array(values, dtype=np.float64).reshape(len(values), *shape))

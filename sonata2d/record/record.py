@@ -12,15 +12,16 @@ from typing import Any, SupportsIndex, overload
 import numpy as np
 
 from ..core.devices import NETWORK_DEVICE, ROUND_TRIP, DeviceEvent
-from ..core.drawable import Drawable, Drawing
+from ..core.drawable import Drawable
 from ..core.geometry import Twist
-from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Constant, Humans, X, Y, constant_of, frozen
+from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Humans, X, Y, frozen
 from ..core.labels import LabelSpec
 from ..core.portable_math import Array, BoolArray, IntArray, unit_vector, unit_vectors
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from ..core.wording import counted
 from ..errors import RecordError
+from ..view.drawing import Drawing, drawing_of
 from .counts import run_counts
 from .layout import (
     ROW_HEAD,
@@ -64,8 +65,8 @@ class States:
 class EpisodeRecord(Drawable):
     """A recorded episode of T frames and N people. Its arrays are read-only.
 
-    `record[i]` is the snapshot of frame i, `record[2:5]` a list of snapshots, and `for snapshot in record` goes through
-    those of all T frames. The final state, which has no command any more, is `record.snapshot(-1)`.
+    `record[i]` is the snapshot of frame i, `record[2:5]` a list of snapshots, and `for snapshot in record` iterates
+    over the snapshots of all T frames. The final state, which has no command any more, is `record.snapshot(-1)`.
 
     Attributes:
         path: of the file.
@@ -129,9 +130,6 @@ class EpisodeRecord(Drawable):
     def _end(self) -> str:
         return f"{float(self.states.time[-1]):g} s"
 
-    def _drawing(self) -> Drawing:
-        return Drawing(list(self.snapshots()), self.outcome.status, self.command.tolist(), self.labels)
-
     def _facts(self) -> dict[str, object]:
         return {
             "file": self.path,
@@ -144,7 +142,7 @@ class EpisodeRecord(Drawable):
         }
 
     def _contacts_text(self) -> str:
-        """In how many frames the robot touched something."""
+        """Number of frames in which the robot touched something, in words."""
         counts = self.counts()
         if "contacts" not in counts:
             return "not recorded"
@@ -259,7 +257,7 @@ class EpisodeRecord(Drawable):
         return np.array(values)
 
     def round_trip_summary(self) -> tuple[float, float] | None:
-        """Median and 95th percentile of the known `round_trips`, s; None if none is known."""
+        """Median and 95th percentile of the known `round_trips`, s; None if all are unknown."""
         times = self.round_trips[np.isfinite(self.round_trips)]
         return (float(np.median(times)), float(np.percentile(times, 95))) if len(times) else None
 
@@ -267,16 +265,12 @@ class EpisodeRecord(Drawable):
         """Return the contacts, and the commands beyond the robot's limits, as a manifest holds them.
 
         Empty for an imported episode, whose contacts were not recorded.
-
-        Raises:
-            RecordError: a contact is damaged.
         """
         if self.document.get("imported"):
             return {}
-        with wrap_read_errors(self.path):
-            states = [*self.document["frames"], self.document["final"]]
-            contacts = [[_contact(row) for row in state["contacts"]] for state in states]
-            return run_counts(self.scene().robot, contacts, self.command)
+        states = [*self.document["frames"], self.document["final"]]
+        contacts = [[_contact(row) for row in state["contacts"]] for state in states]
+        return run_counts(self._scene.robot, contacts, self.command)
 
     def scene(self) -> Scene:
         """Return the scene, equal to the one that was recorded."""
@@ -294,21 +288,19 @@ class EpisodeRecord(Drawable):
 
         Raises:
             IndexError: there is no such frame.
-            RecordError: the frame is damaged.
         """
         t = range(len(self) + 1)[index]
         state = self.document["frames"][t] if t < len(self) else self.document["final"]
-        with wrap_read_errors(self.path):
-            return Snapshot(
-                tick=int(self.states.tick[t]),
-                time=float(self.states.time[t]),
-                scene=self._scene,
-                robot=self._robot_state(t),
-                humans=self._present_humans(t),
-                interactions=interactions_from_rows(state["interactions"]),
-                contacts=tuple(_contact(row) for row in state["contacts"]),
-                events=events_of(state),
-            )
+        return Snapshot(
+            tick=int(self.states.tick[t]),
+            time=float(self.states.time[t]),
+            scene=self._scene,
+            robot=self._robot_state(t),
+            humans=self._present_humans(t),
+            interactions=interactions_from_rows(state["interactions"]),
+            contacts=tuple(_contact(row) for row in state["contacts"]),
+            events=events_of(state),
+        )
 
     def snapshots(self) -> Iterator[Snapshot]:
         """Iterate over the T + 1 snapshots, the final state last."""
@@ -333,11 +325,13 @@ class EpisodeRecord(Drawable):
         state[:, OMEGA] = rows[:, ROW_OMEGA]
         state[present, BODY_X : BODY_Y + 1] = unit_vectors(rows[present, ROW_THETA])
         state[present, GAZE_X : GAZE_Y + 1] = unit_vectors(rows[present, ROW_HEAD])
-        return Humans(frozen(state), *self._constant, self.states.activity[t]).select(np.flatnonzero(present))
+        humans = self._scene.human_table.with_state(frozen(state), self.states.activity[t])
+        return humans.select(np.flatnonzero(present))
 
-    @cached_property
-    def _constant(self) -> Constant:
-        return constant_of(self._scene)
+
+@drawing_of.register
+def _(record: EpisodeRecord) -> Drawing:
+    return Drawing(list(record.snapshots()), record.outcome.status, record.command.tolist(), record.labels)
 
 
 @contextmanager

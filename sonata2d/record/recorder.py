@@ -30,14 +30,14 @@ from .validate import consistent_scene
 
 
 class EpisodeRecorder:
-    """Records one episode in memory; `record()` returns it, and `document()` the content of its file.
+    """Recorder of one episode in memory; `record()` returns it, and `document()` the content of its file.
 
     A tick only keeps references; angles, rounding and JSON are computed at the end for the whole episode.
 
     Args:
         id: of the episode; default: name of the scenario, seed and episode number.
         contributor: name of the person who drives or records.
-        context: text for the raters of the episode; default: that of the scenario.
+        context: text for the raters of the episode; default: the text of the scenario.
         branched_from: id and tick of the episode with which this one shares its first frames.
         label_spec: the label that the driver is asked for.
 
@@ -126,7 +126,7 @@ class EpisodeRecorder:
         return serialise({**header, "frames": frames, "final": final, "software": software_versions()})
 
     def record(self) -> EpisodeRecord:
-        """The recorded episode, as `read_episode` returns it from a file; its path is that of no file.
+        """The recorded episode, as `read_episode` returns it from a file; there is no file at its path.
 
         Raises:
             RecordError: as for `document`.
@@ -198,7 +198,7 @@ class EpisodeRecorder:
 
 
 class JsonRecorder(EpisodeRecorder):
-    """Records one episode and writes its file at the end.
+    """Recorder of one episode, whose file it writes at the end.
 
     As a context manager it also writes the file if an exception ends the episode early.
 
@@ -211,7 +211,7 @@ class JsonRecorder(EpisodeRecorder):
         path: of the file; ends in `.json`, `.json.gz` or `.json.zst`. Missing folders are created.
         id: of the episode; default: the file's name without its suffix.
         contributor: name of the person who drives or records.
-        context: text for the raters of the episode; default: that of the scenario.
+        context: text for the raters of the episode; default: the text of the scenario.
         branched_from: id and tick of the episode with which this one shares its first frames.
 
     Raises:

@@ -11,7 +11,7 @@ import os
 import tarfile
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -19,7 +19,7 @@ from typing import NamedTuple, Self
 
 import orjson
 
-from ..core.files.locations import content_of, is_remote, put_file, version_of
+from ..core.files.locations import content_of, explained, is_remote, put_file, version_of
 from ..core.files.whole_file import sync_folder
 from ..errors import RecordError
 
@@ -31,14 +31,14 @@ _INDEXES = 128  # number of shards whose index stays in memory: 40 MB for shards
 
 
 class Extent(NamedTuple):
-    """Where the content of a member lies in its tar file, bytes."""
+    """Position and length of the content of a member in its tar file, bytes."""
 
     offset: int
     size: int
 
 
 def is_shard(path: Path) -> bool:
-    """Whether a path is that of a tar file."""
+    """Whether a path names an existing tar file."""
     return path.name.endswith(SHARD_SUFFIX) and path.is_file()
 
 
@@ -90,22 +90,21 @@ def read_members(shard: Path, names: Sequence[str], max_bytes: int) -> list[byte
     Raises:
         RecordError: it cannot be read, or a member is larger.
     """
-    try:
+    with explained(shard, "read"):
         known = extents(shard)
-        own = [known[name] for name in names]
-        for name, extent in zip(names, own, strict=True):
+        if missing := [name for name in names if name not in known]:
+            raise OSError(2, f"it has no member {missing[0]!r}")
+        members = [known[name] for name in names]
+        for name, extent in zip(names, members, strict=True):
             if extent.size > max_bytes:
                 raise OSError(27, f"{name} has more than {max_bytes} bytes, the limit for such files")
-        first = min(extent.offset for extent in own)
-        last = max(extent.offset + extent.size for extent in own)
-        if last - first > _APART * sum(extent.size + _BLOCK for extent in own):
-            return [_content(shard, extent) for extent in own]
+        first = min(extent.offset for extent in members)
+        last = max(extent.offset + extent.size for extent in members)
+        if last - first > _APART * sum(extent.size + _BLOCK for extent in members):
+            return [_content(shard, extent) for extent in members]
         data = content_of(shard, first, last)
-        return [_whole(data[extent.offset - first : extent.offset - first + extent.size], extent) for extent in own]
-    except KeyError as error:
-        raise RecordError(f"{shard} cannot be read: it has no member {error}") from error
-    except OSError as error:
-        raise RecordError(f"{shard} cannot be read: {error.strerror or error}") from error
+        starts = ((extent, extent.offset - first) for extent in members)
+        return [_whole(data[start : start + extent.size], extent) for extent, start in starts]
 
 
 def _content(shard: Path, extent: Extent) -> bytes:
@@ -128,19 +127,17 @@ def _whole(data: bytes, extent: Extent) -> bytes:
 
 
 def members_of(shard: Path) -> list[str]:
-    """The names of the members that a tar file holds, in their order, whatever its manifest says.
+    """The names of the members that a tar file holds, in their order; its manifest is not used.
 
     Raises:
         RecordError: the file cannot be read.
     """
-    try:
+    with explained(shard, "read"):
         return [name for name, _ in _searched(shard)]
-    except OSError as error:
-        raise RecordError(f"{shard} cannot be read: {error.strerror or error}") from error
 
 
 def extents(shard: Path) -> Mapping[str, Extent]:
-    """Where each member lies in a tar file, by name, in their order.
+    """The extent of each member of a tar file, by name, in their order.
 
     Raises:
         OSError: the tar file, or the manifest beside it, cannot be read.
@@ -156,21 +153,21 @@ def _version(shard: Path) -> str:
     """
     if is_remote(shard):
         return version_of(shard)
-    found = shard.stat()
-    return f"{found.st_size} {found.st_mtime_ns}"
+    status = shard.stat()
+    return f"{status.st_size} {status.st_mtime_ns}"
 
 
 @lru_cache(maxsize=_INDEXES)
 def _extents(shard: Path, version: str) -> Mapping[str, Extent]:
     index = shard_manifest_path(shard)
-    found: dict[str, Extent] = {}
+    listed: dict[str, Extent] = {}
     if index.is_file():
         try:
             content = content_of(index) if is_remote(index) else index.read_bytes()
             for row in orjson.loads(content)["files"]:
-                found[row["name"]] = Extent(int(row["offset"]), int(row["bytes"]))
-            if all(extent.offset >= 0 and extent.size >= 0 for extent in found.values()):
-                return MappingProxyType(found)
+                listed[row["name"]] = Extent(int(row["offset"]), int(row["bytes"]))
+            if all(extent.offset >= 0 and extent.size >= 0 for extent in listed.values()):
+                return MappingProxyType(listed)
         except (KeyError, TypeError, ValueError):  # damaged, as `check` says; the members are still there
             pass
     return MappingProxyType(dict(_searched(shard)))
@@ -180,7 +177,7 @@ def member_names(shard: Path) -> tuple[str, ...]:
     """The names of the members of a tar file that its manifest lists, in their order.
 
     Raises:
-        OSError: as of `extents`.
+        OSError: as for `extents`.
     """
     return _member_names(shard, _version(shard))
 
@@ -210,7 +207,7 @@ def _searched(shard: Path) -> Iterator[tuple[str, Extent]]:
 
 
 class ShardWriter:
-    """Writes a tar file, which gets its name when it is complete; the same members in order give the same bytes.
+    """Writer of a tar file, which gets its name when it is complete; the same members in order give the same bytes.
 
     A context manager. If it ends before `finish`, what was written stays in the unfinished file, unless that is empty.
 
@@ -231,7 +228,7 @@ class ShardWriter:
         self._hash = hashlib.sha256()
         self.size = 0
         self._is_remote = is_remote(path)
-        with _explained(path):
+        with explained(path, "written"):
             if self._is_remote:
                 self._part = Path(tempfile.mkdtemp(prefix="sonata2d-")) / path.name
             self._file = self._part.open("wb")
@@ -258,7 +255,7 @@ class ShardWriter:
             raise RecordError(
                 f"{self._path}: {name} cannot be its member ({error}); give the file a shorter name"
             ) from error
-        with _explained(self._path):
+        with explained(self._path, "written"):
             self._write(header)
             offset = self.size
             self._write(data)
@@ -275,7 +272,7 @@ class ShardWriter:
     def finish(self) -> str:
         """Write the end of the archive, give the file its name, and return its SHA-256, hexadecimal digits."""
         end = self.size + 2 * _BLOCK
-        with _explained(self._path):
+        with explained(self._path, "written"):
             self._write(bytes(2 * _BLOCK + -end % tarfile.RECORDSIZE))
             self._file.flush()
             os.fsync(self._file.fileno())
@@ -291,12 +288,3 @@ class ShardWriter:
         self._file.write(data)
         self._hash.update(data)
         self.size += len(data)
-
-
-@contextmanager
-def _explained(path: Path) -> Iterator[None]:
-    """Turn errors of writing into RecordError."""
-    try:
-        yield
-    except OSError as error:
-        raise RecordError(f"{path} cannot be written: {error.strerror or error}") from error

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 Finding = tuple[str, str]  # place, such as `frames.3.robot`, and what is wrong
 
 _COLUMNS = {"robot": ROBOT_NAMES, "humans": HUMAN_NAMES, "command": COMMAND_NAMES}
+_ENTITIES = ("humans", "objects", "groups", "doors", "queues", "places")  # the first two share their ids
 _MAX_FINDINGS = 100  # of the schema: of each list the first faulty entry
 
 
@@ -40,12 +41,12 @@ def require_valid(document: Any, path: Path) -> None:
     Raises:
         InvalidFileError: it is invalid; one line with the first finding, and all of them as `findings`.
     """
-    found = list(findings_of(document))
-    if found:
-        place, message = found[0]
-        rest = len(found) - 1
+    findings = list(findings_of(document))
+    if findings:
+        place, message = findings[0]
+        rest = len(findings) - 1
         more = f" (and at least {rest} more; `sonata2d check` lists the first of each list)" if rest else ""
-        raise InvalidFileError(f"{path} is not a valid episode: {place}: {message}{more}", found)
+        raise InvalidFileError(f"{path} is not a valid episode: {place}: {message}{more}", findings)
 
 
 def consistent_scene(scene: Scene) -> JsonDict:
@@ -64,9 +65,9 @@ def findings_of(document: Any) -> Iterator[Finding]:
     """All violations of the schema; if there are none, all inconsistencies of the content."""
     from .models import Episode
 
-    found = list(schema_findings(document, Episode))
-    yield from found
-    if not found:
+    violations = list(schema_findings(document, Episode))
+    yield from violations
+    if not violations:
         yield from _content_findings(document)
 
 
@@ -111,47 +112,36 @@ def _depth_findings(document: JsonDict) -> Iterator[Finding]:
 
 def _id_findings(document: JsonDict) -> Iterator[Finding]:
     """Ids must be unique, and references must refer to existing entities."""
-    humans, things = [human["id"] for human in document["humans"]], [thing["id"] for thing in document["objects"]]
-    groups = {group["id"]: group["members"] for group in document["groups"]}
-    for kind, ids in (("ids", [ROBOT_ID, *humans, *things]), ("groups", [group["id"] for group in document["groups"]])):
-        for id, count in Counter(ids).items():
+    ids = {key: [row["id"] for row in document[key]] for key in _ENTITIES}
+    of_kinds = {"ids": [ROBOT_ID, *ids["humans"], *ids["objects"]]} | {key: ids[key] for key in _ENTITIES[2:]}
+    for kind, numbers in of_kinds.items():
+        for id, count in Counter(numbers).items():
             if count > 1:
                 yield kind, f"id {id} is used {count} times"
-    for group, members in groups.items():
-        for id in set(members) - set(humans):
-            yield "groups", f"member {id} of group {group} is not a human"
-    for human in document["humans"]:
-        if human["behaviour"] == "recorded" and not human.get("track"):
-            yield "humans", f"human {human['id']} is recorded but has no track"
-    yield from _journey_findings(document)
+    for group in document["groups"]:
+        for id in set(group["members"]) - set(ids["humans"]):
+            yield "groups", f"member {id} of group {group['id']} is not a human"
     for thing in document["objects"]:
-        if thing["on"] is not None and thing["on"] not in things:
+        if thing["on"] is not None and thing["on"] not in ids["objects"]:
             yield "objects", f"object {thing['id']} lies on {thing['on']}, which is not an object"
-
-
-def _journey_findings(document: JsonDict) -> Iterator[Finding]:
-    """Ids of doors, queues and places must be unique, and people must start on existing seats and in existing queues.
-
-    Args:
-        document: files of earlier versions have no doors, queues, places and seats.
-    """
-    seat_ids = {thing["id"] for thing in document["objects"] if thing["on"] is None and _is_seat(thing)}
-    for kind in ("doors", "queues", "places"):
-        for id, count in Counter(item["id"] for item in document.get(kind, ())).items():
-            if count > 1:
-                yield kind, f"id {id} is used {count} times"
-    queues = {queue["id"] for queue in document.get("queues", ())}
     for human in document["humans"]:
-        seat, queue = human.get("seat"), human.get("queue")
+        if human["behaviour"] == "recorded" and not human["track"]:
+            yield "humans", f"human {human['id']} is recorded but has no track"
+    yield from _start_findings(document, set(ids["queues"]))
+
+
+def _start_findings(document: JsonDict, queue_ids: set[int]) -> Iterator[Finding]:
+    """People must start on existing seats, one on each, and in existing queues."""
+    seat_ids = {thing["id"] for thing in document["objects"] if thing["on"] is None and _is_seat(thing)}
+    for human in document["humans"]:
+        seat, queue = human["seat"], human["queue"]
         if seat is not None and seat not in seat_ids:
             yield "humans", f"human {human['id']} sits on {seat}, which is not a seat"
-        if queue is not None and queue not in queues:
+        if queue is not None and queue not in queue_ids:
             yield "humans", f"human {human['id']} stands in queue {queue}, which does not exist"
-        if seat is None and queue is None:
-            continue
-        if human["behaviour"] != "wandering" or human.get("enters", 0) > 0:
+        if (seat, queue) != (None, None) and (human["behaviour"] != "wandering" or human["enters"] > 0):
             yield "humans", f"human {human['id']} has a seat or a queue, but does not wander from the start"
-    seats = Counter(human["seat"] for human in document["humans"] if human.get("seat") is not None)
+    seats = Counter(human["seat"] for human in document["humans"] if human["seat"] is not None)
     for seat, count in seats.items():
         if count > 1:
             yield "humans", f"{count} people sit on object {seat}"
@@ -159,7 +149,7 @@ def _journey_findings(document: JsonDict) -> Iterator[Finding]:
 
 def _is_seat(thing: JsonDict) -> bool:
     """Whether pedestrians can sit on an object, see `Furniture.is_seat`."""
-    seat = thing.get("seat")
+    seat = thing["seat"]
     return bool(thing["type"] == "chair" if seat is None else seat)
 
 
@@ -197,7 +187,7 @@ def _label_findings(document: JsonDict) -> Iterator[Finding]:
 
 
 def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Finding]:
-    """Times must not decrease; each state must have a row for each pedestrian, and none for those that are absent."""
+    """Times must not decrease; a state must have a row for each pedestrian that is present, and null for the others."""
     time = states[0]["time"]
     count, names = len(document["humans"]), document["activities"]
     for t, state in enumerate(states):

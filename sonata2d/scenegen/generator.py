@@ -13,7 +13,7 @@ from ..core.arguments import whole_number
 from ..core.entities import Furniture, Human
 from ..core.geometry import Barriers, Pose, inside_polygon
 from ..core.rng import RandomStream
-from ..core.scene import Rules, Scene, standing_throughout
+from ..core.scene import Scene, standing_throughout
 from ..errors import SceneError
 from .floor_plans import FloorPlan, draw_floor_plan
 from .journeys import Journeys, plan_journeys, with_visitors
@@ -144,8 +144,8 @@ def _try_layout(
         goal=goal,
         groups=(*given.groups, *entities.groups),
         interactions=(*given.interactions, *entities.interactions),
-        rules=Rules(**dict(config.rules)),
-        social=config.social.social(),
+        rules=config.rules,
+        social=config.social,
         dropped=tuple(_label(clusters, k) for k in range(len(clusters)) if k not in placed),
         doors=journeys.doors,
         queues=journeys.queues,

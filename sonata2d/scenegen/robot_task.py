@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 
 from ..core.entities import Goal, Limits, Robot
@@ -113,7 +115,7 @@ def _is_suitable(config: ScenarioConfig, layout: Layout, paths: Barriers, pose: 
 
 
 def _create_robot(config: ScenarioConfig, start: Pose) -> Robot:
-    limits = Limits(**{name: quantised(value) for name, value in config.robot.limits})
+    limits = Limits(**{name: quantised(value) for name, value in asdict(config.robot.limits).items()})
     return Robot(start, quantised(config.robot.radius), config.robot.kinematics, limits)
 
 

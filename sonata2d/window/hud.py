@@ -16,8 +16,8 @@ from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, t
 from ..core.snapshot import Snapshot
 from ..view.camera import MIN_SIDE, Camera
 from ..view.canvas import PixelCanvas, put
-from ..view.draw import Layers
 from ..view.fonts import shortened, width_of
+from ..view.layers import Layers
 from ..view.legend import Legend
 from ..view.palette import FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
 from .answer import FrameQuestion

@@ -15,10 +15,11 @@ import pygame
 from pydantic import Field, ValidationError
 
 from ..agents.controllers.teleoperation import Axis, DeviceMapping
+from ..core.bounds import Fraction
 from ..errors import ConfigError
 from ..record.files import write_atomically
 from ..registry import did_you_mean
-from ..scenegen.scenario.base import Fraction, Settings
+from ..scenegen.scenario.base import Settings
 from ..scenegen.scenario.parse import parse_settings
 from ..scenegen.scenario.problems import problem_of
 from .actions import Action

@@ -8,7 +8,7 @@ from ..core.devices import View
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..view.camera import Camera
-from ..view.draw import Layers
+from ..view.layers import Layers
 from ..view.painter import Painter
 from ..view.palette import OUTSIDE
 from ..view.trails import Trails

@@ -15,7 +15,7 @@ from ..core.devices import View
 from ..errors import RecordError, RenderError
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
-from ..view.draw import Layers
+from ..view.layers import Layers
 from ..view.stills import save_moment
 from ..view.trails import Trails
 from .actions import Action

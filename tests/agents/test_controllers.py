@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import sonata2d as s2
 from sonata2d.agents.controllers.base import Controller
 from sonata2d.agents.controllers.loading import named_controllers
 from sonata2d.agents.controllers.planner import CELL, HAS_NEGATIVE_WEIGHTS, STEP, CostField, SocialPlanner, Weights
@@ -235,3 +236,7 @@ def test_a_copy_of_social_force_gives_the_same_commands() -> None:
     copies = deepcopy(controller), pickle.loads(pickle.dumps(controller))
     snapshot = episode.observe()
     assert [copied.act(snapshot) for copied in copies] == [controller.act(snapshot)] * 2
+
+
+def test_error_classes_are_attributes_of_the_package() -> None:
+    assert issubclass(s2.errors.SceneError, s2.Sonata2dError)

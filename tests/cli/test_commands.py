@@ -92,9 +92,9 @@ def test_generated_data_set_passes_all_checks(sonata2d: Run) -> None:
 def test_check_says_how_many_files_it_could_replay(sonata2d: Run, here: Path) -> None:
     sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
     text = (here / "out/000000.json").read_text()
-    (here / "old.json").write_text(text.replace(f'"physics":{PHYSICS_VERSION}', '"physics":2'))
-    output = sonata2d("check old.json --replay", code=1).output
-    assert "physics version 2, which this sonata2d" in output
+    (here / "other.json").write_text(text.replace(f'"physics":{PHYSICS_VERSION}', '"physics":99'))
+    output = sonata2d("check other.json --replay", code=1).output
+    assert "physics version 99, which this sonata2d" in output
     assert "1 file checked, 0 of them replayed, 1 problem" in output
     assert "1 file checked, replayed, no problems" in sonata2d("check out/000000.json --replay").output
 

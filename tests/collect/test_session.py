@@ -238,8 +238,8 @@ def test_a_run_that_is_kept_while_another_program_lists_the_folder_is_listed(
         session.stop()
     original, other = collection._read_rows, threading.Thread(target=two.keep)
 
-    def read_rows(folder: Path, known: dict[str, Any]) -> list[dict[str, Any]]:
-        rows = list(original(folder, known))
+    def read_rows(folder: Path, known: dict[str, Any]) -> dict[str, dict[str, Any]]:
+        rows = original(folder, known)
         if not other.ident:
             other.start()
             other.join(0.5)  # it may finish now, or wait for its turn

@@ -47,7 +47,7 @@ def test_a_spec_is_reconstructed_from_json_values() -> None:
 
 def test_a_scenario_defines_the_label() -> None:
     config = ScenarioConfig(label={"kind": "classes", "classes": 3, "question": "How polite was it?"})
-    assert config.label.spec().classes == ("1", "2", "3")
+    assert config.label.classes == ("1", "2", "3")
     assert ScenarioConfig(**config.settings()) == config
 
 

@@ -133,11 +133,11 @@ def test_a_unicycle_that_slips_is_found(unicycle_file: Path) -> None:
     text = problems_after(set_value("frames", 30, "executed", [0.0, 0.1, 0.0]))
     assert "frames.30.executed: the robot, a unicycle, is 0.100 m/s fast sideways" in text
 
-    def in_physics_2(document: Any) -> None:
+    def imported(document: Any) -> None:
         _sideways(30, 0.002, 0.02)(document)
-        document["physics"] = 2
+        document["physics"] = 0
 
-    assert "unicycle" not in problems_after(in_physics_2)
+    assert "unicycle" not in problems_after(imported)
 
 
 def test_an_unreadable_file_is_one_problem(tmp_path: Path) -> None:

@@ -201,7 +201,7 @@ def test_code_and_weights_that_a_file_names_are_not_loaded(
     assert not Path("was-run").exists()
 
 
-@pytest.mark.parametrize("name", ["straight-to-goal", "sonata2d.agents.straight:StraightToGoal"])
+@pytest.mark.parametrize("name", ["straight-to-goal", "sonata2d.agents.controllers.reactive:StraightToGoal"])
 def test_built_in_controllers_are_run_again_by_all_their_names(tmp_path: Path, busy: Scene, name: str) -> None:
     path, controller = tmp_path / "run.json", s2.StraightToGoal()
     with s2.JsonRecorder(path) as recorder:

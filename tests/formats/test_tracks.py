@@ -17,8 +17,8 @@ from sonata2d.datasets.check import check_episode
 from sonata2d.errors import RecordError, UnsuitableEpisode
 from sonata2d.formats import trajnet
 from sonata2d.formats.api import TransferResult, export_to, import_from
-from sonata2d.formats.base import Format, Options
-from sonata2d.formats.imported import POSITION, VELOCITY, VX, X
+from sonata2d.formats.estimates import POSITION, VELOCITY, VX, X
+from sonata2d.formats.format import Format, Options
 from sonata2d.learning.graph import paper_graphs
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord

@@ -124,7 +124,7 @@ def imported(name: str, path: Path) -> None:
     """Import a file; what is made of it must be a valid episode."""
     from sonata2d.datasets.check import check_episode
     from sonata2d.formats.api import import_from
-    from sonata2d.formats.base import Options
+    from sonata2d.formats.format import Options
     from sonata2d.record.reader import read_episode
 
     source = path.parent if name == "parquet" else path.parent / "000000.csv" if name == "csv" else path

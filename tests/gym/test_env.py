@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -172,7 +173,7 @@ def test_bad_arguments_are_named() -> None:
 def test_settings_change_single_values_of_a_section() -> None:
     env = s2g.SocialNavEnv("crowded-hall", settings={"rules": {"time_limit": 7.0}})
     preset = s2.load_scenario("crowded-hall")
-    assert env.config.rules == preset.rules.model_copy(update={"time_limit": 7.0})
+    assert env.config.rules == replace(preset.rules, time_limit=7.0)
     assert env.config.person == preset.person
 
 
@@ -308,7 +309,7 @@ def test_wrappers_with_a_memory_of_their_own_are_refused(name: str, arguments: l
     env.reset(seed=0)
     state = env.unwrapped.get_state()
     for refused in (lambda: s2g.restore(env, state), lambda: s2g.PolicyController(len, env)):
-        with pytest.raises(TypeError, match=f"{name} .* depends on more than the present ones"):
+        with pytest.raises(TypeError, match=f"{name} cannot be repeated, because it is stateful"):
             refused()
 
 
@@ -412,7 +413,7 @@ def test_a_state_of_another_scenario_or_version_is_refused() -> None:
         for go_back in (env.set_state, lambda state: s2g.restore(env, state)):
             with pytest.raises(ValueError, match=rf"the state is damaged: {key}.*get_state"):
                 go_back({**state, key: value})
-    with pytest.raises(ValueError, match="takes no others"):
+    with pytest.raises(ValueError, match="give reset either a state"):
         env.reset(seed=1, options={"state": state})
     env.step(FORWARD)  # the episode goes on
 

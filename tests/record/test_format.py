@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
 import runpy
-from dataclasses import replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from sonata2d.core.bounds import MAX_MAGNITUDE
+from sonata2d.core.entities import Door, Furniture, Goal, Group, Human, Limits, Place, Queue, Robot
+from sonata2d.core.geometry import Disc, Rectangle
+from sonata2d.core.labels import LabelSpec
+from sonata2d.core.scene import Rules, Social
 from sonata2d.datasets.check import check_episode
 from sonata2d.record.models import Episode
 from sonata2d.record.reader import read_episode
@@ -17,7 +23,6 @@ from sonata2d.record.recorder import EpisodeRecorder
 from .samples import run, scene
 
 GOLDEN = Path(__file__).with_name("golden.json")
-PHYSICS_1 = Path(__file__).with_name("physics_1.json")
 GENERATOR = Path(__file__).parents[2] / "docs" / "generate_format.py"
 
 
@@ -40,18 +45,48 @@ def test_the_golden_file_is_read_and_passes_check() -> None:
     assert check_episode(GOLDEN) == []
 
 
-def test_a_file_of_physics_1_is_read_and_passes_check() -> None:
-    """The file lacks all keys that were added after physics 1; its people are discs."""
-    humans = tuple(replace(human, model="moussaid2009", breadth=2 * human.radius) for human in scene().humans)
-    assert read_episode(PHYSICS_1).scene() == replace(scene(), humans=humans)
-    assert check_episode(PHYSICS_1) == []
-
-
 def test_published_pages_agree_with_the_models() -> None:
     pages: dict[Path, str] = runpy.run_path(str(GENERATOR))["pages"]()
     assert len(pages) == 6
     for path, text in pages.items():
         assert path.read_text("utf-8") == text, f"{path.name} is not up to date; run python docs/generate_format.py"
+
+
+def test_the_definitions_of_the_published_schema_have_fixed_names() -> None:
+    names = (
+        "Branch Column Columns Contact Controller DiscShape Door Event Frame Goal Group Human Imported LabelSpec "
+        "LastLook Limits Mirror Object Outcome Place Queue RectangleShape Robot Room Rules Social Software"
+    )
+    assert sorted(Episode.model_json_schema()["$defs"]) == names.split()
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        *((kind, kind.__name__) for kind in (Door, Goal, Group, Human, Limits, Place, Queue, Robot)),
+        *((kind, kind.__name__) for kind in (LabelSpec, Rules, Social)),
+        (Furniture, "Object"),
+        (Disc, "DiscShape"),
+        (Rectangle, "RectangleShape"),
+    ],
+)
+def test_a_field_of_an_entity_is_a_required_key_with_the_description_of_its_docstring(kind: type, name: str) -> None:
+    definition = Episode.model_json_schema()["$defs"][name]
+    names = [field.name for field in fields(kind)]
+    keys = [key for name in names for key in (("x", "y", "theta") if name == "pose" else (name,))]
+    assert [key for key in definition["properties"] if key in keys] == keys
+    assert set(definition["required"]) == set(definition["properties"]) >= set(keys)
+    assert all(definition["properties"][key]["description"] for key in keys)
+    attributes = (kind.__doc__ or "").partition("Attributes:")[2]
+    described = [name for line in re.findall(r"^ {8}(\w[\w, ]*?):", attributes, re.M) for name in line.split(", ")]
+    assert described == names
+
+
+def test_a_number_has_the_bounds_of_its_field() -> None:
+    keys = Episode.model_json_schema()["$defs"]["Human"]["properties"]
+    assert (keys["reacts_to_robot"]["minimum"], keys["reacts_to_robot"]["maximum"]) == (0, 1)
+    assert keys["radius"]["exclusiveMinimum"] == 0
+    assert keys["goals"]["items"]["prefixItems"][0]["maximum"] == MAX_MAGNITUDE
 
 
 def test_the_models_contain_every_recorded_key() -> None:

@@ -144,7 +144,7 @@ def test_settings_of_groups_draw_nothing_without_groups() -> None:
     [
         ({"formations": "circle"}, "no formation for two people has a weight above 0"),
         ({"formations": ["l"], "talking_size": (2, 3)}, "no formation for three and more people"),
-        ({"formations": {"abreast": 1}}, "'abreast' is not one of face_to_face, l, side_by_side, circle, semicircle"),
+        ({"formations": {"abreast": 1}}, "should be 'face_to_face', 'l', 'side_by_side', 'circle' or"),
         ({"talking_size": (1, 3)}, "a group has 2 to 6 people"),
         ({"walking_spacing": 0.3}, "neighbours in a group need 0.5 m or more"),
         ({"v_angle": 0.1}, "the angle of a V must be within"),

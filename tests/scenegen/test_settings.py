@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from sonata2d.core.rng import RandomStream
+from sonata2d.core.scene import Rules
 from sonata2d.errors import ConfigError
 from sonata2d.scenegen.scenario.base import IntRange, Range
 from sonata2d.scenegen.scenario.config import ScenarioConfig
@@ -102,6 +103,38 @@ def test_an_invalid_room_is_refused(room):
 def test_the_robot_may_not_start_on_its_goal():
     with pytest.raises(ConfigError, match="the robot would start on its goal"):
         ScenarioConfig(robot={"pose": [1, 1, 0]}, goal={"position": [1.2, 1.0]})
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"rules": {"time_limit": 1e12}},
+        {"robot": {"limits": {"ahead": 1e12}}},
+        {"robot": {"pose": [1e12, 0, 0]}},
+        {"goal": {"position": [0, -1e12]}},
+        {"talking_distance": [1, 1e12]},
+        {"furniture": [{"type": "table", "x": 1e12, "y": 0}]},
+        {"sizes": {"table": 1e12}},
+        {"doors": [{"x": 1e12, "y": 0}]},
+        {"places": [{"x": 0, "y": 0, "weight": 1e12}]},
+        {"people": [{"x": 0, "y": 1e12}]},
+        {"people": [{"track": [[0, 0, 0], [1, 1e12, 0]]}]},
+        {"people": [{"x": 0, "y": 0, "id": 10**17}]},
+        {"social": {"pause": 1e12}},
+        {"room": {"polygon": [[0, 0], [1e12, 0], [0, 1]]}},
+        {"person": {"desired_speed": {"max": 1e12}}},
+        {"clearance": 1e12},
+    ],
+)
+def test_a_number_that_no_file_holds_is_refused(settings):
+    with pytest.raises(ConfigError, match=r"should be .* or equal to"):
+        ScenarioConfig(**settings)
+
+
+def test_a_section_may_be_given_as_an_object_of_its_class():
+    assert ScenarioConfig(rules=Rules(dt=0.05)) == ScenarioConfig(rules={"dt": 0.05})
+    with pytest.raises(ConfigError, match=r"rules\.dt: Input should be greater than 0 \(got -1\)"):
+        ScenarioConfig(rules=Rules(dt=-1))
 
 
 def test_settings_are_frozen():

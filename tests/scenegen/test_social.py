@@ -45,18 +45,6 @@ def test_social_behaviour_is_off_by_default_and_recorded() -> None:
     assert scene_from_json(document) == scene
 
 
-def test_documents_without_reactions_and_social_behaviour_are_read() -> None:
-    scene = s2.generate(s2.ScenarioConfig(standing=1, wandering=1, person={"ignores_robot": 1.0}), 1)
-    document = scene_to_json(scene) | {"name": scene.name, "family": scene.family, "seed": scene.seed, "episode": 0}
-    del document["social"]
-    for human in document["humans"]:
-        del human["reaction"], human["robot_clearance"]
-    read = scene_from_json(document)
-    assert {human.reaction for human in read.humans} == {"ignores"}
-    assert {human.robot_clearance for human in read.humans} == {0.83}
-    assert read.social == Social()
-
-
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

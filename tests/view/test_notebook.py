@@ -58,7 +58,7 @@ def test_what_is_printed_fits_one_line(shown: dict[str, Any]) -> None:
     own = "ScenarioConfig(name='custom', humans=IntRange(min=3, max=3))"
     assert repr(s2.ScenarioConfig(humans=3)) == own
     settings = s2.load_scenario("empty").changed(rules={"time_limit": 5.0, "guard": False})
-    assert "rules=RulesConfig(time_limit=5.0, guard=False)" in repr(settings)
+    assert "rules=Rules(time_limit=5.0, guard=False)" in repr(settings)
     assert len(repr(settings)) < 600  # 3900 characters with all settings
     assert "running>" in repr(s2.Episode(shown["scene"]))
     assert repr(s2.Orca()) == "Orca(speed=0.9, gain=2.0, model='orca2011')"

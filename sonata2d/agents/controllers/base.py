@@ -1,9 +1,8 @@
-"""The controller interface: `Controller`, its requests `Stop` and `Regenerate`, and the class paths files record."""
+"""The controller interface: `Controller`, and its requests `Stop` and `Regenerate`."""
 
 from __future__ import annotations
 
 import math
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -54,33 +53,9 @@ def _require_text(reason: object, name: str) -> None:
 Answer = Twist | Stop | Regenerate
 
 
-_RENAMED = {"restored": "from_settings", "overruled": "command_overridden"}  # deprecated in 0.2, removed in 0.3
-
-# Current class path -> the path that episode files record. Files of format version 1 name the stock controllers by
-# their first location, and new files keep these names, so that the same run gives the same bytes.
-_PACKAGE = "sonata2d.agents.controllers"
-RECORDED_PATHS = {
-    f"{_PACKAGE}.reactive:StraightToGoal": "sonata2d.agents.straight:StraightToGoal",
-    f"{_PACKAGE}.reactive:SocialForce": "sonata2d.agents.social_force:SocialForce",
-    f"{_PACKAGE}.reactive:Orca": "sonata2d.agents.social_force:Orca",
-    f"{_PACKAGE}.planner:SocialPlanner": "sonata2d.agents.social_planner:SocialPlanner",
-    f"{_PACKAGE}.human_like:HumanLike": "sonata2d.agents.human_like:HumanLike",
-    f"{_PACKAGE}.labelled:Labelled": "sonata2d.agents.labelled:Labelled",
-    f"{_PACKAGE}.teleoperation:Teleoperation": "sonata2d.agents.teleoperation:Teleoperation",
-    "sonata2d.learning.policy:GraphPolicy": "sonata2d.learned.graph_policy:GraphPolicy",
-}
-_CURRENT_PATHS = {recorded: current for current, recorded in RECORDED_PATHS.items()}
-
-
 def recorded_path(controller_class: type[Controller]) -> str:
     """The path under which files record a controller class, `module:Class`."""
-    path = f"{controller_class.__module__}:{controller_class.__qualname__}"
-    return RECORDED_PATHS.get(path, path)
-
-
-def current_path(recorded: str) -> str:
-    """The path where a class is defined now, given the path that a file records."""
-    return _CURRENT_PATHS.get(recorded, recorded)
+    return f"{controller_class.__module__}:{controller_class.__qualname__}"
 
 
 def require_controller(value: object) -> Controller:
@@ -97,19 +72,6 @@ def require_controller(value: object) -> Controller:
     if isinstance(value, type):
         raise TypeError(f"a controller is an object, got the class {value.__name__}; pass {value.__name__}()")
     raise TypeError(f"a controller is an object of a class derived from sonata2d.Controller, got {value!r:.100}")
-
-
-class _DeprecatedName:
-    """Descriptor for the old name of a method: warns, then returns the renamed method of the class that defines it."""
-
-    def __init__(self, owner: type, old: str, new: str) -> None:
-        self._owner, self._old, self._new = owner, old, new
-
-    def __get__(self, instance: object, owner: type | None = None) -> Any:
-        warnings.warn(
-            f"Controller.{self._old} is deprecated; use {self._new}, its new name", DeprecationWarning, stacklevel=2
-        )
-        return vars(self._owner)[self._new].__get__(instance, owner)
 
 
 class Controller(ABC):
@@ -132,20 +94,6 @@ class Controller(ABC):
     labels: Mapping[str, str] = {}
     image: ImageRequest | None = None
     deterministic: bool = True
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        for old, new in _RENAMED.items():
-            for base in cls.__mro__[: cls.__mro__.index(Controller)]:
-                if new in vars(base):
-                    break
-                if old in vars(base):  # written for 0.1, in the class or a mixin: keeps working under the new name
-                    message = f"{cls.__name__}.{old} is deprecated; rename it {new}"
-                    warnings.warn(message, DeprecationWarning, stacklevel=3)  # the class statement, above ABCMeta
-                    setattr(cls, new, vars(base)[old])
-                    break
-            if new in vars(cls) and old not in vars(cls):  # code written for 0.1 may still call the old name
-                setattr(cls, old, _DeprecatedName(cls, old, new))
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
@@ -198,7 +146,3 @@ class External(Controller):
 
     def act(self, snapshot: Snapshot) -> Answer:
         raise ControllerError("this episode has no controller; give its commands to Episode.apply")
-
-
-for _old, _new in _RENAMED.items():
-    setattr(Controller, _old, _DeprecatedName(Controller, _old, _new))

@@ -15,7 +15,7 @@ from ...core.rng import RandomStream
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.wording import shown
-from .base import Answer, Controller, current_path, recorded_path
+from .base import Answer, Controller, recorded_path
 from .planner import SocialPlanner
 
 NOISE_FLOOR = 0.1  # noise at zero command, as a fraction of the noise at full command
@@ -168,7 +168,7 @@ def _inner_from_settings(settings: Mapping[str, Any], default: Controller) -> Co
         return default
     controller_class: Any = type(default)
     if recorded["path"] != recorded_path(controller_class):
-        module, _, name = current_path(str(recorded["path"])).partition(":")
+        module, _, name = str(recorded["path"]).partition(":")
         controller_class = getattr(import_module(module), name, None)
         if not (isinstance(controller_class, type) and issubclass(controller_class, Controller)):
             raise ValueError(

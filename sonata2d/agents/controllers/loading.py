@@ -30,7 +30,7 @@ from ...core.files.whole_file import whole_file
 from ...core.wording import described, one_line, shown
 from ...errors import ControllerError
 from ...registry import CONTROLLERS, resolve
-from .base import RECORDED_PATHS, Controller, current_path, recorded_path
+from .base import Controller, recorded_path
 from .labelled import Labelled
 
 WEIGHTS_SUFFIX = ".npz"
@@ -96,7 +96,7 @@ def _policy_class(path: Path) -> Any:
 
 
 def _is_perceptron(path: Path) -> bool:
-    """Whether a file of weights is that of a multilayer perceptron; False for one that cannot be read."""
+    """Whether a file holds the weights of a multilayer perceptron; False if it cannot be read."""
     try:
         header = read_npz(path.read_bytes(), MAX_WEIGHTS_BYTES, ["about"])["about"]
         return bool(json.loads(str(header))["kind"] == "mlp")
@@ -105,7 +105,7 @@ def _is_perceptron(path: Path) -> bool:
 
 
 class ControllerSource:
-    """What the processes of a batch create a controller from.
+    """Recipe from which each process of a batch creates the controller.
 
     Args:
         given: a name as for `load_controller`, a class derived from `Controller`, or an object of one.
@@ -165,7 +165,7 @@ class ControllerSource:
         return name
 
     def __getstate__(self) -> dict[str, Any]:
-        """What other processes get; classes of a notebook or script, and files, are sent with their content."""
+        """State for other processes; classes of a notebook or script, and files, are sent with their content."""
         if not self._pickled:
             try:
                 self._pickled = cloudpickle.dumps(self._given)
@@ -201,7 +201,7 @@ def is_installed(name: str, settings: Mapping[str, Any]) -> bool:
     if labeller:
         pair = (driver, settings.get("driver")), (labeller, settings.get("labeller"))
         return all(is_installed(part, own or {}) for part, own in pair)
-    is_known = name in CONTROLLERS or current_path(name) in RECORDED_PATHS
+    is_known = name in CONTROLLERS or name in CONTROLLERS.built_in.values()
     return is_known and settings.get("weights") is None
 
 
@@ -225,7 +225,7 @@ def source_hashes(name: str, controller: Controller) -> dict[str, str]:
         driver, labeller = _split_pair(name)
         return source_hashes(driver, controller.driver) | source_hashes(labeller, controller.labeller)
     module = type(controller).__module__
-    path = Path(current_path(name).rpartition(":")[0] or name)
+    path = Path(name.rpartition(":")[0] or name)
     if path.suffix != ".py" or path.stem != module:  # a module, or a file that imports the class from another module
         path = Path(getattr(sys.modules.get(module), "__file__", None) or "")
     if _is_own_module(module):
@@ -240,7 +240,7 @@ def _is_own_module(module: str) -> bool:
 
 
 def named_controllers() -> dict[str, type[Controller]]:
-    """The built-in controller classes and those of installed plug-ins, by name."""
+    """The controller classes, built in and of installed plug-ins, by name."""
     return CONTROLLERS.load_all(_problem)
 
 
@@ -249,7 +249,7 @@ def find_controller(name: str) -> type[Controller]:
     if name in CONTROLLERS.built_in:
         controller_class: type[Controller] = CONTROLLERS.load(name)
         return controller_class
-    module, colon, attribute = current_path(name).rpartition(":")
+    module, colon, attribute = name.rpartition(":")
     if not colon or (len(module) == 1 and module.isalpha()):  # the colon of a Windows drive separates no class
         return _only_class(_import_module(name), name) if name.endswith(".py") else _find_plugin(name)
     return _find_class(_import_module(module), attribute, name)

@@ -26,7 +26,8 @@ _received: KeyboardInterrupt | None = None
 def stop_when(is_requested: Callable[[], bool]) -> None:
     """Let long computations of this process, such as compilations, end as soon as a function returns True.
 
-    For worker processes, which ignore Ctrl-C: a KeyboardInterrupt without that request is none, see `reraise`.
+    For worker processes, which ignore Ctrl-C: without a stop request, KeyboardInterrupt is treated as an error, see
+    `reraise`.
     """
     global _is_stop_requested, _ignores_signals
     _is_stop_requested, _ignores_signals = is_requested, True
@@ -54,8 +55,8 @@ def forget() -> None:
 def reraise(error: BaseException) -> None:
     """Raise an error again if it is an interruption, or follows one: Ctrl-C, SIGTERM or a stop request.
 
-    Everything else that the code of others (controllers, pedestrian models, plug-ins) raises is an error of that code:
-    also `SystemExit`, which would end a batch with exit code 0, and a `KeyboardInterrupt` where signals are ignored.
+    Any other exception of code of others (controllers, pedestrian models, plug-ins) is an error of that code, also
+    `SystemExit`, which would end a batch with exit code 0, and a `KeyboardInterrupt` where signals are ignored.
 
     >>> try:
     ...     raise GeneratorExit
@@ -75,12 +76,12 @@ def interruption_in(error: BaseException) -> KeyboardInterrupt | None:
 
     A signal during compiled code makes a SystemError of Python, and one more in each of its callers that is compiled.
     """
-    found: BaseException | None = error
+    cause: BaseException | None = error
     for _ in range(_MAX_DEPTH):  # causes may form a circle
-        if not isinstance(found, SystemError):
+        if not isinstance(cause, SystemError):
             break
-        found = found.__cause__
-    return found if isinstance(found, KeyboardInterrupt) else None
+        cause = cause.__cause__
+    return cause if isinstance(cause, KeyboardInterrupt) else None
 
 
 def is_stop_requested() -> bool:
@@ -125,8 +126,8 @@ def exits_raised() -> Iterator[None]:
 def surroundings_kept() -> Iterator[None]:
     """Restore the working folder and the standard streams if the code of others changes or closes them.
 
-    Relative paths would otherwise name other files, and nothing could be printed. Does nothing in other threads than
-    the main one, because all threads share them.
+    Relative paths would otherwise name other files, and nothing could be printed. Does nothing outside the main thread,
+    because all threads share them.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -146,7 +147,7 @@ def surroundings_kept() -> Iterator[None]:
 
 
 def _opening(stream: Any) -> Callable[[], TextIO] | None:
-    """What opens a standard stream again; Python leaves the file open if the stream is closed. None: not such a one."""
+    """Return a function that opens a standard stream again, whose file Python leaves open; None for other streams."""
     try:
         number = stream.fileno()
     except (OSError, ValueError, AttributeError):  # in memory, closed, or None

@@ -12,7 +12,7 @@ MAX_WEIGHTS_BYTES = 1 << 26  # of all arrays of a network
 MAX_TRACKS_BYTES = 1 << 28  # of a text file of tracks: about ten million observations
 
 # A compressed file may unpack to the larger one of these two. Episodes compress to between 1/3 and 1/30 of their size.
-# Whoever trusts a file beyond that can unpack it with gzip or zstd: the ratio is a limit for compressed files only.
+# A trusted file beyond that can be unpacked with gzip or zstd: the ratio is a limit for compressed files only.
 MAX_UNPACKED_WITHOUT_RATIO = 1 << 23
 MAX_UNPACKED_RATIO = 64
 MAX_ARCHIVE_WITHOUT_RATIO = 1 << 26  # of `.npz` files, whose arrays take less memory than JSON of the same size

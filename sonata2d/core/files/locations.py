@@ -1,6 +1,6 @@
 """Files and folders on this machine, and in stores that fsspec knows, such as S3 and Google Cloud Storage.
 
-Paths of stores are those of universal-pathlib, which have the methods of `pathlib.Path`. Objects of a store appear
+Paths in stores are paths of universal-pathlib, which have the methods of `pathlib.Path`. Objects of a store appear
 whole or not at all; a file on this machine, or on a file server, is written under another name and then renamed.
 """
 
@@ -11,7 +11,9 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
+
+from ...errors import RecordError
 
 _URL = re.compile(r"(?P<protocol>[A-Za-z][A-Za-z0-9+.-]+)://")
 _OBJECT_STORES = {"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "adl", "oci", "memory", "hf"}
@@ -85,7 +87,7 @@ def _require_reachable(path: Any, protocol: str) -> None:
     except Exception as error:  # each store has errors of its own
         raise ValueError(
             f"{place} cannot be reached ({type(error).__name__}: {error}); credentials and the address of the store "
-            "are those of its package, such as AWS_ACCESS_KEY_ID and AWS_ENDPOINT_URL"
+            "are set as its package says, such as AWS_ACCESS_KEY_ID and AWS_ENDPOINT_URL"
         ) from error
     _reached.add(place)
 
@@ -106,7 +108,7 @@ def is_object_store(path: Path) -> bool:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder of this machine, and those that it is in; a store has none.
+    """Make a folder of this machine and its parent folders; a store has no folders.
 
     Raises:
         OSError: it cannot be made.
@@ -116,7 +118,7 @@ def make_folder(folder: Path) -> None:
 
 
 def file_names(folder: Path) -> list[str]:
-    """The names of the files in a folder, in no particular order; none if there is no such folder."""
+    """The names of the files in a folder, in no particular order; empty if there is no such folder."""
     if is_remote(folder):
         found: Any = folder
         try:
@@ -149,8 +151,29 @@ def content_of(path: Path, start: int | None = None, end: int | None = None) -> 
 
 
 @contextmanager
+def explained(path: Path, action: Literal["read", "written"], *more: type[Exception]) -> Iterator[None]:
+    """Turn an error of reading or writing a file into a RecordError that names it.
+
+    Args:
+        path: of the file.
+        action: of the block, for the message.
+        more: classes of errors besides OSError, EOFError and ValueError.
+
+    >>> with explained(Path("a.json"), "read"):
+    ...     raise FileNotFoundError(2, "No such file or directory")
+    Traceback (most recent call last):
+    sonata2d.errors.RecordError: a.json cannot be read: No such file or directory
+    """
+    kinds: tuple[type[Exception], ...] = (OSError, EOFError, ValueError, *more)  # ValueError: NUL in the path
+    try:
+        yield
+    except kinds as error:
+        raise RecordError(f"{path} cannot be {action}: {getattr(error, 'strerror', None) or error}") from error
+
+
+@contextmanager
 def _os_errors() -> Iterator[None]:
-    """Turn the errors of a store, each of which has classes of its own, into OSError."""
+    """Turn the errors of a store, whose package has its own classes of errors, into OSError."""
     try:
         yield
     except OSError:
@@ -160,7 +183,7 @@ def _os_errors() -> Iterator[None]:
 
 
 def version_of(path: Path) -> str:
-    """A text that changes if an object of a store is written again, as far as the store tells.
+    """A text that changes if an object of a store is written again, as far as the store reports it.
 
     Raises:
         OSError: there is no such object, or it cannot be read.

@@ -1,4 +1,4 @@
-"""Reads files of any size within limits."""
+"""Reading of files within limits of size."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .locations import content_of, is_remote
 
 
 def read_at_most(path: Path, max_bytes: int, *, remedy: str = "divide it") -> bytes:
-    """Read a file, or what a shell passes in place of one, as in `<(command)`.
+    """Read a file, or the pipe that a shell passes in its place, as in `<(command)`.
 
     A symbolic link is followed: the content is only read, within the same limits.
 
@@ -19,7 +19,7 @@ def read_at_most(path: Path, max_bytes: int, *, remedy: str = "divide it") -> by
         remedy: for a larger file, at the end of the message.
 
     Raises:
-        OSError: the file cannot be read, is larger, or is none, see `require_readable`; `strerror` says which.
+        OSError: it cannot be read, is larger, or is no file, see `require_readable`; `strerror` says which.
         ValueError: the path contains NUL.
     """
     if is_remote(path):
@@ -34,7 +34,7 @@ def read_at_most(path: Path, max_bytes: int, *, remedy: str = "divide it") -> by
 
 
 def require_readable(path: Path) -> None:
-    """Require that a path, if it exists, is that of a file or of the pipe of a shell.
+    """Require that a path, if it exists, is a file or the pipe of a shell.
 
     Raises:
         OSError: it is a folder, a device or a named pipe; `strerror` says which, also on Windows, where opening a
@@ -52,5 +52,5 @@ def require_readable(path: Path) -> None:
 
 
 def is_shell_pipe(path: Path) -> bool:
-    """Whether a path is that of a pipe by which a shell passes the output of another program."""
+    """Whether a path is a pipe by which a shell passes the output of another program."""
     return path.is_fifo() and any(map(path.is_relative_to, ("/dev", "/proc")))

@@ -16,7 +16,7 @@ TEMPORARY_PREFIX = ".sonata2d-"  # of the names of incomplete files
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """A path to write to instead of `path`, in the same folder and with the same suffix.
+    """Yield a path to write to instead of `path`, in the same folder and with the same suffix.
 
     If `path` is in a store, it is a path of this machine, and the file is copied to the store.
 

@@ -1,27 +1,30 @@
-"""Base class of all scenario settings, and the types of their fields: ranges, distributions, fractions, weights."""
+"""Base class of all scenario settings, and the types of their fields: ranges, distributions, weights, sections."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Self, TypeVar, get_type_hints
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
     GetJsonSchemaHandler,
-    NonNegativeFloat,
     NonNegativeInt,
-    PositiveFloat,
+    create_model,
     model_serializer,
     model_validator,
 )
 from pydantic.dataclasses import dataclass
-from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError
+from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError, core_schema
 
+from ...core.bounds import NotNegative, Number, Positive
 from ...core.files.limits import MAX_COUNT
-from ...core.geometry import MAX_MAGNITUDE
 from ...core.wording import shown
 from ...errors import ConfigError
 from ...registry import Registry, did_you_mean
@@ -30,10 +33,8 @@ from .problems import OneLineErrors
 if TYPE_CHECKING:  # settings are also read where nothing is generated, and random streams load the compiler
     from ...core.rng import RandomStream
 
-Jitter = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]  # m, m, rad
+Jitter = tuple[NotNegative, NotNegative, NotNegative]  # m, m, rad
 _MINIMUM_SHARE = 0.01  # of a truncated distribution that must lie within its bounds, which draws are repeated for
-Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
-Coordinate = Annotated[float, Field(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]  # m
 
 T = TypeVar("T")
 # Checking ends at the first faulty entry: 1 MB may hold a hundred thousand faults, which would take gigabytes.
@@ -41,11 +42,26 @@ TupleOf = Annotated[tuple[T, ...], Field(fail_fast=True)]
 Entities = Annotated[tuple[T, ...], Field(fail_fast=True, max_length=MAX_COUNT)]
 
 
-def parse_weights(value: Any) -> Any:
+def _parse_weights(value: Any) -> Any:
     """Convert a name, or a list of names, to a mapping with weight 1 for each name; other values are returned as is."""
     names = [value] if isinstance(value, str) else value
     is_names = isinstance(names, list | tuple) and all(isinstance(name, str) for name in names)
     return dict.fromkeys(names, 1.0) if is_names else names
+
+
+def weights_of(kind: str) -> tuple[BeforeValidator, AfterValidator]:
+    """Validators of weights by name: a name, or a list of names, gives equal weights; one weight must be above 0.
+
+    Args:
+        kind: what the names stand for, in the message.
+    """
+
+    def require_weight(weights: dict[str, float]) -> dict[str, float]:
+        if not sum(weights.values()) > 0.0:
+            raise PydanticCustomError("weights", "at least one {kind} needs a weight above 0", {"kind": kind})
+        return weights
+
+    return BeforeValidator(_parse_weights), AfterValidator(require_weight)
 
 
 def require_registered(registry: Registry, name: str) -> str:
@@ -63,6 +79,21 @@ def require_registered(registry: Registry, name: str) -> str:
     return name
 
 
+class _Difference:
+    """A value whose text, if it is a dataclass of `core`, has only the fields that differ from the default."""
+
+    def __init__(self, value: Any, default: Any) -> None:
+        self._value, self._default = value, default
+
+    def __repr__(self) -> str:
+        value = self._value
+        if not is_section(type(value)) or isinstance(value, Settings):
+            return repr(value)
+        keys = (field.name for field in fields(value))
+        changed = ((key, getattr(value, key)) for key in keys if getattr(value, key) != getattr(self._default, key))
+        return f"{type(value).__name__}({', '.join(f'{key}={item!r}' for key, item in changed)})"
+
+
 class Settings(BaseModel, metaclass=OneLineErrors):
     """Base class of scenario settings: immutable; unknown keys are errors with a suggestion; numbers are finite."""
 
@@ -71,10 +102,9 @@ class Settings(BaseModel, metaclass=OneLineErrors):
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
         """The settings that differ from their defaults."""
         for name, field in type(self).model_fields.items():
-            value = getattr(self, name)
-            is_default = value == field.get_default(call_default_factory=True)
-            if name == "name" or (not is_default and value is not None):
-                yield name, value
+            value, default = getattr(self, name), field.get_default(call_default_factory=True)
+            if name == "name" or (value != default and value is not None):
+                yield name, _Difference(value, default)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise ConfigError(f"settings are fixed; changed({name}={shown(value)}) returns others")
@@ -147,9 +177,9 @@ class Range(_Interval):
     Range(min=6.0, max=10.0, step=1.0)
     """
 
-    min: float
-    max: float
-    step: PositiveFloat | None = None
+    min: Number
+    max: Number
+    step: Positive | None = None
 
     def draw(self, rng: RandomStream) -> float:
         """Draw a number."""
@@ -179,13 +209,81 @@ class IntRange(_Interval):
         return rng.integer(self.min, self.max)
 
 
+def within(message: str, low: float, high: float = math.inf, *, above: bool = False) -> AfterValidator:
+    """Validator of a range or count range that must lie within low..high.
+
+    Args:
+        message: of the error.
+        low, high: both are included.
+        above: whether `low` itself is excluded.
+    """
+
+    def check(interval: Range | IntRange) -> Range | IntRange:
+        if not low <= interval.min <= interval.max <= high or (above and interval.min == low):
+            raise PydanticCustomError("range", "{message}", {"message": message})
+        return interval
+
+    return AfterValidator(check)
+
+
+BodyRadius = Annotated[Range, within("a person's radius must be 0.1 m or more", 0.1)]
+Breadth = Annotated[Range, within("a person's breadth must be above 0 and 1 m or less", 0.0, 1.0, above=True)]
+Duration = Annotated[Range, within("a time must not be negative", 0.0)]
+_PositiveDuration = Annotated[Range, within("a time must be above 0", 0.0, above=True)]
+# types of settings in place of pairs in the dataclasses of `core`, which hold the shortest and the longest duration
+_RANGES: dict[Any, Any] = {tuple[NotNegative, NotNegative]: Duration, tuple[Positive, Positive]: _PositiveDuration}
+
+
+def is_section(kind: type) -> bool:
+    """Whether a type of settings has keys of its own; a range is one value."""
+    return issubclass(kind, Settings) or (is_dataclass(kind) and not issubclass(kind, _Interval))
+
+
+class Section(Generic[T]):
+    """Annotation of a dataclass of `core` that is a section of a scenario.
+
+    A pair of durations is given as a range. The values are checked as all settings are, also the values of an object.
+
+    Args:
+        default: object with the values of keys that are not given.
+        changed: types of settings by name, which replace the types of fields.
+    """
+
+    def __init__(self, default: T, **changed: Any) -> None:
+        self._default, self._changed = default, changed
+
+    def __get_pydantic_core_schema__(self, source: type, handler: GetCoreSchemaHandler) -> CoreSchema:
+        hints = get_type_hints(source, include_extras=True)
+        keys = sorted(hints, key=lambda key: hints[key] in _RANGES)  # single values come before ranges
+        types = {key: self._changed.get(key, _RANGES.get(hints[key], hints[key])) for key in keys}
+        settings: Any = {key: (kind, getattr(self._default, key)) for key, kind in types.items()}
+        model = create_model(source.__name__, __base__=Settings, **settings)
+
+        def values_of(section: Any) -> Any:
+            return {key: getattr(section, key) for key in keys} if isinstance(section, source) else section
+
+        def create(settings: Any) -> Any:
+            values = {key: getattr(settings, key) for key in keys}
+            ranges = {key: (value.min, value.max) for key, value in values.items() if isinstance(value, Range)}
+            return source(**(values | ranges))
+
+        def settings_of(section: Any) -> dict[str, Any]:
+            values: dict[str, Any] = values_of(section)
+            ranges = {key: value for key, value in values.items() if hints[key] in _RANGES}
+            return values | {key: low for key, (low, high) in ranges.items() if low == high}
+
+        schema = core_schema.no_info_before_validator_function(values_of, handler.generate_schema(model))
+        serialization = core_schema.plain_serializer_function_ser_schema(settings_of)
+        return core_schema.no_info_after_validator_function(create, schema, serialization=serialization)
+
+
 class Normal(Settings):
     """A normal distribution truncated at min and max."""
 
-    mean: PositiveFloat
-    sd: PositiveFloat
-    min: NonNegativeFloat
-    max: PositiveFloat
+    mean: Positive
+    sd: Positive
+    min: NotNegative
+    max: Positive
 
     @model_validator(mode="before")
     @classmethod

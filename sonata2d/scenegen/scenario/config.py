@@ -2,39 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from inspect import Parameter, Signature, signature
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
+from pydantic import AfterValidator, Field, PositiveInt, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from ...core.entities import Limits, Robot
+from ...core.bounds import Fraction, Positive
+from ...core.entities import Robot
 from ...core.files.limits import MAX_COUNT, MAX_NAME
-from ...core.geometry import MAX_MAGNITUDE, Pose
+from ...core.geometry import Pose
+from ...core.labels import LabelSpec
+from ...core.scene import Rules
 from ...registry import did_you_mean
-from .base import Entities, Fraction, IntRange, Range, Settings
+from .base import Entities, IntRange, Range, Settings, is_section, within
 from .people import PersonSpec, check_people
 from .sections import (
+    PAUSING,
     SIZES,
     DoorConfig,
     FurnitureConfig,
     GoalConfig,
     GroupConfig,
-    LabelConfig,
+    LabelSection,
     PersonConfig,
     PlaceConfig,
     QueueConfig,
     RobotConfig,
     RoomConfig,
-    RulesConfig,
+    RulesSection,
     Size,
-    SocialConfig,
+    SocialSection,
 )
 
 # Of a robot without safety guard, m/s, and m in a physics step: beyond them it pushes people through walls.
 _UNGUARDED_SPEED, _UNGUARDED_STEP = 12.0, 0.12
 _TWENTY_DEGREES = 0.3490658503988659  # rad
+Distance = Annotated[Range, within("a distance must be above 0", 0.0, above=True)]
 
 
 class ScenarioConfig(Settings):
@@ -71,7 +75,7 @@ class ScenarioConfig(Settings):
         laptop_distance, plant_distance, object_distance: m, from a pedestrian to the object that it attends to; the
             pedestrian stands at the object's right side (-y) and faces it.
         pair_spacing: m, between the members of a walking pair, side by side.
-        groups, person, robot, goal, rules, social, label: the sections of these names.
+        groups, person, robot, goal, rules, social: the sections of these names; label: the section `LabelSpec`.
         clearance: minimum gap between outlines at the start, m.
         max_attempts: number of poses tried for each item; `max_layouts`: number of complete layouts tried with the same
             pedestrians and furniture.
@@ -107,23 +111,23 @@ class ScenarioConfig(Settings):
     queues: Entities[QueueConfig] = ()
     places: Entities[PlaceConfig] = ()
     seated: IntRange = IntRange(0, 0)
-    people: Entities[PersonSpec] = ()
+    people: Annotated[Entities[PersonSpec], AfterValidator(check_people)] = ()
     sizes: dict[str, Size] = Field(default_factory=lambda: dict(SIZES))
     furniture_yaw: Range = Range(0, 0)
-    talking_distance: Range = Range(1.5, 3.0)
+    talking_distance: Distance = Range(1.5, 3.0)
     talking_angle: Range = Range(-_TWENTY_DEGREES, _TWENTY_DEGREES)
-    laptop_distance: Range = Range(1.0, 4.0)
-    plant_distance: Range = Range(1.0, 4.0)
-    object_distance: Range = Range(1.0, 2.0)
-    pair_spacing: Range = Range(0.5, 0.5)
+    laptop_distance: Distance = Range(1.0, 4.0)
+    plant_distance: Distance = Range(1.0, 4.0)
+    object_distance: Distance = Range(1.0, 2.0)
+    pair_spacing: Distance = Range(0.5, 0.5)
     groups: GroupConfig = GroupConfig()
     person: PersonConfig = PersonConfig()
     robot: RobotConfig = RobotConfig()
     goal: GoalConfig = GoalConfig()
-    rules: RulesConfig = RulesConfig()
-    social: SocialConfig = SocialConfig()
-    label: LabelConfig = LabelConfig()
-    clearance: PositiveFloat = 0.05
+    rules: RulesSection = Rules()
+    social: SocialSection = PAUSING
+    label: LabelSection = LabelSpec()
+    clearance: Positive = 0.05
     max_attempts: PositiveInt = 200
     max_layouts: PositiveInt = 50
     drop: bool = False
@@ -144,38 +148,15 @@ class ScenarioConfig(Settings):
         return values | {"standing": None, "wandering": None}
 
     @model_validator(mode="after")
-    def _reject_huge_numbers(self) -> Self:
-        """Numbers that no file holds, and that would overflow where they are used."""
-        if (path := _huge_number(self.settings())) is not None:
-            context = {"limit": f"{MAX_MAGNITUDE:g}", "path": path}
-            raise PydanticCustomError("huge", "a number is beyond the limit of settings, {limit}", context)
-        return self
-
-    @model_validator(mode="after")
     def _check_counts(self) -> Self:
         if self.humans is None and (self.standing is None or self.wandering is None):
             raise PydanticCustomError("humans", "standing and wandering must be ranges where humans is not given")
         return self
 
-    @field_validator(
-        "talking_distance", "laptop_distance", "plant_distance", "object_distance", "pair_spacing", mode="after"
-    )
-    @classmethod
-    def _require_positive(cls, distance: Range) -> Range:
-        if not distance.min > 0.0:
-            raise PydanticCustomError("distance", "a distance must be above 0")
-        return distance
-
     @field_validator("sizes", mode="after")
     @classmethod
     def _add_default_sizes(cls, sizes: dict[str, Size]) -> dict[str, Size]:
         return SIZES | sizes
-
-    @field_validator("people", mode="after")
-    @classmethod
-    def _check_people(cls, people: tuple[PersonSpec, ...]) -> tuple[PersonSpec, ...]:
-        check_people(people)
-        return people
 
     @model_validator(mode="after")
     def _check_furniture_types(self) -> Self:
@@ -212,8 +193,8 @@ class ScenarioConfig(Settings):
 
     @model_validator(mode="after")
     def _check_unguarded_speed(self) -> Self:
-        rules, limits = self.rules, Limits(**self.robot.limits.model_dump())
-        speed = Robot(Pose(0.0, 0.0, 0.0), kinematics=self.robot.kinematics, limits=limits).top_speed
+        rules, drive = self.rules, self.robot
+        speed = Robot(Pose(0.0, 0.0, 0.0), kinematics=drive.kinematics, limits=drive.limits).top_speed
         step = speed * rules.dt / rules.substeps
         if not rules.guard and (speed > _UNGUARDED_SPEED or step > _UNGUARDED_STEP):
             context = {"speed": f"{speed:.3g}", "step": f"{step:.2g}", "path": ("rules", "guard")}
@@ -247,28 +228,16 @@ ScenarioConfig.__signature__ = Signature(
 )
 
 
-def merged(base: dict[str, Any], changes: dict[str, Any], model: type[Settings] = ScenarioConfig) -> dict[str, Any]:
+def merged(base: dict[str, Any], changes: dict[str, Any], model: type = ScenarioConfig) -> dict[str, Any]:
     """Replace settings of `base` by `changes`, recursively in each section of the model."""
     # `humans` replaces `standing` and `wandering`, and the other way round: both together would be an error
     counts = {"standing", "wandering"}
     replaced = counts if "humans" in changes else {"humans"} if counts & changes.keys() else set()
     result = {key: value for key, value in base.items() if key not in replaced}
+    fields = model.model_fields if issubclass(model, Settings) else {}
     for key, value in changes.items():
-        section = model.model_fields[key].annotation if key in model.model_fields else None
-        if isinstance(value, dict) and isinstance(section, type) and issubclass(section, Settings):
+        section = fields[key].annotation if key in fields else None
+        if isinstance(value, dict) and isinstance(section, type) and is_section(section):
             value = merged(result.get(key) or {}, value, section)
         result[key] = value
     return result
-
-
-def _huge_number(value: Any, path: tuple[int | str, ...] = ()) -> tuple[int | str, ...] | None:
-    """The keys that lead to a number beyond `MAX_MAGNITUDE`; None if there is none."""
-    if isinstance(value, int | float):
-        return path if abs(value) > MAX_MAGNITUDE else None
-    if isinstance(value, dict):
-        items: Iterable[tuple[Any, Any]] = value.items()
-    elif isinstance(value, list | tuple):
-        items = enumerate(value)
-    else:
-        return None
-    return next((found for key, item in items if (found := _huge_number(item, (*path, key))) is not None), None)

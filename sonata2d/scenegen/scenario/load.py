@@ -30,7 +30,7 @@ def load_scenario(name_or_path: str | Path) -> ScenarioConfig:
     """Load a preset by name, or a scenario from a YAML, JSON or TOML file.
 
     A file may contain `extends: sonata-2020`, or a path relative to its own folder instead of the name, to change only
-    some settings of another scenario. The name of the scenario is that of the file unless the file sets `name`.
+    some settings of another scenario. The scenario is named after the file unless the file sets `name`.
 
     Args:
         name_or_path: name of a preset, or path of a file. A preset takes precedence over a file of the same name.
@@ -42,7 +42,7 @@ def load_scenario(name_or_path: str | Path) -> ScenarioConfig:
 
 
 def scenario_of(scenario: object) -> ScenarioConfig:
-    """The settings of a scenario that is given as such, by name or by path.
+    """The settings of a scenario that is given as a `ScenarioConfig`, by name or by path.
 
     Raises:
         ConfigError: as `load_scenario`.
@@ -78,7 +78,7 @@ def _find(name: str, folder: Path) -> Path:
         if path.exists():
             raise ConfigError(f"{name} is a device or a named pipe, not a scenario file")
         neighbours = [str(other) for other in sorted(path.parent.glob("*")) if other.suffix in _SUFFIXES]
-    except (OSError, ValueError) as error:  # no name of a file, e.g. one that is too long
+    except (OSError, ValueError) as error:  # not the name of a file, e.g. too long
         raise ConfigError(f"no scenario file or preset {shown(name)}: {getattr(error, 'strerror', error)}") from None
     known = {Path(other).stem: other for other in (*neighbours, *preset_names())}
     close = get_close_matches(path.stem, known, n=1)  # without suffixes, which files have in common
@@ -94,7 +94,7 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
         extended_by: chain of files that extend this one, to detect a cycle.
 
     Returns:
-        The scenario, and its settings as written in the file, merged into those of the scenario that it extends.
+        The scenario, and its settings as written in the file, merged into the settings of the scenario that it extends.
     """
     if _real(path) in extended_by:
         raise ConfigError(f"{path.name} extends itself")

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import pairwise
 from typing import Annotated, Self
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
+from pydantic import AfterValidator, Field, PositiveInt, model_validator
 from pydantic_core import PydanticCustomError
 
+from ...core.bounds import Fraction, NotNegative, Number, Positive
 from ...core.entities import Behaviour, Reaction
+from ...core.files.limits import MAX_ID
 from ...core.geometry import Barriers, Point
-from .base import Fraction, Jitter, Range, Settings, TupleOf
+from .base import BodyRadius, Breadth, Duration, Jitter, Range, Settings, TupleOf, within
 
-TrackPoint = tuple[float, float, float]  # t, x, y: s, m
-Track = Annotated[TupleOf[TrackPoint], Field(min_length=2)]
+
+def _check_times(track: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
+    if track[0][0] < 0.0 or any(later[0] <= earlier[0] for earlier, later in pairwise(track)):
+        raise PydanticCustomError("track", "times of a track must rise, from 0 or later")
+    return track
+
+
+Track = Annotated[TupleOf[tuple[Number, Number, Number]], Field(min_length=2), AfterValidator(_check_times)]  # s, m, m
+PositiveId = Annotated[PositiveInt, Field(le=MAX_ID)]
+DesiredSpeed = Annotated[Range, within("a desired speed must be above 0", 0.0, above=True)]
 
 
 class PersonSpec(Settings):
@@ -44,25 +55,25 @@ class PersonSpec(Settings):
         reaction: kind of reaction to the robot; default: drawn from the section `person`.
     """
 
-    id: PositiveInt | None = None
-    x: float | None = None
-    y: float | None = None
+    id: PositiveId | None = None
+    x: Number | None = None
+    y: Number | None = None
     jitter: Jitter = (0.0, 0.0, 0.0)
-    theta: float | None = None
+    theta: Number | None = None
     velocity: Point | None = None
     behaviour: Behaviour | None = None
     goals: TupleOf[Point] = ()
-    stay: Range = Range(0, 0)
+    stay: Duration = Range(0, 0)
     exits: bool = False
-    enters: NonNegativeFloat = 0.0
-    leaves: PositiveFloat | None = None
+    enters: NotNegative = 0.0
+    leaves: Positive | None = None
     track: Track | None = None
-    group: PositiveInt | None = None
-    desired_speed: Range | None = None
-    radius: Range | None = None
-    breadth: Range | None = None
-    headway: PositiveFloat | None = None
-    politeness: NonNegativeFloat | None = None
+    group: PositiveId | None = None
+    desired_speed: DesiredSpeed | None = None
+    radius: BodyRadius | None = None
+    breadth: Breadth | None = None
+    headway: Positive | None = None
+    politeness: NotNegative | None = None
     reacts_to_robot: Fraction | None = None
     reaction: Reaction | None = None
 
@@ -92,7 +103,7 @@ class PersonSpec(Settings):
 
     @model_validator(mode="after")
     def _check_behaviour(self) -> Self:
-        """Check that the behaviour agrees with the other keys, and that speed and radius are in their ranges."""
+        """Check that the behaviour agrees with the other keys."""
         required_keys: dict[Behaviour, str] = {"walking": "goals", "recorded": "track"}
         for behaviour, key in required_keys.items():
             if (self.resolved_behaviour == behaviour) != bool(getattr(self, key)):
@@ -104,26 +115,10 @@ class PersonSpec(Settings):
         ):
             message = "reacts_to_robot must be 0 with reaction ignores, and above 0 with any other reaction"
             raise PydanticCustomError("reaction", message, {"path": ("reaction",)})
-        if not self.stay.min >= 0.0:
-            raise PydanticCustomError("stay", "a time must not be negative", {"path": ("stay",)})
         if self.stay.max > 0.0 and len(self.goals) < 2:
             raise PydanticCustomError("stay", "stay needs two goals or more", {"path": ("stay",)})
         if self.exits and not self.goals:
             raise PydanticCustomError("exits", "exits needs goals to leave at", {"path": ("exits",)})
-        if self.desired_speed is not None and not self.desired_speed.min > 0.0:
-            raise PydanticCustomError("speed", "a desired speed must be above 0", {"path": ("desired_speed",)})
-        if self.breadth is not None and not 0.0 < self.breadth.min <= self.breadth.max <= 1.0:
-            message = "a person's breadth must be above 0 and 1 m or less"
-            raise PydanticCustomError("breadth", message, {"path": ("breadth",)})
-        if self.radius is not None and not self.radius.min >= 0.1:
-            raise PydanticCustomError("radius", "a person's radius must be 0.1 m or more", {"path": ("radius",)})
-        return self
-
-    @model_validator(mode="after")
-    def _check_times(self) -> Self:
-        times = [row[0] for row in self.track or ()]
-        if times and (times[0] < 0.0 or any(b <= a for a, b in pairwise(times))):
-            raise PydanticCustomError("track", "times of a track must rise, from 0 or later", {"path": ("track",)})
         return self
 
     @property
@@ -148,29 +143,25 @@ def path_segments(people: tuple[PersonSpec, ...]) -> Barriers:
     return Barriers.of((a, b, 0.0) for a, b in legs)
 
 
-def check_people(people: tuple[PersonSpec, ...]) -> None:
-    """Check ids and groups of all people.
+def check_people(people: tuple[PersonSpec, ...]) -> tuple[PersonSpec, ...]:
+    """Return the people, whose ids and groups are checked.
 
     Raises:
         PydanticCustomError: an id is not unique; a group has standing and moving members; or a wandering member of a
             group enters later or leaves.
     """
-    ids = [person.id for person in people if person.id is not None]
-    for k, person in enumerate(people):
-        if person.id is not None and ids.count(person.id) > 1:
-            context = {"id": person.id, "path": ("people", k, "id")}
-            raise PydanticCustomError("people", "id {id} is given to more than one person", context)
-        enters_or_leaves = person.enters > 0.0 or person.leaves is not None
-        if person.group is not None and person.resolved_behaviour == "wandering" and enters_or_leaves:
-            context = {"path": ("people", k, "group")}
-            raise PydanticCustomError(
-                "people", "a wandering member of a group can neither enter nor leave; give goals", context
-            )
+    counts = Counter(person.id for person in people)
     group_stands: dict[int, bool] = {}
     for k, person in enumerate(people):
-        if (
-            person.group is not None
-            and group_stands.setdefault(person.group, stands := person.resolved_behaviour == "standing") != stands
-        ):
-            context = {"group": person.group, "path": ("people", k, "group")}
-            raise PydanticCustomError("people", "group {group} has standing and moving members", context)
+        message, key, stands = "", "group", person.resolved_behaviour == "standing"
+        if person.id is not None and counts[person.id] > 1:
+            message, key = f"id {person.id} is given to more than one person", "id"
+        elif person.group is None:
+            continue
+        elif person.resolved_behaviour == "wandering" and (person.enters > 0.0 or person.leaves is not None):
+            message = "a wandering member of a group can neither enter nor leave; give goals"
+        elif group_stands.setdefault(person.group, stands) != stands:
+            message = f"group {person.group} has standing and moving members"
+        if message:
+            raise PydanticCustomError("people", "{message}", {"message": message, "path": (k, key)})
+    return people

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import is_dataclass
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
@@ -39,7 +40,7 @@ class OneLineErrors(ModelMetaclass):
 
 
 def problem_of(settings: dict[str, Any], error: ValidationError) -> tuple[list[int | str], str]:
-    """The first validation error of settings.
+    """Describe the first validation error of settings.
 
     Returns:
         The keys of the wrong setting, and one line: key, message, value.
@@ -53,7 +54,7 @@ def problem_of(settings: dict[str, Any], error: ValidationError) -> tuple[list[i
         hint = did_you_mean(str(value), re.findall(r"'([^']*)'", first["ctx"]["expected"]))
     key_path = f"{one_line('.'.join(map(str, keys)), 200)}: " if keys else ""
     got = f" (got {shown(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
-    # errors at the same place are those of the other members of a union
+    # further errors at the same place belong to the other members of a union
     places = (_follow(settings, other["loc"])[0] for other in others)
     further = sorted({".".join(map(str, place)) for place in places if place[: len(keys)] != keys})
     more = f" (and more in {one_line(', '.join(further), 100)})" if further else ""
@@ -76,6 +77,9 @@ def _follow(settings: Any, keys: tuple[int | str, ...]) -> tuple[list[int | str]
         if is_item or (isinstance(settings, dict) and key in settings):
             known.append(key)
             settings = settings[key]
+        elif is_dataclass(settings) and isinstance(key, str) and hasattr(settings, key):
+            known.append(key)
+            settings = getattr(settings, key)
         elif key == keys[-1] and isinstance(settings, dict):  # a missing setting
             known.append(key)
     return known, settings

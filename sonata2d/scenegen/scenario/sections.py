@@ -3,59 +3,44 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Field,
-    NonNegativeFloat,
-    PositiveFloat,
-    PositiveInt,
-    field_validator,
+    SerializerFunctionWrapHandler,
+    WrapSerializer,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
 
-from ...core.entities import DEFAULT_MODEL, EndsOn, Formation, Kinematics, Limits, Reaction
-from ...core.files.limits import MAX_COUNT
+from ...core.bounds import Capacity, Fraction, NotNegative, Number, Positive
+from ...core.entities import DEFAULT_MODEL, Formation, Kinematics, Limits, Reaction
 from ...core.geometry import Disc, Point, Rectangle, Shape, quantised
-from ...core.labels import Kind, LabelSpec, When
+from ...core.labels import LabelSpec
 from ...core.scene import Rules, Social
 from ...registry import PEDESTRIAN_MODELS
 from .base import (
+    BodyRadius,
+    Breadth,
+    Duration,
     Entities,
-    Fraction,
     IntRange,
     Jitter,
     Normal,
     Range,
+    Section,
     Settings,
     TupleOf,
-    parse_weights,
     require_registered,
+    weights_of,
+    within,
 )
-from .rooms import RoomConfig
-
-__all__ = [  # every section, as docs/scenario.md lists them
-    "ClearanceConfig",
-    "DoorConfig",
-    "FurnitureConfig",
-    "GoalConfig",
-    "GroupConfig",
-    "LabelConfig",
-    "LimitsConfig",
-    "PersonConfig",
-    "PlaceConfig",
-    "QueueConfig",
-    "RobotConfig",
-    "RoomConfig",
-    "RulesConfig",
-    "SocialConfig",
-    "SpeedConfig",
-]
+from .rooms import RoomConfig as RoomConfig
 
 ModelName = Annotated[str, AfterValidator(partial(require_registered, PEDESTRIAN_MODELS))]
-Size = PositiveFloat | tuple[PositiveFloat, PositiveFloat]  # radius of a disc, or length (x) and width (y), m
+Size = Positive | tuple[Positive, Positive]  # radius of a disc, or length (x) and width (y), m
 
 SIZES: dict[str, Size] = {
     "table": (0.8, 0.8),
@@ -66,11 +51,12 @@ SIZES: dict[str, Size] = {
     "tv": (1.0, 0.1),
 }  # m; the table as in SocNav3, the others typical commercial sizes
 
-WALKING_FORMATIONS: tuple[Formation, ...] = ("abreast", "v")
-PAIR_FORMATIONS: tuple[Formation, ...] = ("face_to_face", "l", "side_by_side")
-CIRCLE_FORMATIONS: tuple[Formation, ...] = ("circle", "semicircle")
-TALKING_FORMATIONS = (*PAIR_FORMATIONS, *CIRCLE_FORMATIONS)
-MAX_GROUP_SIZE = 6
+WalkingFormation = Literal["abreast", "v"]
+PairFormation = Literal["face_to_face", "l", "side_by_side"]
+CircleFormation = Literal["circle", "semicircle"]
+TalkingFormation = Literal[PairFormation, CircleFormation]
+GroupSize = Annotated[IntRange, within("a group has 2 to 6 people", 2, 6)]
+Spacing = Annotated[Range, within("neighbours in a group need 0.5 m or more between their centres", 0.5)]
 
 
 def shape_of_size(size: Size) -> Shape:
@@ -93,15 +79,29 @@ class FurnitureConfig(Settings):
     """
 
     type: str
-    x: float
-    y: float
-    theta: float = 0.0
+    x: Number
+    y: Number
+    theta: Number = 0.0
     size: Size | None = None
     attracts: bool = True
     seat: bool | None = None
 
 
-class DoorConfig(Settings):
+class _DrawnOrFixed(Settings):
+    """Base class of settings with a position that is drawn unless it is given."""
+
+    x: Number | None = None
+    y: Number | None = None
+
+    @model_validator(mode="after")
+    def _check_position(self) -> Self:
+        if (self.x is None) != (self.y is None):
+            path = ("x" if self.x is None else "y",)
+            raise PydanticCustomError("place", "give x and y, or neither", {"path": path})
+        return self
+
+
+class DoorConfig(_DrawnOrFixed):
     """A door in the outline of the room, through which pedestrians enter and leave.
 
     The wall stays solid for the robot and for all pedestrians: they appear just inside the door, and disappear just
@@ -117,20 +117,13 @@ class DoorConfig(Settings):
         share: weight with which pedestrians that leave (`social.exits`) choose this door.
     """
 
-    x: float | None = None
-    y: float | None = None
-    width: Annotated[float, Field(ge=0.7)] = 1.0
-    inflow: NonNegativeFloat = 0.0
+    width: Annotated[Number, Field(ge=0.7)] = 1.0
+    inflow: NotNegative = 0.0
     pairs: Fraction = 0.0
-    share: NonNegativeFloat = 1.0
-
-    @model_validator(mode="after")
-    def _check_position(self) -> Self:
-        _require_both_or_none(self.x, self.y)
-        return self
+    share: NotNegative = 1.0
 
 
-class QueueConfig(Settings):
+class QueueConfig(_DrawnOrFixed):
     """A queue: pedestrians stand in line, straight back from the first one, and leave it when they were served.
 
     Attributes:
@@ -142,23 +135,11 @@ class QueueConfig(Settings):
         waiting: number of pedestrians that stand in the queue at the start, in addition to all others.
     """
 
-    x: float | None = None
-    y: float | None = None
-    theta: float = 0.0
-    spacing: Annotated[float, Field(ge=0.5)] = 0.75
-    service: Range = Range(5, 15)
-    capacity: Annotated[int, Field(ge=1, le=MAX_COUNT)] = 8
+    theta: Number = 0.0
+    spacing: Annotated[Number, Field(ge=0.5)] = 0.75
+    service: Duration = Range(5, 15)
+    capacity: Capacity = 8
     waiting: IntRange = IntRange(0, 0)
-
-    @model_validator(mode="after")
-    def _check_position(self) -> Self:
-        _require_both_or_none(self.x, self.y)
-        return self
-
-    @field_validator("service", mode="after")
-    @classmethod
-    def _check_service(cls, time: Range) -> Range:
-        return _require_not_negative(time)
 
     @model_validator(mode="after")
     def _check_waiting(self) -> Self:
@@ -178,36 +159,20 @@ class PlaceConfig(Settings):
         stay: time that a pedestrian stands there, s.
     """
 
-    x: float
-    y: float
-    radius: PositiveFloat = 1.0
-    weight: PositiveFloat = 1.0
-    stay: Range = Range(5, 20)
-
-    @field_validator("stay", mode="after")
-    @classmethod
-    def _check_stay(cls, time: Range) -> Range:
-        return _require_not_negative(time)
-
-
-def _require_both_or_none(x: float | None, y: float | None) -> None:
-    if (x is None) != (y is None):
-        raise PydanticCustomError("place", "give x and y, or neither", {"path": ("x" if x is None else "y",)})
-
-
-def _require_not_negative(time: Range) -> Range:
-    if not time.min >= 0.0:
-        raise PydanticCustomError("time", "a time must not be negative")
-    return time
+    x: Number
+    y: Number
+    radius: Positive = 1.0
+    weight: Positive = 1.0
+    stay: Duration = Range(5, 20)
 
 
 class SpeedConfig(Normal):
     """Distribution of the desired speed, m/s: a normal distribution truncated at min and max."""
 
-    mean: PositiveFloat = 1.3
-    sd: PositiveFloat = 0.2
-    min: PositiveFloat = 0.8
-    max: PositiveFloat = 1.8
+    mean: Positive = 1.3
+    sd: Positive = 0.2
+    min: Positive = 0.8
+    max: Positive = 1.8
 
 
 class ClearanceConfig(Normal):
@@ -217,19 +182,19 @@ class ClearanceConfig(Normal):
     51 (2017) 97), truncated at two standard deviations.
     """
 
-    mean: PositiveFloat = 0.83
-    sd: PositiveFloat = 0.27
-    min: NonNegativeFloat = 0.29
-    max: PositiveFloat = 1.37
+    mean: Positive = 0.83
+    sd: Positive = 0.27
+    min: NotNegative = 0.29
+    max: Positive = 1.37
 
 
 class FactorConfig(Normal):
     """Distribution of a factor by which persons differ: a normal distribution truncated at min and max."""
 
-    mean: PositiveFloat = 1.0
-    sd: PositiveFloat = 0.2
-    min: PositiveFloat = 0.5
-    max: PositiveFloat = 1.5
+    mean: Positive = 1.0
+    sd: Positive = 0.2
+    min: Positive = 0.5
+    max: Positive = 1.5
 
 
 class PersonConfig(Settings):
@@ -250,42 +215,16 @@ class PersonConfig(Settings):
         robot_clearance: distribution of the clearance at which a pedestrian wants to pass the robot, m.
     """
 
-    radius: Range = Range(0.13, 0.15)
-    breadth: Range = Range(0.4, 0.5)
-    wall_distance: NonNegativeFloat = 0.4
+    radius: BodyRadius = Range(0.13, 0.15)
+    breadth: Breadth = Range(0.4, 0.5)
+    wall_distance: NotNegative = 0.4
     desired_speed: SpeedConfig = SpeedConfig()
     headway: FactorConfig = FactorConfig()
     politeness: FactorConfig = FactorConfig()
     model: ModelName = DEFAULT_MODEL
     ignores_robot: Fraction = 0.0
-    reactions: dict[Reaction, NonNegativeFloat] = Field(default={"avoids": 1.0})
+    reactions: Annotated[dict[Reaction, NotNegative], *weights_of("reaction")] = Field(default={"avoids": 1.0})
     robot_clearance: ClearanceConfig = ClearanceConfig()
-
-    @field_validator("reactions", mode="before")
-    @classmethod
-    def _parse_weights(cls, value: Any) -> Any:
-        return parse_weights(value)
-
-    @field_validator("reactions", mode="after")
-    @classmethod
-    def _require_weight(cls, reactions: dict[Reaction, float]) -> dict[Reaction, float]:
-        if not sum(reactions.values()) > 0.0:
-            raise PydanticCustomError("reactions", "at least one reaction needs a weight above 0")
-        return reactions
-
-    @field_validator("radius", mode="after")
-    @classmethod
-    def _check_radius(cls, radius: Range) -> Range:
-        if not radius.min >= 0.1:
-            raise PydanticCustomError("radius", "a person's radius must be 0.1 m or more")
-        return radius
-
-    @field_validator("breadth", mode="after")
-    @classmethod
-    def _check_breadth(cls, breadth: Range) -> Range:
-        if not 0.0 < breadth.min <= breadth.max <= 1.0:
-            raise PydanticCustomError("breadth", "a person's breadth must be above 0 and 1 m or less")
-        return breadth
 
 
 class GroupConfig(Settings):
@@ -305,138 +244,33 @@ class GroupConfig(Settings):
         places: x, y, m, world frame, of the o-space centres of the first talking groups; the others are drawn.
     """
 
-    walking_size: IntRange = IntRange(2, 5)
-    walking_formations: dict[Formation, NonNegativeFloat] = Field(default=dict.fromkeys(WALKING_FORMATIONS, 1.0))
-    walking_spacing: Range = Range(0.7, 1.1)
-    v_angle: Range = Range(1.1, 1.33)
-    talking_size: IntRange = IntRange(2, 6)
-    formations: dict[Formation, NonNegativeFloat] = Field(default=dict.fromkeys(TALKING_FORMATIONS, 1.0))
-    talking_spacing: Range = Range(0.9, 1.2)
+    walking_size: GroupSize = IntRange(2, 5)
+    walking_formations: Annotated[dict[WalkingFormation, NotNegative], *weights_of("formation")] = Field(
+        default=dict.fromkeys(get_args(WalkingFormation), 1.0)
+    )
+    walking_spacing: Spacing = Range(0.7, 1.1)
+    v_angle: Annotated[Range, within("the angle of a V must be within 0.5..1.5708 rad", 0.5, 1.5708)] = Range(1.1, 1.33)
+    talking_size: GroupSize = IntRange(2, 6)
+    formations: Annotated[dict[TalkingFormation, NotNegative], *weights_of("formation")] = Field(
+        default=dict.fromkeys(get_args(TalkingFormation), 1.0)
+    )
+    talking_spacing: Spacing = Range(0.9, 1.2)
     places: Entities[Point] = ()
-
-    @field_validator("walking_formations", "formations", mode="before")
-    @classmethod
-    def _parse_weights(cls, value: Any) -> Any:
-        return parse_weights(value)
-
-    @field_validator("walking_size", "talking_size", mode="after")
-    @classmethod
-    def _check_size(cls, size: IntRange) -> IntRange:
-        if not 2 <= size.min <= size.max <= MAX_GROUP_SIZE:
-            raise PydanticCustomError("size", "a group has 2 to {maximum} people", {"maximum": MAX_GROUP_SIZE})
-        return size
-
-    @field_validator("walking_spacing", "talking_spacing", mode="after")
-    @classmethod
-    def _check_spacing(cls, spacing: Range) -> Range:
-        if not spacing.min >= 0.5:
-            raise PydanticCustomError("spacing", "neighbours in a group need 0.5 m or more between their centres")
-        return spacing
-
-    @field_validator("v_angle", mode="after")
-    @classmethod
-    def _check_angle(cls, angle: Range) -> Range:
-        if not 0.5 <= angle.min <= angle.max <= 1.5708:
-            raise PydanticCustomError("v_angle", "the angle of a V must be within 0.5..1.5708 rad")
-        return angle
 
     @model_validator(mode="after")
     def _check_formations(self) -> Self:
-        """Check that every formation is of the right kind, and that every group size in the range has a formation."""
-        for key, known in (("walking_formations", WALKING_FORMATIONS), ("formations", TALKING_FORMATIONS)):
-            unknown = [name for name in getattr(self, key) if name not in known]
-            if unknown:
-                context = {"name": unknown[0], "known": ", ".join(known), "path": (key,)}
-                raise PydanticCustomError("formation", "'{name}' is not one of {known}", context)
+        """Check that every size of a talking group in the range has a formation."""
         # every size from three up has the same formations, so that two and three stand for all sizes
-        sizes = {min(size, 3) for size in range(self.talking_size.min, self.talking_size.max + 1)}
-        for size in sizes:
+        for size in {min(size, 3) for size in range(self.talking_size.min, self.talking_size.max + 1)}:
             if not sum(self.formation_weights(size).values()) > 0.0:
                 context = {"size": "two" if size == 2 else "three and more", "path": ("formations",)}
                 raise PydanticCustomError("formation", "no formation for {size} people has a weight above 0", context)
-        if not sum(self.walking_formations.values()) > 0.0:
-            context = {"path": ("walking_formations",)}
-            raise PydanticCustomError("formation", "at least one formation needs a weight above 0", context)
         return self
 
     def formation_weights(self, size: int) -> dict[Formation, float]:
         """Return the weights of the formations of a talking group with `size` members."""
-        fitting = PAIR_FORMATIONS if size == 2 else CIRCLE_FORMATIONS
+        fitting = get_args(PairFormation if size == 2 else CircleFormation)
         return {name: weight for name, weight in self.formations.items() if name in fitting}
-
-
-class SocialConfig(Settings):
-    """What pedestrians do during the episode. By default they wander, and pause at their destinations.
-
-    On reaching its goal, and on entering, a wandering pedestrian chooses what to do next, with the first five
-    probabilities; their sum must not exceed 1. With what is left, and where its choice is not possible, it goes to one
-    of `places`, or anywhere if there are none.
-
-    Attributes:
-        visits: probability that it goes to a free plant, laptop, shelf, TV or other object and attends to it for
-            `visit_time`.
-        joins: probability that it joins a standing pedestrian or a talking group for `talk_time`.
-        sits: probability that it sits down on a free seat for `sit_time`.
-        queues: probability that it goes to one of `queues` that is not full, and stays until it was served.
-        exits: probability that it leaves through one of `doors`, together with its group if it leads one; not through
-            the door by which it came if there is another one.
-        meets: probability that two wandering pedestrians that approach each other stop and talk for `talk_time`.
-        leaves: probability that a pedestrian that attends to a pedestrian or an object at the start leaves after that
-            time.
-        visit_time, talk_time, sit_time: s.
-        pause: time that a wandering pedestrian, or a walking group, stands at its goal before it goes on, s; in a place
-            of interest the time of that place.
-    """
-
-    visits: Fraction = 0.0
-    joins: Fraction = 0.0
-    meets: Fraction = 0.0
-    leaves: Fraction = 0.0
-    sits: Fraction = 0.0
-    queues: Fraction = 0.0
-    exits: Fraction = 0.0
-    visit_time: Range = Range(5, 20)
-    talk_time: Range = Range(10, 40)
-    sit_time: Range = Range(20, 90)
-    pause: Range = Range(1, 6)
-
-    @model_validator(mode="after")
-    def _check_sum(self) -> SocialConfig:
-        total = self.visits + self.joins + self.sits + self.queues + self.exits
-        if total > 1.0 + 1e-9:
-            context = {"sum": round(total, 4)}
-            message = "visits + joins + sits + queues + exits is {sum}; the sum must not exceed 1"
-            raise PydanticCustomError("social", message, context)
-        return self
-
-    @field_validator("pause", mode="after")
-    @classmethod
-    def _check_pause(cls, time: Range) -> Range:
-        return _require_not_negative(time)
-
-    @field_validator("visit_time", "talk_time", "sit_time", mode="after")
-    @classmethod
-    def _require_positive(cls, time: Range) -> Range:
-        if not time.min > 0.0:
-            raise PydanticCustomError("time", "a time must be above 0")
-        return time
-
-    def social(self) -> Social:
-        """Convert to the `Social` of a scene."""
-        values: dict[str, Any] = {key: getattr(self, key) for key in Social.__dataclass_fields__}
-        ranges = {key: (value.min, value.max) for key, value in values.items() if isinstance(value, Range)}
-        return Social(**(values | ranges))
-
-
-class LimitsConfig(Settings):
-    """Limits of the robot's drive: speeds in m/s and rad/s, accelerations in m/s² and rad/s²."""
-
-    ahead: PositiveFloat = Limits().ahead
-    back: PositiveFloat = Limits().back
-    sideways: PositiveFloat = Limits().sideways
-    turn: PositiveFloat = Limits().turn
-    acceleration: PositiveFloat = Limits().acceleration
-    turn_acceleration: PositiveFloat = Limits().turn_acceleration
 
 
 class RobotConfig(Settings):
@@ -454,12 +288,12 @@ class RobotConfig(Settings):
     """
 
     kinematics: Kinematics = "holonomic"
-    radius: PositiveFloat = 0.30
-    limits: LimitsConfig = LimitsConfig()
-    clearance: PositiveFloat = 0.2
-    pose: tuple[float, float, float] | None = None
+    radius: Positive = 0.30
+    limits: Annotated[Limits, Section(Limits())] = Limits()
+    clearance: Positive = 0.2
+    pose: tuple[Number, Number, Number] | None = None
     jitter: Jitter = (0.0, 0.0, 0.0)
-    on_ways: PositiveFloat | None = None
+    on_ways: Positive | None = None
 
 
 class GoalConfig(Settings):
@@ -473,72 +307,66 @@ class GoalConfig(Settings):
         theta: rad, world frame; default: drawn.
     """
 
-    distance: PositiveFloat = 0.40
-    angle: PositiveFloat = 3.1416
-    min_distance: PositiveFloat = 2.0
+    distance: Positive = 0.40
+    angle: Positive = 3.1416
+    min_distance: Positive = 2.0
     position: Point | None = None
-    jitter: tuple[NonNegativeFloat, NonNegativeFloat] = (0.0, 0.0)
-    theta: float | None = None
+    jitter: tuple[NotNegative, NotNegative] = (0.0, 0.0)
+    theta: Number | None = None
 
 
-class LabelConfig(Settings):
-    """The label that a driver or rater is asked for; see `labels.LabelSpec`.
-
-    Attributes:
-        kind: `command` (the recorded command is the label; no question), `yes_no`, `classes`, `slider` from 0 to 1, or
-            `text`.
-        when: `frame`: at every frame while driving; `run`: once after the run. `text` requires `run`.
-        name: key of the label in frames.
-        question: text shown to the driver or rater.
-        classes: names of the classes, or their number; 2 to 9.
-        ends: meaning of 0 and of 1 on the slider.
-    """
-
-    kind: Kind = "command"
-    when: When = "run"
-    name: str = Field(default="label", min_length=1)
-    question: str = ""
-    classes: Annotated[tuple[str, ...], Field(min_length=2, max_length=9)] | None = None
-    ends: tuple[str, str] = LabelSpec().ends
-
-    @field_validator("classes", mode="before")
-    @classmethod
-    def _name_classes(cls, value: Any) -> Any:
-        """Convert a number of classes to the names "1", "2", …"""
-        if isinstance(value, int) and not isinstance(value, bool):
-            return tuple(str(k) for k in range(1, min(value, 10) + 1))  # 10 names are one too many: an error follows
-        return value
-
-    @model_validator(mode="after")
-    def _check_combination(self) -> Self:
-        if (self.kind == "classes") != (self.classes is not None):
-            needs_classes = self.kind == "classes"
-            hint = "give the names of the classes, or their number" if needs_classes else "classes need kind: classes"
-            raise PydanticCustomError("label", "{hint}", {"hint": hint, "path": ("classes",)})
-        if self.kind == "text" and self.when == "frame":
-            raise PydanticCustomError("label", "text is asked for after the run; set when: run", {"path": ("when",)})
-        return self
-
-    def spec(self) -> LabelSpec:
-        """Convert to a `LabelSpec`."""
-        return LabelSpec(self.kind, self.when, self.name, self.question, self.classes or (), self.ends)
+def _check_time_limit(rules: Rules) -> Rules:
+    """Require time for one tick."""
+    if rules.time_limit < rules.dt:
+        context = {"dt": rules.dt, "path": ("time_limit",)}
+        raise PydanticCustomError("rules", "the time limit must be at least one tick, dt = {dt} s", context)
+    return rules
 
 
-class RulesConfig(Settings):
-    """Rules of the episode; see `scene.Rules`."""
+def _check_choices(social: Social) -> Social:
+    """Require that the probabilities of the choices on arrival leave no negative rest."""
+    total = social.visits + social.joins + social.sits + social.queues + social.exits
+    if total > 1.0 + 1e-9:
+        message = "visits + joins + sits + queues + exits is {sum}; the sum must not exceed 1"
+        raise PydanticCustomError("social", message, {"sum": round(total, 4)})
+    return social
 
-    dt: PositiveFloat = Rules().dt
-    substeps: PositiveInt = Rules().substeps
-    iterations: PositiveInt = Rules().iterations
-    time_limit: PositiveFloat = Rules().time_limit
-    ends_on: TupleOf[EndsOn] = Rules().ends_on
-    guard: bool = Rules().guard
-    contact_distance: NonNegativeFloat = Rules().contact_distance
-    side: Literal[-1, 1] = Rules().side
 
-    @model_validator(mode="after")
-    def _check_time_limit(self) -> Self:
-        if self.time_limit < self.dt:
-            context: dict[str, Any] = {"limit": self.time_limit, "dt": self.dt, "path": ("time_limit",)}
-            raise PydanticCustomError("rules", "the time limit must be at least one tick, dt = {dt} s", context)
-        return self
+def _class_names(value: Any) -> Any:
+    """Convert a number of classes to the names "1", "2", …, and null to no classes."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return tuple(str(k) for k in range(1, min(value, 10) + 1))  # 10 names are one too many: an error follows
+    return () if value is None else value
+
+
+def _check_label(label: LabelSpec) -> LabelSpec:
+    """Require classes for the kind that has some, and no text while driving."""
+    hint, key = "", "classes"
+    if label.kind == "classes" and not label.classes:
+        hint = "give the names of the classes, or their number"
+    elif label.kind != "classes" and label.classes:
+        hint = "classes need kind: classes"
+    elif label.classes and not 2 <= len(label.classes) <= 9:
+        hint = "there must be 2 to 9 classes"
+    elif label.kind == "text" and label.when == "frame":
+        hint, key = "text is asked for after the run; set when: run", "when"
+    if hint:
+        raise PydanticCustomError("label", "{hint}", {"hint": hint, "path": (key,)})
+    return label
+
+
+def _label_settings(label: LabelSpec, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    """Return the settings of a label, with null in place of an empty list of classes."""
+    settings: dict[str, Any] = handler(label)
+    return settings | {"classes": list(label.classes) or None}
+
+
+PAUSING = Social(pause=(1.0, 6.0))  # of a scenario that sets nothing else
+RulesSection = Annotated[Rules, Section(Rules()), AfterValidator(_check_time_limit)]
+SocialSection = Annotated[Social, Section(PAUSING), AfterValidator(_check_choices)]
+LabelSection = Annotated[
+    LabelSpec,
+    Section(LabelSpec(), classes=Annotated[TupleOf[str], BeforeValidator(_class_names)]),
+    AfterValidator(_check_label),
+    WrapSerializer(_label_settings),
+]

@@ -26,7 +26,7 @@ class Options:
     Attributes:
         original: reproduce the quirks of the program that the format comes from.
         frame_time: duration of one frame number, s, for track files without times.
-        context: text for the readers of an exported run; None: that of the episode; empty: none.
+        context: text for the readers of an exported run; None: the context of the episode; empty: no context.
         types: type of an object that a format does not list: the type that is written in its place.
         renumber: on import, replace ids that a file uses twice by new ones.
         walls: on import, a file with the walls of the room (`x1,y1,x2,y2` in m), for files without walls.
@@ -60,11 +60,11 @@ class Format:
             cannot hold.
         export_all: writes all episodes into a folder and returns the files that it wrote.
         pack: converts an episode and its key, in the worker that has read it, to what `export_all` gets in its place;
-            None: it gets the record, and one process reads all files.
+            None: it gets the record.
         export_part: writes some episodes into files of their own, and returns these; for large data sets. Its arguments
             are the packed episodes, the folder and the number of the part.
         finish_parts: called after all parts with the folder and their number; returns the other files of the folder.
-        note: what the caller must know about the exported file of an episode; None if nothing.
+        note: a remark on the exported file of an episode, for the caller; None if there is nothing to remark.
         options: names of the fields of `Options` that the format uses; others are refused.
 
     Example:
@@ -84,10 +84,15 @@ class Format:
     options: frozenset[str] = frozenset()
 
 
+def header_of(document: JsonDict) -> JsonDict:
+    """The keys of an episode document besides its frames and its final state."""
+    return {key: value for key, value in document.items() if key not in ("frames", "final")}
+
+
 def require_all_present(record: EpisodeRecord, format: str) -> None:
     """Check that every pedestrian is present in every frame.
 
-    Readers of some formats take the pedestrians of one frame for those of all frames.
+    Readers of some formats take the pedestrians of one frame for the pedestrians of all frames.
 
     Raises:
         UnsuitableEpisode: a pedestrian is absent at some tick.

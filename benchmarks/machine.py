@@ -1,10 +1,16 @@
-"""A short benchmark of this machine: frames beside the bare physics engine, start-up, memory, scaling and reading."""
+"""A short benchmark of this machine: frames beside the bare physics engine, start-up, memory, scaling and reading.
+
+python benchmarks/machine.py [--workers N] [--picture bench.png] [--json]
+
+Takes about a minute. Compare figures of one run; those of different runs only on a machine that does nothing else.
+docs/performance.md says what to expect. The picture (.png, .pdf or .svg) needs the extra `plots`.
+"""
 
 from __future__ import annotations
 
+import argparse
 import importlib.util
 import json
-import math
 import os
 import platform
 import statistics
@@ -12,45 +18,26 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
-from pymunk._chipmunk_cffi import lib
+from engine import FRAMES, crowded_room, engine_steps, run_episode, shortest
 
-from ..agents.controllers.base import Controller
-from ..agents.controllers.reactive import StraightToGoal
-from ..core.arguments import whole_number
-from ..core.compiled.kernel import BACKEND
-from ..core.files.optional import optional
-from ..core.files.whole_file import whole_file
-from ..core.notebook import Advance
-from ..datasets.dataset import Dataset
-from ..datasets.executors import Workers
-from ..datasets.generate import generate_dataset
-from ..errors import RenderError
-from ..learning import GraphSamples
-from ..record.layout import software_versions
-from ..record.recorder import JsonRecorder
-from ..scenegen.generator import generate
-from ..scenegen.scenario.config import ScenarioConfig
-from ..sim import world
-from ..sim.episode import Episode
-from ..sim.kernel import chipmunk, step
-from ..version import PHYSICS_VERSION
+import sonata2d as s2
+from sonata2d.core.compiled.kernel import BACKEND
+from sonata2d.learning import GraphSamples
+from sonata2d.record.layout import software_versions
+from sonata2d.version import PHYSICS_VERSION
 
-FRAMES = 200  # of an episode of the throughput
 PEOPLE = (10, 20, 50)
 SCENARIO = "sonata-2020"  # of the other measurements
-STEPS = 5  # parts of the benchmark
 _REPEATS = 3
 _PROBE = 40  # episodes of a first generation, which shows how many take `_LEAST_SECONDS`
 _LEAST_SECONDS = 4.0  # of a generation with one process
 _MOST_EPISODES = 4000
 _MEASURES_MEMORY = importlib.util.find_spec("resource") is not None  # Windows has no such module
-_KERNELS = ("advance", "read_state")
 _IMPORT = "import sonata2d"
 _FIRST_FRAME = (
     "import sonata2d as s2; s2.Episode(s2.generate(s2.load_scenario('sonata-2020'), 1), s2.StraightToGoal()).step()"
@@ -95,7 +82,7 @@ class Scaling:
 
 @dataclass(frozen=True, slots=True)
 class Benchmark:
-    """What the benchmark found.
+    """The figures of one run.
 
     Attributes:
         machine: processor, number of processors, and versions.
@@ -145,42 +132,16 @@ class Benchmark:
             ("random access", f"{reading['random_access']:.1f} ms an episode"),
         ]
 
-    def save(self, path: str | Path) -> None:
-        """Draw the figures, or write them as JSON, by the suffix of the file: `.json`, or `.png`, `.pdf` and `.svg`.
 
-        Raises:
-            RenderError: matplotlib is not installed, or it cannot write the file.
-        """
-        with whole_file(path) as temporary:
-            if temporary.suffix == ".json":
-                temporary.write_text(json.dumps(self.to_json(), indent=2) + "\n")
-            else:
-                _draw(self, temporary)
-
-
-def benchmark(*, workers: int | None = None, advance: Advance = lambda step: None) -> Benchmark:
-    """Measure this machine; takes about a minute.
-
-    Args:
-        workers: largest number of processes; None: the number of processors.
-        advance: called after each of the five parts.
-
-    Returns:
-        The figures; those of one run compare, those of different runs only on a machine that does nothing else.
-    """
-    most = os.cpu_count() or 1 if workers is None else whole_number("workers", workers, 1)
+def benchmark(workers: int) -> Benchmark:
+    """Measure this machine, with processes up to a number of them."""
     with tempfile.TemporaryDirectory(prefix="sonata2d-") as place:
         folder = Path(place)
         startup = {"import": _seconds_of(_IMPORT), "first_frame": _seconds_of(_FIRST_FRAME)}
-        advance(1)
         throughput = [_throughput(people, folder / "episode.json") for people in PEOPLE]
-        advance(1)
         memory = {count: _megabytes(count) for count in (20, 200)} if _MEASURES_MEMORY else {}
-        advance(1)
-        scaling = _scaling(folder, most)
-        advance(1)
-        reading = _reading(Dataset(folder / "1"))
-        advance(1)
+        scaling = _scaling(folder, workers)
+        reading = _reading(s2.Dataset(folder / "1"))
     machine = {"processor": _processor(), "processors": str(os.cpu_count()), "physics": str(PHYSICS_VERSION)}
     return Benchmark(machine | software_versions(), startup, throughput, memory, scaling, reading)
 
@@ -217,83 +178,11 @@ def _megabytes(episodes: int) -> int:
 # Throughput
 
 
-def crowded_room(people: int, model: str = "sonata2026") -> ScenarioConfig:
-    """An L-shaped room with two inner walls that grows with the number of people: 4 m2 or more for each."""
-    a = math.sqrt(max(4.0 * people, 60.0) / 3.0)
-    polygon = [[-a, -a], [a, -a], [a, 0], [0, 0], [0, a], [-a, a]]
-    return ScenarioConfig(
-        name="throughput",
-        room={"polygon": polygon, "walls": [[-a, 0, -a + 1, 0], [0, -a, 0, -a + 1]]},
-        standing=0, wandering=people, tables=4, plants=4, relations=0, laptops_on_tables=False,
-        person={"model": model},
-        rules={"time_limit": FRAMES / 10, "ends_on": ["time"]},
-    )  # fmt: skip
-
-
-def run_episode(config: ScenarioConfig, controller: Controller, path: Path) -> tuple[float, float]:
-    """CPU seconds of one episode, from its settings to its file, and from its first tick to its file."""
-    start = time.process_time()
-    scene = generate(config, seed=1)
-    with JsonRecorder(path) as recorder:
-        episode = Episode(scene, controller, observers=[recorder])
-        first_tick = time.process_time()
-        episode.run()
-    end = time.process_time()
-    return end - start, end - first_tick
-
-
-def engine_steps(work: Callable[[], Any], *, through_pymunk: bool = False) -> list[float]:
-    """Duration of each physics step during `work`, s.
-
-    The interpreter runs the loop over the substeps, which gives the same bits and can be timed step by step.
-
-    Args:
-        work: runs episodes.
-        through_pymunk: time pymunk's method `Space.step` in place of the engine's C function, which it calls.
-    """
-    seconds: list[float] = []
-    spaces: list[Any] = []
-
-    class Memory(chipmunk.EngineMemory):
-        def __init__(self, space: Any, *arguments: Any) -> None:
-            super().__init__(space, *arguments)
-            spaces.append((space, space._space))
-
-    class Unpacked:
-        def __init__(self, value: Any) -> None:
-            self.value = self.argument = value
-
-    def step_space(function: int, address: int, h: float) -> None:
-        space, c_space = spaces[-1]
-        h, step_once = float(h), space.step if through_pymunk else lib.cpSpaceStep
-        arguments = (h,) if through_pymunk else (c_space, h)
-        start = time.perf_counter()
-        step_once(*arguments)
-        seconds.append(time.perf_counter() - start)
-
-    interpreted = {name: getattr(getattr(step, name), "py_func", getattr(step, name)) for name in _KERNELS}
-    calls = ("each_body", "visit", "set_ends")
-    with (
-        patch.object(world, "EngineMemory", Memory),
-        patch.multiple(world, Packed=Unpacked, **interpreted),
-        patch.multiple(step, unpack=lambda value, kind: value),
-        patch.multiple(chipmunk, **{f"_call_{name}": getattr(chipmunk, f"_interpreted_{name}") for name in calls}),
-        patch.object(chipmunk, "_call_step", step_space),
-    ):
-        work()
-    return seconds
-
-
-def shortest(runs: Sequence[Sequence[float]]) -> float:
-    """The sum over the steps of the shortest duration in any run, s."""
-    return float(sum(min(each) for each in zip(*runs, strict=True)))
-
-
 def _throughput(people: int, path: Path) -> Throughput:
     config = crowded_room(people)
 
     def run() -> float:
-        return run_episode(config, StraightToGoal(), path)[0]
+        return run_episode(config, s2.StraightToGoal(), path)[0]
 
     run()  # compiles
     frames, engine = [], []
@@ -310,21 +199,21 @@ def _throughput(people: int, path: Path) -> Throughput:
 def _scaling(folder: Path, most: int) -> list[Scaling]:
     """Generate the same data set with one process, two, four and so on, into folders of these names."""
     start = time.perf_counter()
-    generate_dataset(folder / "probe", SCENARIO, episodes=_PROBE)
+    s2.generate_dataset(folder / "probe", SCENARIO, episodes=_PROBE)
     seconds = (time.perf_counter() - start) / _PROBE
     episodes = min(max(round(_LEAST_SECONDS / seconds), _PROBE), _MOST_EPISODES)
     counts = sorted({2**k for k in range(most.bit_length()) if 2**k <= most} | {most})
     rates: dict[int, float] = {}
     for count in counts:
-        with Workers(count) as pool:
-            generate_dataset(folder / f"started{count}", SCENARIO, episodes=2 * count, workers=pool)
+        with s2.Workers(count) as pool:
+            s2.generate_dataset(folder / f"started{count}", SCENARIO, episodes=2 * count, workers=pool)
             start = time.perf_counter()
-            generate_dataset(folder / str(count), SCENARIO, episodes=episodes, workers=pool)
+            s2.generate_dataset(folder / str(count), SCENARIO, episodes=episodes, workers=pool)
             rates[count] = episodes / (time.perf_counter() - start)
     return [Scaling(count, round(rate, 1), round(rate / rates[1], 2)) for count, rate in rates.items()]
 
 
-def _reading(dataset: Dataset) -> dict[str, float]:
+def _reading(dataset: s2.Dataset) -> dict[str, float]:
     """Rates of reading a data set of files."""
     files = [dataset.path / path.name for path in dataset.files]
 
@@ -352,15 +241,17 @@ def _reading(dataset: Dataset) -> dict[str, float]:
     }
 
 
-def _draw(found: Benchmark, path: Path) -> None:
+def _draw(figures: Benchmark, path: Path) -> None:
     """Draw the figures."""
-    optional("matplotlib", RenderError)
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.0, 6.4), layout="constrained")
     axes = figure.subplots(2, 2)
-    people = [str(one.people) for one in found.throughput]
-    bars = {"frame": [one.frame for one in found.throughput], "bare engine": [one.engine for one in found.throughput]}
+    people = [str(one.people) for one in figures.throughput]
+    bars = {
+        "frame": [one.frame for one in figures.throughput],
+        "bare engine": [one.engine for one in figures.throughput],
+    }
     for k, (name, values) in enumerate(bars.items()):
         drawn = axes[0, 0].bar([number + 0.4 * k - 0.2 for number in range(len(people))], values, 0.4, label=name)
         axes[0, 0].bar_label(drawn, fmt="%.0f")
@@ -368,25 +259,43 @@ def _draw(found: Benchmark, path: Path) -> None:
     axes[0, 0].set(title="One frame, with recording", xlabel="people", ylabel="us")
     axes[0, 0].margins(y=0.12)
     axes[0, 0].legend()
-    workers = [one.workers for one in found.scaling]
-    axes[0, 1].plot(workers, [one.speedup for one in found.scaling], "o-", label="measured")
+    workers = [one.workers for one in figures.scaling]
+    axes[0, 1].plot(workers, [one.speedup for one in figures.scaling], "o-", label="measured")
     axes[0, 1].plot(workers, workers, ":", label="ideal")
     axes[0, 1].set(title="generate", xlabel="processes", ylabel="times as fast as one", xticks=workers)
     axes[0, 1].legend()
     names = {"records": "Dataset", "json": "json.load"}
-    drawn = axes[1, 0].barh(list(names.values()), [found.reading[name] for name in names])
+    drawn = axes[1, 0].barh(list(names.values()), [figures.reading[name] for name in names])
     axes[1, 0].bar_label(drawn, fmt="%.0f", padding=3)
     axes[1, 0].margins(x=0.15)
-    axes[1, 0].set(title="Reading", xlabel=f"episodes a second ({found.reading['graphs']:.0f} graphs a second)")
-    startup = {"import": found.startup["import"], "first frame": found.startup["first_frame"]}
+    axes[1, 0].set(title="Reading", xlabel=f"episodes a second ({figures.reading['graphs']:.0f} graphs a second)")
+    startup = {"import": figures.startup["import"], "first frame": figures.startup["first_frame"]}
     drawn = axes[1, 1].barh(list(startup), list(startup.values()))
     axes[1, 1].bar_label(drawn, fmt="%.2f s", padding=3)
     axes[1, 1].margins(x=0.25)
-    memory = ", ".join(f"{size} MB for {count}" for count, size in found.memory.items()) or "not measured"
+    memory = ", ".join(f"{size} MB for {count}" for count, size in figures.memory.items()) or "not measured"
     axes[1, 1].set(title="Start of a process", xlabel=f"s (memory: {memory} episodes)")
-    processor = f"{found.machine['processor']}, {found.machine['processors']} processors"
-    figure.suptitle(f"sonata2d {found.machine['sonata2d']} on {processor}")
-    try:
-        figure.savefig(path, dpi=120)
-    except (OSError, ValueError) as error:
-        raise RenderError(f"{path.name} cannot be drawn: {error}") from error
+    processor = f"{figures.machine['processor']}, {figures.machine['processors']} processors"
+    figure.suptitle(f"sonata2d {figures.machine['sonata2d']} on {processor}")
+    figure.savefig(path, dpi=120)
+
+
+def main() -> None:
+    """Measure this machine, and print or draw the figures."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="largest number of processes")
+    parser.add_argument("--picture", type=Path, help="draw the figures: .png, .pdf or .svg")
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    figures = benchmark(arguments.workers)
+    if arguments.picture is not None:
+        _draw(figures, arguments.picture)
+    if arguments.json:
+        print(json.dumps(figures.to_json(), indent=2))
+        return
+    for name, text in figures.rows():
+        print(f"{name:15}{text}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,4 +1,4 @@
-"""What importers share: reading JSON, checking numbers, and validating the episode documents they make."""
+"""Functions that importers share: reading JSON, checking numbers, and validating the episode documents they make."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import orjson
 
-from ..core.geometry import MAX_MAGNITUDE
+from ..core.bounds import MAX_MAGNITUDE
 from ..core.portable_math import Array
 from ..core.wording import one_line
 from ..errors import InvalidFileError, RecordError
@@ -64,7 +64,7 @@ def numbers(rows: Any, names: tuple[str, ...], place: str) -> Array:
     Args:
         rows: N objects.
         names: C keys.
-        place: what the objects are, for error messages.
+        place: name of the objects, for error messages.
 
     Returns:
         (N, C), finite.
@@ -82,7 +82,7 @@ def table(rows: Any, width: int, place: str) -> Array:
     Args:
         rows: N lists of `width` numbers.
         width: number of columns, C.
-        place: what the rows are, for error messages.
+        place: name of the rows, for error messages.
 
     Returns:
         (N, C), finite.
@@ -97,6 +97,17 @@ def table(rows: Any, width: int, place: str) -> Array:
     if not (np.abs(array) < MAX_MAGNITUDE).all():
         raise ValueError(f"{place} must be finite numbers")
     return array
+
+
+def document_of(header: JsonDict, states: list[JsonDict]) -> JsonDict:
+    """The episode document whose header was exported, with keys in the order of the recorder.
+
+    Args:
+        header: see `format.header_of`.
+        states: the T frames and the final state.
+    """
+    facts = {key: value for key, value in header.items() if key != "software"}
+    return facts | {"frames": states[:-1], "final": states[-1], "software": header["software"]}
 
 
 def encode_episode(document: JsonDict, path: Path) -> bytes:

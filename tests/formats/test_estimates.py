@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 
 from sonata2d.core.entities import PERSON_RADIUS
 from sonata2d.core.vectors import wrap_angles
-from sonata2d.formats.imported import fitting_radii, headings_along, polygon_of, velocities
+from sonata2d.formats.estimates import fitting_radii, headings_along, polygon_of, velocities
 from sonata2d.record.record import EpisodeRecord
 
 ABSENT = (np.nan, np.nan, np.nan)

@@ -1,0 +1,20 @@
+"""Types of numbers with bounds. Code that runs does not check them; readers of files and of settings do."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from .files.limits import MAX_COUNT, MAX_ID, MAX_SUBSTEPS
+
+MAX_MAGNITUDE = 1e11  # beyond it a double no longer resolves the precision of files
+
+Number = Annotated[float, Ge(-MAX_MAGNITUDE), Le(MAX_MAGNITUDE)]
+Positive = Annotated[float, Gt(0), Le(MAX_MAGNITUDE)]
+NotNegative = Annotated[float, Ge(0), Le(MAX_MAGNITUDE)]
+Fraction = Annotated[float, Ge(0), Le(1)]
+Count = Annotated[int, Ge(0)]
+Id = Annotated[int, Ge(-MAX_ID), Le(MAX_ID)]
+Steps = Annotated[int, Ge(1), Le(MAX_SUBSTEPS)]
+Capacity = Annotated[int, Ge(1), Le(MAX_COUNT)]
