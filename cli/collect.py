@@ -23,15 +23,6 @@ if TYPE_CHECKING:
     from sonata2d.window.stage import Screen
 
 
-def _write_controls(context: click.Context, _: click.Parameter, is_set: bool) -> None:
-    """Write the file of controls, print its path, and exit."""
-    if is_set:
-        from sonata2d.window.profiles import write_default_controls
-
-        click.echo(write_default_controls())
-        context.exit()
-
-
 @click.command(
     cls=Command,
     epilog=examples(
@@ -57,14 +48,7 @@ def _write_controls(context: click.Context, _: click.Parameter, is_set: bool) ->
 @click.option("--repeats", type=click.FloatRange(0, 1), default=0.1, help="Fraction of the runs rated twice.")
 @click.option("--study", type=PATH, metavar="FILE", help="Study file: pages, questions, practice, runs and ratings.")
 @click.option("--allow-scene-changes", is_flag=True, help="Let drivers change the numbers of people and objects (G).")
-@click.option(
-    "--write-controls",
-    is_flag=True,
-    is_eager=True,
-    expose_value=False,
-    callback=_write_controls,
-    help="Write the default controls to a file in which you can change them, and exit.",
-)
+@click.option("--write-controls", is_flag=True, help="Only write the default controls to a file, to change them there.")
 @language_option
 @size_option
 @json_option
@@ -80,6 +64,7 @@ def command(
     repeats: float,
     study: Path | None,
     allow_scene_changes: bool,
+    write_controls: bool,
     language: str,
     size: tuple[int, int] | None,
 ) -> None:
@@ -89,6 +74,11 @@ def command(
     run, the same command continues that run. With --rate, the window shows recorded runs and asks for ratings. With
     --study, a browser opens in place of the window, and the study is served to it until Ctrl+C.
     """
+    if write_controls:
+        from sonata2d.window.profiles import write_default_controls
+
+        click.echo(write_default_controls())
+        return
     if (out is None) == (rate is None):
         problem = "both were given; " if out is not None else ""
         raise click.UsageError(f"{problem}give either a folder OUT to drive, or --rate DIR|FILE to rate recorded runs")
