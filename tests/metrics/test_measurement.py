@@ -315,4 +315,4 @@ def test_the_table_says_what_the_files_lack(episode: EpisodeRecord, tmp_path: Pa
         ["not", "measured:", "lacks", "goal"], ["not", "measured:", "lacks", "seed"],
     ]  # fmt: skip
     page = page_of([evaluation], metrics=metrics)
-    assert "<small>not measured: lacks goal</small>" in page
+    assert '<small class="lacking">not measured: lacks goal</small>' in page
