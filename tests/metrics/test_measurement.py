@@ -51,7 +51,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def short_scenario(time_limit: float) -> s2.ScenarioConfig:
     config = s2.load_scenario("sonata-2020")
-    return config.model_copy(update={"rules": config.rules.model_copy(update={"time_limit": time_limit})})
+    return config.model_copy(update={"rules": replace(config.rules, time_limit=time_limit)})
 
 
 def test_metrics_are_stored_with_the_episodes_and_the_data_set_stays_valid(dataset: Path) -> None:

@@ -56,7 +56,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evaluation, list[Pat
     """Three short episodes among people, and their files."""
     out = tmp_path_factory.mktemp("sets") / "demo"
     config = s2.load_scenario("sonata-2020")
-    config = config.model_copy(update={"rules": config.rules.model_copy(update={"time_limit": 3.0})})
+    config = config.model_copy(update={"rules": replace(config.rules, time_limit=3.0)})
     generate_dataset(out, config, "straight-to-goal", episodes=3, seed=4)
     files = episode_files(out)
     return Evaluation("demo", measure_files(files, rerun=False)), files

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 
 import orjson
 
@@ -20,7 +21,7 @@ def recorded(preset: str, seed: int, controller: s2.Controller, seconds: float, 
     config = config.model_copy(
         update={
             "person": config.person.model_copy(update={"model": model}),
-            "rules": config.rules.model_copy(update={"time_limit": seconds}),
+            "rules": replace(config.rules, time_limit=seconds),
         }
     )
     recorder = EpisodeRecorder()
